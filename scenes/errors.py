@@ -1,0 +1,23 @@
+"""What a user can cause. Every message is one line that names the file, the field, the value and what is allowed."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class HdplanError(Exception):
+    """Base of every error that hdplan raises on purpose; its text is meant for the user."""
+
+
+class InputError(HdplanError):
+    """Bad input: a file, a field, a name or a number. The command line ends with exit code 2."""
+
+
+def nearest(name: str, allowed: Iterable[str]) -> str:
+    """Return `` (did you mean 'x'?)`` for the closest allowed name, or the list of allowed names if none is close."""
+    names = sorted(allowed)
+    close = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
+    if close:
+        return f" (did you mean '{close[0]}'?)"
+    return f" (allowed: {', '.join(names)})" if names else " (none is allowed here)"

@@ -1,0 +1,1 @@
+"""hdplan: motion planning for robot arms, proven against the real meshes."""
