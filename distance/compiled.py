@@ -1,0 +1,164 @@
+"""CasADi functions run over many rows at once: as generated C where a compiler is found, by CasADi's interpreter elsewhere.
+
+In: a CasADi Function and, for every input, a table of values and the row of the table that each evaluation takes. Out: one row
+per evaluation. Both ways compute the same instructions; C is about ten times faster (design.md section 3, Cost). The rows are
+picked inside the C loop, so nothing is gathered, copied or converted in Python.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import importlib.util
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.distance.cache import cache_dir, content_key, write_whole
+
+Floats = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+FLAGS = ("-O3", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC")  # none of them changes a value
+
+# Calls the generated function once per row; `rows[i][k]` is the row of table i that evaluation k takes.
+LOOP = """
+void {name}_rows(long long count, const double** tables, const long long* widths, const long long** rows,
+                 double** results, const long long* result_widths, const double** arg, double** res, long long* iw, double* w) {{
+  for (long long k = 0; k < count; ++k) {{
+    for (int i = 0; i < {n_in}; ++i) arg[i] = tables[i] + widths[i] * rows[i][k];
+    for (int i = 0; i < {n_out}; ++i) res[i] = results[i] + result_widths[i] * k;
+    {name}(arg, res, iw, w, 0);
+  }}
+}}
+"""
+
+
+class RowFunction:
+    """A CasADi function of dense inputs, evaluated for many rows.
+
+    Parameters
+    ----------
+    function: the function f(x_1 … x_m) -> (y_1 … y_p), every input and output dense, column-major where it is a matrix.
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        self.function = function
+        self.widths = [function.numel_in(i) for i in range(function.n_in())]
+        self.result_widths = [function.numel_out(i) for i in range(function.n_out())]
+        library = _library(function)
+        self.is_compiled = library is not None
+        if library is not None:
+            self._loop = getattr(ctypes.CDLL(str(library)), f"{function.name()}_rows")
+            self._loop.restype = None
+            sizes = (function.sz_arg(), function.sz_res(), function.sz_iw(), function.sz_w())
+            self._arg, self._res = ((ctypes.c_void_p * max(size, 1))() for size in sizes[:2])
+            self._iw, self._w = np.zeros(max(sizes[2], 1), np.int64), np.zeros(max(sizes[3], 1))
+
+    def __call__(self, tables: Sequence[Floats], rows: Sequence[Rows]) -> list[Floats]:
+        """Evaluate for k = 0 … count-1 with input i taken from `tables[i][rows[i][k]]`.
+
+        tables: one array (n_i, width_i) per input. rows: one index array (count,) per input. Returns one array (count, width) per
+        output. Raises ValueError for wrong shapes or rows out of range.
+        """
+        tables = [np.ascontiguousarray(table, dtype=np.float64) for table in tables]
+        rows = [np.ascontiguousarray(row, dtype=np.int64) for row in rows]
+        count = len(rows[0])
+        for i, (table, row) in enumerate(zip(tables, rows, strict=True)):
+            if table.ndim != 2 or table.shape[1] != self.widths[i] or row.shape != (count,):
+                raise ValueError(
+                    f"{self.function.name()}: input {i} is {table.shape} with {row.shape} rows; "
+                    f"expected (any, {self.widths[i]}) with ({count},)"
+                )
+            if count and (row.min() < 0 or row.max() >= len(table)):
+                raise ValueError(f"{self.function.name()}: input {i} has rows outside 0 … {len(table) - 1}")
+        results = [np.empty((count, width)) for width in self.result_widths]
+        if self.is_compiled:
+            self._loop(
+                ctypes.c_longlong(count),
+                _addresses(tables),
+                (ctypes.c_longlong * len(tables))(*self.widths),
+                _addresses(rows),
+                _addresses(results),
+                (ctypes.c_longlong * len(results))(*self.result_widths),
+                self._arg,
+                self._res,
+                self._iw.ctypes.data_as(ctypes.c_void_p),
+                self._w.ctypes.data_as(ctypes.c_void_p),
+            )
+        else:
+            self._interpret(tables, rows, results)
+        return results
+
+    def _interpret(self, tables: Sequence[Floats], rows: Sequence[Rows], results: Sequence[Floats]) -> None:
+        """The same through CasADi's virtual machine, by buffers: converting to CasADi's DM would cost more than the work."""
+        buffer, trigger = self.function.buffer()
+        arguments = [np.empty(width) for width in self.widths]
+        outputs = [np.empty(width) for width in self.result_widths]
+        for i, argument in enumerate(arguments):
+            buffer.set_arg(i, memoryview(argument))
+        for i, output in enumerate(outputs):
+            buffer.set_res(i, memoryview(output))
+        for k in range(len(rows[0])):
+            for argument, table, row in zip(arguments, tables, rows, strict=True):
+                argument[:] = table[row[k]]
+            trigger()
+            for result, output in zip(results, outputs, strict=True):
+                result[k] = output
+
+
+def _addresses(arrays: Sequence[Floats] | Sequence[Rows]) -> ctypes.Array[ctypes.c_void_p]:
+    return (ctypes.c_void_p * len(arrays))(*(array.ctypes.data for array in arrays))
+
+
+@functools.cache
+def compiler() -> tuple[str, ...] | None:
+    """The C compiler's command: $CC, cc, gcc, clang or the `ziglang` wheel; None (said once) if there is none."""
+    for name in (os.environ.get("CC"), "cc", "gcc", "clang"):
+        if name and shutil.which(name):
+            return (name,)
+    if importlib.util.find_spec("ziglang"):
+        return (sys.executable, "-m", "ziglang", "cc")
+    warnings.warn(
+        "no C compiler found (cc, gcc, clang or `pip install ziglang`): distances run in CasADi's interpreter, "
+        "with the same values but several times slower",
+        stacklevel=2,
+    )
+    return None
+
+
+def _library(function: ca.Function) -> Path | None:
+    """The shared library of a function, from the disk cache (keyed by the C source and the compiler) or compiled now."""
+    command = compiler()
+    if command is None:
+        return None
+    generator = ca.CodeGenerator(f"{function.name()}.c")
+    generator.add(function)
+    source = generator.dump() + LOOP.format(name=function.name(), n_in=function.n_in(), n_out=function.n_out())
+    key = content_key(source, *command, *FLAGS, platform.machine(), sys.platform)
+    library = cache_dir() / "compiled" / f"{function.name()}-{key}.so"
+    if library.exists():
+        return library
+    with tempfile.TemporaryDirectory() as folder:
+        text, built = Path(folder) / "function.c", Path(folder) / "function.so"
+        text.write_text(source)
+        outcome = subprocess.run([*command, *FLAGS, str(text), "-o", str(built), "-lm"], capture_output=True, text=True)
+        if outcome.returncode:
+            warnings.warn(
+                f"{command[0]} failed on {function.name()}: {outcome.stderr.strip().splitlines()[-1:]}; interpreting", stacklevel=2
+            )
+            return None
+        if write_whole(library, built.read_bytes()):
+            return library
+    warnings.warn(f"cannot write {library.parent}: interpreting", stacklevel=2)
+    return None
