@@ -1,4 +1,7 @@
-"""What a scene says: frozen data, no files, no geometry code. Lengths in metres, angles in radians, frames: world unless said."""
+"""What a scene says: frozen data, no files, no geometry code.
+
+Lengths in metres, angles in radians, frames: world unless said.
+"""
 
 from __future__ import annotations
 

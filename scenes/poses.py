@@ -1,0 +1,74 @@
+"""Placements as scene files write them: position with a quaternion or roll-pitch-yaw angles; and their product."""
+
+from __future__ import annotations
+
+import math
+
+from hdplan.scenes.fields import Field
+from hdplan.scenes.model import Pose, Quaternion, Vector3
+
+ROUNDING = 1e-6  # a quaternion this close to unit length is unit: decimals were cut
+CLOSE = 1e-2  # up to here it is normalized with a word; beyond, it is a mistake
+
+
+def read_pose(section: Field) -> Pose:
+    """Read ``{position, quaternion_xyzw | rpy}``; what is not said is zero. See `from_rpy` for the angles.
+
+    Raises:
+        InputError: both kinds of rotation, wrong lengths or types, or a quaternion that is not of unit length.
+    """
+    keys = section.mapping(("position", "quaternion_xyzw", "rpy"))
+    if "quaternion_xyzw" in keys and "rpy" in keys:
+        raise section.error("has both 'quaternion_xyzw' and 'rpy'; give one of them")
+    position = read_vector(keys["position"], unit="m") if "position" in keys else (0.0, 0.0, 0.0)
+    if "quaternion_xyzw" in keys:
+        return Pose(position, read_quaternion(keys["quaternion_xyzw"]))
+    return Pose(position, from_rpy(*read_vector(keys["rpy"], unit="rad")) if "rpy" in keys else (0.0, 0.0, 0.0, 1.0))
+
+
+def read_vector(entry: Field, above: float = -math.inf, unit: str = "") -> Vector3:
+    """Read three finite numbers, each greater than `above`."""
+    x, y, z = entry.numbers(3, above=above, unit=unit)
+    return x, y, z
+
+
+def read_quaternion(entry: Field) -> Quaternion:
+    """Read a unit quaternion (x, y, z, w), normalized: in silence within `ROUNDING`, with a note within `CLOSE`.
+
+    Raises:
+        InputError: its length is farther from 1 than `CLOSE`.
+    """
+    x, y, z, w = entry.numbers(4)
+    norm = math.hypot(x, y, z, w)
+    if not abs(norm - 1.0) <= CLOSE:
+        raise entry.error(f"must be a unit quaternion (x, y, z, w), found {entry.value} of length {norm:.6g}")
+    if abs(norm - 1.0) > ROUNDING:
+        entry.note(f"the quaternion of length {norm:.6g} was normalized")
+    return x / norm, y / norm, z / norm, w / norm
+
+
+def from_rpy(roll: float, pitch: float, yaw: float) -> Quaternion:
+    """Return the quaternion of R = Rz(yaw) Ry(pitch) Rx(roll) [rad], URDF's turns about the fixed axes x, y, z."""
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(angle / 2), math.sin(angle / 2)) for angle in (roll, pitch, yaw))
+    return (
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        cr * cp * cy + sr * sp * sy,
+    )
+
+
+def compose(outer: Pose, inner: Pose) -> Pose:
+    """Return the pose whose matrix is ``outer.matrix @ inner.matrix``."""
+    ax, ay, az, aw = outer.quaternion_xyzw
+    bx, by, bz, bw = inner.quaternion_xyzw
+    x, y, z = (outer.matrix[:3, :3] @ inner.position + outer.position).tolist()
+    return Pose(
+        (x, y, z),
+        (
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+            aw * bw - ax * bx - ay * by - az * bz,
+        ),
+    )

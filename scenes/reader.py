@@ -1,0 +1,234 @@
+"""A scene file becomes a `Scene`: hdplan's own YAML, or a MoveIt planning scene with its motion plan request."""
+
+from __future__ import annotations
+
+import difflib
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.fields import Field, read_document
+from hdplan.scenes.model import (
+    Box,
+    Capsule,
+    Cylinder,
+    JointTarget,
+    Mesh,
+    Obstacle,
+    PlannerSettings,
+    Points,
+    Pose,
+    RobotSpec,
+    Scene,
+    Shape,
+    Sphere,
+    Vector3,
+)
+from hdplan.scenes.moveit import is_moveit_request, is_moveit_scene, read_moveit
+from hdplan.scenes.poses import read_pose, read_vector
+from hdplan.scenes.settings import read_settings
+
+VERSION = 1
+SECTIONS = ("hdplan", "robot", "obstacles", "start", "goal", "planner")
+ROBOT_KEYS = ("name", "urdf", "srdf", "package_dirs", "base", "locked", "ignore_pairs")
+SHAPE_KEYS = {
+    "box": ("size",),
+    "sphere": ("radius",),
+    "cylinder": ("radius", "length"),
+    "capsule": ("radius", "length"),
+    "points": ("points",),
+    "mesh": ("file", "scale"),
+}
+"""Keys of each shape beside its type; all are required but a mesh's scale."""
+FLAT = 1e-9  # thickness over size below which points lie in one plane
+
+FilePath = str | PathLike[str]
+
+
+def load_scene(path: FilePath, request: FilePath | None = None, robot: FilePath | None = None) -> Scene:
+    """Read one planning problem.
+
+    Args:
+        path: a hdplan scene, the bare name of a shipped one (``panda_corridor``), or a MoveIt planning scene.
+        request: the MoveIt motion plan request that goes with a MoveIt planning scene.
+        robot: the name of a robot, or a YAML file with a `robot` section; replaces the scene's robot whole.
+            A MoveIt scene needs it.
+
+    Raises:
+        InputError: anything wrong with these files, in one line: file, field, what was found, what is allowed.
+            Names of joints, links and states are checked when the robot is loaded.
+    """
+    top = read_document(find_scene(path))
+    keys = top.mapping()
+    spec = None if robot is None else read_robot(robot)
+    if "hdplan" not in keys and is_moveit_scene(keys):
+        if request is None:
+            raise top.error(
+                "is a MoveIt planning scene, which has no goal: give its motion plan request too (--request FILE)"
+            )
+        if spec is None:
+            raise top.error(
+                "is a MoveIt planning scene, which does not say where its robot is found: give --robot NAME or FILE"
+            )
+        return read_moveit(top.document.file, Path(request), spec)
+    if "hdplan" not in keys and is_moveit_request(keys):
+        raise top.error(
+            "is a MoveIt motion plan request; name the planning scene first and give this file with --request"
+        )
+    if request is not None:
+        raise top.error("is no MoveIt planning scene, so no request goes with it (--request)")
+    return _read_hdplan(top, spec)
+
+
+def shipped_scenes() -> dict[str, Path]:
+    """Return the scenes that come with hdplan, by their bare names."""
+    return {file.stem: file for file in sorted(Path(__file__).parent.glob("*.yaml"))}
+
+
+def find_scene(path: FilePath) -> Path:
+    """Return the file that `path` names: itself if it exists, else the shipped scene of that bare name.
+
+    Raises:
+        InputError: there is neither; the nearest shipped scene is offered.
+    """
+    file = Path(path)
+    if file.exists():
+        return file
+    shipped = shipped_scenes()
+    if str(file) in shipped:
+        return shipped[str(file)]
+    close = difflib.get_close_matches(file.stem, shipped, n=1)
+    hint = f"did you mean the shipped scene '{close[0]}'?" if close else f"shipped scenes: {', '.join(shipped)}"
+    raise InputError(f"{file}: no such file ({hint})")
+
+
+def read_robot(robot: FilePath) -> RobotSpec:
+    """Read a robot given beside the scene: a name of example-robot-data, or a YAML file with a `robot` section.
+
+    Raises:
+        InputError: bad file or section. Whether a robot of that name exists is known when it is loaded.
+    """
+    file = Path(robot)
+    is_name = len(file.parts) == 1 and not file.suffix
+    if is_name and not file.is_file():
+        return RobotSpec(name=str(robot))
+    top = read_document(file)
+    return _robot(top.mapping(SECTIONS, required=["robot"])["robot"])
+
+
+def _read_hdplan(top: Field, robot: RobotSpec | None) -> Scene:
+    keys = top.mapping(SECTIONS)
+    if "hdplan" not in keys:
+        raise top.error(f"is no scene: the line 'hdplan: {VERSION}' is missing")
+    version = keys["hdplan"]
+    if not isinstance(version.value, int) or isinstance(version.value, bool) or version.value != VERSION:
+        raise version.wrong(f"{VERSION}, the version of the scene format that this hdplan reads")
+    top.mapping(SECTIONS, required=["start", "goal"])
+    written = _robot(keys["robot"]) if "robot" in keys else None  # read even when replaced: a mistake in it is one
+    spec = robot or written
+    if spec is None:
+        raise top.error("the key 'robot' is missing; write the section, or name a robot with --robot")
+    return Scene(
+        name=top.document.file.stem,
+        source=top.document.file,
+        robot=spec,
+        obstacles=_obstacles(keys["obstacles"]) if "obstacles" in keys else (),
+        start=_target(keys["start"]),
+        goal=_target(keys["goal"]),
+        planner=read_settings(keys["planner"]) if "planner" in keys else PlannerSettings(),
+        notes=tuple(top.document.notes),
+    )
+
+
+def _robot(section: Field) -> RobotSpec:
+    keys = section.mapping(ROBOT_KEYS)
+    if ("name" in keys) == ("urdf" in keys):
+        raise section.error(f"must have either 'name' or 'urdf', found {'both' if 'name' in keys else 'neither'}")
+    for key in ("srdf", "package_dirs"):
+        if "name" in keys and key in keys:
+            raise keys[key].error("goes with 'urdf'; a robot given by name brings its own")
+    directories = keys["package_dirs"].items(of="directories") if "package_dirs" in keys else []
+    locked = keys["locked"].mapping() if "locked" in keys else {}
+    pairs = keys["ignore_pairs"].items(of="link pairs") if "ignore_pairs" in keys else []
+    return RobotSpec(
+        name=keys["name"].text() if "name" in keys else None,
+        urdf=keys["urdf"].path() if "urdf" in keys else None,
+        srdf=keys["srdf"].path() if "srdf" in keys else None,
+        package_dirs=tuple(directory.path(directory=True) for directory in directories),
+        base=read_pose(keys["base"]) if "base" in keys else Pose(),
+        locked={name: value.number(unit="rad or m") for name, value in locked.items()},
+        ignore_pairs=tuple(_pair(pair) for pair in pairs),
+    )
+
+
+def _pair(entry: Field) -> tuple[str, str]:
+    first, second = (item.text() for item in entry.items(2, "link names"))
+    if first == second:
+        raise entry.error(f"must name two different links, found {first!r} twice")
+    return first, second
+
+
+def _target(section: Field) -> JointTarget:
+    keys = section.mapping(("joints", "state"))
+    if len(keys) != 1:
+        raise section.error(f"must have either 'joints' or 'state', found {'both' if keys else 'neither'}")
+    if "state" in keys:
+        return JointTarget(section.key, state=keys["state"].text())
+    joints = keys["joints"]
+    match joints.value:
+        case [_, *_]:
+            return JointTarget(section.key, positions=joints.numbers(unit="rad or m"))
+        case {**named} if named:
+            values = {name: value.number(unit="rad or m") for name, value in joints.mapping().items()}
+            return JointTarget(section.key, by_name=values)
+        case _:
+            raise joints.wrong("a list of joint values, or a mapping from joint names to values [rad or m]")
+
+
+def _obstacles(section: Field) -> tuple[Obstacle, ...]:
+    obstacles: dict[str, Obstacle] = {}
+    for i, entry in enumerate(section.items(of="obstacles")):
+        keys = entry.mapping(("name", "shape", "pose"), required=["shape"])
+        name = keys["name"].text() if "name" in keys else f"obstacle{i}"
+        if name in obstacles:
+            raise entry.error(f"the name {name!r} is taken by an earlier obstacle; names must differ")
+        pose = read_pose(keys["pose"]) if "pose" in keys else Pose()
+        obstacles[name] = Obstacle(name, _shape(keys["shape"]), pose)
+    return tuple(obstacles.values())
+
+
+def _shape(section: Field) -> Shape:
+    every_key = {"type", *(key for keys in SHAPE_KEYS.values() for key in keys)}
+    kind = section.mapping(every_key, required=["type"])["type"].choice(SHAPE_KEYS)
+    required = [key for key in SHAPE_KEYS[kind] if key != "scale"]
+    keys = section.mapping(("type", *SHAPE_KEYS[kind]), required)
+    match kind:
+        case "box":
+            return Box(read_vector(keys["size"], above=0.0, unit="m"))
+        case "sphere":
+            return Sphere(keys["radius"].number(above=0.0, unit="m"))
+        case "cylinder":
+            return Cylinder(keys["radius"].number(above=0.0, unit="m"), keys["length"].number(above=0.0, unit="m"))
+        case "capsule":
+            return Capsule(keys["radius"].number(above=0.0, unit="m"), keys["length"].number(low=0.0, unit="m"))
+        case "points":
+            return Points(_points(keys["points"]))
+        case _:
+            return Mesh(keys["file"].path(), _scale(keys["scale"]) if "scale" in keys else (1.0, 1.0, 1.0))
+
+
+def _points(entry: Field) -> tuple[Vector3, ...]:
+    points = tuple(read_vector(item, unit="m") for item in entry.items(of="points"))
+    spread = np.ptp(points, axis=0).max() if points else 0.0
+    if not points or np.linalg.matrix_rank(np.subtract(points, points[0]), tol=FLAT * spread) < 3:
+        raise entry.error(f"must be four or more points that do not lie in one plane, found {len(points)} that do")
+    return points
+
+
+def _scale(entry: Field) -> Vector3:
+    if isinstance(entry.value, list):
+        return read_vector(entry, above=0.0)
+    factor = entry.number(above=0.0)
+    return factor, factor, factor
