@@ -1,0 +1,232 @@
+"""Convex bodies: from points or named shapes to what the distance needs (vertices, face normals, edge directions).
+
+A body is a convex polytope swept by a sphere: the set of points within ``radius`` of the convex hull of ``vertices``.
+A sphere is one vertex, a capsule two. Everything is in the body's own frame, lengths in [m].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_matrix, triu
+from scipy.spatial import ConvexHull
+
+from hdplan.scenes.errors import InputError, nearest
+
+Array = NDArray[np.float64]
+
+NONE = np.empty((0, 3))
+FLAT = 1e-9  # an extent below this part of the body's size is none: the body is a point, a segment or a flat polygon
+SAME_DIRECTION = 1e-6  # [rad] directions closer than this, up to sign, are one
+SAME_PLANE = (
+    1e-6  # of the body's size: triangles this close to one plane are one face (a float32 mesh has flat faces too)
+)
+
+GOLDEN = (1.0 + np.sqrt(5.0)) / 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class ConvexBody:
+    """A convex polytope swept by a sphere: V, F and E of the paper's Definition ``def:normal-set``, and a radius.
+
+    A full polytope has all three sets. A flat polygon has its normal on both sides as faces; a segment has one edge
+    direction and no face; a point has neither. Build bodies by the constructors below, which keep the sets consistent.
+    """
+
+    vertices: Array  # (m, 3) [m] the extreme points, m >= 1; those of a flat polygon in their order around it
+    faces: Array  # (F, 3) unit outward normals, one per face (coplanar triangles are one face)
+    edges: Array  # (E, 3) unit edge directions, equal up to sign counted once
+    radius: float = 0.0  # [m] of the sphere that sweeps the polytope, >= 0
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays too."""
+        for name in ("vertices", "faces", "edges"):
+            array = np.array(getattr(self, name), dtype=float).reshape(-1, 3)
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        object.__setattr__(self, "radius", _length("radius", self.radius, zero=True))
+
+    @classmethod
+    def box(cls, size: ArrayLike) -> ConvexBody:
+        """Return the box of full side lengths ``size`` (3,) [m], centred, along the axes."""
+        sides = np.asarray(size, dtype=float)
+        if sides.shape != (3,) or not np.all(np.isfinite(sides)) or np.any(sides <= 0):
+            raise InputError(f"box size: found {sides.tolist()}, allowed are three positive lengths")
+        corners = np.array(list(product((-0.5, 0.5), repeat=3))) * sides
+        return cls(corners, np.vstack([np.eye(3), -np.eye(3)]), np.eye(3))
+
+    @classmethod
+    def sphere(cls, radius: float) -> ConvexBody:
+        """Return the sphere of ``radius`` [m] around the origin."""
+        return cls(np.zeros((1, 3)), NONE, NONE, _length("sphere radius", radius))
+
+    @classmethod
+    def capsule(cls, radius: float, length: float) -> ConvexBody:
+        """Return the capsule of ``radius`` [m] along z, ``length`` [m] between the centres of its end spheres."""
+        half = 0.5 * _length("capsule length", length)
+        ends = np.array([[0.0, 0.0, -half], [0.0, 0.0, half]])
+        return cls(ends, NONE, np.array([[0.0, 0.0, 1.0]]), _length("capsule radius", radius))
+
+    @classmethod
+    def cylinder(cls, radius: float, length: float, sides: int = 16) -> ConvexBody:
+        """Return the regular prism around the cylinder of ``radius`` and ``length`` [m] along z, which it contains.
+
+        The prism is wider than the cylinder by ``radius (1/cos(pi/sides) - 1)`` at its edges: 2 % for 16 sides.
+        """
+        if sides < 3:
+            raise InputError(f"cylinder sides: found {sides}, allowed are 3 or more")
+        half = 0.5 * _length("cylinder length", length)
+        angles = 2.0 * np.pi * np.arange(sides) / sides
+        ring = (
+            _length("cylinder radius", radius) / np.cos(np.pi / sides) * np.stack([np.cos(angles), np.sin(angles)], 1)
+        )
+        return cls.from_points([[x, y, z] for z in (-half, half) for x, y in ring])
+
+    @classmethod
+    def platonic(cls, name: str, circumradius: float = 1.0) -> ConvexBody:
+        """Return the Platonic solid ``name``, its vertices ``circumradius`` [m] from the origin."""
+        if name not in PLATONIC:
+            raise InputError(f"platonic solid: unknown name '{name}'{nearest(name, PLATONIC)}")
+        points = np.array(PLATONIC[name])
+        return cls.from_points(points * (_length("circumradius", circumradius) / np.linalg.norm(points[0])))
+
+    @classmethod
+    def from_points(cls, points: ArrayLike, radius: float = 0.0) -> ConvexBody:
+        """Return the convex hull of ``points`` (n, 3) [m], swept by ``radius`` [m].
+
+        One point, collinear and coplanar points are fine: they give a point, a segment and a flat polygon.
+
+        Raises InputError for no points, another shape than (n, 3) and numbers that are not finite.
+        """
+        try:
+            cloud = np.asarray(points, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"points: not an array of numbers ({error})") from error
+        if cloud.size == 0:
+            raise InputError("points: found none, at least one is needed")
+        if cloud.ndim != 2 or cloud.shape[1] != 3:
+            raise InputError(f"points: found an array of shape {cloud.shape}, allowed is (n, 3)")
+        if not np.all(np.isfinite(cloud)):
+            raise InputError("points: found a coordinate that is not finite (NaN or infinite)")
+        return cls(*_hull(cloud), radius)
+
+    def inflated(self, clearance: float) -> ConvexBody:
+        """Return this body grown by ``clearance`` >= 0 [m] in all directions: a clearance is a larger radius."""
+        return replace(self, radius=self.radius + _length("clearance", clearance, zero=True))
+
+
+def unique_directions(directions: ArrayLike) -> Array:
+    """Return unit vectors ``directions`` (n, 3) with those equal up to sign counted once; the first stays."""
+    rows = np.asarray(directions, dtype=float).reshape(-1, 3)
+    kept, count = np.empty_like(rows), 0
+    for row in rows:
+        if not np.any(np.abs(kept[:count] @ row) >= 1.0 - 0.5 * SAME_DIRECTION**2):
+            kept[count] = row
+            count += 1
+    return kept[:count]
+
+
+def _length(name: str, value: float, zero: bool = False) -> float:
+    number = float(value)
+    if not np.isfinite(number) or number < 0 or (number == 0 and not zero):
+        raise InputError(f"{name}: found {value}, allowed is a {'length >= 0' if zero else 'positive length'}")
+    return number
+
+
+def _hull(points: Array) -> tuple[Array, Array, Array]:
+    """Return vertices, faces and edges of the convex hull of ``points`` (n, 3), of whatever dimension it has.
+
+    The hull is taken in coordinates along the principal axes, each scaled to extent 1: an affine map keeps vertices and
+    faces, and needles and plates become as well-conditioned as cubes.
+    """
+    centred = points - points[0]
+    centred = centred - 0.5 * (centred.min(0) + centred.max(0))
+    size = float(np.abs(centred).max())
+    if size == 0.0:
+        return points[:1], NONE, NONE
+    axes = np.linalg.svd(centred / size, full_matrices=len(points) < 3)[2]  # (3, 3), rows, longest first
+    along = (centred / size) @ axes.T
+    extents = np.ptp(along, axis=0)
+    rounding = 64 * np.finfo(float).eps * max(1.0, float(np.abs(points).max()) / size)
+    dimension = int(np.sum(extents > max(FLAT * extents.max(), rounding)))
+    scaled = along[:, :dimension] / extents[:dimension]
+    if dimension == 1:
+        return points[[np.argmin(scaled), np.argmax(scaled)]], NONE, axes[:1]
+    rounding /= extents[dimension - 1]
+    if dimension == 2:
+        corners = points[_corners(scaled, rounding)]
+        return corners, np.stack([axes[2], -axes[2]]), unique_directions(_unit(np.roll(corners, -1, 0) - corners))
+    return _polytope(points, scaled, rounding, axes / extents[:, None])
+
+
+def _corners(plane: Array, rounding: float) -> NDArray[np.intp]:
+    """Return the indices of the corners of the convex hull of ``plane`` (n, 2), in order around it."""
+    ring = ConvexHull(plane).vertices
+    before, after = plane[np.roll(ring, 1)] - plane[ring], plane[np.roll(ring, -1)] - plane[ring]
+    across = _unit(after - before)
+    height = np.abs(across[:, 0] * after[:, 1] - across[:, 1] * after[:, 0])
+    return np.asarray(ring[height > rounding])
+
+
+def _polytope(points: Array, scaled: Array, rounding: float, to_points: Array) -> tuple[Array, Array, Array]:
+    """Merge the triangles of the hull of ``scaled`` (n, 3) into faces; ``to_points`` (3, 3) maps normals back."""
+    hull = ConvexHull(scaled)
+    corners = np.sort(hull.vertices[np.sum(_planes(hull, scaled, rounding)[1], axis=0) >= 3])
+    if len(corners) < len(hull.vertices):  # the rest lie inside faces or edges, and make slivers
+        return _polytope(points[corners], scaled[corners], rounding, to_points)
+    planes, on_face = _planes(hull, scaled, max(SAME_PLANE, rounding))
+    incidence = csr_matrix(on_face.astype(int))
+    shared = triu(incidence @ incidence.T, k=1).tocoo()
+    ridges = []
+    for f, g in zip(shared.row[shared.data >= 2], shared.col[shared.data >= 2], strict=True):
+        ends = points[hull.vertices[on_face[f] & on_face[g]]]  # two faces share an edge where they share two corners
+        ridges.append(ends[np.argmax(np.linalg.norm(ends - ends[0], axis=1))] - ends[0])
+    return points[corners], _unit(planes @ to_points), unique_directions(_unit(np.array(ridges)))
+
+
+def _planes(hull: ConvexHull, points: Array, tolerance: float) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the normals (F, 3) of the faces and which hull vertices lie on each (F, m).
+
+    The largest triangle not yet in a face founds the next one, and takes in every triangle within ``tolerance`` of its
+    plane: the normal of a sliver means nothing, its place does.
+    """
+    a, b, c = (points[hull.simplices[:, k]] for k in range(3))
+    order = np.argsort(-np.linalg.norm(np.cross(b - a, c - a), axis=1), kind="stable")
+    slot = np.searchsorted(np.sort(hull.vertices), hull.simplices)
+    slot = np.argsort(hull.vertices)[slot]  # place of each triangle's corners in hull.vertices
+    free = np.ones(len(order), dtype=bool)
+    normals, members = [], []
+    for triangle in order:
+        if free[triangle]:
+            plane = hull.equations[triangle]
+            near = np.abs(points[hull.vertices] @ plane[:3] + plane[3]) <= tolerance
+            free &= ~np.all(near[slot], axis=1)
+            free[triangle] = False
+            normals.append(plane[:3])
+            members.append(near)
+    return np.array(normals), np.array(members)
+
+
+def _unit(vectors: Array) -> Array:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
+
+
+CUBE = [*product((-1.0, 1.0), repeat=3)]
+
+
+def _cyclic(first: float, second: float) -> list[tuple[float, float, float]]:
+    """Return the twelve points (0, ±first, ±second) and their cyclic shifts."""
+    pairs = product((-first, first), (-second, second))
+    return [p for a, b in pairs for p in ((0.0, a, b), (a, b, 0.0), (b, 0.0, a))]
+
+
+PLATONIC: dict[str, ArrayLike] = {
+    "tetrahedron": [(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)],
+    "cube": CUBE,
+    "octahedron": np.vstack([np.eye(3), -np.eye(3)]),
+    "icosahedron": _cyclic(1.0, GOLDEN),
+    "dodecahedron": CUBE + _cyclic(1.0 / GOLDEN, GOLDEN),
+}
