@@ -1,0 +1,222 @@
+"""A joint trajectory and its files: JSON, CSV and NPZ, read from any planner, written atomically with every bit kept.
+
+Between two rows the joints move along a straight line, q(i + s) = (1 − s) q_i + s q_(i+1), 0 ≤ s ≤ 1: that motion is
+what the certificate proves, so it is also what must be executed.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import zipfile
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hdplan.scenes.errors import InputError
+
+FORMATS = (".json", ".csv", ".npz")
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Waypoints in joint space, joined by straight lines.
+
+    Raises InputError when the shapes do not fit, a joint name comes twice, a number is not finite or there are fewer
+    than 2 rows.
+    """
+
+    joint_names: tuple[str, ...]  # (n,) the columns
+    positions: NDArray[np.float64]  # (N, n) one row per waypoint [rad] or [m]
+    locked: Mapping[str, float] = field(default_factory=dict)  # joints that stand still -> value [rad] or [m]
+
+    def __post_init__(self) -> None:
+        """Check and freeze."""
+        names = tuple(self.joint_names)
+        positions = _numbers(self.positions, "positions")
+        if positions.ndim != 2 or positions.shape[1] != len(names):
+            raise InputError(
+                f"positions: shape {positions.shape}, expected one row of {len(names)} values per waypoint"
+            )
+        if len(positions) < 2:
+            raise InputError(f"positions: {len(positions)} waypoint(s), a trajectory has at least 2")
+        if not names:
+            raise InputError("joint_names: empty, a trajectory moves at least one joint")
+        if repeated := [name for i, name in enumerate(names) if name in names[:i]]:
+            raise InputError(f"joint_names: '{repeated[0]}' comes twice")
+        if not np.isfinite(positions).all():
+            row, column = (int(i) for i in np.argwhere(~np.isfinite(positions))[0])
+            raise InputError(
+                f"positions: row {row}, joint '{names[column]}': {positions[row, column]} is not a finite number"
+            )
+        locked = {str(name): float(value) for name, value in self.locked.items()}
+        for name, value in locked.items():
+            if not np.isfinite(value):
+                raise InputError(f"locked: joint '{name}': {value} is not a finite number")
+        positions.setflags(write=False)
+        object.__setattr__(self, "joint_names", names)
+        object.__setattr__(self, "positions", positions)
+        object.__setattr__(self, "locked", locked)
+
+    def __len__(self) -> int:
+        """Return the number of waypoints."""
+        return len(self.positions)
+
+    def at(self, time: ArrayLike) -> NDArray[np.float64]:
+        """Return the configurations (…, n) at path parameters `time` in [0, 1]; the waypoints stand at equal steps."""
+        where = np.asarray(time, dtype=np.float64) * (len(self) - 1)
+        index = np.clip(np.floor(where).astype(int), 0, len(self) - 2)
+        fraction = (where - index)[..., None]
+        return np.asarray((1.0 - fraction) * self.positions[index] + fraction * self.positions[index + 1])
+
+    def save(self, path: str | Path, verdict: Mapping[str, Any] | None = None) -> None:
+        """Write to `path`; its ending (.json, .csv, .npz) picks the format. The file is there whole, or not at all.
+
+        JSON holds everything and the `verdict`; NPZ holds the arrays; CSV holds the planned joints alone, one column
+        each. Raises InputError for another ending or a path that cannot be written.
+        """
+        path = Path(path)
+        _write_whole(path, {".json": _to_json, ".csv": _to_csv, ".npz": _to_npz}[_format(path)](self, verdict or {}))
+
+    @staticmethod
+    def load(path: str | Path) -> Trajectory:
+        """Read a trajectory file of any of the three formats; raises InputError naming the file and what is wrong."""
+        path = Path(path)
+        reader = {".json": _from_json, ".csv": _from_csv, ".npz": _from_npz}[_format(path)]
+        try:
+            return reader(path.read_bytes())
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+
+
+def _to_json(trajectory: Trajectory, verdict: Mapping[str, Any]) -> bytes:
+    content: dict[str, Any] = {
+        "hdplan_trajectory": 1,
+        "joint_names": list(trajectory.joint_names),
+        "positions": trajectory.positions.tolist(),  # Python writes the shortest text that reads back bit for bit
+        "locked": dict(trajectory.locked),
+    }
+    if verdict:
+        content["verdict"] = dict(verdict)
+    return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()
+
+
+def _from_json(data: bytes) -> Trajectory:
+    try:
+        content = json.loads(data)
+    except (ValueError, UnicodeDecodeError) as error:
+        raise InputError(f"not JSON ({error})") from error
+    if not isinstance(content, dict) or content.get("hdplan_trajectory") != 1:
+        raise InputError(
+            "not a trajectory: an object with `hdplan_trajectory: 1`, `joint_names` and `positions` is expected"
+        )
+    for key in ("joint_names", "positions"):
+        if not isinstance(content.get(key), list):
+            raise InputError(f"{key}: missing, or not a list")
+    locked = content.get("locked", {})
+    if not isinstance(locked, dict) or not all(isinstance(value, int | float) for value in locked.values()):
+        raise InputError("locked: an object of joint names and numbers is expected")
+    return Trajectory(_names(content["joint_names"]), _numbers(content["positions"], "positions"), locked)
+
+
+def _to_csv(trajectory: Trajectory, _: Mapping[str, Any]) -> bytes:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(trajectory.joint_names)
+    writer.writerows([repr(value) for value in row] for row in trajectory.positions.tolist())
+    return text.getvalue().encode()
+
+
+def _from_csv(data: bytes) -> Trajectory:
+    try:
+        rows = [row for row in csv.reader(io.StringIO(data.decode("utf-8-sig"))) if row]
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise InputError(f"not CSV ({error})") from error
+    if not rows:
+        raise InputError("empty, a header with the joint names and one row per waypoint are expected")
+    names = tuple(name.strip() for name in rows[0])
+    if any(_is_number(name) for name in names):
+        raise InputError(f"line 1: {', '.join(names[:3])}, … are numbers; the header must hold the joint names")
+    for number, row in enumerate(rows[1:], start=2):
+        if len(row) != len(names):
+            raise InputError(f"row {number}: {len(row)} values, expected {len(names)} as in the header")
+        if wrong := [value for value in row if not _is_number(value)]:
+            raise InputError(f"row {number}: '{wrong[0]}' is not a number")
+    return Trajectory(names, np.array([[float(value) for value in row] for row in rows[1:]]).reshape(-1, len(names)))
+
+
+def _to_npz(trajectory: Trajectory, _: Mapping[str, Any]) -> bytes:
+    data = io.BytesIO()
+    np.savez(
+        data,
+        joint_names=np.array(trajectory.joint_names),
+        positions=trajectory.positions,
+        locked_names=np.array(list(trajectory.locked), dtype=str),
+        locked_values=np.array(list(trajectory.locked.values()), dtype=np.float64),
+    )
+    return data.getvalue()
+
+
+def _from_npz(data: bytes) -> Trajectory:
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as content:
+            arrays = {key: content[key] for key in content.files}
+    except (ValueError, EOFError, TypeError, zipfile.BadZipFile) as error:
+        raise InputError("not an NPZ archive of plain arrays") from error
+    for key in ("joint_names", "positions"):
+        if key not in arrays:
+            raise InputError(f"{key}: missing (the archive holds {', '.join(arrays) or 'nothing'})")
+    names, values = arrays.get("locked_names", np.array([], dtype=str)), arrays.get("locked_values", np.array([]))
+    locked = dict(zip(_names(names.ravel()), _numbers(values, "locked_values").ravel().tolist(), strict=False))
+    if len(locked) != values.size:
+        raise InputError(f"locked_names: {names.size} names for {values.size} locked_values")
+    return Trajectory(_names(arrays["joint_names"].ravel()), _numbers(arrays["positions"], "positions"), locked)
+
+
+def _format(path: Path) -> str:
+    suffix = path.suffix.lower()
+    if suffix not in FORMATS:
+        raise InputError(f"{path}: ending '{path.suffix}', a trajectory file ends with one of {', '.join(FORMATS)}")
+    return suffix
+
+
+def _names(values: Iterable[object]) -> tuple[str, ...]:
+    names = tuple(values)
+    if wrong := [name for name in names if not isinstance(name, str)]:
+        raise InputError(f"joint_names: {wrong[0]!r} is not a name")
+    return tuple(str(name) for name in names)
+
+
+def _numbers(values: object, name: str) -> NDArray[np.float64]:
+    try:
+        return np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name}: rows of equally many numbers are expected") from error
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _write_whole(path: Path, data: bytes) -> None:
+    """Write beside the target and rename, so that a reader never meets half a file."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_bytes(data)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
+    finally:
+        temporary.unlink(missing_ok=True)

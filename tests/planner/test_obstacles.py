@@ -1,0 +1,114 @@
+"""Laws of meshes and obstacles: bad files are named, pieces cover what they stand for, inside is told from outside."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from hdplan.planner.meshes import TriangleMesh, load_mesh
+from hdplan.planner.obstacles import convex_pieces, obstacle_bodies
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, Pose, Sphere
+
+
+def read(mesh: trimesh.Trimesh, path: Path, scale: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> TriangleMesh:
+    mesh.export(path)
+    return load_mesh(Mesh(path, scale), "obstacles.thing")
+
+
+def l_shape() -> trimesh.Trimesh:
+    """One solid that is not convex: an L of 1 m legs and 0.2 m thickness, extruded 0.3 m."""
+    outline = np.array([[0, 0], [1, 0], [1, 0.2], [0.2, 0.2], [0.2, 1], [0, 1.0]])
+    bottom, top = np.c_[outline, np.zeros(6)], np.c_[outline, np.full(6, 0.3)]
+    caps = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]]
+    sides = [t for i in range(6) for j in [(i + 1) % 6] for t in ([i, j, 6 + j], [i, 6 + j, 6 + i])]
+    faces = [t[::-1] for t in caps] + [[6 + i for i in t] for t in caps] + sides
+    return trimesh.Trimesh(np.r_[bottom, top], faces, process=False)
+
+
+@pytest.mark.parametrize("ending", ["stl", "obj", "ply", "off", "glb"])
+def test_every_format_reads_as_the_same_solid(tmp_path: Path, ending: str) -> None:
+    mesh = read(trimesh.creation.box((0.2, 0.4, 0.6)), tmp_path / f"box.{ending}", (2.0, 1.0, 1.0))
+    assert (mesh.vertices.shape, mesh.triangles.shape) == ((8, 3), (12, 3))
+    assert mesh.closed
+    assert mesh.convex
+    assert mesh.volume == pytest.approx(0.4 * 0.4 * 0.6, rel=1e-6)
+
+
+def test_bad_mesh_files_are_named(tmp_path: Path) -> None:
+    triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+    for name, content, words in [
+        ("none.stl", None, "no such file"),
+        ("words.txt", "hello", "not known"),
+        ("words.stl", "hello", "cannot be read|empty"),
+        ("words.glb", "hello", "cannot be read"),
+        ("empty.obj", "", "cannot be read|empty"),
+        ("points.obj", triangle, "empty|cannot be read"),
+        ("flat.obj", triangle + "v 1 1 0\nf 1 2 3\nf 2 3 4\n", "flat"),
+        ("line.obj", triangle + "f 1 2 2\n", "flat"),
+        ("nan.obj", triangle + "v 0 0 nan\nf 1 2 3\nf 1 2 4\n", "not finite|cannot be read"),
+        ("range.obj", triangle + "f 1 2 9\n", "cannot be read"),
+    ]:
+        if content is not None:
+            (tmp_path / name).write_text(content)
+        with pytest.raises(InputError, match=words) as caught:
+            load_mesh(Mesh(tmp_path / name), "obstacles.thing")
+        assert "obstacles.thing" in str(caught.value)
+        assert name in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+
+def test_pieces_of_parts_are_exact_and_of_one_solid_cover_it(tmp_path: Path) -> None:
+    parts = trimesh.util.concatenate([trimesh.creation.box((1, 1, 0.1)), trimesh.creation.icosphere(2, 0.3)])
+    assert [len(piece) for piece in convex_pieces(read(parts, tmp_path / "parts.stl"))] == [8, 162]
+
+    solid = read(l_shape(), tmp_path / "solid.stl")
+    assert solid.closed
+    assert not solid.convex
+    pieces = convex_pieces(solid)
+    assert 2 <= len(pieces) <= 4
+    assert sum(trimesh.convex.convex_hull(piece).volume for piece in pieces) == pytest.approx(solid.volume, rel=0.1)
+    obstacle = obstacle_bodies(Obstacle("thing", Mesh(tmp_path / "solid.stl")))
+    assert f"split into {len(pieces)} convex pieces" in obstacle.notes[0]
+
+
+def test_winding_number_tells_inside_from_outside(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    mesh = read(l_shape(), tmp_path / "solid.stl")
+    for x, y, z in rng.uniform(-0.2, 1.2, size=(200, 3)):
+        inside = 0 < z < 0.3 and 0 < x < 1 and 0 < y < 1 and (x < 0.2 or y < 0.2)
+        assert mesh.winding_number([x, y, z]) == pytest.approx(float(inside), abs=1e-9)
+    room = trimesh.util.concatenate([trimesh.creation.box((2, 2, 2)), trimesh.creation.box((1, 1, 1))])
+    room.faces[12:] = room.faces[12:, ::-1]  # the inner wall faces the cavity
+    room = read(room, tmp_path / "room.stl")
+    assert [part.volume for part in room.components()] == pytest.approx([8.0, -1.0])
+    assert room.winding_number([0, 0, 0]) == pytest.approx(0.0, abs=1e-9)
+    assert room.winding_number([0.7, 0, 0]) == pytest.approx(1.0)
+
+
+def test_an_open_mesh_is_not_closed(tmp_path: Path) -> None:
+    box = trimesh.creation.box((1, 1, 1))
+    box.faces = box.faces[1:]
+    mesh = read(box, tmp_path / "open.stl")
+    assert not mesh.closed
+    assert not mesh.convex
+
+
+@pytest.mark.parametrize(
+    ("shape", "vertices", "radius"),
+    [
+        (Box((1.0, 2.0, 3.0)), 8, 0.0),
+        (Sphere(0.5), 1, 0.5),
+        (Cylinder(0.5, 1.0), 32, 0.0),
+        (Capsule(0.5, 1.0), 2, 0.5),
+        (Points(((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))), 4, 0.0),
+    ],
+)
+def test_shapes_become_one_body(shape: Box, vertices: int, radius: float) -> None:
+    made = obstacle_bodies(Obstacle("thing", shape, Pose((1.0, 2.0, 3.0))))
+    (body,) = made.bodies
+    assert (len(body.vertices), body.radius, made.notes) == (vertices, radius, ())
+    np.testing.assert_array_equal(made.pose[:3, 3], [1.0, 2.0, 3.0])
