@@ -1,0 +1,63 @@
+"""A small cache on disk, keyed by content: what was computed once from the same input is read back.
+
+It only ever saves time: an entry that is missing, damaged or unreadable is computed again, and a folder that cannot be
+written is left alone. Entries are written whole or not at all. The folder is `$HDPLAN_CACHE`, or else the user's own.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+
+
+def cache_dir() -> Path:
+    """Return the cache's folder: `$HDPLAN_CACHE`, or the user's cache folder for hdplan. It need not exist."""
+    return Path(os.environ.get("HDPLAN_CACHE") or platformdirs.user_cache_dir("hdplan"))
+
+
+def content_key(*parts: str | bytes) -> str:
+    """Return a name for these parts, in this order: equal parts give equal names, others different ones."""
+    digest = hashlib.blake2b(digest_size=20)
+    for part in parts:
+        data = part.encode() if isinstance(part, str) else part
+        digest.update(len(data).to_bytes(8, "little"))
+        digest.update(data)
+    return digest.hexdigest()
+
+
+def load(kind: str, key: str) -> Any | None:
+    """Return the JSON value stored under this kind and key, or None if there is none that is whole."""
+    try:
+        checksum, _, text = (cache_dir() / kind / f"{key}.json").read_text(encoding="utf-8").partition("\n")
+        return json.loads(text) if checksum == content_key(text) else None
+    except (OSError, ValueError):
+        return None
+
+
+def store(kind: str, key: str, value: Any) -> None:
+    """Store a JSON value; does nothing where the folder cannot be written."""
+    text = json.dumps(value)
+    write_whole(cache_dir() / kind / f"{key}.json", f"{content_key(text)}\n{text}".encode())
+
+
+def write_whole(path: Path, data: bytes) -> bool:
+    """Write a file so that other processes see all of it or nothing; return whether that could be done."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=path.suffix)
+    except OSError:
+        return False
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+        os.replace(temporary, path)
+    except OSError:
+        Path(temporary).unlink(missing_ok=True)
+        return False
+    return True

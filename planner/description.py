@@ -1,0 +1,111 @@
+"""What the URDF and SRDF files say in words: tree of links, mimic joints, groups, named states, disabled pairs.
+
+Only XML is read here, no geometry. URDF and SRDF file -> `Tree` and `Semantics`; errors name file and line.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from hdplan.scenes.errors import InputError
+
+LinkPair = tuple[str, str]  # two different links, in alphabetical order
+
+
+def link_pair(a: str, b: str) -> LinkPair:
+    """Return the pair in its one spelling."""
+    return (a, b) if a <= b else (b, a)
+
+
+@dataclass(frozen=True)
+class Tree:
+    """The URDF's tree of links."""
+
+    links: tuple[str, ...]
+    parent: Mapping[str, tuple[str, str]]  # child link -> (parent link, joint between them)
+    mimics: Mapping[str, tuple[str, float, float]]  # joint -> (joint that it follows, factor, offset)
+
+    def chain(self, tip: str, base: str | None = None) -> tuple[str, ...]:
+        """Return the joints from link `tip` up to link `base` (or the root), tip first."""
+        joints: list[str] = []
+        while tip != base and tip in self.parent:
+            tip, joint = self.parent[tip]
+            joints.append(joint)
+        return tuple(joints)
+
+
+@dataclass(frozen=True)
+class Semantics:
+    """What an SRDF adds to a URDF."""
+
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # group -> its joints, fixed ones included
+    states: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # named state -> joint -> value
+    disabled: frozenset[LinkPair] = frozenset()  # pairs that are not to be checked
+
+
+def _parse(path: Path, what: str) -> ElementTree.Element:
+    try:
+        root = ElementTree.parse(path).getroot()
+    except OSError as error:
+        raise InputError(f"robot.{what}: {path}: {error.strerror or error}") from None
+    except (ElementTree.ParseError, ValueError) as error:
+        raise InputError(f"robot.{what}: {path}: not well-formed XML: {error}") from None
+    if root.tag != "robot":
+        raise InputError(f"robot.{what}: {path}: the outermost element is <{root.tag}>, expected <robot>")
+    return root
+
+
+def read_tree(path: Path) -> Tree:
+    """Read a URDF file's links and joints. Raises InputError for a file that is missing or not XML."""
+    root = _parse(path, "urdf")
+    parent: dict[str, tuple[str, str]] = {}
+    mimics: dict[str, tuple[str, float, float]] = {}
+    for joint in root.findall("joint"):
+        above, below, mimic = joint.find("parent"), joint.find("child"), joint.find("mimic")
+        if above is not None and below is not None:
+            parent[below.get("link", "")] = (above.get("link", ""), joint.get("name", ""))
+        if mimic is not None:
+            factor, offset = (float(mimic.get(key) or value) for key, value in (("multiplier", 1.0), ("offset", 0.0)))
+            mimics[joint.get("name", "")] = (mimic.get("joint", ""), factor, offset)
+    return Tree(tuple(link.get("name", "") for link in root.findall("link")), parent, mimics)
+
+
+def read_semantics(path: Path, tree: Tree) -> Semantics:
+    """Read an SRDF file. Raises InputError for a file that is missing or not XML, or a state that is not a number."""
+    root = _parse(path, "srdf")
+    elements = {group.get("name", ""): group for group in root.findall("group")}
+
+    def joints(name: str, above: tuple[str, ...] = ()) -> list[str]:
+        found: list[str] = []
+        if name not in elements or name in above:
+            return found
+        for entry in elements[name]:
+            if entry.tag == "joint":
+                found.append(entry.get("name", ""))
+            elif entry.tag == "link" and entry.get("name") in tree.parent:
+                found.append(tree.parent[entry.get("name", "")][1])
+            elif entry.tag == "chain":
+                found.extend(reversed(tree.chain(entry.get("tip_link", ""), entry.get("base_link", ""))))
+            elif entry.tag == "group":
+                found.extend(joints(entry.get("name", ""), (*above, name)))
+        return list(dict.fromkeys(found))
+
+    states: dict[str, dict[str, float]] = {}
+    for state in root.findall("group_state"):
+        name = state.get("name", "")
+        for joint in state.findall("joint"):
+            value = (joint.get("value") or "").split()
+            if len(value) != 1:
+                continue  # a joint of several coordinates (a floating base) is not planned here
+            try:
+                states.setdefault(name, {})[joint.get("name", "")] = float(value[0])
+            except ValueError:
+                where = f"robot.srdf: {path}: state '{name}', joint '{joint.get('name')}'"
+                raise InputError(f"{where}: '{value[0]}' is not a number") from None
+    disabled = frozenset(
+        link_pair(pair.get("link1", ""), pair.get("link2", "")) for pair in root.findall("disable_collisions")
+    )
+    return Semantics({name: tuple(joints(name)) for name in elements}, states, disabled)

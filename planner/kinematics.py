@@ -1,0 +1,140 @@
+"""Forward kinematics of a robot, as CasADi expressions and as fast NumPy batches.
+
+From the joint placements and motion axes of a fixed-base pin.Model whose joints have one coordinate each; the PyPI
+wheel of Pinocchio has no CasADi types, so its tree is walked here: with X_i the fixed placement of joint i on its
+parent p(i) and a_i its axis, T_i(q) = T_p(i)(q) X_i exp(a_i q_i). All in the world frame, [m] and [rad].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class KinematicsBatch:
+    """The state of B configurations; nj joints (joint 0 is the world), n coordinates.
+
+    A point p (world frame) carried by joint i has velocity sum_j supports[i, j] (linear[j] + angular[j] x p) dq_j.
+    """
+
+    rotations: Array  # (B, nj, 3, 3) world from joint
+    translations: Array  # (B, nj, 3) joint origins [m]
+    linear: Array  # (B, n, 3) velocity of the world origin per unit of each joint's speed
+    angular: Array  # (B, n, 3) angular velocity per unit of each joint's speed
+
+
+class Kinematics:
+    """Kinematics of one model; `function` for CasADi graphs, `evaluate` for NumPy batches.
+
+    Attributes:
+        n: number of coordinates. nj: number of joints, world included.
+        supports: (nj, n) True where coordinate j moves joint i.
+        function: CasADi Function q (n,) -> R (3, 3 nj), the rotations side by side, and t (3, nj).
+        state: CasADi Function q (n,) -> one vector: all R, all t, linear (n, 3), angular (n, 3), row by row.
+    """
+
+    def __init__(self, model: pin.Model) -> None:
+        """Build the expressions of a model whose joints have one coordinate each."""
+        self.n, self.nj = int(model.nv), int(model.njoints)
+        self.supports = np.zeros((self.nj, self.n), dtype=np.bool_)
+        q = ca.SX.sym("q", self.n)
+        rotations, translations = [ca.SX.eye(3)], [ca.SX.zeros(3, 1)]
+        linear, angular = [], []
+        for index in range(1, self.nj):
+            parent, placement = int(model.parents[index]), model.jointPlacements[index]
+            at = int(model.joints[index].idx_v)
+            self.supports[index] = self.supports[parent]
+            self.supports[index, at] = True
+            rotation = rotations[parent] @ _constant(placement.rotation)
+            translation = translations[parent] + rotations[parent] @ _constant(placement.translation)
+            slide, axis = _motion_axes(model.joints[index])
+            if np.any(axis):
+                direction = rotation @ _constant(axis)
+                linear.append(ca.cross(translation, direction))
+                angular.append(direction)
+                rotation = rotation @ _rotation_about(axis, q[at])
+            else:
+                direction = rotation @ _constant(slide)
+                linear.append(direction)
+                angular.append(ca.SX.zeros(3, 1))
+                translation = translation + direction * q[at]
+            rotations.append(rotation)
+            translations.append(translation)
+        side_by_side, origins = ca.densify(ca.horzcat(*rotations)), ca.densify(ca.horzcat(*translations))
+        self.function = ca.Function("placements", [q], [side_by_side, origins], ["q"], ["R", "t"])
+        rows = [ca.vec(rotation.T) for rotation in rotations]
+        self.state = ca.Function(
+            "state", [q], [ca.densify(ca.vertcat(*rows, *translations, *linear, *angular))], ["q"], ["state"]
+        )
+        self._maps: dict[int, _MappedState] = {}
+
+    def evaluate(self, q: ArrayLike) -> KinematicsBatch:
+        """Return the state of configurations q (B, n), or of one (n,) as a batch of one."""
+        values = np.atleast_2d(np.asarray(q, dtype=np.float64))
+        count = len(values)
+        capacity = 1 << max(count - 1, 0).bit_length()  # few different sizes, so few buffers
+        if capacity not in self._maps:
+            self._maps[capacity] = _MappedState(self.state, capacity)
+        flat = self._maps[capacity](values)
+        rotations, translations, linear, angular = np.split(
+            flat, np.cumsum([9 * self.nj, 3 * self.nj, 3 * self.n]), axis=1
+        )
+        return KinematicsBatch(
+            rotations.reshape(count, self.nj, 3, 3),
+            translations.reshape(count, self.nj, 3),
+            linear.reshape(count, self.n, 3),
+            angular.reshape(count, self.n, 3),
+        )
+
+
+class _MappedState:
+    """A Function mapped over a fixed number of columns, evaluated in place on arrays that stay alive beside it.
+
+    CasADi's conversion of DM to NumPy costs some 70 times the evaluation; its buffers use our memory directly.
+    """
+
+    def __init__(self, function: ca.Function, capacity: int) -> None:
+        mapped = function.map(capacity)
+        self._input = np.zeros(mapped.nnz_in(0))
+        self._output = np.zeros(mapped.nnz_out(0))
+        self._columns = capacity
+        buffer: Any
+        buffer, self._run = mapped.buffer()
+        buffer.set_arg(0, self._input.data)
+        buffer.set_res(0, self._output.data)
+        self._alive = (mapped, buffer)
+
+    def __call__(self, values: Array) -> Array:
+        """Return the outputs (B, m) for inputs (B, n), B at most the capacity."""
+        count = len(values)
+        self._input[: values.size] = values.ravel()
+        self._run()
+        return self._output.reshape(self._columns, -1)[:count].copy()
+
+
+def _motion_axes(joint: pin.JointModel) -> tuple[Array, Array]:
+    """Return a one-coordinate joint's linear and angular unit velocity in its own frame."""
+    data = joint.createData()
+    joint.calc(data, np.eye(1, joint.idx_q + joint.nq, joint.idx_q)[0])
+    motion = np.asarray(data.S, dtype=np.float64).reshape(6)
+    return motion[:3], motion[3:]
+
+
+def _constant(values: Array) -> ca.DM:
+    """Return a constant without its rounding noise: exact zeros keep the expressions sparse."""
+    return ca.sparsify(ca.DM(np.round(np.asarray(values, dtype=np.float64), 15)))
+
+
+def _rotation_about(axis: Array, angle: ca.SX) -> ca.SX:
+    """Return Rodrigues' formula a a^T + cos(angle) (I - a a^T) + sin(angle) [a]x for the unit axis a."""
+    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    outer = np.outer(axis, axis)
+    return _constant(outer) + ca.cos(angle) * _constant(np.eye(3) - outer) + ca.sin(angle) * _constant(cross)

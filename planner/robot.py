@@ -1,0 +1,396 @@
+"""A robot as the planner and the certificate see it: Pinocchio model, collision geometry, joints, pairs, named states.
+
+RobotSpec (name or URDF, base, locked joints) -> `Robot`: fixed base, locked joints taken out of the model, one
+coordinate per planned joint. Units: metres and radians; frames: Pinocchio's, with the base where the scene puts it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import math
+import os
+import re
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
+
+import coal
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from hdplan.planner.description import LinkPair, Semantics, Tree, link_pair, read_semantics, read_tree
+from hdplan.planner.robot_library import find_robot, library_package_dirs
+from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.model import JointTarget, RobotSpec, Scene
+
+Array = NDArray[np.float64]
+Result = TypeVar("Result")
+
+LIMIT_ROUNDING = 1e-3  # how far a MoveIt request may lie beyond a limit [rad or m]: it is rounded
+CONTACT_SAMPLES = 60  # configurations at which a pair must touch to count as always in contact
+GRIPPER = re.compile("finger|gripper|knuckle|thumb", re.IGNORECASE)  # joints of a hand: held
+ARM_GROUP = re.compile(r"(^|_)arm$|^manipulator$")  # the SRDF group that is planned, where several are given
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A fixed-base robot with its locked joints taken out; joint i of the planned ones is joint i + 1 of the model."""
+
+    name: str
+    model: pin.Model  # base at the scene's place; joint 0 is the world
+    collision: pin.GeometryModel  # the links' collision geometry; parentJoint refers to `model`
+    joint_names: tuple[str, ...]  # the n planned joints, one coordinate each
+    lower: Array  # (n,) [rad or m], -inf for a continuous joint
+    upper: Array  # (n,) [rad or m], inf for a continuous joint
+    locked: Mapping[str, float]  # joint -> the value at which it is held
+    links: tuple[str, ...]  # links with collision geometry, from base to tip
+    link_joint: Mapping[str, int]  # link -> index of the joint that carries it (0: fixed to the world)
+    link_geometry: Mapping[str, tuple[int, ...]]  # link -> indices into collision.geometryObjects
+    self_pairs: tuple[LinkPair, ...]  # pairs of links to be checked against each other
+    named_states: Mapping[str, Mapping[str, float]]  # state of the SRDF -> joint -> value
+    notes: tuple[str, ...]  # what was decided in loading, in words for the user
+
+    @property
+    def n(self) -> int:
+        """Number of planned joints."""
+        return len(self.joint_names)
+
+    def pin_q(self, q: ArrayLike) -> Array:
+        """Return Pinocchio's configurations (..., nq) for joint values (..., n): (cos, sin) for a continuous joint."""
+        values = np.asarray(q, dtype=np.float64)
+        columns: list[Array] = []
+        for index, joint in enumerate(itertools.islice(self.model.joints, 1, None)):
+            angle = values[..., index]
+            columns.extend((angle,) if joint.nq == 1 else (np.cos(angle), np.sin(angle)))
+        return np.stack(columns, axis=-1)
+
+    def configuration(self, target: JointTarget, from_request: bool = False) -> Array:
+        """Return the joint values (n,) that a scene's start or goal means.
+
+        Names that the robot lacks or does not plan are passed over when `from_request` (a MoveIt request speaks of
+        whole robots and is rounded: LIMIT_ROUNDING); otherwise they are refused.
+
+        Raises:
+            InputError: wrong number of values, unknown or missing names, values outside the limits.
+        """
+        where = target.field
+        if target.positions is not None:
+            if len(target.positions) != self.n:
+                raise InputError(
+                    f"{where}: {len(target.positions)} joint values, but {self.name} plans {self.n} joints: "
+                    f"{', '.join(self.joint_names)}"
+                )
+            return self._within_limits(np.array(target.positions, dtype=np.float64), where, from_request)
+        if target.state is not None:
+            if target.state not in self.named_states:
+                raise InputError(f"{where}: unknown state '{target.state}'{nearest(target.state, self.named_states)}")
+            where, named = f"{where}: state '{target.state}'", self.named_states[target.state]
+        else:
+            named = target.by_name or {}
+            for joint in named if not from_request else ():
+                if joint in self.locked:
+                    raise InputError(
+                        f"{where}: joint '{joint}' is held at {self.locked[joint]:g}, not planned (robot.locked)"
+                    )
+                if joint not in self.joint_names:
+                    raise InputError(f"{where}: unknown joint '{joint}'{nearest(joint, self.joint_names)}")
+        missing = [joint for joint in self.joint_names if joint not in named]
+        if missing:
+            raise InputError(f"{where}: no value for {', '.join(missing)}")
+        return self._within_limits(
+            np.array([named[joint] for joint in self.joint_names], dtype=np.float64), where, from_request
+        )
+
+    def _within_limits(self, q: Array, where: str, from_request: bool) -> Array:
+        slack = LIMIT_ROUNDING if from_request else 1e-9
+        for joint, value, low, high in zip(self.joint_names, q.tolist(), self.lower, self.upper, strict=True):
+            if not low - slack <= value <= high + slack:
+                raise InputError(f"{where}: joint '{joint}' is {value:g}, outside its limits [{low:g}, {high:g}]")
+        return q
+
+
+@dataclass(frozen=True)
+class Query:
+    """The two ends of a plan, as joint values."""
+
+    start: Array  # (n,)
+    goal: Array  # (n,)
+    notes: tuple[str, ...]  # names that were left out, in words
+
+
+# --- from a scene ----------------------------------------------------------------------------------------
+
+
+def load_scene_robot(scene: Scene) -> Robot:
+    """Load a scene's robot, with a MoveIt request's values for the joints that it has and does not plan.
+
+    Raises InputError, naming the scene's file.
+    """
+    try:
+        spec = scene.robot
+        if scene.from_request and scene.start.by_name is not None:
+            robot = load_robot(spec)
+            requested = {joint: value for joint, value in scene.start.by_name.items() if joint in robot.locked}
+            spec = replace(spec, locked={**requested, **spec.locked})
+            if spec.locked == robot.locked:
+                return robot
+        return load_robot(spec)
+    except InputError as error:
+        raise InputError(f"{scene.source}: {error}") from None
+
+
+def resolve_query(robot: Robot, scene: Scene) -> Query:
+    """Return the scene's start and goal for this robot. Raises InputError, naming the scene's file."""
+    try:
+        start, goal = (robot.configuration(target, scene.from_request) for target in (scene.start, scene.goal))
+    except InputError as error:
+        raise InputError(f"{scene.source}: {error}") from None
+    named = {**(scene.start.by_name or {}), **(scene.goal.by_name or {})}
+    unknown = [joint for joint in named if joint not in robot.joint_names and joint not in robot.locked]
+    notes = (f"left out, as {robot.name} has no such joints: {', '.join(unknown)}",) if unknown else ()
+    return Query(start, goal, notes)
+
+
+# --- loading ---------------------------------------------------------------------------------------------
+
+
+def load_robot(spec: RobotSpec) -> Robot:
+    """Load a robot from example-robot-data by name, or from a URDF (and SRDF) file.
+
+    Planned are the joints of the SRDF's arm group, or else all joints; not the joints of a hand, nor mimic joints and
+    what they follow. All others are held: at the scene's value (even beyond the limits), or else at the first named
+    state that mentions them, or else at 0, as near as their limits allow.
+
+    Raises:
+        InputError: unknown robot, joint or link; a file that cannot be read; a joint with several coordinates.
+    """
+    name, urdf, srdf, package_dirs = _files(spec)
+    tree = read_tree(urdf)
+    semantics = read_semantics(srdf, tree) if srdf is not None else Semantics()
+    full = _quietly(lambda: pin.buildModelFromUrdf(str(urdf)), urdf)
+    geometry = _quietly(lambda: _collision_geometry(full, urdf, package_dirs), urdf)
+
+    joints = [str(joint) for joint in full.names][1:]
+    for joint in spec.locked:
+        if joint not in joints:
+            raise InputError(f"robot.locked: unknown joint '{joint}'{nearest(joint, joints)}")
+    for joint, kind in zip(joints, itertools.islice(full.joints, 1, None), strict=True):
+        if kind.nv != 1:
+            raise InputError(
+                f"robot: joint '{joint}' of {name} has {kind.nv} coordinates ({kind.shortname()}); "
+                "only joints with one coordinate can be planned"
+            )
+    planned, notes = _planned(joints, spec.locked, tree, semantics, name)
+    held = {joint: _held_at(joint, full, spec, tree, semantics) for joint in joints if joint not in planned}
+    by_default = [f"{joint} at {value:g}" for joint, value in held.items() if joint not in spec.locked]
+    if by_default:
+        notes.append(f"joints held: {', '.join(by_default)}")
+
+    model, collision = _without(full, geometry, held)
+    _move_base(model, collision, pin.SE3(spec.base.matrix))
+
+    link_geometry: dict[str, tuple[int, ...]] = {}
+    link_joint: dict[str, int] = {}
+    for index, item in enumerate(collision.geometryObjects):
+        link = str(model.frames[item.parentFrame].name)
+        link_geometry[link] = (*link_geometry.get(link, ()), index)
+        link_joint[link] = int(item.parentJoint)
+    bounded = np.array([joint.nq == 1 for joint in itertools.islice(model.joints, 1, None)])
+    first = [joint.idx_q for joint in itertools.islice(model.joints, 1, None)]
+    robot = Robot(
+        name=name,
+        model=model,
+        collision=collision,
+        joint_names=tuple(str(joint) for joint in model.names)[1:],
+        lower=np.where(bounded, np.asarray(model.lowerPositionLimit)[first], -np.inf),
+        upper=np.where(bounded, np.asarray(model.upperPositionLimit)[first], np.inf),
+        locked=held,
+        links=tuple(link_geometry),
+        link_joint=link_joint,
+        link_geometry=link_geometry,
+        self_pairs=(),
+        named_states=semantics.states,
+        notes=(),
+    )
+    pairs = _candidate_pairs(robot, tree, semantics, spec)
+    touching = _always_in_contact(robot, pairs)
+    if touching:
+        named = ", ".join(f"{a}-{b}" for a, b in touching)
+        notes.append(f"link pairs in contact at every sampled configuration, not checked: {named}")
+    return replace(robot, self_pairs=tuple(pair for pair in pairs if pair not in touching), notes=tuple(notes))
+
+
+def _files(spec: RobotSpec) -> tuple[str, Path, Path | None, tuple[Path, ...]]:
+    """Return name, URDF, SRDF and the folders for package:// addresses."""
+    if spec.name is not None:
+        files = find_robot(spec.name)
+        return spec.name, files.urdf, spec.srdf or files.srdf, (*spec.package_dirs, *library_package_dirs())
+    if spec.urdf is None:
+        raise InputError("robot: neither name nor urdf is given")
+    urdf = spec.urdf.resolve()
+    return urdf.stem, urdf, spec.srdf, (*spec.package_dirs, *urdf.parents)
+
+
+def _collision_geometry(model: pin.Model, urdf: Path, package_dirs: tuple[Path, ...]) -> pin.GeometryModel:
+    folders = [str(folder) for folder in package_dirs]
+    return pin.buildGeomFromUrdf(model, str(urdf), pin.GeometryType.COLLISION, package_dirs=folders)
+
+
+def _quietly(read: Callable[[], Result], urdf: Path) -> Result:
+    """Run a C++ reader that writes its complaints to the error stream; they become the text of the error instead."""
+    with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as said:
+        try:
+            with _error_stream_to(said.fileno()):
+                return read()
+        except (ValueError, RuntimeError) as error:
+            said.seek(0)
+            reasons = [line.removeprefix("Error:").strip() for line in said if line.startswith("Error:")]
+            reason = "; ".join(reasons) or " ".join(str(error).split())
+            raise InputError(f"robot.urdf: {urdf}: {reason}") from None
+
+
+@contextlib.contextmanager
+def _error_stream_to(handle: int) -> Iterator[None]:
+    sys.stderr.flush()
+    kept = os.dup(2)
+    os.dup2(handle, 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
+def _planned(
+    joints: list[str], locked: Mapping[str, float], tree: Tree, semantics: Semantics, name: str
+) -> tuple[list[str], list[str]]:
+    """Return the joints to plan, and a note where a group of the SRDF chose them."""
+    notes: list[str] = []
+    coupled = {joint for mimic, (followed, _, _) in tree.mimics.items() for joint in (mimic, followed)}
+    candidates = [joint for joint in joints if joint not in coupled]
+    groups = {group: [joint for joint in candidates if joint in members] for group, members in semantics.groups.items()}
+    groups = {group: members for group, members in groups.items() if members}
+    arms = [group for group in groups if ARM_GROUP.search(group)] if len(groups) > 1 else list(groups)
+    if len(arms) == 1 and len(groups[arms[0]]) < len(candidates):
+        candidates = groups[arms[0]]
+        notes.append(f"planned are the joints of the SRDF's group '{arms[0]}'")
+    candidates = [joint for joint in candidates if not GRIPPER.search(joint)] or candidates
+    planned = [joint for joint in candidates if joint not in locked]
+    if not planned:
+        raise InputError(f"robot: {name} has no joint left to plan")
+    return planned, notes
+
+
+def _held_at(joint: str, model: pin.Model, spec: RobotSpec, tree: Tree, semantics: Semantics) -> float:
+    """Return the value of a joint that is not planned."""
+    if joint in spec.locked:
+        return float(spec.locked[joint])
+    if joint in tree.mimics and tree.mimics[joint][0] in model.names:
+        followed, factor, offset = tree.mimics[joint]
+        return factor * _held_at(followed, model, spec, tree, semantics) + offset
+    value = next((state[joint] for state in semantics.states.values() if joint in state), 0.0)
+    index = model.getJointId(joint)
+    if model.joints[index].nq != 1:
+        return value
+    at = model.joints[index].idx_q
+    return float(np.clip(value, model.lowerPositionLimit[at], model.upperPositionLimit[at]))
+
+
+def _without(
+    full: pin.Model, geometry: pin.GeometryModel, held: Mapping[str, float]
+) -> tuple[pin.Model, pin.GeometryModel]:
+    """Return the model and geometry with the held joints fixed at their values."""
+    if not held:
+        return full, geometry
+    reference = pin.neutral(full)
+    for joint, value in held.items():
+        kind = full.joints[full.getJointId(joint)]
+        coordinates = (value,) if kind.nq == 1 else (math.cos(value), math.sin(value))
+        reference[kind.idx_q : kind.idx_q + kind.nq] = coordinates
+    # Pinocchio finds a joint's frame by name alone and gives up where a link bears the joint's name.
+    mark = " (link)"
+    for frame in full.frames:
+        if frame.type == pin.FrameType.BODY and frame.name in full.names:
+            frame.name += mark
+    model, collision = pin.buildReducedModel(full, geometry, [full.getJointId(joint) for joint in held], reference)
+    for frame in model.frames:
+        frame.name = frame.name.removesuffix(mark)
+    return model, collision
+
+
+def _move_base(model: pin.Model, collision: pin.GeometryModel, base: pin.SE3) -> None:
+    """Put the root link at `base` in the world."""
+    for index in range(1, model.njoints):
+        if model.parents[index] == 0:
+            model.jointPlacements[index] = base * model.jointPlacements[index]
+    for index, frame in enumerate(model.frames):
+        if frame.parentJoint == 0 and index > 0:
+            frame.placement = base * frame.placement
+    for item in collision.geometryObjects:
+        if item.parentJoint == 0:
+            item.placement = base * item.placement
+
+
+# --- self-collision pairs --------------------------------------------------------------------------------
+
+
+def _candidate_pairs(robot: Robot, tree: Tree, semantics: Semantics, spec: RobotSpec) -> tuple[LinkPair, ...]:
+    """Return the pairs that can move against each other, without neighbours in the tree and disabled pairs."""
+    excluded = set(semantics.disabled)
+    for pair in spec.ignore_pairs:
+        for link in pair:
+            if link not in tree.links:
+                raise InputError(f"robot.ignore_pairs: unknown link '{link}'{nearest(link, tree.links)}")
+        excluded.add(link_pair(*pair))
+    for link in robot.links:
+        above = link
+        while above in tree.parent:
+            above = tree.parent[above][0]
+            if above in robot.link_joint:
+                excluded.add(link_pair(link, above))
+                break
+    return tuple(
+        link_pair(a, b)
+        for a, b in itertools.combinations(robot.links, 2)
+        if robot.link_joint[a] != robot.link_joint[b] and link_pair(a, b) not in excluded
+    )
+
+
+def _always_in_contact(robot: Robot, pairs: tuple[LinkPair, ...]) -> tuple[LinkPair, ...]:
+    """Return the pairs that touch at every one of CONTACT_SAMPLES random configurations (fixed seed)."""
+    low = np.where(robot.upper - robot.lower < 2 * math.pi, robot.lower, -math.pi)
+    high = np.where(robot.upper - robot.lower < 2 * math.pi, robot.upper, math.pi)
+    samples = np.random.default_rng(0).uniform(low, high, size=(CONTACT_SAMPLES, robot.n))
+    data, geometry_data = robot.model.createData(), pin.GeometryData(robot.collision)
+    items = robot.collision.geometryObjects
+    left = list(pairs)
+    for q in robot.pin_q(samples):
+        if not left:
+            break
+        pin.updateGeometryPlacements(robot.model, data, robot.collision, geometry_data, q)
+        left = [
+            (a, b)
+            for a, b in left
+            if any(
+                coal.collide(
+                    items[i].geometry,
+                    _transform(geometry_data.oMg[i]),
+                    items[j].geometry,
+                    _transform(geometry_data.oMg[j]),
+                    coal.CollisionRequest(),
+                    coal.CollisionResult(),
+                )
+                for i in robot.link_geometry[a]
+                for j in robot.link_geometry[b]
+            )
+        ]
+    return tuple(left)
+
+
+def _transform(pose: pin.SE3) -> coal.Transform3s:
+    return coal.Transform3s(pose.rotation, pose.translation)

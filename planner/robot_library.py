@@ -1,0 +1,86 @@
+"""The robots that come with the package example-robot-data: name -> URDF and SRDF file.
+
+The package is data only. Its files are asked for at its installed distribution, so no path is assumed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+from hdplan.scenes.errors import InputError, nearest
+
+DISTRIBUTION = "example-robot-data"
+
+
+@dataclass(frozen=True)
+class RobotFiles:
+    """Where a robot's description lies."""
+
+    urdf: Path
+    srdf: Path | None
+
+
+@cache
+def data_folder() -> Path:
+    """Return the folder that holds a folder per robot. Raises InputError if the package is not installed."""
+    try:
+        files = metadata.files(DISTRIBUTION) or []
+    except metadata.PackageNotFoundError:
+        raise InputError(f"robots by name come with the package '{DISTRIBUTION}', which is not installed") from None
+    for file in files:
+        if file.suffix == ".urdf":
+            location = Path(str(file.locate()))
+            return next(
+                parent for parent in location.parents if parent.name == "robots" and parent.parent.name == DISTRIBUTION
+            )
+    raise InputError(f"the installed package '{DISTRIBUTION}' holds no URDF file")
+
+
+def library_package_dirs() -> tuple[Path, ...]:
+    """Return the folders in which the library's package:// addresses are looked up."""
+    robots = data_folder()
+    return (robots.parent.parent, robots)
+
+
+def _srdf_of(urdf: Path, name: str) -> Path | None:
+    """Return the SRDF beside a URDF: of the same name, or else the one whose name begins the robot's name furthest."""
+    found = {path.stem: path for path in sorted((urdf.parent.parent / "srdf").glob("*.srdf"))}
+    prefixes = [stem for stem in found if name.startswith(stem)]
+    best = next((stem for stem in (urdf.stem, name) if stem in found), max(prefixes, key=len, default=None))
+    return found[best] if best is not None else None
+
+
+@cache
+def robot_names() -> dict[str, RobotFiles]:
+    """Return name -> files of every URDF in the library, sorted by name; some may turn out not to load.
+
+    A name is the file's stem without `_robot`; where two folders hold the same file, the folder's name without
+    `_description` stands instead; where one folder holds both `x.urdf` and `x_robot.urdf`, the larger file is x.
+    """
+    urdfs = sorted(path for folder in ("urdf", "robots") for path in data_folder().glob(f"*/{folder}/*.urdf"))
+    by_name: dict[str, list[Path]] = {}
+    for path in urdfs:
+        by_name.setdefault(path.stem.removesuffix("_robot"), []).append(path)
+    table: dict[str, RobotFiles] = {}
+    for name, paths in by_name.items():
+        folders = {path.parent.parent for path in paths}
+        for folder in folders:
+            own = [path for path in paths if path.parent.parent == folder]
+            unique = name if len(folders) == 1 else folder.name.removesuffix("_description")
+            best = max(own, key=lambda path: path.stat().st_size)
+            table[unique] = RobotFiles(best, _srdf_of(best, unique))
+            for other in own:
+                if other != best:
+                    table[f"{folder.name}/{other.name}"] = RobotFiles(other, None)
+    return dict(sorted(table.items()))
+
+
+def find_robot(name: str) -> RobotFiles:
+    """Return the files of a robot by name. Raises InputError with the nearest name."""
+    table = robot_names()
+    if name not in table:
+        raise InputError(f"robot.name: unknown robot '{name}'{nearest(name, table)}")
+    return table[name]
