@@ -1,4 +1,4 @@
-"""Bodies as the planner's distance wants them on its second side: planes with exact supports, in a tight box's frame.
+"""Bodies as the planner's distance wants them on its second side: planes with exact supports, and a box for the broad phase.
 
 In: scene shapes or outer link bodies. Out: PlaneBody: unit normals n_k and supports h(n_k) = max_{b in B} n_k·b, exact for the
 shape itself (a true cylinder, not a polygon). What the planes enclose is slightly more than the shape (an outer body).
@@ -14,7 +14,9 @@ from scipy.spatial import ConvexHull, QhullError
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.halfspaces import FAR, box_directions
-from hdplan.scenes.model import Box, Capsule, Cylinder, Points, Shape, Sphere
+from hdplan.planner.meshes import load_mesh
+from hdplan.planner.obstacles import convex_pieces
+from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, Shape, Sphere
 
 Floats = NDArray[np.float64]
 
@@ -23,14 +25,26 @@ FEW, MANY = 26, 48  # plane slots: box-like bodies and everything else; one comp
 
 @dataclass(frozen=True)
 class PlaneBody:
-    """The intersection of half-spaces n_k · y ≤ h_k around a convex body."""
+    """The intersection of half-spaces n_k · y ≤ h_k around a convex body, in the frame of what carries it."""
 
     name: str  # of the obstacle or link
-    parent: int  # joint that carries it; -1 if it stands in the world
-    placement: Floats  # (4, 4) of the body's own frame in its parent's frame [m]
-    normals: Floats  # (K, 3) unit normals in the body's frame, K = FEW or MANY
+    joint: int  # the joint that carries it; 0, the universe, if it stands in the world
+    normals: Floats  # (K, 3) unit normals, K = FEW or MANY; the 26 directions of its box come first
     supports: Floats  # (K,) [m]
-    half_size: Floats  # (3,) of the body's box, which is centred in its frame [m]
+    box: Floats  # (4, 4) the frame of a tight box around the body
+    half_size: Floats  # (3,) of that box [m]
+
+
+def from_obstacle(obstacle: Obstacle) -> tuple[tuple[PlaneBody, ...], tuple[str, ...]]:
+    """Enclose an obstacle: one body, or one for each convex piece of its mesh; and words on what was made of it."""
+    placement = obstacle.pose.matrix
+    if not isinstance(obstacle.shape, Mesh):
+        return (from_shape(obstacle.name, obstacle.shape, placement),), ()
+    pieces = convex_pieces(load_mesh(obstacle.shape, f"obstacles.{obstacle.name}"))
+    bodies = tuple(from_shape(obstacle.name, Points(tuple(map(tuple, piece))), placement) for piece in pieces)
+    file = obstacle.shape.file.name
+    words = (f"obstacle '{obstacle.name}': mesh {file} split into {len(pieces)} convex pieces",) if len(pieces) > 1 else ()
+    return bodies, words
 
 
 def from_shape(name: str, shape: Shape, placement: Floats) -> PlaneBody:
@@ -38,43 +52,43 @@ def from_shape(name: str, shape: Shape, placement: Floats) -> PlaneBody:
     match shape:
         case Box(size):
             half = np.array(size) / 2
-            normals = box_directions()
-            return PlaneBody(name, -1, placement, normals, np.abs(normals) @ half, half)
+            return _placed(name, 0, placement, box_directions(), np.abs(box_directions()) @ half, half)
         case Sphere(radius):
-            normals = _fibonacci(MANY)
-            return PlaneBody(name, -1, placement, normals, np.full(len(normals), radius), np.full(3, radius))
+            normals = np.vstack([box_directions(), _fibonacci(MANY - FEW)])
+            return _placed(name, 0, placement, normals, np.full(MANY, radius), np.full(3, radius))
         case Cylinder(radius, length):
-            normals = _ring_directions()
+            normals = _round_directions()
             supports = radius * np.hypot(normals[:, 0], normals[:, 1]) + length / 2 * np.abs(normals[:, 2])
-            return PlaneBody(name, -1, placement, normals, supports, np.array([radius, radius, length / 2]))
+            return _placed(name, 0, placement, normals, supports, np.array([radius, radius, length / 2]))
         case Capsule(radius, length):
-            normals = _ring_directions()
+            normals = _round_directions()
             supports = radius + length / 2 * np.abs(normals[:, 2])
-            return PlaneBody(name, -1, placement, normals, supports, np.array([radius, radius, length / 2 + radius]))
+            return _placed(name, 0, placement, normals, supports, np.array([radius, radius, length / 2 + radius]))
         case Points(points):
-            return from_points(name, -1, placement, np.array(points), 0.0)
+            vertices = np.array(points)
+            frame = _box_frame(vertices)
+            local = (vertices - frame[:3, 3]) @ frame[:3, :3]
+            normals = np.vstack([box_directions(), _face_normals(local)])
+            slots = FEW if len(normals) <= FEW else MANY
+            normals = normals[:slots]
+            supports = (normals @ local.T).max(axis=1)
+            normals, supports = _fill(normals, supports, slots)
+            return _placed(name, 0, placement @ frame, normals, supports, np.abs(local).max(axis=0))
     raise TypeError(f"{name}: a {type(shape).__name__} has to be split into convex pieces first")
 
 
-def from_points(name: str, parent: int, placement: Floats, points: Floats, radius: float) -> PlaneBody:
-    """Enclose the hull of points (m, 3), swept by a ball of `radius`: the hull's box directions and, where the hull is not a box,
-    its largest faces."""
-    frame = _box_frame(points)
-    local = (points - frame[:3, 3]) @ frame[:3, :3]
-    normals = np.vstack([box_directions(), _face_normals(local)])
-    supports = (normals @ local.T).max(axis=1) + radius
-    slots = FEW if len(normals) <= FEW else MANY
-    normals, supports = _fill(normals[:slots], supports[:slots], slots)
-    return PlaneBody(name, parent, placement @ frame, normals, supports, np.abs(local).max(axis=0) + radius)
-
-
 def from_link_body(link: str, joint: int, body: ConvexBody) -> PlaneBody:
-    """Enclose an outer link body by the 26 directions of its box; its frame moves with `joint`."""
+    """Enclose an outer link body by the 26 directions of its box; it moves with `joint`."""
     frame = _box_frame(body.vertices)
     local = (body.vertices - frame[:3, 3]) @ frame[:3, :3]
-    normals = box_directions()
-    supports = (normals @ local.T).max(axis=1) + body.radius
-    return PlaneBody(link, joint, frame, normals, supports, np.abs(local).max(axis=0) + body.radius)
+    supports = (box_directions() @ local.T).max(axis=1) + body.radius
+    return _placed(link, joint, frame, box_directions(), supports, np.abs(local).max(axis=0) + body.radius)
+
+
+def _placed(name: str, joint: int, frame: Floats, normals: Floats, supports: Floats, half_size: Floats) -> PlaneBody:
+    """Express planes given in a body's own frame in the frame in which `frame` is: h' = h + n'·t."""
+    turned = normals @ frame[:3, :3].T
+    return PlaneBody(name, joint, turned, supports + turned @ frame[:3, 3], frame, half_size)
 
 
 def _fill(normals: Floats, supports: Floats, slots: int) -> tuple[Floats, Floats]:
@@ -113,12 +127,12 @@ def _face_normals(points: Floats) -> Floats:
     return np.array(kept).reshape(-1, 3)
 
 
-def _ring_directions() -> Floats:
-    """26 directions around the z axis: both ends, 12 sideways, 6 slanted up and 6 down at 45 degrees."""
-    around = np.arange(12) * np.pi / 6
-    sideways = np.stack([np.cos(around), np.sin(around), 0 * around], axis=1)
-    slanted = np.stack([np.cos(around[::2]), np.sin(around[::2]), np.ones(6)], axis=1) / np.sqrt(2)
-    return np.vstack([[[0, 0, 1.0], [0, 0, -1.0]], sideways, slanted, slanted * [1, 1, -1]])
+def _round_directions() -> Floats:
+    """MANY directions for bodies round about z: the box's, 8 more sideways (16 in all) and 14 more slanted."""
+    between = np.pi / 8 + np.arange(8) * np.pi / 4
+    sideways = np.stack([np.cos(between), np.sin(between), 0 * between], axis=1)
+    slanted = np.stack([np.cos(between[:7]), np.sin(between[:7]), np.ones(7)], axis=1) / np.sqrt(2)
+    return np.vstack([box_directions(), sideways, slanted, slanted * [1, 1, -1]])
 
 
 def _fibonacci(count: int) -> Floats:

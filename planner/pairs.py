@@ -1,0 +1,118 @@
+"""Which bodies can meet: candidate pairs, what is left out for good, and the broad phase at given configurations.
+
+In: outer link bodies (vertices) and plane bodies (obstacles in the world, or links). Out: tables for the distance's compiled
+kernels, and per batch of configurations the (sample, pair) that may be inside the margin; every other D is positive for certain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.kinematics import KinematicsBatch
+from hdplan.planner.link_bodies import LinkBody
+from hdplan.planner.plane_bodies import FEW, MANY, PlaneBody
+
+Floats = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+# Every direction is within 27.6 degrees of one of a box's 26 directions whose support is attained at the same place of the box.
+# So where a sphere of radius r is farther than r / cos(27.6°) from the box, one of the planes separates it for certain: D > 0.
+WIDEST = 1.13
+
+
+@dataclass(frozen=True)
+class BodyPairs:
+    """P pairs of a link body with a plane body, as tables."""
+
+    body: Rows  # (P,) row of the link body in body_table
+    plane_body: Rows  # (P,) index of the plane body
+    plane_slots: Rows  # (P,) its number of plane slots: FEW or MANY
+    plane_row: Rows  # (P,) its row in the plane table of that many slots
+    joint_a: Rows  # (P,) joint that carries the link body
+    joint_b: Rows  # (P,) joint that carries the plane body, 0 for the world
+    moves: Floats  # (P, n) 1 where a joint moves only the first body, −1 only the second, else 0
+    body_table: Floats  # (A, 4 m + 1) vertices, weights, radius
+    plane_tables: dict[int, Floats]  # slots -> (·, 4 slots) normals and supports enlarged by the margin
+    centres: Floats  # (A, 3) of the link bodies' bounding spheres, in their joints' frames [m]
+    radii: Floats  # (A,) of those spheres [m]
+    boxes: Floats  # (B, 4, 4) the plane bodies' boxes, in their joints' frames
+    half_sizes: Floats  # (B, 3) of those boxes, enlarged by the margin [m]
+
+    def __len__(self) -> int:
+        """The number of pairs."""
+        return len(self.body)
+
+    def close(self, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
+        """Sample and pair indices (S,), samples ascending, whose bounding sphere reaches the enlarged box. Drops no D < 0."""
+        rotations, translations = kinematics.rotations, kinematics.translations
+        joint = np.zeros(len(self.centres), dtype=np.int64)
+        joint[self.body] = self.joint_a
+        centres = np.einsum("bjrc,jc->bjr", rotations[:, joint], self.centres) + translations[:, joint]  # (batch, A, 3)
+        box_joint = np.zeros(len(self.boxes), dtype=np.int64)
+        box_joint[self.plane_body] = self.joint_b
+        origins = np.einsum("bjrc,jc->bjr", rotations[:, box_joint], self.boxes[:, :3, 3]) + translations[:, box_joint]
+        reach = WIDEST * self.radii[self.body] + np.linalg.norm(self.half_sizes, axis=1)[self.plane_body]
+        gap = centres[:, self.body] - origins[:, self.plane_body]  # (batch, P, 3)
+        sample, pair = np.nonzero(np.einsum("bpi,bpi->bp", gap, gap) < reach**2)
+        turned = np.einsum("srk,skc->src", rotations[sample, self.joint_b[pair]], self.boxes[self.plane_body[pair], :3, :3])
+        local = np.einsum("si,sij->sj", gap[sample, pair], turned)
+        outside = np.maximum(np.abs(local) - self.half_sizes[self.plane_body[pair]], 0.0)
+        near = np.einsum("si,si->s", outside, outside) < (WIDEST * self.radii[self.body[pair]]) ** 2
+        return sample[near], pair[near]
+
+
+def body_pairs(
+    bodies: Sequence[LinkBody],
+    plane_bodies: Sequence[PlaneBody],
+    pairs: Sequence[tuple[int, int]],
+    margin: float,
+    supports: NDArray[np.bool_],
+) -> BodyPairs:
+    """Lay out pairs (index of link body, index of plane body) as tables, the plane bodies enlarged by `margin` [m].
+
+    supports: (nj, n) whether a joint moves what another joint carries (Kinematics.supports).
+    """
+    slots = max(len(body.body.vertices) for body in bodies)
+    first = np.array([a for a, _ in pairs], dtype=np.int64)
+    second = np.array([b for _, b in pairs], dtype=np.int64)
+    plane_slots = np.array([len(body.supports) for body in plane_bodies], dtype=np.int64)
+    rows = np.zeros(len(plane_bodies), dtype=np.int64)
+    tables = {}
+    for count in (FEW, MANY):
+        chosen = np.flatnonzero(plane_slots == count)
+        rows[chosen] = np.arange(len(chosen))
+        if len(chosen):
+            tables[count] = np.array(
+                [np.append(plane_bodies[b].normals.ravel(), plane_bodies[b].supports + margin) for b in chosen]
+            )
+    joint_a = np.array([body.joint for body in bodies], dtype=np.int64)[first]
+    joint_b = np.array([body.joint for body in plane_bodies], dtype=np.int64)[second]
+    middles = [(body.body.vertices.min(axis=0) + body.body.vertices.max(axis=0)) / 2 for body in bodies]
+    spans = [np.linalg.norm(b.body.vertices - middle, axis=1).max() for b, middle in zip(bodies, middles, strict=True)]
+    return BodyPairs(
+        body=first,
+        plane_body=second,
+        plane_slots=plane_slots[second],
+        plane_row=rows[second],
+        joint_a=joint_a,
+        joint_b=joint_b,
+        moves=supports[joint_a].astype(float) - supports[joint_b],
+        body_table=np.array([_body_row(body, slots) for body in bodies]),
+        plane_tables=tables,
+        centres=np.array(middles),
+        radii=np.array([span + body.body.radius for span, body in zip(spans, bodies, strict=True)]),
+        boxes=np.array([body.box for body in plane_bodies]),
+        half_sizes=np.array([body.half_size for body in plane_bodies]) + margin,
+    )
+
+
+def _body_row(body: LinkBody, slots: int) -> Floats:
+    """Vertices, weights and radius in one row; unused slots repeat the first vertex with weight 0."""
+    vertices = body.body.vertices
+    spare = slots - len(vertices)
+    weights = np.append(np.ones(len(vertices)), np.zeros(spare))
+    return np.concatenate([vertices.ravel(), np.tile(vertices[0], spare), weights, [body.body.radius]])

@@ -1,0 +1,206 @@
+"""One planning problem: scene + robot → waypoints to choose, a cost made of terms, its exact derivatives.
+
+`build` only lays things out and gives a `Problem` to look at; solvers only evaluate it. The cost of waypoints q_0 … q_{N−1} with
+both ends fixed is
+
+    smoothness(q) + w Σ_samples w_s Σ_pairs ½ min(D, 0)²
+
+(CHOMP, Ratliff et al. 2009, with the HD-SDF in place of a distance field). Only the terms that the scene calls for exist.
+"""
+
+from __future__ import annotations
+
+import functools
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.distance.compiled import RowFunction
+from hdplan.distance.halfspaces import halfspace_distance
+from hdplan.planner.kinematics import Kinematics
+from hdplan.planner.link_bodies import LinkBody, link_bodies
+from hdplan.planner.pairs import BodyPairs, body_pairs
+from hdplan.planner.plane_bodies import PlaneBody, from_link_body, from_obstacle
+from hdplan.planner.reach import reach_of
+from hdplan.planner.robot import Robot, load_scene_robot, resolve_query
+from hdplan.planner.samples import Samples
+from hdplan.planner.terms import Clearance, Smoothness
+from hdplan.scenes.model import PlannerSettings, Scene
+
+Floats = NDArray[np.float64]
+
+SAMPLES_PER_INTERVAL = 4
+SELF_ACTIVATION = 0.005  # [m] links of one arm are close by design: their penalty sets in late
+TRIALS = 200  # random configurations for the following
+OFTEN = 0.5  # a link pair whose outer bodies overlap in more than this share of random configurations is left to the certificate
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The cost at some waypoints, with derivatives with respect to the interior ones (M = N − 2 of them)."""
+
+    cost: float
+    smoothness: float
+    penalty: float  # without its weight
+    depth: Floats  # (B,) of the worst pair at each sample
+    gradient: Floats  # (M, n)
+    diagonal: Floats  # (M, n, n) penalty curvature of each waypoint
+    coupling: Floats  # (M − 1, n, n) penalty curvature between neighbours
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What is to be solved. Nothing in it changes; `refined` gives another one."""
+
+    scene: Scene
+    robot: Robot
+    start: Floats  # (n,)
+    goal: Floats  # (n,)
+    kinematics: Kinematics
+    bodies: tuple[LinkBody, ...]  # the links' outer bodies
+    plane_bodies: tuple[PlaneBody, ...]  # the obstacles' convex pieces
+    smoothness: Smoothness
+    terms: tuple[Clearance, ...]  # obstacles and self-collision, where the scene has any
+    samples: Samples
+    notes: tuple[str, ...]  # words for the user
+    compile_seconds: float  # spent on compiling the distance, or on finding it in the cache
+
+    @property
+    def waypoints(self) -> int:
+        """N, both ends included."""
+        return self.scene.planner.waypoints
+
+    def clip(self, positions: Floats) -> Floats:
+        """Move interior waypoints into the joint limits and set the ends."""
+        result = np.clip(positions, self.robot.lower, self.robot.upper)
+        result[0], result[-1] = self.start, self.goal
+        return result
+
+    def evaluate(self, positions: Floats, weight: float) -> Evaluation:
+        """Cost and derivatives at waypoints (N, n) with penalty weight w [1/m²]."""
+        smoothness, gradient = self.smoothness.value(positions)
+        kinematics = self.kinematics.evaluate(self.samples.configurations(positions))
+        penalties = [term.value(kinematics, self.samples.weight) for term in self.terms]
+        n, batch = positions.shape[1], len(self.samples.weight)
+        total = sum((p.gradient for p in penalties), np.zeros((batch, n)))
+        curvature = sum((p.curvature for p in penalties), np.zeros((batch, n, n)))
+        diagonal, coupling = self.samples.curvature_to_waypoints(curvature)
+        penalty = sum(p.cost for p in penalties)
+        return Evaluation(
+            cost=smoothness + weight * penalty,
+            smoothness=smoothness,
+            penalty=penalty,
+            depth=np.max([np.zeros(batch), *(p.depth for p in penalties)], axis=0),
+            gradient=(gradient + weight * self.samples.to_waypoints(total))[1:-1],
+            diagonal=weight * diagonal[1:-1],
+            coupling=weight * coupling[1:-1],
+        )
+
+    def penalties(self, configurations: Floats) -> Floats:
+        """The penalty ½ Σ min(D, 0)² of single configurations (B, n) -> (B,), to compare seeds by."""
+        kinematics = self.kinematics.evaluate(configurations)
+        result = np.zeros(len(configurations))
+        for term in self.terms:
+            sample, _, distance, _ = term.distances(kinematics)
+            np.add.at(result, sample, 0.5 * distance**2)
+        return result
+
+    def depth(self, configurations: Floats) -> Floats:
+        """How far the worst pair is inside its margin at single configurations (B, n) -> (B,) [m of D]."""
+        kinematics = self.kinematics.evaluate(configurations)
+        ones = np.ones(len(configurations))
+        return np.max([0 * ones, *(term.value(kinematics, ones).depth for term in self.terms)], axis=0)
+
+    def refined(self, intervals: list[int]) -> Problem:
+        """The same problem, sampled twice as densely on the given intervals."""
+        return replace(self, samples=self.samples.refined(intervals))
+
+
+def build(scene: Scene, robot: Robot | None = None) -> Problem:
+    """Lay out the problem of a scene. Raises InputError for what the scene or its robot gets wrong."""
+    robot = robot or load_scene_robot(scene)
+    query = resolve_query(robot, scene)
+    settings = scene.planner
+    kinematics = Kinematics(robot.model)
+    bodies = link_bodies(robot)
+    enclosed = [from_obstacle(obstacle) for obstacle in scene.obstacles]
+    plane_bodies = tuple(body for pieces, _ in enclosed for body in pieces)
+    notes = [*scene.notes, *robot.notes, *query.notes, *(word for _, words in enclosed for word in words)]
+
+    terms: list[Clearance] = []
+    margin = settings.clearance + settings.activation
+    reach = [reach_of(robot.model, body.joint, body.body) for body in bodies]
+    pairs = [
+        (a, b)
+        for a, body in enumerate(bodies)
+        for b, other in enumerate(plane_bodies)
+        if body.joint > 0 and reach[a].meets(other, margin)
+    ]
+    started = time.perf_counter()
+    if pairs:
+        laid_out = body_pairs(bodies, plane_bodies, pairs, margin, kinematics.supports)
+        terms.append(Clearance("obstacles", laid_out, _kernels(laid_out, settings)))
+    link_planes = tuple(from_link_body(body.link, body.joint, body.body) for body in bodies)
+    link_pairs, unresolved = _separable_pairs(robot, kinematics, bodies, link_planes, settings)
+    if link_pairs:
+        margin = settings.clearance + SELF_ACTIVATION
+        laid_out = body_pairs(bodies, link_planes, link_pairs, margin, kinematics.supports)
+        terms.append(Clearance("self-collision", laid_out, _kernels(laid_out, settings)))
+    if unresolved:
+        named = ", ".join(f"{a}-{b}" for a, b in unresolved)
+        notes.append(f"link pairs whose outer bodies overlap most of the time, left to the certificate: {named}")
+    compile_seconds = time.perf_counter() - started
+
+    return Problem(
+        scene=scene,
+        robot=robot,
+        start=query.start,
+        goal=query.goal,
+        kinematics=kinematics,
+        bodies=bodies,
+        plane_bodies=plane_bodies,
+        smoothness=Smoothness(settings.waypoints),
+        terms=tuple(terms),
+        samples=Samples((SAMPLES_PER_INTERVAL,) * (settings.waypoints - 1)),
+        notes=tuple(notes),
+        compile_seconds=compile_seconds,
+    )
+
+
+def _separable_pairs(
+    robot: Robot,
+    kinematics: Kinematics,
+    bodies: tuple[LinkBody, ...],
+    planes: tuple[PlaneBody, ...],
+    settings: PlannerSettings,
+) -> tuple[list[tuple[int, int]], list[tuple[str, str]]]:
+    """Body pairs of the robot's self pairs, and the link pairs whose outer bodies overlap so often that they would mislead."""
+    of_link: dict[str, list[int]] = {}
+    for index, body in enumerate(bodies):
+        of_link.setdefault(body.link, []).append(index)
+    pairs = [(i, j, a, b) for a, b in robot.self_pairs for i in of_link.get(a, []) for j in of_link.get(b, [])]
+    if not pairs:
+        return [], []
+    laid_out = body_pairs(bodies, planes, [(i, j) for i, j, _, _ in pairs], 0.0, kinematics.supports)
+    low, high = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
+    configurations = np.random.default_rng(0).uniform(low, high, (TRIALS, robot.n))
+    sample, pair, _, _ = Clearance("trial", laid_out, _kernels(laid_out, settings)).distances(
+        kinematics.evaluate(configurations)
+    )
+    overlaps: dict[tuple[str, str], set[int]] = {}
+    for s, p in zip(sample.tolist(), pair.tolist(), strict=True):
+        overlaps.setdefault(pairs[p][2:], set()).add(s)
+    unresolved = [names for names, seen in overlaps.items() if len(seen) > OFTEN * TRIALS]
+    return [(i, j) for i, j, a, b in pairs if (a, b) not in unresolved], unresolved
+
+
+def _kernels(pairs: BodyPairs, settings: PlannerSettings) -> dict[int, RowFunction]:
+    slots = (pairs.body_table.shape[1] - 1) // 4
+    return {count: _kernel(slots, count, settings.gamma, settings.shaping_length) for count in pairs.plane_tables}
+
+
+@functools.cache
+def _kernel(vertices: int, planes: int, gamma: int, shaping_length: float) -> RowFunction:
+    return RowFunction(halfspace_distance(vertices, planes, gamma, shaping_length))

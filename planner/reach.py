@@ -1,0 +1,53 @@
+"""How far a body can get: a ball around its chain's first joint that holds it at every configuration within the limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from hdplan.distance.bodies import ConvexBody
+from hdplan.planner.plane_bodies import PlaneBody
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Reach:
+    """A ball in the world that a body never leaves."""
+
+    centre: Floats  # (3,) [m]
+    radius: float  # [m]
+
+    def meets(self, other: PlaneBody, margin: float) -> bool:
+        """Whether the ball touches the box of a standing body enlarged by `margin` [m]; if not, the pair never matters."""
+        local = (self.centre - other.box[:3, 3]) @ other.box[:3, :3]
+        outside = np.maximum(np.abs(local) - other.half_size - margin, 0.0)
+        return bool(np.linalg.norm(outside) <= self.radius)
+
+
+def reach_of(model: pin.Model, joint: int, body: ConvexBody) -> Reach:
+    """Bound the places of a body on `joint`.
+
+    The origin of a chain's first joint stands still (but for its own travel); each further joint's origin is at a fixed distance
+    from its parent's frame, or that plus its travel: the triangle inequality adds these up, and the body's farthest point.
+    """
+    radius = float(np.linalg.norm(body.vertices, axis=1).max()) + body.radius
+    while joint > 0:
+        radius += _travel(model, joint)
+        if model.parents[joint] == 0:
+            break
+        radius += float(np.linalg.norm(model.jointPlacements[joint].translation))
+        joint = int(model.parents[joint])
+    return Reach(np.array(model.jointPlacements[joint].translation), radius)
+
+
+def _travel(model: pin.Model, joint: int) -> float:
+    """Largest displacement of a prismatic joint within its limits [m]; 0 for one that turns."""
+    kind = model.joints[joint]
+    if "P" not in kind.shortname().removeprefix("JointModel")[:1]:
+        return 0.0
+    low, high = model.lowerPositionLimit[kind.idx_q], model.upperPositionLimit[kind.idx_q]
+    return float(max(abs(low), abs(high)))

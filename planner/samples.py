@@ -1,0 +1,64 @@
+"""Configurations at which a motion is looked at: between the waypoints, more where an interval asks for it.
+
+In: the number of samples of every interval. Out: configurations of a motion, and sums over samples carried back to waypoints.
+A sample on interval k at fraction f is (1 − f) q_k + f q_{k+1}, which the trajectory, linear between waypoints, passes through.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Midpoints of equal parts of every interval."""
+
+    counts: tuple[int, ...]  # samples on each of the N − 1 intervals
+
+    @cached_property
+    def interval(self) -> NDArray[np.int64]:
+        """Interval of each sample (B,)."""
+        return np.repeat(np.arange(len(self.counts)), self.counts)
+
+    @cached_property
+    def fraction(self) -> Floats:
+        """Place of each sample within its interval (B,), strictly between 0 and 1."""
+        return np.concatenate([(np.arange(count) + 0.5) / count for count in self.counts])
+
+    @cached_property
+    def weight(self) -> Floats:
+        """Share of the motion's duration that each sample stands for (B,); sums to 1."""
+        return np.repeat(1 / (np.array(self.counts) * len(self.counts)), self.counts)
+
+    def configurations(self, positions: Floats) -> Floats:
+        """The sampled configurations (B, n) of waypoints (N, n)."""
+        fraction = self.fraction[:, None]
+        return (1 - fraction) * positions[self.interval] + fraction * positions[self.interval + 1]
+
+    def to_waypoints(self, gradient: Floats) -> Floats:
+        """Carry a gradient with respect to the samples (B, n) back to the waypoints (N, n)."""
+        result = np.zeros((len(self.counts) + 1, gradient.shape[1]))
+        np.add.at(result, self.interval, (1 - self.fraction)[:, None] * gradient)
+        np.add.at(result, self.interval + 1, self.fraction[:, None] * gradient)
+        return result
+
+    def curvature_to_waypoints(self, curvature: Floats) -> tuple[Floats, Floats]:
+        """Carry second derivatives (B, n, n) to the waypoints: diagonal blocks (N, n, n), blocks between k and k+1 (N−1, n, n)."""
+        n = curvature.shape[1]
+        diagonal, coupling = np.zeros((len(self.counts) + 1, n, n)), np.zeros((len(self.counts), n, n))
+        fraction = self.fraction[:, None, None]
+        np.add.at(diagonal, self.interval, (1 - fraction) ** 2 * curvature)
+        np.add.at(diagonal, self.interval + 1, fraction**2 * curvature)
+        np.add.at(coupling, self.interval, fraction * (1 - fraction) * curvature)
+        return diagonal, coupling
+
+    def refined(self, intervals: list[int], factor: int = 2, most: int = 32) -> Samples:
+        """The same with `factor` times the samples, at most `most`, on the given intervals."""
+        chosen = set(intervals)
+        return Samples(tuple(min(c * factor, most) if k in chosen else c for k, c in enumerate(self.counts)))

@@ -1,0 +1,43 @@
+"""CHOMP as first published: covariant gradient descent, dq = −η M⁻¹ ∇U, with M the smoothness' Hessian.
+
+A step in the metric M spreads a local push over the whole motion smoothly (Ratliff et al., CHOMP, ICRA 2009, eq. 4). The step
+length η is halved while the cost does not fall, and doubled when it does; the penalty's weight is raised as in gauss_newton.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from hdplan.planner.problem import Problem
+from hdplan.planner.solvers.solution import Budget, Progress, Solution
+
+Floats = NDArray[np.float64]
+
+SMALLEST_STEP = 1e-9
+
+
+def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
+    """Improve a guess (N, n) by gradient steps in the metric of the smoothness."""
+    positions = problem.clip(guess)
+    metric = cho_factor(problem.smoothness.matrix[1:-1, 1:-1])
+    progress = Progress(problem, budget)
+    state = problem.evaluate(positions, progress.weight)
+    length = 1.0
+    try:
+        while progress.goes_on():
+            direction = np.zeros_like(positions)
+            direction[1:-1] = -cho_solve(metric, state.gradient)
+            trial = problem.clip(positions + length * direction)
+            after = problem.evaluate(trial, progress.weight)
+            before = state.cost
+            if after.cost < before:
+                positions, state, length = trial, after, min(2 * length, 1.0)
+            else:
+                length = max(length / 2, SMALLEST_STEP)
+            if progress.step(before, state):
+                state, length = problem.evaluate(positions, progress.weight), 1.0
+    except KeyboardInterrupt:
+        progress.interrupt()
+    return progress.solution(positions)

@@ -1,0 +1,71 @@
+"""The default solver: damped Gauss-Newton steps on the banded system in time, with the penalty's weight raised as needed.
+
+Each step solves (H + λ diag H) dq = −∇, where H is the smoothness' exact Hessian plus the penalty's Gauss-Newton curvature. A
+waypoint meets only its two neighbours on either side, so H is banded and a step costs O(N n³). Joint limits hold by projection:
+coordinates that a step would push out of their limit rest for that step (Bertsekas, Projected Newton Methods, 1982).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solveh_banded
+
+from hdplan.planner.problem import Evaluation, Problem
+from hdplan.planner.solvers.solution import Budget, Progress, Solution
+
+Floats = NDArray[np.float64]
+
+FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-6, 1e6  # λ
+REST = 1e15  # stiffness that keeps a coordinate at its limit for one step
+
+
+def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
+    """Improve a guess (N, n) until every sample keeps its distance, or nothing helps any more."""
+    positions = problem.clip(guess)
+    progress = Progress(problem, budget)
+    state = problem.evaluate(positions, progress.weight)
+    damping = FIRST_DAMPING
+    try:
+        while progress.goes_on():
+            trial = problem.clip(positions + _step(problem, positions, state, damping))
+            after = problem.evaluate(trial, progress.weight)
+            before = state.cost
+            if after.cost < before:
+                positions, state, damping = trial, after, max(damping / 4, LEAST_DAMPING)
+            else:
+                damping = min(damping * 6, MOST_DAMPING)
+            if progress.step(before, state):
+                state, damping = problem.evaluate(positions, progress.weight), FIRST_DAMPING
+    except KeyboardInterrupt:
+        progress.interrupt()
+    return progress.solution(positions)
+
+
+def _step(problem: Problem, positions: Floats, state: Evaluation, damping: float) -> Floats:
+    """The damped Gauss-Newton step as waypoint displacements (N, n), zero at the ends."""
+    interior = positions[1:-1]
+    count, n = interior.shape
+    band = _band(problem.smoothness.matrix[1:-1, 1:-1], state, damping)
+    gradient = state.gradient
+    outward = ((interior >= problem.robot.upper) & (gradient < 0)) | ((interior <= problem.robot.lower) & (gradient > 0))
+    band[0] += REST * outward.ravel()
+    step = np.zeros_like(positions)
+    step[1:-1] = -solveh_banded(band, np.where(outward, 0.0, gradient).ravel(), lower=True, check_finite=False).reshape(count, n)
+    return step
+
+
+def _band(smoothness: Floats, state: Evaluation, damping: float) -> Floats:
+    """The lower band (2 n + 1, M n) of the Hessian for M interior waypoints: row d, column c holds H[c + d, c]."""
+    count, n = state.gradient.shape
+    band = np.zeros((2 * n + 1, count * n))
+    for offset in range(min(3, count)):
+        band[offset * n, : (count - offset) * n] = np.repeat(np.diagonal(smoothness, offset), n)
+    columns = np.arange(count) * n
+    for row in range(n):
+        for column in range(n):
+            if row >= column:
+                band[row - column, columns + column] += state.diagonal[:, row, column]
+            band[n + row - column, columns[:-1] + column] += state.coupling[:, row, column]
+    band[0] *= 1 + damping
+    return band

@@ -1,0 +1,90 @@
+"""Ipopt on the CasADi problem: an interior-point method with exact Hessians, the penalty's weight raised between its runs.
+
+Every pair at every sample is in the graph, so a step costs far more than one of gauss_newton; it shows what exact second
+derivatives bring, and hands the problem to anyone's solver.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.nlp import nlp
+from hdplan.planner.problem import Problem
+from hdplan.planner.solvers.solution import Budget, Progress, Solution
+
+Floats = NDArray[np.float64]
+
+STEPS_PER_WEIGHT = 20
+
+
+def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
+    """Improve a guess (N, n) by interior-point runs at rising penalty weights."""
+    positions = problem.clip(guess)
+    progress = Progress(problem, budget)
+    state = problem.evaluate(positions, progress.weight)
+    whole = nlp(problem)
+    stop = _Stop(whole.x.numel(), budget)
+    run = ca.nlpsol(
+        "run",
+        "ipopt",
+        {"x": whole.x, "p": whole.weight, "f": whole.cost},
+        {
+            "grad_f": ca.Function("grad_f", [whole.x, whole.weight], [whole.cost, whole.gradient], ["x", "p"], ["f", "grad_f_x"]),
+            "hess_lag": _lagrangian_hessian(whole.x, whole.weight, whole.hessian),
+            "iteration_callback": stop,
+            "print_time": False,
+            "error_on_fail": False,
+            "ipopt": {"print_level": 0, "sb": "yes", "max_iter": STEPS_PER_WEIGHT, "mu_init": 1e-4, "bound_relax_factor": 0.0},
+        },
+    )
+    try:
+        while progress.goes_on():
+            found = run(x0=positions[1:-1].ravel(), p=progress.weight, lbx=whole.lower, ubx=whole.upper)
+            trial = positions.copy()
+            trial[1:-1] = np.array(found["x"]).reshape(positions[1:-1].shape)
+            trial = problem.clip(trial)
+            before, after = state.cost, problem.evaluate(trial, progress.weight)
+            if after.cost < before:
+                positions, state = trial, after
+            if progress.step(before, state):
+                state = problem.evaluate(positions, progress.weight)
+    except KeyboardInterrupt:
+        progress.interrupt()
+    return progress.solution(positions)
+
+
+def _lagrangian_hessian(x: ca.MX, weight: ca.MX, hessian: ca.MX) -> ca.Function:
+    """The Hessian as CasADi's interface to ipopt wants it: its upper triangle, times the objective's factor."""
+    factor, multipliers = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", 0)
+    triangle = ca.triu(factor * hessian)
+    return ca.Function(
+        "hess_lag", [x, weight, factor, multipliers], [triangle], ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
+    )
+
+
+class _Stop(ca.Callback):
+    """Ends a run when the time is up."""
+
+    def __init__(self, size: int, budget: Budget) -> None:
+        ca.Callback.__init__(self)
+        self.size = size
+        self.budget = budget
+        self.construct("stop")
+
+    def get_n_in(self) -> int:
+        """The outputs of nlpsol."""
+        return int(ca.nlpsol_n_out())
+
+    def get_n_out(self) -> int:
+        """One flag."""
+        return 1
+
+    def get_sparsity_in(self, index: int) -> ca.Sparsity:
+        """Shapes of nlpsol's outputs: x and its multipliers are vectors, the cost a scalar, the rest empty."""
+        return ca.Sparsity.dense({"x": self.size, "lam_x": self.size, "f": 1}.get(ca.nlpsol_out(index), 0), 1)
+
+    def eval(self, _: list[ca.DM]) -> list[float]:
+        """1 ends the run."""
+        return [float(self.budget.spent())]

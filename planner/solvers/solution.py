@@ -1,0 +1,120 @@
+"""What every solver gets beside the problem, what it gives back, and the schedule of penalty weights that they share.
+
+The penalty's weight w starts low, so that the motion moves as a whole, and is raised whenever progress stalls with bodies still
+too close: the continuation of a quadratic penalty method (Nocedal & Wright, Numerical Optimization, section 17.1).
+"""
+
+from __future__ import annotations
+
+import enum
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.problem import Evaluation, Problem
+
+Floats = NDArray[np.float64]
+
+
+class Status(enum.Enum):
+    """Why a solver stopped; each value says cause and remedy."""
+
+    CLEAR = "every sample keeps its distance: the motion is ready for the certificate"
+    STALLED = "the penalty stopped falling with bodies still too close: a local minimum; try another seed"
+    ITERATIONS = "the iteration limit was reached with bodies still too close: more iterations or another seed may help"
+    TIME = "the time limit was reached: raise --time-limit"
+    INTERRUPTED = "interrupted: this is the best motion so far"
+
+
+FIRST_WEIGHT, LAST_WEIGHT, RAISE = 1e3, 3e8, 6.0  # of the penalty [1/m²]
+SLOW = 0.01  # relative decrease below which a step counts as stalled
+PATIENCE = 3  # stalled steps in a row that end a weight
+ENOUGH = 0.5  # share of the activation band that may be used up when the motion counts as clear
+
+
+@dataclass(frozen=True)
+class Step:
+    """One iteration, for progress displays and plots."""
+
+    iteration: int
+    cost: float
+    smoothness: float
+    depth: float  # [m of D] how far the worst sample is inside its margin
+    weight: float  # of the penalty
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What a solver may spend."""
+
+    deadline: float = float("inf")  # time.perf_counter() at which to stop
+    iterations: int = 300
+    report: Callable[[Step], None] = field(default=lambda step: None)  # called once per iteration
+
+    def spent(self) -> bool:
+        """Whether the deadline has passed."""
+        return time.perf_counter() > self.deadline
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Waypoints and how they were found."""
+
+    positions: Floats  # (N, n)
+    status: Status
+    weight: float  # the penalty weight of the last iteration
+    steps: tuple[Step, ...]
+
+    @property
+    def iterations(self) -> int:
+        """How many steps were taken."""
+        return len(self.steps)
+
+
+class Progress:
+    """Keeps the steps, tells when to raise the penalty's weight and when to stop."""
+
+    def __init__(self, problem: Problem, budget: Budget, weight: float = FIRST_WEIGHT) -> None:
+        self.weight = weight
+        ends = problem.depth(np.array([problem.start, problem.goal]))
+        self.allowed = max(ENOUGH * problem.scene.planner.activation, float(ends.max()))  # no motion can do better at its ends
+        self.budget = budget
+        self.status: Status | None = None
+        self.steps: list[Step] = []
+        self.stalled = 0
+
+    def goes_on(self) -> bool:
+        """Whether another step may be taken."""
+        if self.status is None and self.budget.spent():
+            self.status = Status.TIME
+        if self.status is None and len(self.steps) >= self.budget.iterations:
+            self.status = Status.ITERATIONS
+        return self.status is None
+
+    def step(self, before: float, state: Evaluation) -> bool:
+        """Record a step from cost `before` to `state` at the same weight; True if the weight was raised after it."""
+        depth = float(state.depth.max(initial=0.0))
+        self.steps.append(Step(len(self.steps) + 1, state.cost, state.smoothness, depth, self.weight))
+        self.budget.report(self.steps[-1])
+        self.stalled = self.stalled + 1 if before - state.cost <= SLOW * before else 0
+        if self.stalled < PATIENCE:
+            return False
+        if depth <= self.allowed:
+            self.status = Status.CLEAR
+        elif self.weight >= LAST_WEIGHT:
+            self.status = Status.STALLED
+        else:
+            self.weight, self.stalled = self.weight * RAISE, 0
+            return True
+        return False
+
+    def interrupt(self) -> None:
+        """The user asked to stop."""
+        self.status = Status.INTERRUPTED
+
+    def solution(self, positions: Floats) -> Solution:
+        """Wrap up."""
+        return Solution(positions, self.status or Status.ITERATIONS, self.weight, tuple(self.steps))
