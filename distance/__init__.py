@@ -1,0 +1,40 @@
+"""Signed distances of convex bodies: smooth (``hdsdf``, ``hdsdf_function``) and exact (``signed_distance``).
+
+Positive = separated, everywhere. CasADi and coal are loaded only when ``hdsdf_function`` or ``signed_distance`` is
+asked for.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.holder import holder_maximum, holder_minimum, shaping
+from hdplan.distance.reference import hdsdf, separating_axis_distance
+from hdplan.distance.sat import Proximity
+
+if TYPE_CHECKING:
+    from hdplan.distance.oracle import signed_distance
+    from hdplan.distance.symbolic import hdsdf_function
+
+__all__ = [
+    "ConvexBody",
+    "Proximity",
+    "hdsdf",
+    "hdsdf_function",
+    "holder_maximum",
+    "holder_minimum",
+    "separating_axis_distance",
+    "shaping",
+    "signed_distance",
+]
+
+_HEAVY = {"hdsdf_function": "symbolic", "signed_distance": "oracle"}
+
+
+def __getattr__(name: str) -> Any:
+    """Import the module of a heavy name when it is first asked for."""
+    if name in _HEAVY:
+        return getattr(import_module(f"{__name__}.{_HEAVY[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -143,7 +143,7 @@ def _hull(points: Array) -> tuple[Array, Array, Array]:
     faces, and needles and plates become as well-conditioned as cubes.
     """
     centred = points - points[0]
-    centred = centred - 0.5 * (centred.min(0) + centred.max(0))
+    centred = centred - centred.mean(0)
     size = float(np.abs(centred).max())
     if size == 0.0:
         return points[:1], NONE, NONE

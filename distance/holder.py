@@ -1,0 +1,69 @@
+"""Hölder minimum and maximum and the shaping function, in NumPy (paper, section ``sec:smooth-min-max-functions``).
+
+In: arrays (..., n), the operators act along the last axis. Out: arrays (...,). Written in a form that never overflows:
+every ratio lies in [0, 1], for any gamma and any scale.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hdplan.scenes.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+def holder_minimum(values: ArrayLike, gamma: int, multiplicities: ArrayLike | None = None) -> Array:
+    """Return the gamma-Hölder minimum of ``values`` (..., n) along the last axis, shape (...,).
+
+    With p = gamma + 1 (paper: Lemma ``lemma:aczel``): ||x||_{-p} where min x > 0; 0 where min x = 0; -||(-x)_+||_p
+    where min x < 0; each taken out by its extreme m = min x. ``multiplicities`` (n,) says how often each value counts.
+
+    Same sign as the minimum, and never above it where that is negative or positive: |min x| >= u > 0, or u <= min x <
+    0. Raises InputError unless gamma is an integer >= 1.
+    """
+    p = check_gamma(gamma) + 1
+    x = np.asarray(values, dtype=float)
+    weights = np.ones(x.shape[-1]) if multiplicities is None else np.asarray(multiplicities, dtype=float)
+    m = x.min(axis=-1, keepdims=True)
+    above = np.where(m > 0, m / np.where(m > 0, x, 1.0), 0.0)  # m / x_i
+    below = np.where(m < 0, np.minimum(x, 0.0) / np.where(m < 0, m, 1.0), 0.0)  # (-x_i)_+ / (-m)
+    m = m[..., 0]
+    norm_above = np.sum(weights * above**p, axis=-1, where=m[..., None] > 0, initial=0.0)
+    norm_below = np.sum(weights * below**p, axis=-1)
+    return np.asarray(np.where(m > 0, m * np.where(m > 0, norm_above, 1.0) ** (-1.0 / p), m * norm_below ** (1.0 / p)))
+
+
+def holder_maximum(values: ArrayLike, gamma: int, multiplicities: ArrayLike | None = None) -> Array:
+    """Return the gamma-Hölder maximum, -min(-x), along the last axis (paper: Definition ``def:smooth-max-boxplus``)."""
+    return -holder_minimum(-np.asarray(values, dtype=float), gamma, multiplicities)
+
+
+def shaping(values: ArrayLike, gamma: int, shaping_length: float) -> Array:
+    """Return Phi(u) = u |u|^gamma / (|u|^gamma + delta^gamma) for ``values`` of any shape (paper: eq. ``eq:phi``).
+
+    delta = ``shaping_length`` [m], the height at which Phi halves its argument; epsilon = delta^gamma.
+    """
+    u = np.asarray(values, dtype=float)
+    size = np.abs(u)
+    power = (np.minimum(size, shaping_length) / np.maximum(size, shaping_length)) ** gamma
+    return np.asarray(u * np.where(size > shaping_length, 1.0, power) / (1.0 + power))
+
+
+def check_gamma(gamma: int) -> int:
+    """Return ``gamma`` if it is an integer >= 1, else raise InputError."""
+    if isinstance(gamma, bool) or not isinstance(gamma, (int, np.integer)) or gamma < 1:
+        raise InputError(f"gamma: found {gamma!r}, allowed is an integer >= 1")
+    return int(gamma)
+
+
+def resolve_shaping_length(gamma: int, shaping_length: float, epsilon: float | None) -> float:
+    """Return the shaping length delta [m]: ``shaping_length``, or epsilon^(1/gamma) where the paper's epsilon is given.
+
+    Raises InputError unless the one that counts is positive and finite.
+    """
+    name, value = ("shaping_length", shaping_length) if epsilon is None else ("epsilon", epsilon)
+    if not np.isfinite(value) or value <= 0:
+        raise InputError(f"{name}: found {value!r}, allowed is a positive number")
+    return float(value) if epsilon is None else float(value) ** (1.0 / check_gamma(gamma))
