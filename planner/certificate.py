@@ -1,0 +1,283 @@
+"""The certificate: a proof that a whole continuous motion is free, from the scene and the trajectory alone.
+
+It shares nothing with the planner that made the trajectory: Pinocchio's own kinematics, the robot's real collision
+geometry, the scene's own shapes (`proximity`), and bounds on the motion between samples (`motion_bounds`, `sweep`).
+Distances are proven *lower bounds* in metres, positive = separated. Two bodies that do not move against each other (a
+robot's base and the floor on which it stands) are no part of a motion and are not compared.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hdplan.planner.motion_bounds import Chain
+from hdplan.planner.proximity import link_pieces, obstacle_pieces
+from hdplan.planner.robot import Robot, load_scene_robot, resolve_query
+from hdplan.planner.sweep import Body, Pairs, Spot, Sweep
+from hdplan.planner.trajectory import Trajectory
+from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.model import Scene
+
+Array = NDArray[np.float64]
+
+AT_LIMIT = 1e-3  # [rad] or [m] by which an end may lie beyond a joint limit: scenes sit on limits to rounding
+BEYOND_LIMIT = 1e-9  # the same for all other waypoints
+SAME_END = 1e-6  # [rad] or [m] between an end of the trajectory and the scene's
+SAME_LOCKED = 1e-6  # [rad] or [m] between a locked joint's value in trajectory and scene
+
+
+class Status(Enum):
+    """What a certificate says; `remedy` says what to do about it."""
+
+    CERTIFIED = "certified"
+    WRONG_ENDS = "wrong_ends"
+    OUTSIDE_LIMITS = "outside_limits"
+    IN_CONTACT = "in_contact"
+    TOO_CLOSE = "too_close"
+    NOT_PROVEN = "not_proven"
+
+    @property
+    def remedy(self) -> str:
+        """What a user can do."""
+        return {
+            Status.CERTIFIED: "none needed",
+            Status.WRONG_ENDS: "plan from the scene's start to its goal, or check against the scene it was planned for",
+            Status.OUTSIDE_LIMITS: "keep every waypoint within the robot's joint limits",
+            Status.IN_CONTACT: "plan with more clearance, more waypoints or another seed",
+            Status.TOO_CLOSE: "ask for less clearance, or plan with more",
+            Status.NOT_PROVEN: "the motion grazes a body: plan with more clearance",
+        }[self]
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place on the motion where two bodies are close."""
+
+    interval: int  # between waypoints `interval` and `interval` + 1
+    fraction: float  # of that interval, 0 to 1
+    time: float  # path parameter of the whole motion, 0 to 1
+    link: str
+    other: str  # an obstacle or another link
+    distance: float  # [m], negative in contact: minus the depth, where it is known
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """A verdict on a continuous motion."""
+
+    status: Status
+    text: str  # one sentence: what was found, where, and what to do
+    clearance: float | None  # [m] proven lower bound, robot to obstacles; None without obstacles or without proof
+    self_clearance: float | None  # [m] the same between the links
+    worst: Place | None  # the closest place found between robot and obstacles; if in contact, the deepest
+    self_worst: Place | None  # the same between the links
+    failures: tuple[Place, ...]  # every waypoint interval and pair that is not proven, the worst place met there
+    configurations: int  # at which distances were computed
+    exact_calls: int  # of the exact distance
+    seconds: float  # spent
+
+    @property
+    def certified(self) -> bool:
+        """Whether the motion is proven free."""
+        return self.status is Status.CERTIFIED
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Two bodies that touch in one configuration."""
+
+    link: str
+    other: str  # an obstacle or another link
+    depth: float  # [m] how far they overlap, 0 where only the contact is known
+
+
+def certify(
+    scene: Scene, trajectory: Trajectory, robot: Robot | None = None, *, required: float = 0.0, check_ends: bool = True
+) -> Certificate:
+    """Certify `trajectory` in `scene`: the verdict over the motion along straight lines between its waypoints.
+
+    Args:
+        scene: the scene; its own shapes count, not the planner's bodies.
+        trajectory: joints by name, in any order.
+        robot: the scene's robot, if it is loaded already.
+        required: clearance [m] that must be proven between robot and obstacles; 0 means free.
+        check_ends: whether the first and last waypoint must be the scene's start and goal.
+
+    Raises:
+        InputError: joints of the trajectory do not fit the robot; a mesh of the scene cannot be used.
+    """
+    return Certifier(scene, robot or load_scene_robot(scene)).certify(
+        trajectory, required=required, check_ends=check_ends
+    )
+
+
+def check_configuration(scene: Scene, robot: Robot, q: ArrayLike) -> tuple[Contact, ...]:
+    """Return the contacts of configuration `q` (n,), the deepest first: exact, robot with obstacles and with itself."""
+    return Certifier(scene, robot).contacts(q)
+
+
+class Certifier:
+    """A scene and its robot made ready once, to certify many trajectories."""
+
+    def __init__(self, scene: Scene, robot: Robot) -> None:
+        """Gather links, obstacles and the pairs to be kept apart."""
+        self.scene, self.robot = scene, robot
+        links: dict[str, list[int]] = {}
+        bodies: list[Body] = []
+        for link, geometries in robot.link_geometry.items():
+            for index in geometries:
+                item = robot.collision.geometryObjects[index]
+                for piece in link_pieces(item.geometry, item.name):
+                    links.setdefault(link, []).append(len(bodies))
+                    bodies.append(Body(link, piece, int(item.parentJoint), item.placement.homogeneous))
+        count = len(bodies)
+        for obstacle in scene.obstacles:
+            bodies.extend(
+                Body(obstacle.name, piece, placement=obstacle.pose.matrix) for piece in obstacle_pieces(obstacle)
+            )
+        rows = [(a, b, 0) for a in range(count) for b in range(count, len(bodies))]
+        rows += [(a, b, 1) for first, second in robot.self_pairs for a in links[first] for b in links[second]]
+        chain = Chain.of(robot.model)
+        self.sweep = Sweep(chain, bodies, Pairs.of(chain, bodies, rows), robot.pin_q)
+
+    def certify(self, trajectory: Trajectory, *, required: float = 0.0, check_ends: bool = True) -> Certificate:
+        """Certify one trajectory; see `certify`."""
+        began = time.perf_counter()
+        waypoints = waypoints_of(self.robot, trajectory)
+        proof = self.sweep.prove(waypoints, required)
+        failures = tuple(self._place(spot, len(waypoints)) for spot in proof.failures)
+        worst, self_worst = (self._place(spot, len(waypoints)) if spot else None for spot in proof.closest)
+        unproven = {int(self.sweep.pairs.group[spot.pair]) for spot in proof.failures}
+        clearance, self_clearance = (
+            None if group in unproven or not np.isfinite(bound) else bound
+            for group, bound in enumerate(proof.clearance)
+        )
+        ends = self._wrong_ends(waypoints) if check_ends else None
+        limits = self._outside_limits(waypoints)
+        deepest = min(failures, key=lambda place: place.distance, default=None)
+        touching = [spot for spot in proof.failures if spot.touching]
+        if ends:
+            status, found = Status.WRONG_ENDS, ends
+        elif limits:
+            status, found = Status.OUTSIDE_LIMITS, limits
+        elif any(spot.distance <= 0.0 for spot in touching) and deepest:
+            status, found = Status.IN_CONTACT, f"{_words(deepest)}; {_others(failures)}"
+        elif touching and deepest:
+            status, found = (
+                Status.TOO_CLOSE,
+                f"{_words(deepest)}, {required * 1e3:g} mm are required; {_others(failures)}",
+            )
+        elif deepest:
+            status, found = Status.NOT_PROVEN, f"{_words(deepest)} at most proven; {_others(failures)}"
+        else:
+            status, found = Status.CERTIFIED, _proven(clearance, self_clearance)
+        text = f"{status.value.replace('_', ' ')}: {found}"
+        return Certificate(
+            status,
+            text if status is Status.CERTIFIED else f"{text} ({status.remedy})",
+            clearance,
+            self_clearance,
+            worst,
+            self_worst,
+            failures,
+            proof.configurations,
+            proof.exact_calls,
+            time.perf_counter() - began,
+        )
+
+    def contacts(self, q: ArrayLike) -> tuple[Contact, ...]:
+        """Return the contacts of one configuration; see `check_configuration`."""
+        depths: dict[tuple[str, str], float] = {}
+        for spot in self.sweep.distances(np.asarray(q, dtype=np.float64)):
+            if spot.touching:
+                names = self._names(spot.pair)
+                depths[names] = max(depths.get(names, 0.0), -spot.distance)
+        return tuple(Contact(*names, depths[names]) for names in sorted(depths, key=lambda names: -depths[names]))
+
+    def _names(self, pair: int) -> tuple[str, str]:
+        pairs, bodies = self.sweep.pairs, self.sweep.bodies
+        return bodies[pairs.a[pair]].name, bodies[pairs.b[pair]].name
+
+    def _place(self, spot: Spot, count: int) -> Place:
+        time_ = (spot.interval + spot.fraction) / (count - 1)
+        return Place(spot.interval, spot.fraction, time_, *self._names(spot.pair), spot.distance)
+
+    def _wrong_ends(self, waypoints: Array) -> str | None:
+        query = resolve_query(self.robot, self.scene)
+        turning = np.isinf(self.robot.lower) & np.isinf(self.robot.upper)
+        for word, row, target in (("first", waypoints[0], query.start), ("last", waypoints[-1], query.goal)):
+            error = row - target
+            error = np.where(turning, np.angle(np.exp(1j * error)), error)  # whole turns are the same place
+            joint = int(np.abs(error).argmax())
+            if abs(error[joint]) > SAME_END:
+                field = "start" if word == "first" else "goal"
+                return (
+                    f"the {word} waypoint has joint '{self.robot.joint_names[joint]}' at {row[joint]:g}, "
+                    f"the scene's {field} at {target[joint]:g}"
+                )
+        return None
+
+    def _outside_limits(self, waypoints: Array) -> str | None:
+        """Look at the waypoints alone: a box is convex, so the lines between them stay within the same limits."""
+        slack = np.full((len(waypoints), 1), BEYOND_LIMIT)
+        slack[[0, -1]] = AT_LIMIT
+        beyond = np.maximum(self.robot.lower - waypoints, waypoints - self.robot.upper) - slack
+        row, joint = (int(i) for i in np.unravel_index(int(beyond.argmax()), beyond.shape))
+        if beyond[row, joint] <= 0.0:
+            return None
+        low, high = self.robot.lower[joint], self.robot.upper[joint]
+        return (
+            f"waypoint {row} has joint '{self.robot.joint_names[joint]}' at {waypoints[row, joint]:g}, "
+            f"its limits are [{low:g}, {high:g}]"
+        )
+
+
+def waypoints_of(robot: Robot, trajectory: Trajectory) -> Array:
+    """Return the trajectory's positions (N, n) in the order of the robot's planned joints.
+
+    Columns of joints that the robot holds must stand still at the value at which it holds them. Raises InputError for
+    joints that are missing, unknown or held elsewhere.
+    """
+    columns = dict(zip(trajectory.joint_names, trajectory.positions.T, strict=True))
+    if missing := [name for name in robot.joint_names if name not in columns]:
+        raise InputError(f"trajectory: joint '{missing[0]}' of {robot.name} is missing{nearest(missing[0], columns)}")
+    held: Mapping[str, ArrayLike] = {name: column for name, column in columns.items() if name not in robot.joint_names}
+    for name, values in {**trajectory.locked, **held}.items():
+        if name not in robot.locked:
+            known = (*robot.joint_names, *robot.locked)
+            raise InputError(f"trajectory: joint '{name}' is not one of {robot.name}{nearest(name, known)}")
+        away = np.asarray(values) - robot.locked[name]
+        if np.abs(away).max() > SAME_LOCKED:
+            found = np.asarray(values).flat[np.abs(away).argmax()]
+            raise InputError(
+                f"trajectory: joint '{name}' is at {found:g}, the scene holds it at {robot.locked[name]:g}"
+            )
+    return np.stack([columns[name] for name in robot.joint_names], axis=1)
+
+
+def _words(place: Place) -> str:
+    if place.distance < 0.0:
+        gap = f"overlap by {-place.distance * 1e3:.3g} mm"
+    elif place.distance == 0.0:
+        gap = "touch"
+    else:
+        gap = f"come within {place.distance * 1e3:.3g} mm"
+    return f"{place.link} and {place.other} {gap} after waypoint {place.interval} (time {place.time:.3f})"
+
+
+def _others(failures: tuple[Place, ...]) -> str:
+    pairs = Counter((place.link, place.other) for place in failures)
+    return f"{len({place.interval for place in failures})} interval(s), {len(pairs)} pair(s) fail"
+
+
+def _proven(clearance: float | None, self_clearance: float | None) -> str:
+    obstacles = "no obstacles to meet" if clearance is None else f"at least {clearance * 1e3:.3g} mm to every obstacle"
+    links = "" if self_clearance is None else f", {self_clearance * 1e3:.3g} mm between links"
+    return f"{obstacles}{links}, over the whole motion"
