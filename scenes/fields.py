@@ -191,7 +191,7 @@ def read_document(file: Path, text_numbers: bool = False) -> Field:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
-        what = " ".join(filter(None, [error.problem, error.context]))
+        what = ", ".join(filter(None, [error.context, error.problem]))
         raise top.error(f"{where}YAML syntax: {' '.join(what.split())}") from None
     except yaml.reader.ReaderError as error:
         line = content.count("\n", 0, error.position) + 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
 from os import PathLike
 from pathlib import Path
@@ -62,7 +63,7 @@ def load_scene(path: FilePath, request: FilePath | None = None, robot: FilePath 
     """
     top = read_document(find_scene(path))
     keys = top.mapping()
-    spec = None if robot is None else read_robot(robot)
+    spec, notes = (None, ()) if robot is None else read_robot(robot)
     if "hdplan" not in keys and is_moveit_scene(keys):
         if request is None:
             raise top.error(
@@ -72,14 +73,14 @@ def load_scene(path: FilePath, request: FilePath | None = None, robot: FilePath 
             raise top.error(
                 "is a MoveIt planning scene, which does not say where its robot is found: give --robot NAME or FILE"
             )
-        return read_moveit(top.document.file, Path(request), spec)
+        return _with_notes(read_moveit(top.document.file, Path(request), spec), notes)
     if "hdplan" not in keys and is_moveit_request(keys):
         raise top.error(
             "is a MoveIt motion plan request; name the planning scene first and give this file with --request"
         )
     if request is not None:
         raise top.error("is no MoveIt planning scene, so no request goes with it (--request)")
-    return _read_hdplan(top, spec)
+    return _with_notes(_read_hdplan(top, spec), notes)
 
 
 def shipped_scenes() -> dict[str, Path]:
@@ -104,8 +105,11 @@ def find_scene(path: FilePath) -> Path:
     raise InputError(f"{file}: no such file ({hint})")
 
 
-def read_robot(robot: FilePath) -> RobotSpec:
+def read_robot(robot: FilePath) -> tuple[RobotSpec, tuple[str, ...]]:
     """Read a robot given beside the scene: a name of example-robot-data, or a YAML file with a `robot` section.
+
+    Returns:
+        The robot, and words for the user about what was changed.
 
     Raises:
         InputError: bad file or section. Whether a robot of that name exists is known when it is loaded.
@@ -113,9 +117,14 @@ def read_robot(robot: FilePath) -> RobotSpec:
     file = Path(robot)
     is_name = len(file.parts) == 1 and not file.suffix
     if is_name and not file.is_file():
-        return RobotSpec(name=str(robot))
+        return RobotSpec(name=str(robot)), ()
     top = read_document(file)
-    return _robot(top.mapping(SECTIONS, required=["robot"])["robot"])
+    spec = _robot(top.mapping(SECTIONS, required=["robot"])["robot"])
+    return spec, tuple(top.document.notes)
+
+
+def _with_notes(scene: Scene, notes: tuple[str, ...]) -> Scene:
+    return dataclasses.replace(scene, notes=(*notes, *scene.notes))
 
 
 def _read_hdplan(top: Field, robot: RobotSpec | None) -> Scene:
@@ -223,7 +232,9 @@ def _points(entry: Field) -> tuple[Vector3, ...]:
     points = tuple(read_vector(item, unit="m") for item in entry.items(of="points"))
     spread = np.ptp(points, axis=0).max() if points else 0.0
     if not points or np.linalg.matrix_rank(np.subtract(points, points[0]), tol=FLAT * spread) < 3:
-        raise entry.error(f"must be four or more points that do not lie in one plane, found {len(points)} that do")
+        raise entry.error(
+            f"must be points that span a volume (four or more, not in one plane), found {len(points)} that do not"
+        )
     return points
 
 

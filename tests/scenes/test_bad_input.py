@@ -143,7 +143,7 @@ CASES = {
     "1e-3": (shape("type: sphere, radius: 1e-3"), ["obstacles[1].shape.radius: ", "'1e-3'", "write 1.0e-3"]),
     "1.5e3": (shape("type: sphere, radius: 1.5e3"), ["obstacles[1].shape.radius: ", "'1.5e3'", "write 1.5e+3"]),
     "number in quotes": (shape("type: sphere, radius: '0.5'"), ["obstacles[1].shape.radius: ", "0.5 without quotes"]),
-    "no points": (shape("type: points, points: []"), ["obstacles[1].shape.points: ", "four or more"]),
+    "no points": (shape("type: points, points: []"), ["obstacles[1].shape.points: ", "four or more", "found 0"]),
     "flat points": (
         shape("type: points, points: [[0, 0, 1], [1, 0, 1], [0, 1, 1], [1, 1, 1]]"),
         ["obstacles[1].shape.points: ", "one plane"],

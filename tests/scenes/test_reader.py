@@ -160,6 +160,12 @@ def test_robot_given_beside_the_scene_replaces_its_own(tmp_path: Path) -> None:
     assert load_scene(file, robot=other).robot == RobotSpec(name="ur5", base=Pose((0.0, 0.0, 1.0)))
 
 
+def test_words_about_a_robot_file_reach_the_user(tmp_path: Path) -> None:
+    other = write(tmp_path, "robot: {name: ur5, base: {quaternion_xyzw: [0, 0, 0, 1.001]}}", "robot.yaml")
+    (note,) = load_scene(write(tmp_path, SHORT), robot=other).notes
+    assert note.startswith("robot.yaml: robot.base.quaternion_xyzw: ")
+
+
 def test_robot_given_beside_the_scene_may_stand_in_for_a_missing_one(tmp_path: Path) -> None:
     file = write(tmp_path, SHORT.replace("robot: {name: panda}\n", ""))
     assert load_scene(file, robot="panda").robot == RobotSpec(name="panda")
