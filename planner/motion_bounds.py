@@ -39,6 +39,38 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
+class Motion:
+    """What bodies do on intervals of the motion, one row each: Ω, U and the two bounds of the module's head."""
+
+    omega: Array  # (i, 3)
+    velocity: Array  # (i, 3) U
+    first: Array  # (i,) Σ |δ_j| ρ_j [m]
+    second: Array  # (i,) R [m]
+
+    @classmethod
+    def of(cls, chain: Chain, delta: Array, axes: Array, points: Array, reach: Array) -> Motion:
+        """Compute it from δ (i, n), 0 for joints that do not count, axes and points on them (i, n, 3) and ρ (i, n)."""
+        turning = delta * chain.revolute
+        speed, turn = np.abs(delta) * reach, np.abs(turning)
+        before = np.cumsum(turn, axis=1) - turn
+        return cls(
+            np.einsum("in,inc->ic", turning, axes),
+            np.einsum("in,inc->ic", turning, np.cross(points, axes)) + np.einsum("in,inc->ic", delta - turning, axes),
+            speed.sum(axis=1),
+            0.5 * (speed * (turn + 2.0 * before)).sum(axis=1),
+        )
+
+    @classmethod
+    def none(cls, count: int) -> Motion:
+        """Return no motion, for `count` bodies."""
+        return cls(np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count), np.zeros(count))
+
+    def __getitem__(self, rows: Mask | NDArray[np.int64]) -> Motion:
+        """Return some of the rows."""
+        return Motion(self.omega[rows], self.velocity[rows], self.first[rows], self.second[rows])
+
+
+@dataclass(frozen=True, eq=False)
 class Chain:
     """The joints of a Pinocchio model, one coordinate each; joint j of the model moves coordinate j − 1."""
 

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.planner.motion_bounds import Array, Chain, Mask
+from hdplan.planner.motion_bounds import Array, Chain, Mask, Motion
 from hdplan.planner.proximity import (
     DOUBTFUL,
     Piece,
@@ -124,19 +124,6 @@ class _Nodes:
 
 
 @dataclass(frozen=True, eq=False)
-class _Motion:
-    """What the bodies of some items do on their intervals: Ω, U, first- and second-order bound of `motion_bounds`."""
-
-    omega: Array  # (i, 3)
-    velocity: Array  # (i, 3) U
-    first: Array  # (i,) Σ |δ_j| ρ_j [m]
-    second: Array  # (i,) R [m]
-
-    def __getitem__(self, rows: Mask | Index) -> _Motion:
-        return _Motion(self.omega[rows], self.velocity[rows], self.first[rows], self.second[rows])
-
-
-@dataclass(frozen=True, eq=False)
 class _Items:
     """Pairs on intervals, still open."""
 
@@ -144,8 +131,8 @@ class _Items:
     pair: Index  # (i,)
     bound: Array  # (i,) proven so far [m]
     normal: Array  # (i, 3) direction to try, from b to a; 0 where there is none yet
-    motion_a: _Motion | None = None
-    motion_b: _Motion | None = None
+    motion_a: Motion | None = None
+    motion_b: Motion | None = None
 
     def __getitem__(self, rows: Mask | Index) -> _Items:
         return _Items(
@@ -252,7 +239,7 @@ class _Run:
         center = self._at(nodes, items.node, pairs.a[items.pair], sweep.center)
         bound, normal = self._ball_bound(nodes, items, center)
         bound -= motion_a.first + motion_b.first + ROUNDING
-        known = items.normal.any(axis=1)[:, None]
+        known = np.any(items.normal != 0.0, axis=1, keepdims=True)
         bound, normal = np.maximum(items.bound, bound), np.where(known, items.normal, normal)
         items = _Items(items.node, items.pair, bound, normal, motion_a, motion_b)
         order, first, size, left = np.argsort(items.bound), 0, FIRST_CHUNK, []
@@ -377,7 +364,7 @@ class _Run:
         second = items.motion_a.second + items.motion_b.second
         return gaps[0], np.maximum(gaps[1:].min(axis=0) - second, gaps[0] - first) - ROUNDING
 
-    def _extremes(self, nodes: _Nodes, node: Index, body: Index, motion: _Motion, normal: Array) -> Array:
+    def _extremes(self, nodes: _Nodes, node: Index, body: Index, motion: Motion, normal: Array) -> Array:
         """Return max_{x ∈ body} n·(x + s x') for s = 0, 1, −1: (3, i)."""
         turn, slide = np.cross(normal, motion.omega), np.einsum("ij,ij->i", normal, motion.velocity)
         directions = np.stack([normal, normal + turn, normal - turn])  # (3, i, 3)
@@ -404,7 +391,7 @@ class _Run:
             normals[i], said[i] = found.normal, found.distance
         self.exact_calls += len(items)
         if items.motion_a is None:
-            still = _Motion(*(np.zeros((len(items), 3)),) * 2, *(np.zeros(len(items)),) * 2)
+            still = Motion.none(len(items))
             items = replace(items, motion_a=still, motion_b=still)
         values, bound = self._plane_bound(nodes, items, normals)
         doubtful = np.flatnonzero(~((values > 0.0) & (said > 0.0) & (np.abs(values - said) < DOUBTFUL)))
@@ -434,19 +421,9 @@ class _Run:
         reach = chain.local_reach(self.rho, sweep.joint, center, sweep.radius, axes, points, np.abs(delta))
         return _Nodes(interval, start, width, delta, rotation, origin, axes, points, reach)
 
-    def _motion(self, nodes: _Nodes, node: Index, body: Index, moves: Mask) -> _Motion:
+    def _motion(self, nodes: _Nodes, node: Index, body: Index, moves: Mask) -> Motion:
         delta = nodes.delta[node] * moves
-        turning = delta * self.chain.revolute
-        axes, points = nodes.axes[node], nodes.points[node]
-        speed, turn = np.abs(delta), np.abs(turning)
-        reach = nodes.reach[node, body]
-        before = np.cumsum(turn, axis=1) - turn
-        return _Motion(
-            np.einsum("in,inc->ic", turning, axes),
-            np.einsum("in,inc->ic", turning, np.cross(points, axes)) + np.einsum("in,inc->ic", delta - turning, axes),
-            (speed * reach).sum(axis=1),
-            0.5 * (speed * reach * (turn + 2.0 * before)).sum(axis=1),
-        )
+        return Motion.of(self.chain, delta, nodes.axes[node], nodes.points[node], nodes.reach[node, body])
 
     def _at(self, nodes: _Nodes, node: Index, body: Index, points: Array) -> Array:
         """Return points given in the bodies' frames (bodies, 3) in the world (i, 3)."""
