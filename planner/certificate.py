@@ -201,6 +201,11 @@ class Certifier:
                 depths[names] = max(depths.get(names, 0.0), -spot.distance)
         return tuple(Contact(*names, depths[names]) for names in sorted(depths, key=lambda names: -depths[names]))
 
+    def closest_obstacle(self, q: ArrayLike) -> Place | None:
+        """Return the obstacle closest to the robot in one configuration, with the exact distance; None without obstacles."""
+        spots = [s for s in self.sweep.distances(np.asarray(q, dtype=np.float64)) if self.sweep.pairs.group[s.pair] == 0]
+        return self._place(min(spots, key=lambda spot: spot.distance), 2) if spots else None
+
     def _names(self, pair: int) -> tuple[str, str]:
         pairs, bodies = self.sweep.pairs, self.sweep.bodies
         return bodies[pairs.a[pair]].name, bodies[pairs.b[pair]].name

@@ -124,7 +124,7 @@ class PlannerSettings:
     """The `planner` section. Every value has a default; `hdplan explain` shows the ones in force."""
 
     waypoints: int = 32  # number of rows of the trajectory, start and goal included (3 to 1000)
-    clearance: float = 0.002  # what must stay free around the robot [m] (0 to 1)
+    clearance: float = 0.0  # what must be proven free around the robot [m] (0 to 1)
     activation: float = 0.02  # beyond the clearance, where the obstacle penalty sets in [m] (0 to 1)
     gamma: int = 2  # order of differentiability of the distance (1 to 32)
     shaping_length: float = 1e-3  # width of the distance's flat spot at contact [m] (1e-9 to 1)

@@ -52,6 +52,7 @@ class Budget:
 
     deadline: float = float("inf")  # time.perf_counter() at which to stop
     iterations: int = 300
+    first_weight: float = FIRST_WEIGHT  # of the penalty [1/m²]
     report: Callable[[Step], None] = field(default=lambda step: None)  # called once per iteration
 
     def spent(self) -> bool:
@@ -77,8 +78,8 @@ class Solution:
 class Progress:
     """Keeps the steps, tells when to raise the penalty's weight and when to stop."""
 
-    def __init__(self, problem: Problem, budget: Budget, weight: float = FIRST_WEIGHT) -> None:
-        self.weight = weight
+    def __init__(self, problem: Problem, budget: Budget) -> None:
+        self.weight = budget.first_weight
         ends = problem.depth(np.array([problem.start, problem.goal]))
         self.allowed = max(ENOUGH * problem.scene.planner.activation, float(ends.max()))  # no motion can do better at its ends
         self.budget = budget
