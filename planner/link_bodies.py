@@ -1,8 +1,8 @@
 """A few tight outer bodies for each link of a robot: what the planner sees instead of the link's mesh.
 
 Robot -> `LinkBody`s whose union contains the link's collision geometry. The geometry, as triangles, is cut into slabs
-along an axis of its oriented bounding box; the corners of a slab's triangles lie within a sphere-swept polytope, which is
-convex and so contains the slab. Fitted once, kept on disk by the content of the geometry. In the joint's frame, [m].
+along an axis of its oriented bounding box; the corners of a slab's triangles lie within a sphere-swept polytope, which
+is convex and so contains the slab. Fitted once, kept on disk by the content of the geometry. In the joint's frame, [m].
 """
 
 from __future__ import annotations
