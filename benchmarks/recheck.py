@@ -1,0 +1,316 @@
+"""Re-check a trajectory on a MotionBenchMaker problem by code that shares nothing with hdplan.
+
+Own URDF reading and forward kinematics (NumPy), own reading of MoveIt's scene and request, meshes by trimesh,
+collisions by python-fcl, dense samples of the motion. It can refute a certificate, not give one.
+
+    python benchmarks/recheck.py TRAJECTORY.json SCENE.yaml REQUEST.yaml ROBOT.yaml
+
+prints one JSON object: `free`, and a `contact` or the smallest distances sampled. `recheck(...)` does it in
+a process of its own, since FCL's distance, unlike its collision test, ends the process at rare near-contacts: then only
+`free` is known.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import subprocess
+import sys
+import sysconfig
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import fcl
+import numpy as np
+import trimesh
+import yaml
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+STEP = 0.005  # [rad] or [m], largest joint step between two samples
+NEAR = 0.05  # [m] pairs farther apart than this, by their bounding balls, are not asked for their distance
+SAME_END = 1e-6  # [rad] or [m] between the trajectory's ends and the request's
+AT_LIMIT = 1e-3  # [rad] or [m] by which the ends may lie beyond a joint limit
+DATA = Path(sysconfig.get_path("purelib")) / "cmeel.prefix" / "share" / "example-robot-data" / "robots"
+ROBOTS = {
+    "panda": ("panda_description/urdf/panda.urdf", "panda_description/srdf/panda.srdf"),
+    "ur5": ("ur_description/urdf/ur5_robot.urdf", "ur_description/srdf/ur5.srdf"),
+}
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint of the URDF."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    origin: Array  # (4, 4) in the parent link's frame
+    axis: Array  # (3,)
+    limits: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A collision body."""
+
+    name: str  # link or obstacle
+    shape: Any  # FCL's
+    pose: Array  # (4, 4) in the link's frame, or in the world
+    center: Array  # (3,) of a ball around it, in the same frame
+    radius: float  # [m] of that ball
+
+
+def recheck(trajectory: Path | str, scene: Path | str, request: Path | str, robot: Path | str) -> dict[str, Any]:
+    """Run the check in a process of its own and return what it found last."""
+    command = [sys.executable, __file__, *(str(path) for path in (trajectory, scene, request, robot))]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    lines = done.stdout.strip().splitlines()
+    if not lines:
+        raise RuntimeError(f"recheck of {trajectory} failed: {done.stderr.strip()[-500:]}")
+    found: dict[str, Any] = json.loads(lines[-1])
+    return found
+
+
+def main(trajectory: str, scene: str, request: str, robot: str) -> None:
+    """Check one trajectory; print what is known, then, if it is free, the same with the smallest distance."""
+    content = json.loads(Path(trajectory).read_text())
+    asked, placed = _yaml(request), _yaml(robot)["robot"]
+    urdf, srdf = (DATA / name for name in ROBOTS[placed["name"]])
+    tree = ElementTree.parse(urdf).getroot()
+    joints = [_joint(element) for element in tree.findall("joint")]
+    values = dict(
+        zip(
+            asked["start_state"]["joint_state"]["name"],
+            _floats(asked["start_state"]["joint_state"]["position"]),
+            strict=True,
+        )
+    )
+    goal = {c["joint_name"]: float(c["position"]) for c in asked["goal_constraints"][0]["joint_constraints"]}
+    names, waypoints = content["joint_names"], np.array(content["positions"], dtype=np.float64)
+
+    faults = []
+    for word, row, end in (("start", waypoints[0], values), ("goal", waypoints[-1], goal)):
+        faults += [
+            f"{word}: {name}" for name, value in zip(names, row, strict=True) if abs(value - end[name]) > SAME_END
+        ]
+    for joint in joints:
+        if joint.name in names and joint.kind != "continuous":
+            column = waypoints[:, names.index(joint.name)]
+            slack = np.full(len(column), 1e-9)
+            slack[[0, -1]] = AT_LIMIT
+            if np.any((column < joint.limits[0] - slack) | (column > joint.limits[1] + slack)):
+                faults.append(f"limits: {joint.name}")
+
+    samples, times = _dense(waypoints)
+    fixed = {joint.name: np.full(len(samples), values.get(joint.name, 0.0)) for joint in joints}
+    moved = {name: samples[:, i] for i, name in enumerate(names)}
+    frames = _forward(joints, {**fixed, **moved}, _base(placed.get("base", {})))
+    links = [solid for element in tree.findall("link") for solid in _link_solids(element)]
+    obstacles = _obstacles(_yaml(scene))
+    pairs = [(a, b) for a in links for b in obstacles]
+    apart = _kept_apart(joints, srdf, placed.get("ignore_pairs", []))
+    pairs += [(a, b) for a, b in itertools.combinations(links, 2) if a.name != b.name and not apart(a.name, b.name)]
+
+    world = {id(o): np.broadcast_to(o.pose, (len(samples), 4, 4)) for o in obstacles}
+    world.update({id(link): frames[link.name] @ link.pose for link in links})
+    middle = {id(o): np.broadcast_to(o.center, (len(samples), 3)) for o in obstacles}
+    middle.update(
+        {id(s): np.einsum("tij,j->ti", frames[s.name][:, :3, :3], s.center) + frames[s.name][:, :3, 3] for s in links}
+    )
+    things, contact = {id(o) for o in obstacles}, None
+    close: list[tuple[float, Solid, Solid, int]] = []
+    for a, b in pairs:
+        between = np.linalg.norm(middle[id(a)] - middle[id(b)], axis=1) - a.radius - b.radius
+        for t in np.flatnonzero(between <= 0.0).tolist():
+            if fcl.collide(_placed(a, world, t), _placed(b, world, t), fcl.CollisionRequest(), fcl.CollisionResult()):
+                contact = contact or {"link": a.name, "other": b.name, "time": float(times[t])}
+                break
+        close += [(float(between[t]), a, b, t) for t in np.flatnonzero(between <= NEAR)[::4].tolist()]
+    found: dict[str, Any] = {"free": contact is None and not faults, "samples": len(samples), "faults": faults}
+    if contact:
+        found["contact"] = contact
+    print(json.dumps(found), flush=True)
+    if found["free"]:
+        smallest = {"smallest_distance_m": NEAR, "smallest_self_distance_m": NEAR}  # NEAR: that or more
+        for bound, a, b, t in sorted(close, key=lambda item: item[0]):
+            key = "smallest_distance_m" if id(b) in things else "smallest_self_distance_m"
+            if bound < smallest[key]:
+                smallest[key] = min(smallest[key], fcl.distance(_placed(a, world, t), _placed(b, world, t)))
+        print(json.dumps({**found, **smallest}), flush=True)
+
+
+def _placed(solid: Solid, world: dict[int, Array], t: int) -> Any:
+    pose = world[id(solid)][t]
+    return fcl.CollisionObject(solid.shape, fcl.Transform(pose[:3, :3], pose[:3, 3]))
+
+
+def _dense(waypoints: Array) -> tuple[Array, Array]:
+    """Return samples along the straight lines, no joint moving more than STEP between two, and times in [0, 1]."""
+    where = [np.zeros(1)]
+    for i, (a, b) in enumerate(itertools.pairwise(waypoints)):
+        count = max(1, int(np.ceil(np.abs(b - a).max() / STEP)))
+        where.append(i + np.arange(1, count + 1) / count)
+    times = np.concatenate(where)
+    index = np.minimum(times.astype(int), len(waypoints) - 2)
+    part = (times - index)[:, None]
+    return (1 - part) * waypoints[index] + part * waypoints[index + 1], times / (len(waypoints) - 1)
+
+
+# --- robot ------------------------------------------------------------------------------------------------------------
+
+
+def _joint(element: ElementTree.Element) -> Joint:
+    parent, child, axis, limit = (element.find(tag) for tag in ("parent", "child", "axis", "limit"))
+    assert parent is not None
+    assert child is not None
+    return Joint(
+        element.get("name", ""),
+        element.get("type", ""),
+        parent.get("link", ""),
+        child.get("link", ""),
+        _origin(element),
+        np.array(_floats((axis.get("xyz", "") if axis is not None else "1 0 0").split())),
+        (float(limit.get("lower", 0)), float(limit.get("upper", 0))) if limit is not None else (-np.inf, np.inf),
+    )
+
+
+def _forward(joints: list[Joint], values: dict[str, Array], base: Array) -> dict[str, Array]:
+    """Return the links' placements in the world, (samples, 4, 4) each."""
+    count = len(next(iter(values.values())))
+    children = {joint.child for joint in joints}
+    frames = {joint.parent: np.broadcast_to(base, (count, 4, 4)) for joint in joints if joint.parent not in children}
+    left = list(joints)
+    while left:
+        joint = next(joint for joint in left if joint.parent in frames)
+        left.remove(joint)
+        step = np.broadcast_to(np.eye(4), (count, 4, 4)).copy()
+        axis, value = joint.axis / np.linalg.norm(joint.axis), values[joint.name]
+        if joint.kind in ("revolute", "continuous"):
+            x, y, z = axis
+            cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+            turn = np.sin(value)[:, None, None] * cross + (1 - np.cos(value))[:, None, None] * (cross @ cross)
+            step[:, :3, :3] += turn
+        elif joint.kind == "prismatic":
+            step[:, :3, 3] = value[:, None] * axis
+        frames[joint.child] = frames[joint.parent] @ joint.origin @ step
+    return frames
+
+
+def _link_solids(link: ElementTree.Element) -> list[Solid]:
+    solids = []
+    for collision in link.findall("collision"):
+        shape = next(iter(collision.find("geometry") or []))
+        size = _floats((shape.get("size") or "").split())
+        if shape.tag == "mesh":
+            file = DATA.parent / shape.get("filename", "").removeprefix("package://example-robot-data/")
+            scale = _floats(shape.get("scale", "1 1 1").split())
+            solids.append(_mesh_solid(link.get("name", ""), file, scale, _origin(collision)))
+        else:
+            kind, numbers = (
+                shape.tag,
+                size or [float(shape.get(key, 0)) for key in ("length", "radius") if shape.get(key)],
+            )
+            solids.append(_primitive(link.get("name", ""), kind, numbers, _origin(collision)))
+    return solids
+
+
+def _mesh_solid(name: str, file: Path, scale: list[float], pose: Array) -> Solid:
+    mesh = trimesh.load_mesh(str(file))
+    vertices = np.asarray(mesh.vertices) * scale
+    model = fcl.BVHModel()
+    model.beginModel(len(vertices), len(mesh.faces))
+    model.addSubModel(vertices, np.asarray(mesh.faces))
+    model.endModel()
+    return _solid(name, model, pose, vertices)
+
+
+def _kept_apart(joints: list[Joint], srdf: Path, ignored: list[list[str]]) -> Any:
+    """Return the test whether a pair of links is not to be checked: named in the SRDF or the scene, or joined."""
+    named = [
+        (e.get("link1", ""), e.get("link2", ""))
+        for e in ElementTree.parse(srdf).getroot().findall("disable_collisions")
+    ]
+    named += [(joint.parent, joint.child) for joint in joints] + [(a, b) for a, b in ignored]
+    known = {frozenset(pair) for pair in named}
+    return lambda a, b: frozenset((a, b)) in known
+
+
+# --- scene ------------------------------------------------------------------------------------------------------------
+
+
+def _obstacles(scene: dict[str, Any]) -> list[Solid]:
+    return [
+        _primitive(item["id"], shape["type"], _floats(shape["dimensions"]), _pose(item.get("pose")) @ _pose(pose))
+        for item in scene["world"]["collision_objects"]
+        for shape, pose in zip(item["primitives"], item["primitive_poses"], strict=True)
+    ]
+
+
+def _primitive(name: str, kind: str, numbers: list[float], pose: Array) -> Solid:
+    """Make a box [x, y, z], cylinder [height, radius] or sphere [radius]."""
+    if kind == "box":
+        shape, half = fcl.Box(*numbers), np.array(numbers) / 2
+    elif kind == "cylinder":
+        shape, half = fcl.Cylinder(numbers[1], numbers[0]), np.array([numbers[1], numbers[1], numbers[0] / 2])
+    elif kind == "sphere":
+        shape, half = fcl.Sphere(numbers[0]), np.full(3, numbers[0])
+    else:
+        raise ValueError(f"{name}: shape {kind} is not known")
+    return _solid(name, shape, pose, np.array(list(itertools.product(*zip(-half, half, strict=True)))))
+
+
+def _solid(name: str, shape: Any, pose: Array, points: Array) -> Solid:
+    center = (points.min(axis=0) + points.max(axis=0)) / 2
+    radius = float(np.linalg.norm(points - center, axis=1).max())
+    return Solid(name, shape, pose, pose[:3, :3] @ center + pose[:3, 3], radius)
+
+
+def _pose(pose: dict[str, Any] | None) -> Array:
+    matrix = np.eye(4)
+    if pose:
+        x, y, z, w = np.array(_floats(pose["orientation"])) / np.linalg.norm(_floats(pose["orientation"]))
+        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        matrix[:3, :3] += 2 * w * cross + 2 * cross @ cross
+        matrix[:3, 3] = _floats(pose["position"])
+    return matrix
+
+
+def _base(base: dict[str, Any]) -> Array:
+    return _rpy(_floats(base.get("rpy", [0, 0, 0])), _floats(base.get("position", [0, 0, 0])))
+
+
+def _origin(element: ElementTree.Element) -> Array:
+    origin = element.find("origin")
+    if origin is None:
+        return np.eye(4)
+    return _rpy(_floats(origin.get("rpy", "0 0 0").split()), _floats(origin.get("xyz", "0 0 0").split()))
+
+
+def _rpy(angles: list[float], position: list[float]) -> Array:
+    (cr, cp, cy), (sr, sp, sy) = np.cos(angles), np.sin(angles)
+    matrix = np.eye(4)
+    roll = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    pitch = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    yaw = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    matrix[:3, :3], matrix[:3, 3] = yaw @ pitch @ roll, position
+    return matrix
+
+
+def _yaml(path: str | Path) -> dict[str, Any]:
+    content: dict[str, Any] = yaml.safe_load(Path(path).read_text())
+    return content
+
+
+def _floats(values: Any) -> list[float]:
+    return [float(value) for value in values]
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 5:
+        sys.exit(__doc__)
+    main(*sys.argv[1:])
