@@ -52,6 +52,7 @@ def hdsdf(
     rotation_a, rotation_b, offset = _relative(pose_a, pose_b)
     vertices_a = np.einsum("...xy,iy->...ix", rotation_a, body_a.vertices) + offset[..., None, :]
     vertices_b = np.einsum("...xy,iy->...ix", rotation_b, body_b.vertices)
+    vertex_pairs = len(body_a.vertices) * len(body_b.vertices)
     shaped = []
     for rotation, directions in ((rotation_a, fixed_in_a), (rotation_b, fixed_in_b)):
         for direction in np.vstack([directions, -directions]):
@@ -59,7 +60,7 @@ def hdsdf(
             along_a = np.einsum("...ix,...x->...i", vertices_a, n)
             along_b = np.einsum("...ix,...x->...i", vertices_b, n)
             separations = along_a[..., :, None] - along_b[..., None, :] - body_a.radius - body_b.radius
-            inner = holder_minimum(separations.reshape(*separations.shape[:-2], -1), gamma)
+            inner = holder_minimum(separations.reshape(*offset.shape[:-1], vertex_pairs), gamma)
             shaped.append(shaping(inner, gamma, length))
     return shaping(holder_maximum(np.stack(shaped, axis=-1), gamma), gamma, length)
 

@@ -1,5 +1,4 @@
-"""Ground truth for the signed distance of two polytopes, slow and simple: least squares apart, separating axes in
-contact.
+"""Ground truth for the signed distance of two polytopes: least squares apart, separating axes in contact.
 
 In: vertices of both in the world [m] and the axes N(A, B) of ``normals.separating_axes``. Out: ``Proximity``, exact to
 rounding, positive = separated.
@@ -8,16 +7,15 @@ rounding, positive = separated.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain, combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 Array = NDArray[np.float64]
 
-ROUNDING = (
-    1e-13  # of the size: closest points this little farther apart than an axis' gap have that axis as their normal
-)
+ROUNDING = 1e-13  # of the size: where the closest points are this little beyond an axis' gap, that axis is their normal
+CONTACT = 1e-15  # of the size: closest points this near are one point
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +25,7 @@ class Proximity:
     distance: float  # [m] positive = separated, negative = penetration depth
     point_a: Array  # (3,) [m] on A's surface, in the world
     point_b: Array  # (3,) [m] on B's surface, in the world
-    normal: Array  # (3,) unit, from B to A: moving A by -distance * normal makes the bodies touch
+    normal: Array  # (3,) unit, from B to A, right to about 1e-8: moving A by -distance * normal makes them touch
 
 
 def ground_truth(a: Array, b: Array, axes: Array) -> Proximity:
@@ -41,37 +39,57 @@ def ground_truth(a: Array, b: Array, axes: Array) -> Proximity:
     forward, backward = along_a.min(0) - along_b.max(0), along_b.min(0) - along_a.max(0)
     best = int(np.argmax(np.maximum(forward, backward)))
     gap = float(max(forward[best], backward[best]))
-    point_a, point_b = closest_points(a, b)
-    distance = float(np.linalg.norm(point_a - point_b))
+    point_a, point_b, difference = closest_points(a, b)
+    distance = float(np.linalg.norm(difference))
     if distance > max(gap, 0.0) + ROUNDING * _size(a, b):
-        return Proximity(distance, point_a, point_b, (point_a - point_b) / distance)
+        return Proximity(distance, point_a, point_b, difference / distance)
     normal = axes[best] if forward[best] >= backward[best] else -axes[best]
-    point_a, point_b = closest_points(a - gap * normal, b)
+    point_a, point_b, _ = closest_points(a - gap * normal, b)
     middle = 0.5 * (point_a + point_b)  # one point but for rounding
     return Proximity(gap, middle + gap * normal, middle, normal)
 
 
-def closest_points(a: Array, b: Array) -> tuple[Array, Array]:
-    """Return the closest points of the hulls of ``a`` (m, 3) and ``b`` (k, 3); one common point where they meet.
+def closest_points(a: Array, b: Array) -> tuple[Array, Array, Array]:
+    """Return the closest points of the hulls of ``a`` (m, 3) and ``b`` (k, 3), and their difference (0 in contact).
 
-    The point of least norm in the hull of the differences c: minimizing |C w|² + (1·w - 1)² over w >= 0 gives it
-    exactly, as the second term only scales w. The differences enter one at a time, the one farthest against the current
-    point first (Wolfe's method), until none brings the point nearer.
+    The point of least norm in the hull of the differences c = a_i - b_j (Wolfe's method): of at most four of them the
+    nearest combination is kept, and the c farthest against it enters, until none brings it nearer.
     """
     size = _size(a, b)
-    pairs, best, answer = [(0, 0)], np.inf, (a[0], b[0])
+    pairs, answer = [(0, 0)], (a[0], b[0], np.full(3, np.inf))
     while True:
         i, j = np.array(pairs).T
-        differences = (a[i] - b[j]) / size
-        weights = nnls(np.vstack([differences.T, np.ones(len(pairs))]), np.array([0.0, 0.0, 0.0, 1.0]))[0]
-        weights /= weights.sum()
-        point = weights @ differences
-        norm = float(np.linalg.norm(point))
-        if norm >= best:
+        weights, difference = _nearest_combination(a[i] - b[j])
+        distance = np.linalg.norm(difference)
+        if distance >= np.linalg.norm(answer[2]):
             return answer
-        best, answer = norm, (weights @ a[i], weights @ b[j])
+        answer = weights @ a[i], weights @ b[j], difference
+        if distance <= CONTACT * size:
+            return answer
         pairs = [pair for pair, weight in zip(pairs, weights, strict=True) if weight > 0]
-        pairs.append((int(np.argmin(a @ point)), int(np.argmax(b @ point))))
+        pairs.append((int(np.argmin(a @ difference)), int(np.argmax(b @ difference))))
+
+
+def _nearest_combination(points: Array) -> tuple[Array, Array]:
+    """Return weights (n,) and place (3,) of the point nearest to 0 among the simplices with the last of ``points``.
+
+    The simplices have up to four corners; each is solved by least squares, and its point taken off its own plane once
+    more, so that its direction is exact also where its length is rounding.
+    """
+    last = len(points) - 1
+    best, place = np.eye(last + 1)[last], points[last]
+    for others in chain.from_iterable(combinations(range(last), count) for count in (1, 2, 3)):
+        edges = points[list(others)] - points[last]
+        left, extents, plane = np.linalg.svd(edges, full_matrices=False)
+        if extents[-1] <= CONTACT * extents[0]:
+            continue  # a flat simplex: its faces do
+        inner = -left @ (plane @ points[last] / extents)
+        off_plane = points[last] - plane.T @ (plane @ points[last])
+        off_plane = off_plane - plane.T @ (plane @ off_plane)
+        if inner.min() >= 0 and inner.sum() <= 1 and np.linalg.norm(off_plane) < np.linalg.norm(place):
+            best, place = np.zeros(last + 1), off_plane
+            best[list(others)], best[last] = inner, 1 - inner.sum()
+    return best, place
 
 
 def _size(a: Array, b: Array) -> float:
