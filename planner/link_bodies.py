@@ -27,7 +27,7 @@ from hdplan.scenes.errors import InputError
 
 Array = NDArray[np.float64]
 
-FIT_VERSION = "2"  # changes with anything that changes a fit, so that old cache entries are not used
+FIT_VERSION = "3"  # changes with anything that changes a fit, so that old cache entries are not used
 GOOD_MEAN, GOOD_P95 = 0.0095, 0.019  # outside the link's hull [m]: the first candidate this tight is taken
 REACH = 0.06  # how far a slab's body may reach into its neighbours at no cost [m]
 CANDIDATES = (

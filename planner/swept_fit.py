@@ -17,6 +17,7 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.spatial import ConvexHull
+from scipy.spatial.distance import cdist
 
 Array = NDArray[np.float64]
 
@@ -50,25 +51,22 @@ def distance_to_hull(points: Array, vertices: Array) -> tuple[Array, Array]:
     for subset in _subsets(len(vertices)):
         size = subset.shape[1]
         origin = vertices[subset[:, 0]]
-        edges = vertices[subset[:, 1:]] - origin[:, None]
+        edges = vertices[subset[:, 1:]] - origin[:, None]  # (T, size - 1, 3)
         gram = edges @ edges.transpose(0, 2, 1)
         gram += (1e-12 * np.trace(gram, axis1=1, axis2=2) + 1e-24)[:, None, None] * np.eye(size - 1)
-        inverse = np.linalg.solve(gram, edges)
-        along = np.einsum("tjc,tnc->tnj", inverse, points[None] - origin[:, None])
+        offset = points.T[None] - origin[:, :, None]  # (T, 3, N): long rows last, for speed
+        share = np.linalg.solve(gram, edges) @ offset
         if size == 2:
-            along = np.clip(along, 0.0, 1.0)
-        first = 1.0 - along.sum(-1)
-        nearest = origin[:, None] + np.einsum("tnj,tjc->tnc", along, edges)
-        distance = np.linalg.norm(points[None] - nearest, axis=2)
-        distance = np.where((along.min(-1) >= 0.0) & (first >= 0.0), distance, np.inf)
-        chosen = distance.argmin(0)
-        shortest = distance[chosen, np.arange(count)]
+            np.clip(share, 0.0, 1.0, out=share)
+        share = np.concatenate([1.0 - share.sum(1, keepdims=True), share], axis=1)  # (T, size, N)
+        square = np.sum((offset - edges.transpose(0, 2, 1) @ share[:, 1:]) ** 2, axis=1)
+        square[share.min(1) < 0.0] = np.inf
+        chosen = square.argmin(0)
+        shortest = square[chosen, np.arange(count)]
         closer = np.nonzero(shortest < best)[0]
         best[closer], weights[closer] = shortest[closer], 0.0
-        weights[closer, subset[chosen[closer], 0]] = first[chosen[closer], closer]
-        for j in range(1, size):
-            weights[closer, subset[chosen[closer], j]] = along[chosen[closer], closer, j - 1]
-    return best, weights
+        weights[closer[:, None], subset[chosen[closer]]] = share[chosen[closer], :, closer]
+    return np.sqrt(best), weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +83,7 @@ class Reference:
         hull = ConvexHull(points)
         a, b, c = (points[hull.simplices[:, k]] for k in range(3))
         areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-        normals = hull.equations[:, :3]
-        return cls(normals, (normals @ points.T).max(1), areas / areas.sum())
+        return cls(hull.equations[:, :3], -hull.equations[:, 3], areas / areas.sum())
 
     def excess(self, body: Swept) -> float:
         """Return the mean square of how far a body stands out over the faces [m^2]."""
@@ -203,8 +200,11 @@ def _distance_to_polytope(points: Array, hull_points: Array) -> Array:
     distance = np.zeros(len(points))
     rows = np.nonzero((hull.equations[:, :3] @ points.T + hull.equations[:, 3:]).max(0) > 0)[0]
     triangles = hull_points[hull.simplices]
-    for chunk in np.array_split(rows, max(1, len(rows) // 200)):
-        repeated = np.repeat(points[chunk], len(triangles), axis=0)
-        nearest = trimesh.triangles.closest_point(np.tile(triangles, (len(chunk), 1, 1)), repeated)
-        distance[chunk] = np.linalg.norm(nearest - repeated, axis=1).reshape(len(chunk), -1).min(1)
+    middles = triangles.mean(1)
+    reach = np.linalg.norm(triangles - middles[:, None], axis=2).max(1)
+    away = cdist(points[rows], middles)
+    point, triangle = np.nonzero(away - reach <= away.min(1, keepdims=True))  # the others are farther than the nearest
+    nearest = trimesh.triangles.closest_point(triangles[triangle], points[rows[point]])
+    distance[rows] = np.inf
+    np.minimum.at(distance, rows[point], np.linalg.norm(nearest - points[rows[point]], axis=1))
     return distance
