@@ -140,7 +140,7 @@ def _random_pose(rng: np.random.Generator, spread: float) -> Array:
 
 @pytest.fixture
 def random_poses() -> Callable[[int, int, float], Array]:
-    """Return ``(seed, count, spread)`` -> (count, 4, 4) poses, positions uniform in a cube of half-side ``spread`` [m]."""
+    """Return ``(seed, count, spread)`` -> (count, 4, 4) poses, each coordinate uniform within ``spread`` [m]."""
 
     def draw(seed: int, count: int, spread: float) -> Array:
         rng = np.random.default_rng(seed)

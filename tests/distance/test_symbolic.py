@@ -31,7 +31,7 @@ def _moved(pose, twist):
 
 
 def _along_twists(function):
-    """Return (pose_a, pose_b) -> value, gradient (1, 12) and Hessian (12, 12) by twists of both poses, at zero twist."""
+    """Return (pose_a, pose_b) -> value, gradient (1, 12) and Hessian (12, 12) by twists of both poses, at rest."""
     pose_a, pose_b, twist = ca.SX.sym("a", 4, 4), ca.SX.sym("b", 4, 4), ca.SX.sym("twist", 12)
     value = function(_moved(pose_a, twist[:6]), _moved(pose_b, twist[6:]))
     gradient = ca.jacobian(value, twist)
