@@ -17,10 +17,11 @@ from enum import Enum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hdplan.planner.intervals import Bodies, Body, Pairs
 from hdplan.planner.motion_bounds import Chain
 from hdplan.planner.proximity import link_pieces, obstacle_pieces
 from hdplan.planner.robot import Robot, load_scene_robot, resolve_query
-from hdplan.planner.sweep import Body, Pairs, Spot, Sweep
+from hdplan.planner.sweep import Spot, Sweep
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.model import Scene
@@ -65,7 +66,7 @@ class Place:
     time: float  # path parameter of the whole motion, 0 to 1
     link: str
     other: str  # an obstacle or another link
-    distance: float  # [m], negative in contact: minus the depth, where it is known
+    distance: float  # [m] met there, negative in contact (minus the depth, 0 if unknown)
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ class Certificate:
     text: str  # one sentence: what was found, where, and what to do
     clearance: float | None  # [m] proven lower bound, robot to obstacles; None without obstacles or without proof
     self_clearance: float | None  # [m] the same between the links
-    worst: Place | None  # the closest place found between robot and obstacles; if in contact, the deepest
+    worst: Place | None  # the closest place met between robot and obstacles
     self_worst: Place | None  # the same between the links
     failures: tuple[Place, ...]  # every waypoint interval and pair that is not proven, the worst place met there
     configurations: int  # at which distances were computed
@@ -144,8 +145,8 @@ class Certifier:
             )
         rows = [(a, b, 0) for a in range(count) for b in range(count, len(bodies))]
         rows += [(a, b, 1) for first, second in robot.self_pairs for a in links[first] for b in links[second]]
-        chain = Chain.of(robot.model)
-        self.sweep = Sweep(chain, bodies, Pairs.of(chain, bodies, rows), robot.pin_q)
+        gathered = Bodies(Chain.of(robot.model), bodies, robot.pin_q)
+        self.sweep = Sweep(gathered, Pairs.of(gathered, rows))
 
     def certify(self, trajectory: Trajectory, *, required: float = 0.0, check_ends: bool = True) -> Certificate:
         """Certify one trajectory; see `certify`."""
@@ -161,21 +162,21 @@ class Certifier:
         )
         ends = self._wrong_ends(waypoints) if check_ends else None
         limits = self._outside_limits(waypoints)
-        deepest = min(failures, key=lambda place: place.distance, default=None)
-        touching = [spot for spot in proof.failures if spot.touching]
+        touching = [place for place, spot in zip(failures, proof.failures, strict=True) if spot.touching]
+        deepest = min(touching or failures, key=lambda place: place.distance, default=None)
         if ends:
             status, found = Status.WRONG_ENDS, ends
         elif limits:
             status, found = Status.OUTSIDE_LIMITS, limits
-        elif any(spot.distance <= 0.0 for spot in touching) and deepest:
+        elif deepest and touching and deepest.distance <= 0.0:
             status, found = Status.IN_CONTACT, f"{_words(deepest)}; {_others(failures)}"
-        elif touching and deepest:
+        elif deepest and touching:
             status, found = (
                 Status.TOO_CLOSE,
                 f"{_words(deepest)}, {required * 1e3:g} mm are required; {_others(failures)}",
             )
         elif deepest:
-            status, found = Status.NOT_PROVEN, f"{_words(deepest)} at most proven; {_others(failures)}"
+            status, found = Status.NOT_PROVEN, f"{_where(deepest, 'cannot be told apart')}; {_others(failures)}"
         else:
             status, found = Status.CERTIFIED, _proven(clearance, self_clearance)
         text = f"{status.value.replace('_', ' ')}: {found}"
@@ -202,13 +203,18 @@ class Certifier:
         return tuple(Contact(*names, depths[names]) for names in sorted(depths, key=lambda names: -depths[names]))
 
     def closest_obstacle(self, q: ArrayLike) -> Place | None:
-        """Return the obstacle closest to the robot in one configuration, with the exact distance; None without obstacles."""
-        spots = [s for s in self.sweep.distances(np.asarray(q, dtype=np.float64)) if self.sweep.pairs.group[s.pair] == 0]
+        """Return the obstacle closest to the robot in one configuration; None without obstacles.
+
+        The distance is exact, but for a mesh that is not convex it is that of its hull, as long as the hulls are apart.
+        """
+        spots = [
+            s for s in self.sweep.distances(np.asarray(q, dtype=np.float64)) if self.sweep.pairs.group[s.pair] == 0
+        ]
         return self._place(min(spots, key=lambda spot: spot.distance), 2) if spots else None
 
     def _names(self, pair: int) -> tuple[str, str]:
-        pairs, bodies = self.sweep.pairs, self.sweep.bodies
-        return bodies[pairs.a[pair]].name, bodies[pairs.b[pair]].name
+        pairs, names = self.sweep.pairs, self.sweep.bodies.names
+        return names[pairs.a[pair]], names[pairs.b[pair]]
 
     def _place(self, spot: Spot, count: int) -> Place:
         time_ = (spot.interval + spot.fraction) / (count - 1)
@@ -269,12 +275,12 @@ def waypoints_of(robot: Robot, trajectory: Trajectory) -> Array:
 
 def _words(place: Place) -> str:
     if place.distance < 0.0:
-        gap = f"overlap by {-place.distance * 1e3:.3g} mm"
-    elif place.distance == 0.0:
-        gap = "touch"
-    else:
-        gap = f"come within {place.distance * 1e3:.3g} mm"
-    return f"{place.link} and {place.other} {gap} after waypoint {place.interval} (time {place.time:.3f})"
+        return _where(place, f"overlap by {-place.distance * 1e3:.3g} mm")
+    return _where(place, f"come within {place.distance * 1e3:.3g} mm" if place.distance else "touch")
+
+
+def _where(place: Place, what: str) -> str:
+    return f"{place.link} and {place.other} {what} after waypoint {place.interval} (time {place.time:.3f})"
 
 
 def _others(failures: tuple[Place, ...]) -> str:

@@ -13,14 +13,12 @@ interval whose bound does not suffice is halved: R falls with the square of its 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hdplan.planner.motion_bounds import Array, Chain, Mask, Motion
+from hdplan.planner.intervals import Bodies, Index, Intervals, Pairs
+from hdplan.planner.motion_bounds import Array, Mask, Motion
 from hdplan.planner.proximity import (
     DOUBTFUL,
     Piece,
@@ -28,10 +26,7 @@ from hdplan.planner.proximity import (
     contains,
     direction,
     surface_distance,
-    transform,
 )
-
-Index = NDArray[np.int64]
 
 ROUNDING = 1e-9  # taken off every bound [m]: floating point at the scale of a robot errs by less than a millionth of it
 SHORTEST = 2.0**-17  # of a waypoint interval: below it, the answer is "not proven"
@@ -40,36 +35,6 @@ TOLERANCE = 5e-4  # [m] by which the proven clearance may fall short of the clos
 RELATIVE_TOLERANCE = 0.05  # or by this part of it, whichever is larger; never by more than half
 FIRST_CHUNK = 64  # pairs looked at before the closest distance is known; later ones are looked at in larger chunks
 MOST_EXACT_CALLS = 300_000  # exact distances computed in one proof, then the rest is "not proven"
-
-
-@dataclass(frozen=True, eq=False)
-class Body:
-    """One piece of a link or an obstacle."""
-
-    name: str  # of the link or the obstacle
-    piece: Piece
-    joint: int = 0  # of the model, that carries it; 0: the world
-    placement: Array = field(default_factory=lambda: np.eye(4))  # (4, 4) of the piece in that joint's frame
-
-
-@dataclass(frozen=True, eq=False)
-class Pairs:
-    """Pairs of bodies to be kept apart, in two groups: 0 link and obstacle, 1 link and link."""
-
-    a: Index  # (P,) rows of the list of bodies
-    b: Index  # (P,)
-    group: Index  # (P,)
-    moves_a: Mask  # (P, n) joints that move a and not b
-    moves_b: Mask  # (P, n) and the other way round
-
-    @classmethod
-    def of(cls, chain: Chain, bodies: Sequence[Body], rows: Sequence[tuple[int, int, int]]) -> Pairs:
-        """Build from (a, b, group); pairs that do not move against each other are left out."""
-        table = np.array(rows, dtype=np.int64).reshape(-1, 3)
-        joints = np.array([body.joint for body in bodies], dtype=np.int64)
-        a, b = chain.carried_by[joints[table[:, 0]]], chain.carried_by[joints[table[:, 1]]]
-        moving = (a != b).any(axis=1)
-        return cls(table[moving, 0], table[moving, 1], table[moving, 2], (a & ~b)[moving], (b & ~a)[moving])
 
 
 @dataclass(frozen=True)
@@ -95,35 +60,6 @@ class Proof:
 
 
 @dataclass(frozen=True, eq=False)
-class _Nodes:
-    """Intervals of one round, with everything about their midpoints."""
-
-    interval: Index  # (k,) waypoint interval
-    start: Array  # (k,) within it, 0 to 1
-    width: Array  # (k,)
-    delta: Array  # (k, n) half of the joints' motion, signed
-    rotation: Array  # (k, bodies, 3, 3) of the bodies
-    origin: Array  # (k, bodies, 3)
-    axes: Array  # (k, n, 3) of the joints
-    points: Array  # (k, n, 3) on the axes
-    reach: Array  # (k, bodies, n) ρ
-    transforms: dict[tuple[int, int], Any] = field(default_factory=dict)  # coal's, as they are asked for
-
-    def transform(self, node: int, body: int) -> Any:
-        """Return one body's placement for coal."""
-        key = (node, body)
-        if key not in self.transforms:
-            self.transforms[key] = transform(self.rotation[node, body], self.origin[node, body])
-        return self.transforms[key]
-
-    def pose(self, node: int, body: int) -> Array:
-        """Return one body's placement (4, 4)."""
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = self.rotation[node, body], self.origin[node, body]
-        return pose
-
-
-@dataclass(frozen=True, eq=False)
 class _Items:
     """Pairs on intervals, still open."""
 
@@ -131,8 +67,8 @@ class _Items:
     pair: Index  # (i,)
     bound: Array  # (i,) proven so far [m]
     normal: Array  # (i, 3) direction to try, from b to a; 0 where there is none yet
-    motion_a: Motion | None = None
-    motion_b: Motion | None = None
+    motion_a: Motion  # of the bodies a, none until it is computed
+    motion_b: Motion
 
     def __getitem__(self, rows: Mask | Index) -> _Items:
         return _Items(
@@ -140,30 +76,27 @@ class _Items:
             self.pair[rows],
             self.bound[rows],
             self.normal[rows],
-            self.motion_a and self.motion_a[rows],
-            self.motion_b and self.motion_b[rows],
+            self.motion_a[rows],
+            self.motion_b[rows],
         )
 
     def __len__(self) -> int:
         return len(self.node)
 
+    @classmethod
+    def of(cls, node: Index, pair: Index, bound: Array, normal: Array) -> _Items:
+        """Build without the motions, which depend on the intervals."""
+        still = Motion.none(len(node))
+        return cls(node, pair, bound, normal, still, still)
+
 
 class Sweep:
-    """Bodies and pairs, made ready once for many motions; `to_pinocchio` maps joint values (k, n) to configurations."""
+    """Bodies and pairs made ready for many motions."""
 
-    def __init__(
-        self, chain: Chain, bodies: Sequence[Body], pairs: Pairs, to_pinocchio: Callable[[Array], Array]
-    ) -> None:
-        """Gather the bodies' placements and bounds into arrays."""
-        self.chain, self.bodies, self.pairs, self.to_pinocchio = chain, tuple(bodies), pairs, to_pinocchio
-        self.joint = np.array([body.joint for body in bodies], dtype=np.int64)
-        self.rotation = np.array([body.placement[:3, :3] for body in bodies]).reshape(-1, 3, 3)
-        self.origin = np.array([body.placement[:3, 3] for body in bodies]).reshape(-1, 3)
-        self.center = np.array([body.piece.center for body in bodies]).reshape(-1, 3)
-        self.radius = np.array([body.piece.radius for body in bodies])
-        self.half = np.array([0.5 * (body.piece.high - body.piece.low) for body in bodies]).reshape(-1, 3)
-        hollow = np.array([body.piece.surface is not None for body in bodies], dtype=bool)
-        self.hollow = hollow[pairs.a] | hollow[pairs.b]  # (P,) pairs whose hulls say too little
+    def __init__(self, bodies: Bodies, pairs: Pairs) -> None:
+        """Note which pairs are not told by their hulls alone."""
+        self.bodies, self.pairs = bodies, pairs
+        self.hollow = bodies.hollow[pairs.a] | bodies.hollow[pairs.b]  # (P,)
 
     def distances(self, q: Array) -> tuple[Spot, ...]:
         """Return the signed distance of every pair at one configuration q (n,): negative in contact."""
@@ -181,10 +114,8 @@ class _Run:
     """One motion's proof under way."""
 
     def __init__(self, sweep: Sweep, waypoints: Array, required: float) -> None:
-        self.sweep, self.chain, self.pairs = sweep, sweep.chain, sweep.pairs
-        self.waypoints, self.floor = waypoints, (required, 0.0)
-        travel = np.stack([waypoints.min(axis=0), waypoints.max(axis=0)], axis=1)
-        self.rho = np.array([self._reach(body, travel) for body in sweep.bodies]).reshape(-1, waypoints.shape[1])
+        self.bodies, self.pairs, self.hollow = sweep.bodies, sweep.pairs, sweep.hollow
+        self.waypoints, self.floor, self.rho = waypoints, (required, 0.0), sweep.bodies.reach(waypoints)
         self.clearance = [np.inf, np.inf]
         self.closest: list[Spot | None] = [None, None]
         self.failures: dict[tuple[int, int], Spot] = {}
@@ -194,13 +125,13 @@ class _Run:
     def prove(self) -> Proof:
         count = len(self.waypoints) - 1
         if len(self.pairs.a):
-            nodes = self._nodes(np.arange(count), np.zeros(count), np.ones(count))
+            nodes = self._place(np.arange(count), np.zeros(count), np.ones(count))
             items: _Items | None = self._all_pairs(count)
             while items:
                 items = self._examine(nodes, items)
                 if items:
                     nodes, items = self._halve(nodes, items)
-            for spot in self.at_start(only=self.sweep.hollow):
+            for spot in self.at_start(only=self.hollow):
                 if spot.distance < 0.0:  # the surfaces may never touch when one lies within the other all the time
                     self._fail(spot)
         return Proof(
@@ -213,7 +144,7 @@ class _Run:
 
     def at_start(self, only: Mask | None = None) -> tuple[Spot, ...]:
         """Return the signed distances of all pairs (or some) at the first waypoint."""
-        nodes = self._nodes(np.zeros(1, dtype=np.int64), np.zeros(1), np.zeros(1))
+        nodes = self._place(np.zeros(1, dtype=np.int64), np.zeros(1), np.zeros(1))
         items = self._all_pairs(1)
         if only is not None:
             items = items[only]
@@ -222,7 +153,7 @@ class _Run:
         values, _, _ = self._exact(nodes, items)
         spots = []
         for value, pair in zip(values.tolist(), items.pair.tolist(), strict=True):
-            if value <= 0.0 and self.sweep.hollow[pair]:
+            if value <= 0.0 and self.hollow[pair]:
                 value = self._surface(nodes, 0, pair)
                 if contains(*self._posed(nodes, 0, pair)):
                     value = -max(value, ROUNDING)
@@ -231,12 +162,12 @@ class _Run:
 
     # --- one round ----------------------------------------------------------------------------------------------------
 
-    def _examine(self, nodes: _Nodes, items: _Items) -> _Items | None:
+    def _examine(self, nodes: Intervals, items: _Items) -> _Items | None:
         """Raise the items' bounds, the most pressing first, and return those that have to be halved."""
-        pairs, sweep = self.pairs, self.sweep
-        motion_a = self._motion(nodes, items.node, pairs.a[items.pair], pairs.moves_a[items.pair])
-        motion_b = self._motion(nodes, items.node, pairs.b[items.pair], pairs.moves_b[items.pair])
-        center = self._at(nodes, items.node, pairs.a[items.pair], sweep.center)
+        pairs = self.pairs
+        motion_a = nodes.motion(items.node, pairs.a[items.pair], pairs.moves_a[items.pair])
+        motion_b = nodes.motion(items.node, pairs.b[items.pair], pairs.moves_b[items.pair])
+        center = nodes.centers(items.node, pairs.a[items.pair])
         bound, normal = self._ball_bound(nodes, items, center)
         bound -= motion_a.first + motion_b.first + ROUNDING
         known = np.any(items.normal != 0.0, axis=1, keepdims=True)
@@ -255,7 +186,7 @@ class _Run:
                 left.append(chunk)
         if not left:
             return None
-        items = _Items(
+        items = _Items.of(
             np.concatenate([part.node for part in left]),
             np.concatenate([part.pair for part in left]),
             np.concatenate([part.bound for part in left]),
@@ -264,7 +195,7 @@ class _Run:
         items = self._open(nodes, items)  # the closest distance has come down since
         return items if len(items) else None
 
-    def _open(self, nodes: _Nodes, items: _Items) -> _Items:
+    def _open(self, nodes: Intervals, items: _Items) -> _Items:
         """Drop the items that are proven as far as need be, or failed; what the former prove counts."""
         group = self.pairs.group[items.pair]
         enough = np.array([self._goal(0), self._goal(1)])[group]
@@ -284,15 +215,13 @@ class _Run:
         tolerance = min(max(TOLERANCE, RELATIVE_TOLERANCE * spot.distance), 0.5 * spot.distance)
         return max(self.floor[group], spot.distance - tolerance)
 
-    def _exactly(self, nodes: _Nodes, items: _Items) -> _Items:
+    def _exactly(self, nodes: Intervals, items: _Items) -> _Items:
         """Raise the items' bounds by exact distances at the midpoints, and note the closest places and the contacts."""
         values, bound, normals = self._exact(nodes, items)
         bound = np.maximum(items.bound, bound)
         group = self.pairs.group[items.pair]
         goal = np.array([self._goal(0), self._goal(1)])[group]
-        hollow = self.sweep.hollow[items.pair]
-        assert items.motion_a is not None
-        assert items.motion_b is not None
+        hollow = self.hollow[items.pair]
         for i in np.flatnonzero(hollow & (values < goal) & (bound < goal)).tolist():
             values[i] = self._surface(nodes, int(items.node[i]), int(items.pair[i]))
             moved = items.motion_a.first[i] + items.motion_b.first[i] + ROUNDING
@@ -307,7 +236,7 @@ class _Run:
                 self._fail(spot)
         return replace(items, bound=bound, normal=normals)
 
-    def _halve(self, nodes: _Nodes, items: _Items) -> tuple[_Nodes, _Items]:
+    def _halve(self, nodes: Intervals, items: _Items) -> tuple[Intervals, _Items]:
         """Cut the intervals of the open items in two; give up those that are as short as they may become."""
         moved = (np.abs(nodes.delta)[:, None] * nodes.reach).sum(axis=2)  # (k, bodies)
         still = moved[items.node, self.pairs.a[items.pair]] + moved[items.node, self.pairs.b[items.pair]] <= STILL
@@ -320,13 +249,13 @@ class _Run:
         used, row = np.unique(items.node, return_inverse=True)
         width = 0.5 * np.repeat(nodes.width[used], 2)
         start = np.repeat(nodes.start[used], 2) + width * np.tile([0.0, 1.0], len(used))
-        halves = _Items(
+        halves = _Items.of(
             np.concatenate([2 * row, 2 * row + 1]),
             np.tile(items.pair, 2),
             np.tile(items.bound, 2),
             np.tile(items.normal, (2, 1)),
         )
-        return self._nodes(np.repeat(nodes.interval[used], 2), start, width), halves
+        return self._place(np.repeat(nodes.interval[used], 2), start, width), halves
 
     def _fail(self, spot: Spot) -> None:
         key = (spot.interval, spot.pair)
@@ -337,24 +266,22 @@ class _Run:
 
     # --- bounds -------------------------------------------------------------------------------------------------------
 
-    def _ball_bound(self, nodes: _Nodes, items: _Items, center: Array) -> tuple[Array, Array]:
+    def _ball_bound(self, nodes: Intervals, items: _Items, center: Array) -> tuple[Array, Array]:
         """Return the distance of a's bounding ball to b's bounding box at the midpoint, and its direction, b to a."""
         b = self.pairs.b[items.pair]
         rotation = nodes.rotation[items.node, b]
-        middle = self._at(nodes, items.node, b, self.sweep.center)
+        middle = nodes.centers(items.node, b)
         local = np.einsum("iba,ib->ia", rotation, center - middle)
-        away = local - np.clip(local, -self.sweep.half[b], self.sweep.half[b])
+        away = local - np.clip(local, -self.bodies.half[b], self.bodies.half[b])
         distance = np.linalg.norm(away, axis=1)
         inside = (distance == 0.0)[:, None]
         outward = np.einsum("iab,ib->ia", rotation, np.where(inside, local, away))
         length = np.linalg.norm(outward, axis=1, keepdims=True)
         normal = np.where(length > 0.0, outward / np.where(length > 0.0, length, 1.0), [0.0, 0.0, 1.0])
-        return distance - self.sweep.radius[self.pairs.a[items.pair]], normal
+        return distance - self.bodies.radius[self.pairs.a[items.pair]], normal
 
-    def _plane_bound(self, nodes: _Nodes, items: _Items, normal: Array) -> tuple[Array, Array]:
+    def _plane_bound(self, nodes: Intervals, items: _Items, normal: Array) -> tuple[Array, Array]:
         """Return gap(n) at the midpoint and the bound over the interval (module's head); `normal` (i, 3) is unit."""
-        assert items.motion_a is not None
-        assert items.motion_b is not None
         near, far = (
             self._extremes(nodes, items.node, bodies[items.pair], motion, sign * normal)
             for bodies, motion, sign in ((self.pairs.a, items.motion_a, -1), (self.pairs.b, items.motion_b, 1))
@@ -364,7 +291,7 @@ class _Run:
         second = items.motion_a.second + items.motion_b.second
         return gaps[0], np.maximum(gaps[1:].min(axis=0) - second, gaps[0] - first) - ROUNDING
 
-    def _extremes(self, nodes: _Nodes, node: Index, body: Index, motion: Motion, normal: Array) -> Array:
+    def _extremes(self, nodes: Intervals, node: Index, body: Index, motion: Motion, normal: Array) -> Array:
         """Return max_{x ∈ body} n·(x + s x') for s = 0, 1, −1: (3, i)."""
         turn, slide = np.cross(normal, motion.omega), np.einsum("ij,ij->i", normal, motion.velocity)
         directions = np.stack([normal, normal + turn, normal - turn])  # (3, i, 3)
@@ -375,24 +302,19 @@ class _Run:
         order = np.argsort(body, kind="stable")
         cuts = np.flatnonzero(np.diff(body[order])) + 1
         for rows in np.split(order, cuts):
-            piece = self.sweep.bodies[body[rows[0]]].piece
+            piece = self.bodies.pieces[body[rows[0]]]
             values[:, rows] += piece.support(local[:, rows].reshape(-1, 3)).reshape(3, -1)
         return np.asarray(values)
 
-    def _exact(self, nodes: _Nodes, items: _Items) -> tuple[Array, Array, Array]:
+    def _exact(self, nodes: Intervals, items: _Items) -> tuple[Array, Array, Array]:
         """Return the hulls' signed distance at the midpoints, the bound over the intervals and the directions."""
-        pairs, bodies = self.pairs, self.sweep.bodies
+        pairs, pieces = self.pairs, self.bodies.pieces
         normals, said = np.empty((len(items), 3)), np.empty(len(items))
         for i, (node, pair) in enumerate(zip(items.node.tolist(), items.pair.tolist(), strict=True)):
             a, b = int(pairs.a[pair]), int(pairs.b[pair])
-            found = direction(
-                bodies[a].piece.shape, nodes.transform(node, a), bodies[b].piece.shape, nodes.transform(node, b)
-            )
+            found = direction(pieces[a].shape, nodes.transform(node, a), pieces[b].shape, nodes.transform(node, b))
             normals[i], said[i] = found.normal, found.distance
         self.exact_calls += len(items)
-        if items.motion_a is None:
-            still = Motion.none(len(items))
-            items = replace(items, motion_a=still, motion_b=still)
         values, bound = self._plane_bound(nodes, items, normals)
         doubtful = np.flatnonzero(~((values > 0.0) & (said > 0.0) & (np.abs(values - said) < DOUBTFUL)))
         for i in doubtful.tolist():
@@ -401,53 +323,30 @@ class _Run:
             values[doubtful], bound[doubtful] = self._plane_bound(nodes, items[doubtful], normals[doubtful])
         return values, bound, normals
 
-    def _surface(self, nodes: _Nodes, node: int, pair: int) -> float:
+    def _surface(self, nodes: Intervals, node: int, pair: int) -> float:
         self.exact_calls += 1
         return surface_distance(*self._posed(nodes, node, pair))
 
-    # --- kinematics ---------------------------------------------------------------------------------------------------
+    # --- small parts --------------------------------------------------------------------------------------------------
 
-    def _nodes(self, interval: Index, start: Array, width: Array) -> _Nodes:
-        sweep, chain = self.sweep, self.chain
-        step = self.waypoints[interval + 1] - self.waypoints[interval]
-        delta = 0.5 * width[:, None] * step
-        middle = self.waypoints[interval] + (start + 0.5 * width)[:, None] * step
-        turned, moved = chain.frames(sweep.to_pinocchio(middle))
-        self.configurations += len(middle)
-        rotation = turned[:, sweep.joint] @ sweep.rotation
-        origin = np.einsum("kgij,gj->kgi", turned[:, sweep.joint], sweep.origin) + moved[:, sweep.joint]
-        center = np.einsum("kgij,gj->kgi", rotation, sweep.center) + origin
-        axes, points = np.einsum("knij,nj->kni", turned[:, 1:], chain.axes), moved[:, 1:]
-        reach = chain.local_reach(self.rho, sweep.joint, center, sweep.radius, axes, points, np.abs(delta))
-        return _Nodes(interval, start, width, delta, rotation, origin, axes, points, reach)
-
-    def _motion(self, nodes: _Nodes, node: Index, body: Index, moves: Mask) -> Motion:
-        delta = nodes.delta[node] * moves
-        return Motion.of(self.chain, delta, nodes.axes[node], nodes.points[node], nodes.reach[node, body])
-
-    def _at(self, nodes: _Nodes, node: Index, body: Index, points: Array) -> Array:
-        """Return points given in the bodies' frames (bodies, 3) in the world (i, 3)."""
-        return np.asarray(np.einsum("iab,ib->ia", nodes.rotation[node, body], points[body]) + nodes.origin[node, body])
+    def _place(self, interval: Index, start: Array, width: Array) -> Intervals:
+        self.configurations += len(interval)
+        return Intervals.of(self.bodies, self.waypoints, self.rho, interval, start, width)
 
     def _all_pairs(self, nodes: int) -> _Items:
         count = len(self.pairs.a)
         size = nodes * count
-        return _Items(
+        return _Items.of(
             np.repeat(np.arange(nodes), count),
             np.tile(np.arange(count), nodes),
             np.full(size, -np.inf),
             np.zeros((size, 3)),
         )
 
-    def _posed(self, nodes: _Nodes, node: int, pair: int) -> tuple[Piece, Array, Piece, Array]:
+    def _posed(self, nodes: Intervals, node: int, pair: int) -> tuple[Piece, Array, Piece, Array]:
         a, b = int(self.pairs.a[pair]), int(self.pairs.b[pair])
-        bodies = self.sweep.bodies
-        return bodies[a].piece, nodes.pose(node, a), bodies[b].piece, nodes.pose(node, b)
+        return self.bodies.pieces[a], nodes.pose(node, a), self.bodies.pieces[b], nodes.pose(node, b)
 
-    def _spot(self, nodes: _Nodes, node: int, pair: int, distance: float, touching: bool) -> Spot:
+    def _spot(self, nodes: Intervals, node: int, pair: int, distance: float, touching: bool) -> Spot:
         fraction = float(nodes.start[node] + 0.5 * nodes.width[node])
         return Spot(int(nodes.interval[node]), fraction, pair, distance, touching)
-
-    def _reach(self, body: Body, travel: Array) -> Array:
-        points = body.piece.vertices @ body.placement[:3, :3].T + body.placement[:3, 3]
-        return self.chain.reach(body.joint, points, body.piece.ball + body.piece.disc, travel)

@@ -1,0 +1,129 @@
+"""Bodies on the intervals of a motion: where the pieces of links and obstacles stand at each midpoint, how they move.
+
+Bodies and pairs of them are gathered into arrays once (`Bodies`, `Pairs`); `Intervals` holds, for many intervals of one
+motion at a time, the placements at their midpoints (Pinocchio's) and what the motion bounds need.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.motion_bounds import Array, Chain, Mask, Motion
+from hdplan.planner.proximity import Piece, transform
+
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """One piece of a link or an obstacle."""
+
+    name: str  # of the link or the obstacle
+    piece: Piece
+    joint: int = 0  # of the model, that carries it; 0: the world
+    placement: Array = field(default_factory=lambda: np.eye(4))  # (4, 4) of the piece in that joint's frame
+
+
+class Bodies:
+    """All bodies of a scene on one robot, as arrays over g bodies."""
+
+    def __init__(self, chain: Chain, bodies: Sequence[Body], to_pinocchio: Callable[[Array], Array]) -> None:
+        """Gather placements and bounds; `to_pinocchio` maps joint values (k, n) to configurations (k, nq)."""
+        self.chain, self.to_pinocchio = chain, to_pinocchio
+        self.names = tuple(body.name for body in bodies)
+        self.pieces = tuple(body.piece for body in bodies)
+        self.joint = np.array([body.joint for body in bodies], dtype=np.int64)  # (g,)
+        self.rotation = np.array([body.placement[:3, :3] for body in bodies]).reshape(-1, 3, 3)
+        self.origin = np.array([body.placement[:3, 3] for body in bodies]).reshape(-1, 3)
+        self.center = np.array([piece.center for piece in self.pieces]).reshape(-1, 3)  # of the bounding balls, boxes
+        self.radius = np.array([piece.radius for piece in self.pieces])
+        self.half = np.array([0.5 * (piece.high - piece.low) for piece in self.pieces]).reshape(-1, 3)  # box sizes / 2
+        self.hollow = np.array([piece.surface is not None for piece in self.pieces], dtype=bool)
+
+    def reach(self, waypoints: Array) -> Array:
+        """Return ρ (g, n) for all configurations between the waypoints (N, n)."""
+        travel = np.stack([waypoints.min(axis=0), waypoints.max(axis=0)], axis=1)
+        rows = [
+            self.chain.reach(int(joint), piece.vertices @ turn.T + shift, piece.ball + piece.disc, travel)
+            for joint, piece, turn, shift in zip(self.joint, self.pieces, self.rotation, self.origin, strict=True)
+        ]
+        return np.array(rows).reshape(-1, waypoints.shape[1])
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Pairs of bodies to be kept apart, in two groups: 0 link and obstacle, 1 link and link."""
+
+    a: Index  # (P,) rows of the list of bodies
+    b: Index  # (P,)
+    group: Index  # (P,)
+    moves_a: Mask  # (P, n) joints that move a and not b
+    moves_b: Mask  # (P, n) and the other way round
+
+    @classmethod
+    def of(cls, bodies: Bodies, rows: Sequence[tuple[int, int, int]]) -> Pairs:
+        """Build from (a, b, group); pairs that do not move against each other are left out."""
+        table = np.array(rows, dtype=np.int64).reshape(-1, 3)
+        carried_by = bodies.chain.carried_by[bodies.joint]
+        a, b = carried_by[table[:, 0]], carried_by[table[:, 1]]
+        moving = (a != b).any(axis=1)
+        return cls(table[moving, 0], table[moving, 1], table[moving, 2], (a & ~b)[moving], (b & ~a)[moving])
+
+
+@dataclass(frozen=True, eq=False)
+class Intervals:
+    """k intervals of a motion, with everything about their midpoints."""
+
+    bodies: Bodies
+    interval: Index  # (k,) waypoint interval
+    start: Array  # (k,) within it, 0 to 1
+    width: Array  # (k,)
+    delta: Array  # (k, n) half of the joints' motion, signed
+    rotation: Array  # (k, bodies, 3, 3) of the bodies
+    origin: Array  # (k, bodies, 3)
+    axes: Array  # (k, n, 3) of the joints
+    points: Array  # (k, n, 3) on the axes
+    reach: Array  # (k, bodies, n) ρ
+    transforms: dict[tuple[int, int], Any] = field(default_factory=dict)  # coal's, made when they are asked for
+
+    @classmethod
+    def of(cls, bodies: Bodies, waypoints: Array, rho: Array, interval: Index, start: Array, width: Array) -> Intervals:
+        """Place the bodies; `rho` is `bodies.reach(waypoints)`, the others as above."""
+        chain = bodies.chain
+        step = waypoints[interval + 1] - waypoints[interval]
+        delta = 0.5 * width[:, None] * step
+        turned, moved = chain.frames(bodies.to_pinocchio(waypoints[interval] + (start + 0.5 * width)[:, None] * step))
+        rotation = turned[:, bodies.joint] @ bodies.rotation
+        origin = np.einsum("kgij,gj->kgi", turned[:, bodies.joint], bodies.origin) + moved[:, bodies.joint]
+        center = np.einsum("kgij,gj->kgi", rotation, bodies.center) + origin
+        axes, points = np.einsum("knij,nj->kni", turned[:, 1:], chain.axes), moved[:, 1:]
+        reach = chain.local_reach(rho, bodies.joint, center, bodies.radius, axes, points, np.abs(delta))
+        return cls(bodies, interval, start, width, delta, rotation, origin, axes, points, reach)
+
+    def motion(self, row: Index, body: Index, moves: Mask) -> Motion:
+        """Return what bodies (i,) do on intervals (i,) by the joints `moves` (i, n) alone."""
+        delta = self.delta[row] * moves
+        return Motion.of(self.bodies.chain, delta, self.axes[row], self.points[row], self.reach[row, body])
+
+    def centers(self, row: Index, body: Index) -> Array:
+        """Return the centres (i, 3) of the bodies' bounding balls and boxes at the midpoints."""
+        local = self.bodies.center[body]
+        return np.asarray(np.einsum("iab,ib->ia", self.rotation[row, body], local) + self.origin[row, body])
+
+    def transform(self, row: int, body: int) -> Any:
+        """Return one body's placement for coal."""
+        key = (row, body)
+        if key not in self.transforms:
+            self.transforms[key] = transform(self.rotation[row, body], self.origin[row, body])
+        return self.transforms[key]
+
+    def pose(self, row: int, body: int) -> Array:
+        """Return one body's placement (4, 4)."""
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = self.rotation[row, body], self.origin[row, body]
+        return pose
