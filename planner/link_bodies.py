@@ -22,13 +22,13 @@ from scipy.spatial import ConvexHull, QhullError
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.cache import content_key, load, store
 from hdplan.planner.robot import Robot
-from hdplan.planner.swept_fit import Reference, Swept, distance_to_hull, fit_swept, outside
+from hdplan.planner.swept_fit import Reference, Swept, distance_to_hull, fit_swept, outside, spread
 from hdplan.scenes.errors import InputError
 
 Array = NDArray[np.float64]
 
-FIT_VERSION = "3"  # changes with anything that changes a fit, so that old cache entries are not used
-GOOD_MEAN, GOOD_P95 = 0.0095, 0.019  # outside the link's hull [m]: the first candidate this tight is taken
+FIT_VERSION = "4"  # changes with anything that changes a fit, so that old cache entries are not used
+GOOD_MEAN, GOOD_P95 = 0.0095, 0.0185  # outside the link's hull [m]: the first candidate this tight is taken
 REACH = 0.06  # how far a slab's body may reach into its neighbours at no cost [m]
 CANDIDATES = (
     (1, 2),
@@ -130,13 +130,13 @@ def _fit(triangles: Array) -> tuple[Swept, ...]:
     """Return the cheapest candidate that is good, or else the tightest."""
     points = _hull_points(triangles)
     axes = _box_axes(points)
+    cut: dict[tuple[int, int], list[tuple[Array, Reference]]] = {}
     found: list[tuple[float, tuple[Swept, ...]]] = []
     for slabs, vertices in CANDIDATES:
-        for axis in axes if slabs > 1 else axes[:1]:
-            bodies = tuple(
-                fit_swept(_hull_points(slab), Reference.of(_hull_points(wider)), vertices)
-                for slab, wider in _slabs(triangles, axis, slabs)
-            )
+        for axis in range(3 if slabs > 1 else 1):
+            if (slabs, axis) not in cut:
+                cut[slabs, axis] = _slabs(triangles, axes[axis], slabs)
+            bodies = tuple(fit_swept(corners, reference, vertices) for corners, reference in cut[slabs, axis])
             mean, p95 = outside(bodies, points)
             found.append((max(mean / GOOD_MEAN, p95 / GOOD_P95), bodies))
             if found[-1][0] <= 1.0:
@@ -150,13 +150,16 @@ def _box_axes(points: Array) -> Array:
     return np.asarray(to_box[:3, :3][np.argsort(-extents)])
 
 
-def _slabs(triangles: Array, axis: Array, count: int) -> list[tuple[Array, Array]]:
-    """Return triangles cut into equal slabs along an axis, each beside the same slab widened by REACH."""
+def _slabs(triangles: Array, axis: Array, count: int) -> list[tuple[Array, Reference]]:
+    """Return the corners of equal slabs along an axis, and the hull of each slab widened by REACH."""
     height = triangles @ axis
     cuts = np.linspace(height.min(), height.max(), count + 1)
     cuts[0], cuts[-1] = -np.inf, np.inf
     return [
-        (_between(triangles, axis, low, high), _between(triangles, axis, low - REACH, high + REACH))
+        (
+            _hull_points(_between(triangles, axis, low, high)),
+            Reference.of(spread(_hull_points(_between(triangles, axis, low - REACH, high + REACH)))),
+        )
         for low, high in itertools.pairwise(cuts)
     ]
 
@@ -188,7 +191,7 @@ def _below(triangles: Array, normal: Array, offset: float) -> Array:
 
 def _hull_points(triangles: Array) -> Array:
     """Return the corners of the triangles' convex hull (N, 3)."""
-    points = np.unique(triangles.reshape(-1, 3), axis=0)
+    points = triangles.reshape(-1, 3)
     return np.asarray(points[ConvexHull(points).vertices])
 
 

@@ -6,17 +6,12 @@ coordinate per planned joint. Units: metres and radians; frames: Pinocchio's, wi
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import math
-import os
 import re
-import sys
-import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
 
 import coal
 import numpy as np
@@ -24,12 +19,12 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.description import LinkPair, Semantics, Tree, link_pair, read_semantics, read_tree
+from hdplan.planner.pin_model import move_base, read_model, without_joints
 from hdplan.planner.robot_library import find_robot, library_package_dirs
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.model import JointTarget, RobotSpec, Scene
 
 Array = NDArray[np.float64]
-Result = TypeVar("Result")
 
 LIMIT_ROUNDING = 1e-3  # how far a MoveIt request may lie beyond a limit [rad or m]: it is rounded
 CONTACT_SAMPLES = 60  # configurations at which a pair must touch to count as always in contact
@@ -172,8 +167,7 @@ def load_robot(spec: RobotSpec) -> Robot:
     name, urdf, srdf, package_dirs = _files(spec)
     tree = read_tree(urdf)
     semantics = read_semantics(srdf, tree) if srdf is not None else Semantics()
-    full = _quietly(lambda: pin.buildModelFromUrdf(str(urdf)), urdf)
-    geometry = _quietly(lambda: _collision_geometry(full, urdf, package_dirs), urdf)
+    full, geometry = read_model(urdf, package_dirs)
 
     joints = [str(joint) for joint in full.names][1:]
     for joint in spec.locked:
@@ -191,8 +185,8 @@ def load_robot(spec: RobotSpec) -> Robot:
     if by_default:
         notes.append(f"joints held: {', '.join(by_default)}")
 
-    model, collision = _without(full, geometry, held)
-    _move_base(model, collision, pin.SE3(spec.base.matrix))
+    model, collision = without_joints(full, geometry, held)
+    move_base(model, collision, pin.SE3(spec.base.matrix))
 
     link_geometry: dict[str, tuple[int, ...]] = {}
     link_joint: dict[str, int] = {}
@@ -236,36 +230,6 @@ def _files(spec: RobotSpec) -> tuple[str, Path, Path | None, tuple[Path, ...]]:
     return urdf.stem, urdf, spec.srdf, (*spec.package_dirs, *urdf.parents)
 
 
-def _collision_geometry(model: pin.Model, urdf: Path, package_dirs: tuple[Path, ...]) -> pin.GeometryModel:
-    folders = [str(folder) for folder in package_dirs]
-    return pin.buildGeomFromUrdf(model, str(urdf), pin.GeometryType.COLLISION, package_dirs=folders)
-
-
-def _quietly(read: Callable[[], Result], urdf: Path) -> Result:
-    """Run a C++ reader that writes its complaints to the error stream; they become the text of the error instead."""
-    with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as said:
-        try:
-            with _error_stream_to(said.fileno()):
-                return read()
-        except (ValueError, RuntimeError) as error:
-            said.seek(0)
-            reasons = [line.removeprefix("Error:").strip() for line in said if line.startswith("Error:")]
-            reason = "; ".join(reasons) or " ".join(str(error).split())
-            raise InputError(f"robot.urdf: {urdf}: {reason}") from None
-
-
-@contextlib.contextmanager
-def _error_stream_to(handle: int) -> Iterator[None]:
-    sys.stderr.flush()
-    kept = os.dup(2)
-    os.dup2(handle, 2)
-    try:
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-
-
 def _planned(
     joints: list[str], locked: Mapping[str, float], tree: Tree, semantics: Semantics, name: str
 ) -> tuple[list[str], list[str]]:
@@ -299,41 +263,6 @@ def _held_at(joint: str, model: pin.Model, spec: RobotSpec, tree: Tree, semantic
         return value
     at = model.joints[index].idx_q
     return float(np.clip(value, model.lowerPositionLimit[at], model.upperPositionLimit[at]))
-
-
-def _without(
-    full: pin.Model, geometry: pin.GeometryModel, held: Mapping[str, float]
-) -> tuple[pin.Model, pin.GeometryModel]:
-    """Return the model and geometry with the held joints fixed at their values."""
-    if not held:
-        return full, geometry
-    reference = pin.neutral(full)
-    for joint, value in held.items():
-        kind = full.joints[full.getJointId(joint)]
-        coordinates = (value,) if kind.nq == 1 else (math.cos(value), math.sin(value))
-        reference[kind.idx_q : kind.idx_q + kind.nq] = coordinates
-    # Pinocchio finds a joint's frame by name alone and gives up where a link bears the joint's name.
-    mark = " (link)"
-    for frame in full.frames:
-        if frame.type == pin.FrameType.BODY and frame.name in full.names:
-            frame.name += mark
-    model, collision = pin.buildReducedModel(full, geometry, [full.getJointId(joint) for joint in held], reference)
-    for frame in model.frames:
-        frame.name = frame.name.removesuffix(mark)
-    return model, collision
-
-
-def _move_base(model: pin.Model, collision: pin.GeometryModel, base: pin.SE3) -> None:
-    """Put the root link at `base` in the world."""
-    for index in range(1, model.njoints):
-        if model.parents[index] == 0:
-            model.jointPlacements[index] = base * model.jointPlacements[index]
-    for index, frame in enumerate(model.frames):
-        if frame.parentJoint == 0 and index > 0:
-            frame.placement = base * frame.placement
-    for item in collision.geometryObjects:
-        if item.parentJoint == 0:
-            item.placement = base * item.placement
 
 
 # --- self-collision pairs --------------------------------------------------------------------------------

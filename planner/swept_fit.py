@@ -22,6 +22,7 @@ from scipy.spatial.distance import cdist
 Array = NDArray[np.float64]
 
 MARGIN = 1e-6  # added to every radius [m], above rounding
+SPREAD = 200  # points that the steps of a fit look at; its radius is taken over all
 STAGES = ((20.0, 2e-3, 60), (80.0, 5e-4, 80))  # exponent of the soft maximum, softness over vertices [m], iterations
 
 
@@ -94,8 +95,22 @@ class Reference:
 def fit_swept(points: Array, reference: Reference, count: int, starts: int = 4) -> Swept:
     """Return the best body of `count` vertices around points (N, 3) found from seeded starts."""
     random = np.random.default_rng(0)
-    bodies = [_descend(points, reference, _start(points, count, random, greedy=k == 0)) for k in range(starts)]
+    few = spread(points)
+    cores = [_descend(few, reference, _start(few, count, random, greedy=k == 0)) for k in range(starts)]
+    bodies = [Swept(core, float(distance_to_hull(points, core)[0].max()) + MARGIN) for core in cores]
     return min(bodies, key=reference.excess)
+
+
+def spread(points: Array, count: int = SPREAD) -> Array:
+    """Return at most `count` of the points (N, 3), far from each other: the steps of a fit need no more."""
+    if len(points) <= count:
+        return points
+    chosen = [0]
+    distance = np.full(len(points), np.inf)
+    while len(chosen) < count:
+        distance = np.minimum(distance, np.sum((points - points[chosen[-1]]) ** 2, axis=1))
+        chosen.append(int(distance.argmax()))
+    return points[chosen]
 
 
 def _start(points: Array, count: int, random: np.random.Generator, greedy: bool) -> Array:
@@ -110,7 +125,8 @@ def _start(points: Array, count: int, random: np.random.Generator, greedy: bool)
     return np.asarray(middle + (0.6 if greedy else random.uniform(0.3, 0.8)) * (points[chosen] - middle))
 
 
-def _descend(points: Array, reference: Reference, vertices: Array) -> Swept:
+def _descend(points: Array, reference: Reference, vertices: Array) -> Array:
+    """Return the vertices (m, 3) of a nearby body that stands out little."""
     shape = vertices.shape
     flat = vertices.ravel()
     for exponent, softness, iterations in STAGES:
@@ -121,8 +137,7 @@ def _descend(points: Array, reference: Reference, vertices: Array) -> Swept:
             method="L-BFGS-B",
             options={"maxiter": iterations},
         ).x
-    vertices = flat.reshape(shape)
-    return Swept(vertices, float(distance_to_hull(points, vertices)[0].max()) + MARGIN)
+    return np.asarray(flat.reshape(shape))
 
 
 def _objective(points: Array, reference: Reference, vertices: Array, p: float, softness: float) -> tuple[float, Array]:
@@ -149,7 +164,7 @@ def _objective(points: Array, reference: Reference, vertices: Array, p: float, s
 # --- how well bodies fit ----------------------------------------------------------------------------------------------
 
 
-def outside(bodies: tuple[Swept, ...], hull_points: Array, samples: int = 800) -> tuple[float, float]:
+def outside(bodies: tuple[Swept, ...], hull_points: Array, samples: int = 1500) -> tuple[float, float]:
     """Return mean and 95th percentile [m] of how far the surface of a union of bodies lies outside a convex hull.
 
     Seeded, area-weighted samples of each body's surface, those inside another body left out; 0 where inside the hull.
