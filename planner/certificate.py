@@ -202,15 +202,15 @@ class Certifier:
                 depths[names] = max(depths.get(names, 0.0), -spot.distance)
         return tuple(Contact(*names, depths[names]) for names in sorted(depths, key=lambda names: -depths[names]))
 
-    def closest_obstacle(self, q: ArrayLike) -> Place | None:
-        """Return the obstacle closest to the robot in one configuration; None without obstacles.
+    def nearest(self, q: ArrayLike) -> tuple[Place | None, Place | None]:
+        """Return the closest places in one configuration, with exact distances: to an obstacle, between links."""
+        spots = self.sweep.nearest(np.asarray(q, dtype=np.float64))
+        to_obstacle, between_links = (self._place(spot, 2) if spot else None for spot in spots)
+        return to_obstacle, between_links
 
-        The distance is exact, but for a mesh that is not convex it is that of its hull, as long as the hulls are apart.
-        """
-        spots = [
-            s for s in self.sweep.distances(np.asarray(q, dtype=np.float64)) if self.sweep.pairs.group[s.pair] == 0
-        ]
-        return self._place(min(spots, key=lambda spot: spot.distance), 2) if spots else None
+    def closest_obstacle(self, q: ArrayLike) -> Place | None:
+        """Return the obstacle closest to the robot in one configuration, exactly; None without obstacles."""
+        return self.nearest(q)[0]
 
     def _names(self, pair: int) -> tuple[str, str]:
         pairs, names = self.sweep.pairs, self.sweep.bodies.names

@@ -102,6 +102,10 @@ class Sweep:
         """Return the signed distance of every pair at one configuration q (n,): negative in contact."""
         return _Run(self, np.stack([q, q]), 0.0).at_start()
 
+    def nearest(self, q: Array) -> tuple[Spot | None, Spot | None]:
+        """Return the closest pair of each group at one configuration q (n,), exactly: by surfaces, not their hulls."""
+        return _Run(self, np.stack([q, q]), 0.0).nearest_at_start()
+
     def prove(self, waypoints: Array, required: float = 0.0) -> Proof:
         """Prove a motion through `waypoints` (N, n), or find where it cannot be proven.
 
@@ -159,6 +163,21 @@ class _Run:
                     value = -max(value, ROUNDING)
             spots.append(Spot(0, 0.0, pair, value, value <= 0.0))
         return tuple(spots)
+
+    def nearest_at_start(self) -> tuple[Spot | None, Spot | None]:
+        """Return the closest pair of each group at the first waypoint."""
+        nodes = self._place(np.zeros(1, dtype=np.int64), np.zeros(1), np.zeros(1))
+        best: list[Spot | None] = [None, None]
+        for spot in sorted(self.at_start(), key=lambda spot: spot.distance):  # a surface is no closer than its hull
+            group = int(self.pairs.group[spot.pair])
+            least = best[group]
+            if least is not None and least.distance <= spot.distance:
+                continue
+            if self.hollow[spot.pair] and not spot.touching:
+                spot = replace(spot, distance=max(spot.distance, self._surface(nodes, 0, spot.pair)))
+            if least is None or spot.distance < least.distance:
+                best[group] = spot
+        return best[0], best[1]
 
     # --- one round ----------------------------------------------------------------------------------------------------
 
