@@ -1,8 +1,9 @@
-"""CasADi functions run over many rows at once: as generated C where a compiler is found, by CasADi's interpreter elsewhere.
+"""CasADi functions run over many rows at once: as generated C where a compiler is found, by CasADi's interpreter
+elsewhere.
 
-In: a CasADi Function and, for every input, a table of values and the row of the table that each evaluation takes. Out: one row
-per evaluation. Both ways compute the same instructions; C is about ten times faster (design.md section 3, Cost). The rows are
-picked inside the C loop, so nothing is gathered, copied or converted in Python.
+In: a CasADi Function and, for every input, a table of values and the row of the table that each evaluation takes.
+Out: one row per evaluation. Both ways compute the same instructions; C is about ten times faster (design.md section
+3, Cost). The rows are picked inside the C loop, so nothing is gathered, copied or converted in Python.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import tempfile
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -34,7 +36,8 @@ FLAGS = ("-O3", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC")  # 
 # Calls the generated function once per row; `rows[i][k]` is the row of table i that evaluation k takes.
 LOOP = """
 void {name}_rows(long long count, const double** tables, const long long* widths, const long long** rows,
-                 double** results, const long long* result_widths, const double** arg, double** res, long long* iw, double* w) {{
+                 double** results, const long long* result_widths, const double** arg, double** res, long long* iw,
+                 double* w) {{
   for (long long k = 0; k < count; ++k) {{
     for (int i = 0; i < {n_in}; ++i) arg[i] = tables[i] + widths[i] * rows[i][k];
     for (int i = 0; i < {n_out}; ++i) res[i] = results[i] + result_widths[i] * k;
@@ -49,10 +52,12 @@ class RowFunction:
 
     Parameters
     ----------
-    function: the function f(x_1 … x_m) -> (y_1 … y_p), every input and output dense, column-major where it is a matrix.
+    function: the function f(x_1 … x_m) -> (y_1 … y_p), every input and output dense, column-major where it is a
+    matrix.
     """
 
     def __init__(self, function: ca.Function) -> None:
+        """Compile the function, or find it in the cache."""
         self.function = function
         self.widths = [function.numel_in(i) for i in range(function.n_in())]
         self.result_widths = [function.numel_out(i) for i in range(function.n_out())]
@@ -68,8 +73,8 @@ class RowFunction:
     def __call__(self, tables: Sequence[Floats], rows: Sequence[Rows]) -> list[Floats]:
         """Evaluate for k = 0 … count-1 with input i taken from `tables[i][rows[i][k]]`.
 
-        tables: one array (n_i, width_i) per input. rows: one index array (count,) per input. Returns one array (count, width) per
-        output. Raises ValueError for wrong shapes or rows out of range.
+        tables: one array (n_i, width_i) per input. rows: one index array (count,) per input. Returns one array
+        (count, width) per output. Raises ValueError for wrong shapes or rows out of range.
         """
         tables = [np.ascontiguousarray(table, dtype=np.float64) for table in tables]
         rows = [np.ascontiguousarray(row, dtype=np.int64) for row in rows]
@@ -101,14 +106,16 @@ class RowFunction:
         return results
 
     def _interpret(self, tables: Sequence[Floats], rows: Sequence[Rows], results: Sequence[Floats]) -> None:
-        """The same through CasADi's virtual machine, by buffers: converting to CasADi's DM would cost more than the work."""
+        """The same through CasADi's virtual machine, by buffers: converting to CasADi's DM would cost more than the
+        work."""
+        buffer: Any
         buffer, trigger = self.function.buffer()
         arguments = [np.empty(width) for width in self.widths]
         outputs = [np.empty(width) for width in self.result_widths]
         for i, argument in enumerate(arguments):
-            buffer.set_arg(i, memoryview(argument))
+            buffer.set_arg(i, argument.data)
         for i, output in enumerate(outputs):
-            buffer.set_res(i, memoryview(output))
+            buffer.set_res(i, output.data)
         for k in range(len(rows[0])):
             for argument, table, row in zip(arguments, tables, rows, strict=True):
                 argument[:] = table[row[k]]
@@ -138,7 +145,8 @@ def compiler() -> tuple[str, ...] | None:
 
 
 def _library(function: ca.Function) -> Path | None:
-    """The shared library of a function, from the disk cache (keyed by the C source and the compiler) or compiled now."""
+    """The shared library of a function, from the disk cache (keyed by the C source and the compiler) or compiled
+    now."""
     command = compiler()
     if command is None:
         return None
@@ -155,7 +163,8 @@ def _library(function: ca.Function) -> Path | None:
         outcome = subprocess.run([*command, *FLAGS, str(text), "-o", str(built), "-lm"], capture_output=True, text=True)
         if outcome.returncode:
             warnings.warn(
-                f"{command[0]} failed on {function.name()}: {outcome.stderr.strip().splitlines()[-1:]}; interpreting", stacklevel=2
+                f"{command[0]} failed on {function.name()}: {outcome.stderr.strip().splitlines()[-1:]}; interpreting",
+                stacklevel=2,
             )
             return None
         if write_whole(library, built.read_bytes()):

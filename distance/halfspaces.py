@@ -1,16 +1,18 @@
 """The HD-SDF between a swept body and a body given by its planes: the planner's distance.
 
-In: vertices of A (swept by a ball), unit normals n_k fixed in B's frame with B's exact support h_B(n_k) along each. Out: D and its
-derivative as a wrench. Equation (Definition III.5 of the paper, with the normals of B's side and B's minimum taken exactly):
+In: vertices of A (swept by a ball), unit normals n_k fixed in B's frame with B's exact support h_B(n_k) along each.
+Out: D and its derivative as a wrench. Equation (Definition III.5 of the paper, with the normals of B's side and B's
+minimum taken exactly):
 
     D = Phi( ⊞_k Phi( ⊕_i (n_k · a_i − r_A − h_B(n_k)) ) )
 
-Why exact: along a normal that is fixed in B, B's projections are constants, so their hard minimum −h_B(n_k) is as smooth as the
-Hölder one, tighter, and any convex B with a known support function (a true cylinder, a ball, a mesh's hull) enters without vertices.
+Why exact: along a normal that is fixed in B, B's projections are constants, so their hard minimum −h_B(n_k) is as
+smooth as the Hölder one, tighter, and any convex B with a known support function (a true cylinder, a ball, a mesh's
+hull) enters without vertices.
 
 A lower bound in sign, an approximation in value. Sign safety: if A and B share a point y, then n_k·y ≤ h_B(n_k) and
-min_i n_k·a_i − r_A ≤ n_k·y for every k, so every inner minimum is ≤ 0; ⊕, ⊞ and Phi preserve signs, hence D ≤ 0. Positive D means
-separated; clearance c is asked for by enlarging h_B by c.
+min_i n_k·a_i − r_A ≤ n_k·y for every k, so every inner minimum is ≤ 0; ⊕, ⊞ and Phi preserve signs, hence D ≤ 0.
+Positive D means separated; clearance c is asked for by enlarging h_B by c.
 """
 
 from __future__ import annotations
@@ -30,21 +32,25 @@ FAR = 1e3  # [m] offset of an unused plane: its term, about −FAR, weighs (dept
 
 @functools.cache
 def box_directions() -> Floats:
-    """The 26 unit directions (26, 3) of a cube's faces, edges and corners: Ñ of a box widened to its 13 axes (design.md, 5)."""
-    grid = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)], dtype=float)
+    """The 26 unit directions (26, 3) of a cube's faces, edges and corners: Ñ of a box widened to its 13 axes
+    (design.md, 5)."""
+    grid = np.array(
+        [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)], dtype=float
+    )
     directions: Floats = grid / np.linalg.norm(grid, axis=1, keepdims=True)
     return directions
 
 
 @functools.cache
 def halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: float) -> ca.Function:
-    """Build D(A, B) as a CasADi function for A of `vertices` vertices and B of `planes` planes; the numbers are arguments.
+    """Build D(A, B) as a CasADi function for A of `vertices` vertices and B of `planes` planes; the numbers are
+    arguments.
 
     Inputs (flat, row-major): placement_a (12) and placement_b (12), each [R (9) | t (3)] from body to world [m];
-    body (4·vertices + 1) = [a_i (3 each) | weight_i | r_A] in A's frame, weight 1, or 0 for a slot that repeats a vertex;
-    body_planes (4·planes) = [n_k (3 each) | h_B(n_k)] in B's frame.
-    Outputs: distance () [m]; wrench (6) = [F | T], the derivative of D under a motion of A: dD = F·v + T·ω for the velocity v of
-    the point of A at the world's origin and angular velocity ω. D depends on the relative pose only, so B's wrench is −[F | T].
+    body (4·vertices + 1) = [a_i (3 each) | weight_i | r_A] in A's frame, weight 1, or 0 for a slot that repeats a
+    vertex; body_planes (4·planes) = [n_k (3 each) | h_B(n_k)] in B's frame. Outputs: distance () [m]; wrench (6) = [F
+    | T], the derivative of D under a motion of A: dD = F·v + T·ω for the velocity v of the point of A at the world's
+    origin and angular velocity ω. D depends on the relative pose only, so B's wrench is −[F | T].
     """
     placement_a, placement_b = ca.SX.sym("placement_a", 12), ca.SX.sym("placement_b", 12)
     body, body_planes = ca.SX.sym("body", 4 * vertices + 1), ca.SX.sym("body_planes", 4 * planes)

@@ -1,8 +1,8 @@
 """The whole problem as one CasADi graph: for general solvers, and as a second witness of the fast evaluation.
 
-The same kinematics, the same distance functions, the same pairs and samples as `Problem.evaluate`, but every pair at every sample
-is there, without a broad phase. The gradient is the distance's hand-written wrench chained through the geometric Jacobian; the
-Hessian is CasADi's exact derivative of that gradient.
+The same kinematics, the same distance functions, the same pairs and samples as `Problem.evaluate`, but every pair at
+every sample is there, without a broad phase. The gradient is the distance's hand-written wrench chained through the
+geometric Jacobian; the Hessian is CasADi's exact derivative of that gradient.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Nlp:
-    """Cost of x = the interior waypoints one after another (M n), bounds, and derivatives. No constraints beside the bounds."""
+    """Cost of x = the interior waypoints one after another (M n), bounds, and derivatives. No constraints beside the
+    bounds."""
 
     x: ca.MX
     weight: ca.MX  # of the penalty, a parameter [1/m²]
@@ -41,9 +42,9 @@ def nlp(problem: Problem) -> Nlp:
     spread = _interpolation(problem)  # (N, B)
     looks = waypoints @ spread  # (n, B)
     matrix = ca.DM(problem.smoothness.matrix)
-    cost = 0.5 * ca.sum1(ca.sum2(waypoints * (waypoints @ matrix)))
+    cost: ca.MX = 0.5 * ca.sum1(ca.sum2(waypoints * (waypoints @ matrix)))
     gradient = waypoints @ matrix
-    hessian = ca.kron(matrix[1:-1, 1:-1], ca.DM.eye(n))
+    hessian = ca.MX(ca.kron(matrix[1:-1, 1:-1], ca.DM.eye(n)))
     to_interior = ca.kron(spread[1:-1, :], ca.DM.eye(n))  # (M n, B n)
     for term in problem.terms:
         value, slope, curvature = (function.map(len(samples.weight)) for function in _sample_functions(problem, term))
@@ -67,7 +68,8 @@ def _interpolation(problem: Problem) -> ca.DM:
 
 
 def _sample_functions(problem: Problem, term: Clearance) -> tuple[ca.Function, ca.Function, ca.Function]:
-    """One sample's penalty ½ Σ_pairs min(D, 0)² as functions of its configuration: value, gradient (n, 1), Hessian (n, n)."""
+    """One sample's penalty ½ Σ_pairs min(D, 0)² as functions of its configuration: value, gradient (n, 1), Hessian
+    (n, n)."""
     n, pairs, nj = len(problem.start), term.pairs, problem.kinematics.nj
     q = ca.MX.sym("q", n)
     state = problem.kinematics.state(q)

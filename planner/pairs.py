@@ -1,7 +1,8 @@
 """Which bodies can meet: candidate pairs, what is left out for good, and the broad phase at given configurations.
 
-In: outer link bodies (vertices) and plane bodies (obstacles in the world, or links). Out: tables for the distance's compiled
-kernels, and per batch of configurations the (sample, pair) that may be inside the margin; every other D is positive for certain.
+In: outer link bodies (vertices) and plane bodies (obstacles in the world, or links). Out: tables for the distance's
+compiled kernels, and per batch of configurations the (sample, pair) that may be inside the margin; every other D is
+positive for certain.
 """
 
 from __future__ import annotations
@@ -19,8 +20,9 @@ from hdplan.planner.plane_bodies import FEW, MANY, PlaneBody
 Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
-# Every direction is within 27.6 degrees of one of a box's 26 directions whose support is attained at the same place of the box.
-# So where a sphere of radius r is farther than r / cos(27.6°) from the box, one of the planes separates it for certain: D > 0.
+# Every direction is within 27.6 degrees of one of a box's 26 directions whose support is attained at the same place of
+# the box. So where a sphere of radius r is farther than r / cos(27.6°) from the box, one of the planes separates it for
+# certain: D > 0.
 WIDEST = 1.13
 
 
@@ -47,7 +49,8 @@ class BodyPairs:
         return len(self.body)
 
     def close(self, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
-        """Sample and pair indices (S,), samples ascending, whose bounding sphere reaches the enlarged box. Drops no D < 0."""
+        """Sample and pair indices (S,), samples ascending, whose bounding sphere reaches the enlarged box. Drops no D
+        < 0."""
         rotations, translations = kinematics.rotations, kinematics.translations
         joint = np.zeros(len(self.centres), dtype=np.int64)
         joint[self.body] = self.joint_a
@@ -58,7 +61,9 @@ class BodyPairs:
         reach = WIDEST * self.radii[self.body] + np.linalg.norm(self.half_sizes, axis=1)[self.plane_body]
         gap = centres[:, self.body] - origins[:, self.plane_body]  # (batch, P, 3)
         sample, pair = np.nonzero(np.einsum("bpi,bpi->bp", gap, gap) < reach**2)
-        turned = np.einsum("srk,skc->src", rotations[sample, self.joint_b[pair]], self.boxes[self.plane_body[pair], :3, :3])
+        turned = np.einsum(
+            "srk,skc->src", rotations[sample, self.joint_b[pair]], self.boxes[self.plane_body[pair], :3, :3]
+        )
         local = np.einsum("si,sij->sj", gap[sample, pair], turned)
         outside = np.maximum(np.abs(local) - self.half_sizes[self.plane_body[pair]], 0.0)
         near = np.einsum("si,si->s", outside, outside) < (WIDEST * self.radii[self.body[pair]]) ** 2
@@ -76,7 +81,7 @@ def body_pairs(
 
     supports: (nj, n) whether a joint moves what another joint carries (Kinematics.supports).
     """
-    slots = max(len(body.body.vertices) for body in bodies)
+    slots = max(len(bodies[a].body.vertices) for a, _ in pairs)
     first = np.array([a for a, _ in pairs], dtype=np.int64)
     second = np.array([b for _, b in pairs], dtype=np.int64)
     plane_slots = np.array([len(body.supports) for body in plane_bodies], dtype=np.int64)
@@ -87,7 +92,7 @@ def body_pairs(
         rows[chosen] = np.arange(len(chosen))
         if len(chosen):
             tables[count] = np.array(
-                [np.append(plane_bodies[b].normals.ravel(), plane_bodies[b].supports + margin) for b in chosen]
+                [np.append(plane_bodies[b].normals.ravel(), plane_bodies[b].supports + margin) for b in chosen.tolist()]
             )
     joint_a = np.array([body.joint for body in bodies], dtype=np.int64)[first]
     joint_b = np.array([body.joint for body in plane_bodies], dtype=np.int64)[second]
@@ -111,8 +116,11 @@ def body_pairs(
 
 
 def _body_row(body: LinkBody, slots: int) -> Floats:
-    """Vertices, weights and radius in one row; unused slots repeat the first vertex with weight 0."""
-    vertices = body.body.vertices
+    """Vertices, weights and radius in one row; unused slots repeat the first vertex with weight 0.
+
+    A body of more vertices is in no pair on this side; its row is cut short and never read.
+    """
+    vertices = body.body.vertices[:slots]
     spare = slots - len(vertices)
     weights = np.append(np.ones(len(vertices)), np.zeros(spare))
     return np.concatenate([vertices.ravel(), np.tile(vertices[0], spare), weights, [body.body.radius]])

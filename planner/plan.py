@@ -1,26 +1,23 @@
 """Planning, whole: guess, solve, certify; where the certificate fails, look there more closely, or guess again.
 
-A motion counts as found when its certificate says so and not before: the certificate works with the robot's real meshes, the
-solver with outer bodies at samples, and neither takes the other's word.
+A motion counts as found when its certificate says so and not before: the certificate works with the robot's real
+meshes, the solver with outer bodies at samples, and neither takes the other's word.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import dataclass
 
 from hdplan.planner.certificate import Certificate, Certifier
-from hdplan.planner.problem import Problem, build
+from hdplan.planner.problem import Floats, Problem, build
 from hdplan.planner.result import PlanResult, Times
 from hdplan.planner.robot import Robot, load_scene_robot
 from hdplan.planner.seeds import seeds
-from hdplan.planner.solvers import SOLVERS
+from hdplan.planner.solvers import Solver, solver_named
 from hdplan.planner.solvers.solution import FIRST_WEIGHT, RAISE, Budget, Solution, Status, Step
-from hdplan.planner.trajectory import Trajectory
-from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Scene
 
 ENDS_KEEP = 0.9  # share of an end's distance that is asked for where it is below planner.clearance
@@ -51,15 +48,14 @@ def plan(
         scene: what load_scene returns.
         solver: "gauss_newton", "chomp" or "ipopt".
         seed: of the random first guesses; the same seed gives the same result, as far as the time limit allows.
-        time_limit: [s] for solving and certifying; the best motion found by then is given back, its status saying what it is.
-        robot: the scene's robot, if it is loaded already.
-        report: called with every step and every certificate.
+        time_limit: [s] for solving and certifying; the best motion found by then is given back, its status saying
+        what it is. robot: the scene's robot, if it is loaded already. report: called with every step and every
+        certificate.
 
     Raises:
         InputError: for what scene or robot get wrong, among it a start or goal in collision.
     """
-    if solver not in SOLVERS:
-        raise InputError(f"solver: unknown '{solver}'{nearest(solver, SOLVERS)}")
+    run = solver_named(solver)
     began = time.perf_counter()
     robot = robot or load_scene_robot(scene)
     loaded = time.perf_counter()
@@ -68,53 +64,82 @@ def plan(
     required, words = _reachable_clearance(problem, certifier)
     built = time.perf_counter()
 
-    deadline = built + time_limit
-    solved = certified = 0.0
-    iterations = attempt = 0
-    best: tuple[tuple[float, ...], Solution, Trajectory, Certificate] | None = None
-    interrupted = False
-    for attempt, guess in enumerate(seeds(problem, seed), start=1):
-        work, positions, weight = problem, guess, FIRST_WEIGHT
-        for _ in range(1 + REPAIRS):
-            budget = Budget(deadline=deadline, first_weight=weight, report=lambda step: report(Event(attempt, step=step)))
-            started = time.perf_counter()
-            solution = SOLVERS[solver](work, positions, budget)
-            solved += time.perf_counter() - started
-            iterations += solution.iterations
-            trajectory = Trajectory(robot.joint_names, solution.positions, robot.locked)
-            certificate = certifier.certify(trajectory, required=required)
-            certified += certificate.seconds
-            report(Event(attempt, certificate=certificate))
-            rank = _rank(certificate)
-            if best is None or rank < best[0]:
-                best = rank, solution, trajectory, certificate
-            interrupted = solution.status is Status.INTERRUPTED
-            if certificate.certified or interrupted or solution.status is Status.STALLED or budget.spent():
+    search = _Search(problem, certifier, run, required, built + time_limit, report)
+    try:
+        for guess in seeds(problem, seed):
+            if search.attempt(guess):
                 break
-            work = work.refined(sorted({place.interval for place in certificate.failures}))
-            positions, weight = solution.positions, solution.weight * RAISE
-        if best[3].certified or interrupted or time.perf_counter() > deadline:
-            break
-
-    assert best is not None  # the loop ran at least once
-    _, solution, trajectory, certificate = best
+    except KeyboardInterrupt:
+        if search.best is None:
+            raise
+    assert search.best is not None  # an attempt ends with a certificate
+    solution, certificate = search.best
+    load, build_, compile_ = loaded - began, built - loaded - problem.compile_seconds, problem.compile_seconds
     return PlanResult(
         scene=scene.name,
         robot=robot.name,
-        trajectory=trajectory,
+        trajectory=solution.trajectory,
         certificate=certificate,
         solver=solver,
         seed=seed,
-        attempts=attempt,
-        iterations=iterations,
+        attempts=search.attempts,
+        iterations=search.iterations,
         steps=solution.steps,
-        times=Times(loaded - began, built - loaded - problem.compile_seconds, problem.compile_seconds, solved, certified),
+        times=Times(load, build_, compile_, search.solve_seconds, search.certify_seconds),
         notes=(*problem.notes, *words),
     )
 
 
+class _Search:
+    """The attempts of one plan: what they cost, and the best motion among them."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        certifier: Certifier,
+        solver: Solver,
+        required: float,
+        deadline: float,
+        report: Callable[[Event], None],
+    ) -> None:
+        self.problem, self.certifier, self.solver, self.required = problem, certifier, solver, required
+        self.deadline, self.report = deadline, report
+        self.best: tuple[Solution, Certificate] | None = None
+        self.attempts = self.iterations = 0
+        self.solve_seconds = self.certify_seconds = 0.0
+
+    def attempt(self, guess: Floats) -> bool:
+        """Solve from one guess, and solve on where the certificate fails; True if the search is over."""
+        self.attempts += 1
+        problem, weight = self.problem, FIRST_WEIGHT
+        for _ in range(1 + REPAIRS):
+            budget = Budget(self.deadline, first_weight=weight, report=self._report_step)
+            solution = self.solver(problem, guess, budget)
+            certificate = self.certifier.certify(solution.trajectory, required=self.required)
+            self._keep(solution, certificate)
+            if certificate.certified or solution.status is Status.INTERRUPTED or budget.spent():
+                return True
+            if solution.status is Status.STALLED:
+                return False
+            problem = problem.refined(sorted({place.interval for place in certificate.failures}))
+            guess, weight = solution.trajectory.positions, solution.weight * RAISE
+        return False
+
+    def _report_step(self, step: Step) -> None:
+        self.report(Event(self.attempts, step=step))
+
+    def _keep(self, solution: Solution, certificate: Certificate) -> None:
+        self.iterations += solution.iterations
+        self.solve_seconds += solution.seconds
+        self.certify_seconds += certificate.seconds
+        if self.best is None or _rank(certificate) < _rank(self.best[1]):
+            self.best = solution, certificate
+        self.report(Event(self.attempts, certificate=certificate))
+
+
 def _reachable_clearance(problem: Problem, certifier: Certifier) -> tuple[float, tuple[str, ...]]:
-    """The clearance that can be asked for [m]: the scene's, or less, with a word, where its own ends are closer than that.
+    """The clearance that can be asked for [m]: the scene's, or less, with a word, where its own ends are closer than
+    that.
 
     Raises InputError if an end is in collision.
     """
@@ -123,7 +148,8 @@ def _reachable_clearance(problem: Problem, certifier: Certifier) -> tuple[float,
         contacts = certifier.contacts(q)
         if contacts:
             said = "; ".join(
-                f"{c.link} and {c.other} " + (f"overlap by {c.depth * 1e3:.3g} mm" if c.depth else "touch") for c in contacts[:3]
+                f"{c.link} and {c.other} " + (f"overlap by {c.depth * 1e3:.3g} mm" if c.depth else "touch")
+                for c in contacts[:3]
             )
             raise InputError(f"{problem.scene.source}: {field}: in collision: {said}")
         nearest_obstacle = certifier.closest_obstacle(q)

@@ -1,7 +1,9 @@
-"""Bodies as the planner's distance wants them on its second side: planes with exact supports, and a box for the broad phase.
+"""Bodies as the planner's distance wants them on its second side: planes with exact supports, and a box for the broad
+phase.
 
-In: scene shapes or outer link bodies. Out: PlaneBody: unit normals n_k and supports h(n_k) = max_{b in B} n_k·b, exact for the
-shape itself (a true cylinder, not a polygon). What the planes enclose is slightly more than the shape (an outer body).
+In: scene shapes or outer link bodies. Out: PlaneBody: unit normals n_k and supports h(n_k) = max_{b in B} n_k·b,
+exact for the shape itself (a true cylinder, not a polygon). What the planes enclose is slightly more than the shape
+(an outer body).
 """
 
 from __future__ import annotations
@@ -43,12 +45,15 @@ def from_obstacle(obstacle: Obstacle) -> tuple[tuple[PlaneBody, ...], tuple[str,
     pieces = convex_pieces(load_mesh(obstacle.shape, f"obstacles.{obstacle.name}"))
     bodies = tuple(from_shape(obstacle.name, Points(tuple(map(tuple, piece))), placement) for piece in pieces)
     file = obstacle.shape.file.name
-    words = (f"obstacle '{obstacle.name}': mesh {file} split into {len(pieces)} convex pieces",) if len(pieces) > 1 else ()
+    words = (
+        (f"obstacle '{obstacle.name}': mesh {file} split into {len(pieces)} convex pieces",) if len(pieces) > 1 else ()
+    )
     return bodies, words
 
 
 def from_shape(name: str, shape: Shape, placement: Floats) -> PlaneBody:
-    """Enclose a scene shape that stands at `placement` in the world. Meshes come as the convex Points of their pieces."""
+    """Enclose a scene shape that stands at `placement` in the world. Meshes come as the convex Points of their
+    pieces."""
     match shape:
         case Box(size):
             half = np.array(size) / 2
@@ -110,7 +115,8 @@ def _box_frame(points: Floats) -> Floats:
 
 
 def _face_normals(points: Floats) -> Floats:
-    """Normals of the hull's faces (F, 3), largest area first, none that a box direction already gives; empty for flat hulls."""
+    """Normals of the hull's faces (F, 3), largest area first, none that a box direction already gives; empty for flat
+    hulls."""
     try:
         hull = ConvexHull(points)
     except (QhullError, ValueError):

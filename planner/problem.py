@@ -1,16 +1,18 @@
 """One planning problem: scene + robot → waypoints to choose, a cost made of terms, its exact derivatives.
 
-`build` only lays things out and gives a `Problem` to look at; solvers only evaluate it. The cost of waypoints q_0 … q_{N−1} with
-both ends fixed is
+`build` only lays things out and gives a `Problem` to look at; solvers only evaluate it. The cost of waypoints q_0 …
+q_{N−1} with both ends fixed is
 
     smoothness(q) + w Σ_samples w_s Σ_pairs ½ min(D, 0)²
 
-(CHOMP, Ratliff et al. 2009, with the HD-SDF in place of a distance field). Only the terms that the scene calls for exist.
+(CHOMP, Ratliff et al. 2009, with the HD-SDF in place of a distance field). Only the terms that the scene calls for
+exist.
 """
 
 from __future__ import annotations
 
 import functools
+import itertools
 import time
 from dataclasses import dataclass, replace
 
@@ -34,7 +36,7 @@ Floats = NDArray[np.float64]
 SAMPLES_PER_INTERVAL = 4
 SELF_ACTIVATION = 0.005  # [m] links of one arm are close by design: their penalty sets in late
 TRIALS = 200  # random configurations for the following
-OFTEN = 0.5  # a link pair whose outer bodies overlap in more than this share of random configurations is left to the certificate
+OFTEN = 0.5  # share of them in which a link pair's outer bodies may overlap before it is left to the certificate
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,7 @@ class Problem:
     smoothness: Smoothness
     terms: tuple[Clearance, ...]  # obstacles and self-collision, where the scene has any
     samples: Samples
+    unresolved: tuple[tuple[str, str], ...]  # link pairs left to the certificate, as their outer bodies overlap anyway
     notes: tuple[str, ...]  # words for the user
     compile_seconds: float  # spent on compiling the distance, or on finding it in the cache
 
@@ -111,7 +114,8 @@ class Problem:
         """How far the worst pair is inside its margin at single configurations (B, n) -> (B,) [m of D]."""
         kinematics = self.kinematics.evaluate(configurations)
         ones = np.ones(len(configurations))
-        return np.max([0 * ones, *(term.value(kinematics, ones).depth for term in self.terms)], axis=0)
+        depths: Floats = np.max([0 * ones, *(term.value(kinematics, ones).depth for term in self.terms)], axis=0)
+        return depths
 
     def refined(self, intervals: list[int]) -> Problem:
         """The same problem, sampled twice as densely on the given intervals."""
@@ -148,9 +152,6 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
         margin = settings.clearance + SELF_ACTIVATION
         laid_out = body_pairs(bodies, link_planes, link_pairs, margin, kinematics.supports)
         terms.append(Clearance("self-collision", laid_out, _kernels(laid_out, settings)))
-    if unresolved:
-        named = ", ".join(f"{a}-{b}" for a, b in unresolved)
-        notes.append(f"link pairs whose outer bodies overlap most of the time, left to the certificate: {named}")
     compile_seconds = time.perf_counter() - started
 
     return Problem(
@@ -164,6 +165,7 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
         smoothness=Smoothness(settings.waypoints),
         terms=tuple(terms),
         samples=Samples((SAMPLES_PER_INTERVAL,) * (settings.waypoints - 1)),
+        unresolved=tuple(unresolved),
         notes=tuple(notes),
         compile_seconds=compile_seconds,
     )
@@ -176,11 +178,17 @@ def _separable_pairs(
     planes: tuple[PlaneBody, ...],
     settings: PlannerSettings,
 ) -> tuple[list[tuple[int, int]], list[tuple[str, str]]]:
-    """Body pairs of the robot's self pairs, and the link pairs whose outer bodies overlap so often that they would mislead."""
+    """Body pairs of the robot's self pairs, and the link pairs whose outer bodies overlap so often that they would
+    mislead."""
     of_link: dict[str, list[int]] = {}
     for index, body in enumerate(bodies):
         of_link.setdefault(body.link, []).append(index)
-    pairs = [(i, j, a, b) for a, b in robot.self_pairs for i in of_link.get(a, []) for j in of_link.get(b, [])]
+    pairs = []
+    for a, b in robot.self_pairs:
+        for i, j in itertools.product(of_link.get(a, []), of_link.get(b, [])):
+            # the one with fewer vertices gives them: vertices cost, planes do not
+            fewer, more = sorted((i, j), key=lambda index: len(bodies[index].body.vertices))
+            pairs.append((fewer, more, a, b))
     if not pairs:
         return [], []
     laid_out = body_pairs(bodies, planes, [(i, j) for i, j, _, _ in pairs], 0.0, kinematics.supports)

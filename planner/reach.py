@@ -1,4 +1,5 @@
-"""How far a body can get: a ball around its chain's first joint that holds it at every configuration within the limits."""
+"""How far a body can get: a ball around its chain's first joint that holds it at every configuration within the
+limits."""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ class Reach:
     radius: float  # [m]
 
     def meets(self, other: PlaneBody, margin: float) -> bool:
-        """Whether the ball touches the box of a standing body enlarged by `margin` [m]; if not, the pair never matters."""
+        """Whether the ball touches the box of a standing body enlarged by `margin` [m]; if not, the pair never
+        matters."""
         local = (self.centre - other.box[:3, 3]) @ other.box[:3, :3]
         outside = np.maximum(np.abs(local) - other.half_size - margin, 0.0)
         return bool(np.linalg.norm(outside) <= self.radius)
@@ -31,8 +33,9 @@ class Reach:
 def reach_of(model: pin.Model, joint: int, body: ConvexBody) -> Reach:
     """Bound the places of a body on `joint`.
 
-    The origin of a chain's first joint stands still (but for its own travel); each further joint's origin is at a fixed distance
-    from its parent's frame, or that plus its travel: the triangle inequality adds these up, and the body's farthest point.
+    The origin of a chain's first joint stands still (but for its own travel); each further joint's origin is at a
+    fixed distance from its parent's frame, or that plus its travel: the triangle inequality adds these up, and the
+    body's farthest point.
     """
     radius = float(np.linalg.norm(body.vertices, axis=1).max()) + body.radius
     while joint > 0:

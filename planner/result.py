@@ -61,15 +61,18 @@ class PlanResult:
         }
 
     def save(self, path: str | Path) -> None:
-        """Write the trajectory, with this summary where the format has room. Raises InputError if it cannot be written."""
+        """Write the trajectory, with this summary where the format has room. Raises InputError if it cannot be
+        written."""
         self.trajectory.save(path, self.summary())
 
 
 def verdict(certificate: Certificate) -> dict[str, Any]:
-    """The certificate's figures as JSON: proven clearances [m] (null without proof or obstacles) and the closest place."""
+    """The certificate's figures as JSON: proven clearances [m] (null without proof or obstacles) and the closest
+    place."""
     worst = certificate.worst
     return {
         "clearance_m": certificate.clearance,
         "self_clearance_m": certificate.self_clearance,
-        "worst": worst and {"time": worst.time, "link": worst.link, "obstacle": worst.other, "distance_m": worst.distance},
+        "worst": worst
+        and {"time": worst.time, "link": worst.link, "obstacle": worst.other, "distance_m": worst.distance},
     }

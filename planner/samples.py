@@ -1,7 +1,8 @@
 """Configurations at which a motion is looked at: between the waypoints, more where an interval asks for it.
 
-In: the number of samples of every interval. Out: configurations of a motion, and sums over samples carried back to waypoints.
-A sample on interval k at fraction f is (1 − f) q_k + f q_{k+1}, which the trajectory, linear between waypoints, passes through.
+In: the number of samples of every interval. Out: configurations of a motion, and sums over samples carried back to
+waypoints. A sample on interval k at fraction f is (1 − f) q_k + f q_{k+1}, which the trajectory, linear between
+waypoints, passes through.
 """
 
 from __future__ import annotations
@@ -49,7 +50,8 @@ class Samples:
         return result
 
     def curvature_to_waypoints(self, curvature: Floats) -> tuple[Floats, Floats]:
-        """Carry second derivatives (B, n, n) to the waypoints: diagonal blocks (N, n, n), blocks between k and k+1 (N−1, n, n)."""
+        """Carry second derivatives (B, n, n) to the waypoints: diagonal blocks (N, n, n), blocks between k and k+1
+        (N−1, n, n)."""
         n = curvature.shape[1]
         diagonal, coupling = np.zeros((len(self.counts) + 1, n, n)), np.zeros((len(self.counts), n, n))
         fraction = self.fraction[:, None, None]

@@ -1,7 +1,8 @@
 """The effects of a problem, one class each: smoothness over the whole motion, clearance at sampled configurations.
 
-In: waypoints, or the kinematics of samples. Out: a cost, its exact gradient and a positive semidefinite curvature (Gauss-Newton;
-for smoothness the exact Hessian). The derivatives come from the distance's hand-written wrench and the geometric Jacobian.
+In: waypoints, or the kinematics of samples. Out: a cost, its exact gradient and a positive semidefinite curvature
+(Gauss-Newton; for smoothness the exact Hessian). The derivatives come from the distance's hand-written wrench and the
+geometric Jacobian.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ class Smoothness:
 
         ½ Σ_k h |(q_{k+1} − q_k)/h|² + ½ α Σ_k h |(q_{k+1} − 2 q_k + q_{k−1})/h²|²,  h = 1/(N − 1)
 
-    Velocity makes the motion short and even, acceleration bends it gently. Ratliff et al., CHOMP, ICRA 2009, section II.
+    Velocity makes the motion short and even, acceleration bends it gently. Ratliff et al., CHOMP, ICRA 2009, section
+    II.
     """
 
     waypoints: int  # N
@@ -59,17 +61,20 @@ class Penalty:
 class Clearance:
     """Squared hinge on the HD-SDF of body pairs: Σ_samples w_s Σ_pairs ½ min(D, 0)².
 
-    D is taken to bodies enlarged by clearance + activation, so that the penalty sets in that far away and D's flat spot, where its
-    gradient fades, lies at the outer rim, where the penalty fades as well (design.md section 3, Shaping).
+    D is taken to bodies enlarged by clearance + activation, so that the penalty sets in that far away and D's flat
+    spot, where its gradient fades, lies at the outer rim, where the penalty fades as well (design.md section 3,
+    Shaping).
     """
 
     def __init__(self, name: str, pairs: BodyPairs, kernels: dict[int, RowFunction]) -> None:
+        """Take the pairs and, for each number of plane slots among them, the distance."""
         self.name = name
         self.pairs = pairs
-        self.kernels = kernels  # by the number of plane slots
+        self.kernels = kernels
 
     def distances(self, kinematics: KinematicsBatch) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats, Floats]:
-        """D and its joint gradient where they can be negative: sample (S,), pair (S,), D (S,), dD/dq (S, n), samples ascending."""
+        """D and its joint gradient where they can be negative: sample (S,), pair (S,), D (S,), dD/dq (S, n), samples
+        ascending."""
         batch, joints = kinematics.translations.shape[:2]
         sample, pair = self.pairs.close(kinematics)
         placements = np.concatenate([kinematics.rotations.reshape(batch, joints, 9), kinematics.translations], axis=2)
@@ -83,7 +88,12 @@ class Clearance:
             s, p = sample[chosen], pair[chosen]
             values, wrenches = kernel(
                 [placements, placements, self.pairs.body_table, self.pairs.plane_tables[count]],
-                [s * joints + self.pairs.joint_a[p], s * joints + self.pairs.joint_b[p], self.pairs.body[p], self.pairs.plane_row[p]],
+                [
+                    s * joints + self.pairs.joint_a[p],
+                    s * joints + self.pairs.joint_b[p],
+                    self.pairs.body[p],
+                    self.pairs.plane_row[p],
+                ],
             )
             distance[chosen], wrench[chosen] = values[:, 0], wrenches
         inside = np.flatnonzero(distance < 0)

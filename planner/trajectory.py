@@ -97,6 +97,21 @@ class Trajectory:
             raise InputError(f"{path}: {error}") from error
 
 
+def check_writable(path: Path, endings: tuple[str, ...] = FORMATS) -> None:
+    """Say early that an output file cannot be written, before the work whose result it is to hold.
+
+    Raises InputError for another ending than `endings`, a folder that does not exist, or missing rights.
+    """
+    if path.suffix.lower() not in endings:
+        raise InputError(f"{path}: ending '{path.suffix}', allowed are {', '.join(endings)}")
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder, a file name is needed")
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: the folder {path.parent} does not exist")
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise InputError(f"{path}: cannot be written (permission denied)")
+
+
 def _to_json(trajectory: Trajectory, verdict: Mapping[str, Any]) -> bytes:
     content: dict[str, Any] = {
         "hdplan_trajectory": 1,

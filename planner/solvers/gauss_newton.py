@@ -1,8 +1,10 @@
-"""The default solver: damped Gauss-Newton steps on the banded system in time, with the penalty's weight raised as needed.
+"""The default solver: damped Gauss-Newton steps on the banded system in time, with the penalty's weight raised as
+needed.
 
-Each step solves (H + λ diag H) dq = −∇, where H is the smoothness' exact Hessian plus the penalty's Gauss-Newton curvature. A
-waypoint meets only its two neighbours on either side, so H is banded and a step costs O(N n³). Joint limits hold by projection:
-coordinates that a step would push out of their limit rest for that step (Bertsekas, Projected Newton Methods, 1982).
+Each step solves (H + λ diag H) dq = −∇, where H is the smoothness' exact Hessian plus the penalty's Gauss-Newton
+curvature. A waypoint meets only its two neighbours on either side, so H is banded and a step costs O(N n³). Joint
+limits hold by projection: coordinates that a step would push out of their limit rest for that step (Bertsekas,
+Projected Newton Methods, 1982).
 """
 
 from __future__ import annotations
@@ -48,10 +50,14 @@ def _step(problem: Problem, positions: Floats, state: Evaluation, damping: float
     count, n = interior.shape
     band = _band(problem.smoothness.matrix[1:-1, 1:-1], state, damping)
     gradient = state.gradient
-    outward = ((interior >= problem.robot.upper) & (gradient < 0)) | ((interior <= problem.robot.lower) & (gradient > 0))
+    outward = ((interior >= problem.robot.upper) & (gradient < 0)) | (
+        (interior <= problem.robot.lower) & (gradient > 0)
+    )
     band[0] += REST * outward.ravel()
     step = np.zeros_like(positions)
-    step[1:-1] = -solveh_banded(band, np.where(outward, 0.0, gradient).ravel(), lower=True, check_finite=False).reshape(count, n)
+    step[1:-1] = -solveh_banded(band, np.where(outward, 0.0, gradient).ravel(), lower=True, check_finite=False).reshape(
+        count, n
+    )
     return step
 
 

@@ -1,10 +1,13 @@
-"""Ipopt on the CasADi problem: an interior-point method with exact Hessians, the penalty's weight raised between its runs.
+"""Ipopt on the CasADi problem: an interior-point method with exact Hessians, the penalty's weight raised between its
+runs.
 
-Every pair at every sample is in the graph, so a step costs far more than one of gauss_newton; it shows what exact second
-derivatives bring, and hands the problem to anyone's solver.
+Every pair at every sample is in the graph, so a step costs far more than one of gauss_newton; it shows what exact
+second derivatives bring, and hands the problem to anyone's solver.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
@@ -31,12 +34,20 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
         "ipopt",
         {"x": whole.x, "p": whole.weight, "f": whole.cost},
         {
-            "grad_f": ca.Function("grad_f", [whole.x, whole.weight], [whole.cost, whole.gradient], ["x", "p"], ["f", "grad_f_x"]),
+            "grad_f": ca.Function(
+                "grad_f", [whole.x, whole.weight], [whole.cost, whole.gradient], ["x", "p"], ["f", "grad_f_x"]
+            ),
             "hess_lag": _lagrangian_hessian(whole.x, whole.weight, whole.hessian),
             "iteration_callback": stop,
             "print_time": False,
             "error_on_fail": False,
-            "ipopt": {"print_level": 0, "sb": "yes", "max_iter": STEPS_PER_WEIGHT, "mu_init": 1e-4, "bound_relax_factor": 0.0},
+            "ipopt": {
+                "print_level": 0,
+                "sb": "yes",
+                "max_iter": STEPS_PER_WEIGHT,
+                "mu_init": 1e-4,
+                "bound_relax_factor": 0.0,
+            },
         },
     )
     try:
@@ -85,6 +96,6 @@ class _Stop(ca.Callback):
         """Shapes of nlpsol's outputs: x and its multipliers are vectors, the cost a scalar, the rest empty."""
         return ca.Sparsity.dense({"x": self.size, "lam_x": self.size, "f": 1}.get(ca.nlpsol_out(index), 0), 1)
 
-    def eval(self, _: list[ca.DM]) -> list[float]:
+    def eval(self, arg: Sequence[ca.DM]) -> Sequence[ca.DM]:
         """1 ends the run."""
-        return [float(self.budget.spent())]
+        return [ca.DM(float(self.budget.spent()))]

@@ -1,7 +1,8 @@
 """What every solver gets beside the problem, what it gives back, and the schedule of penalty weights that they share.
 
-The penalty's weight w starts low, so that the motion moves as a whole, and is raised whenever progress stalls with bodies still
-too close: the continuation of a quadratic penalty method (Nocedal & Wright, Numerical Optimization, section 17.1).
+The penalty's weight w starts low, so that the motion moves as a whole, and is raised whenever progress stalls with
+bodies still too close: the continuation of a quadratic penalty method (Nocedal & Wright, Numerical Optimization,
+section 17.1).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.planner.problem import Evaluation, Problem
+from hdplan.planner.trajectory import Trajectory
 
 Floats = NDArray[np.float64]
 
@@ -62,12 +64,13 @@ class Budget:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Waypoints and how they were found."""
+    """A motion and how it was found; only a certificate says whether it is free."""
 
-    positions: Floats  # (N, n)
+    trajectory: Trajectory
     status: Status
     weight: float  # the penalty weight of the last iteration
     steps: tuple[Step, ...]
+    seconds: float
 
     @property
     def iterations(self) -> int:
@@ -79,9 +82,14 @@ class Progress:
     """Keeps the steps, tells when to raise the penalty's weight and when to stop."""
 
     def __init__(self, problem: Problem, budget: Budget) -> None:
+        """Start at the budget's first weight."""
+        self.problem = problem
+        self.began = time.perf_counter()
         self.weight = budget.first_weight
         ends = problem.depth(np.array([problem.start, problem.goal]))
-        self.allowed = max(ENOUGH * problem.scene.planner.activation, float(ends.max()))  # no motion can do better at its ends
+        self.allowed = max(
+            ENOUGH * problem.scene.planner.activation, float(ends.max())
+        )  # no motion can do better at its ends
         self.budget = budget
         self.status: Status | None = None
         self.steps: list[Step] = []
@@ -118,4 +126,6 @@ class Progress:
 
     def solution(self, positions: Floats) -> Solution:
         """Wrap up."""
-        return Solution(positions, self.status or Status.ITERATIONS, self.weight, tuple(self.steps))
+        trajectory = Trajectory(self.problem.robot.joint_names, positions, self.problem.robot.locked)
+        seconds = time.perf_counter() - self.began
+        return Solution(trajectory, self.status or Status.ITERATIONS, self.weight, tuple(self.steps), seconds)

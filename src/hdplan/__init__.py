@@ -1,1 +1,80 @@
-"""hdplan: motion planning for robot arms, proven against the real meshes."""
+"""hdplan: motion planning for robot arms with smooth signed distances, proven against the real meshes.
+
+    import hdplan
+    scene = hdplan.load_scene("panda_cage")
+    result = hdplan.plan(scene)
+    print(result.certificate.text)
+    result.save("motion.json")
+
+Names are imported when first used, so that `import hdplan` is quick.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from hdplan.distance.bodies import ConvexBody
+    from hdplan.planner.certificate import Certificate, certify
+    from hdplan.planner.plan import plan
+    from hdplan.planner.problem import Problem, build
+    from hdplan.planner.result import PlanResult
+    from hdplan.planner.robot import Robot, load_robot
+    from hdplan.planner.solvers import solve
+    from hdplan.planner.solvers.solution import Solution
+    from hdplan.planner.trajectory import Trajectory
+    from hdplan.scenes.errors import HdplanError, InputError
+    from hdplan.scenes.model import Scene
+    from hdplan.scenes.reader import load_scene
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "Certificate": "hdplan.planner.certificate",
+    "ConvexBody": "hdplan.distance.bodies",
+    "HdplanError": "hdplan.scenes.errors",
+    "InputError": "hdplan.scenes.errors",
+    "PlanResult": "hdplan.planner.result",
+    "Problem": "hdplan.planner.problem",
+    "Robot": "hdplan.planner.robot",
+    "Scene": "hdplan.scenes.model",
+    "Solution": "hdplan.planner.solvers.solution",
+    "Trajectory": "hdplan.planner.trajectory",
+    "build": "hdplan.planner.problem",
+    "certify": "hdplan.planner.certificate",
+    "load_robot": "hdplan.planner.robot",
+    "load_scene": "hdplan.scenes.reader",
+    "plan": "hdplan.planner.plan",
+    "solve": "hdplan.planner.solvers",
+}
+
+__all__ = [
+    "Certificate",
+    "ConvexBody",
+    "HdplanError",
+    "InputError",
+    "PlanResult",
+    "Problem",
+    "Robot",
+    "Scene",
+    "Solution",
+    "Trajectory",
+    "__version__",
+    "build",
+    "certify",
+    "load_robot",
+    "load_scene",
+    "plan",
+    "solve",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'hdplan' has no attribute '{name}'")
+    return getattr(importlib.import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return __all__
