@@ -130,7 +130,7 @@ def main(trajectory: str, scene: str, request: str, robot: str) -> None:
             if fcl.collide(_placed(a, world, t), _placed(b, world, t), fcl.CollisionRequest(), fcl.CollisionResult()):
                 contact = contact or {"link": a.name, "other": b.name, "time": float(times[t])}
                 break
-        close += [(float(between[t]), a, b, t) for t in np.flatnonzero(between <= NEAR)[::4].tolist()]
+        close += [(float(between[t]), a, b, t) for t in np.flatnonzero(between <= NEAR).tolist()]
     found: dict[str, Any] = {"free": contact is None and not faults, "samples": len(samples), "faults": faults}
     if contact:
         found["contact"] = contact
