@@ -49,7 +49,7 @@ def nlp(problem: Problem) -> Nlp:
     for term in problem.terms:
         value, slope, curvature = (function.map(len(samples.weight)) for function in _sample_functions(problem, term))
         scale = weight * ca.DM(samples.weight)
-        cost += ca.dot(scale, value(looks))
+        cost += ca.dot(scale, value(looks).T)
         gradient += (slope(looks) @ ca.diag(scale)) @ spread.T
         blocks = ca.horzsplit(curvature(looks), n)
         hessian += to_interior @ ca.diagcat(*(scale[s] * block for s, block in enumerate(blocks))) @ to_interior.T

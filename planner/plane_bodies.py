@@ -16,8 +16,8 @@ from scipy.spatial import ConvexHull, QhullError
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.halfspaces import FAR, box_directions
+from hdplan.planner.convex_pieces import convex_pieces
 from hdplan.planner.meshes import load_mesh
-from hdplan.planner.obstacles import convex_pieces
 from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, Shape, Sphere
 
 Floats = NDArray[np.float64]

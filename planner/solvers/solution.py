@@ -35,6 +35,7 @@ FIRST_WEIGHT, LAST_WEIGHT, RAISE = 1e3, 3e8, 6.0  # of the penalty [1/m²]
 SLOW = 0.01  # relative decrease below which a step counts as stalled
 PATIENCE = 3  # stalled steps in a row that end a weight
 ENOUGH = 0.5  # share of the activation band that may be used up when the motion counts as clear
+ENDS = 0.2  # share of the duration over which an end that is itself too close excuses the motion beside it
 
 
 @dataclass(frozen=True)
@@ -86,10 +87,7 @@ class Progress:
         self.problem = problem
         self.began = time.perf_counter()
         self.weight = budget.first_weight
-        ends = problem.depth(np.array([problem.start, problem.goal]))
-        self.allowed = max(
-            ENOUGH * problem.scene.planner.activation, float(ends.max())
-        )  # no motion can do better at its ends
+        self.allowed = _allowed_depth(problem)
         self.budget = budget
         self.status: Status | None = None
         self.steps: list[Step] = []
@@ -111,7 +109,7 @@ class Progress:
         self.stalled = self.stalled + 1 if before - state.cost <= SLOW * before else 0
         if self.stalled < PATIENCE:
             return False
-        if depth <= self.allowed:
+        if np.all(state.depth <= self.allowed):
             self.status = Status.CLEAR
         elif self.weight >= LAST_WEIGHT:
             self.status = Status.STALLED
@@ -129,3 +127,12 @@ class Progress:
         trajectory = Trajectory(self.problem.robot.joint_names, positions, self.problem.robot.locked)
         seconds = time.perf_counter() - self.began
         return Solution(trajectory, self.status or Status.ITERATIONS, self.weight, tuple(self.steps), seconds)
+
+
+def _allowed_depth(problem: Problem) -> Floats:
+    """How deep inside its margin each sample (B,) may be in a clear motion [m of D]: more near an end that is deep
+    itself, since no motion can do better there."""
+    time_ = (problem.samples.interval + problem.samples.fraction) / (problem.waypoints - 1)
+    start, goal = problem.depth(np.array([problem.start, problem.goal]))
+    excused = np.maximum(start * (1 - time_ / ENDS), goal * (1 - (1 - time_) / ENDS))
+    return np.maximum(ENOUGH * problem.scene.planner.activation, excused)

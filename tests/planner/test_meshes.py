@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from hdplan.planner.convex_pieces import convex_pieces
 from hdplan.planner.meshes import TriangleMesh, load_mesh
-from hdplan.planner.obstacles import convex_pieces, obstacle_bodies
+from hdplan.planner.plane_bodies import from_obstacle
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, Pose, Sphere
+from hdplan.scenes.model import Mesh, Obstacle
 
 
 def read(mesh: trimesh.Trimesh, path: Path, scale: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> TriangleMesh:
@@ -71,8 +72,9 @@ def test_pieces_of_parts_are_exact_and_of_one_solid_cover_it(tmp_path: Path) -> 
     pieces = convex_pieces(solid)
     assert 2 <= len(pieces) <= 4
     assert sum(trimesh.convex.convex_hull(piece).volume for piece in pieces) == pytest.approx(solid.volume, rel=0.1)
-    obstacle = obstacle_bodies(Obstacle("thing", Mesh(tmp_path / "solid.stl")))
-    assert f"split into {len(pieces)} convex pieces" in obstacle.notes[0]
+    bodies, notes = from_obstacle(Obstacle("thing", Mesh(tmp_path / "solid.stl")))
+    assert len(bodies) == len(pieces)
+    assert f"split into {len(pieces)} convex pieces" in notes[0]
 
 
 def test_winding_number_tells_inside_from_outside(tmp_path: Path) -> None:
@@ -95,20 +97,3 @@ def test_an_open_mesh_is_not_closed(tmp_path: Path) -> None:
     mesh = read(box, tmp_path / "open.stl")
     assert not mesh.closed
     assert not mesh.convex
-
-
-@pytest.mark.parametrize(
-    ("shape", "vertices", "radius"),
-    [
-        (Box((1.0, 2.0, 3.0)), 8, 0.0),
-        (Sphere(0.5), 1, 0.5),
-        (Cylinder(0.5, 1.0), 32, 0.0),
-        (Capsule(0.5, 1.0), 2, 0.5),
-        (Points(((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))), 4, 0.0),
-    ],
-)
-def test_shapes_become_one_body(shape: Box, vertices: int, radius: float) -> None:
-    made = obstacle_bodies(Obstacle("thing", shape, Pose((1.0, 2.0, 3.0))))
-    (body,) = made.bodies
-    assert (len(body.vertices), body.radius, made.notes) == (vertices, radius, ())
-    np.testing.assert_array_equal(made.pose[:3, 3], [1.0, 2.0, 3.0])

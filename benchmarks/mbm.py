@@ -1,0 +1,165 @@
+"""Plan the problems of MotionBenchMaker and re-check every certified motion by code that shares nothing with hdplan.
+
+    python benchmarks/mbm.py DIR [--robot panda|ur5] [--set cage ...] [--every K] [--time-limit S] [--no-recheck]
+    [--csv F]
+
+DIR holds panda/ and ur5/, each with a robot.yaml and one folder per set. One line per problem: status, proven
+clearance, time by phase; then a table per set. "Certified" is hdplan's own verdict, "refuted" what `recheck` (own
+kinematics, meshes by trimesh, contacts by FCL at dense samples) finds wrong with it: it must be 0.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import platform
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from recheck import recheck
+
+import hdplan
+
+PHASES = ("load", "build", "solve", "certify")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One problem."""
+
+    robot: str
+    set: str
+    problem: str
+    status: str  # of the certificate, or "refused" for bad input
+    clearance: float  # [m] proven; NaN without proof
+    seconds: tuple[float, ...]  # by phase; load includes reading the files
+    attempts: int
+    recheck: str  # "free", "refuted: …" or "" if not done
+    words: str  # certificate's text or the refusal
+
+    @property
+    def total(self) -> float:
+        return sum(self.seconds)
+
+
+def run(folder: Path, robot: str, name: str, scene_file: Path, time_limit: float, check: bool) -> Outcome:
+    """Plan one problem with the command's defaults, from reading its files on."""
+    request, robot_file = (
+        scene_file.with_name(scene_file.name.replace("scene", "request")),
+        folder / robot / "robot.yaml",
+    )
+    problem = scene_file.stem.removeprefix("scene")
+    began = time.perf_counter()
+    try:
+        scene = hdplan.load_scene(scene_file, request=request, robot=robot_file)
+        read = time.perf_counter() - began
+        result = hdplan.plan(scene, time_limit=time_limit)
+    except hdplan.InputError as error:
+        return Outcome(robot, name, problem, "refused", np.nan, (0.0,) * len(PHASES), 0, "", str(error))
+    times = result.times
+    seconds = (read + times.load, times.build + times.compile, times.solve, times.certify)
+    verdict = ""
+    if check and result.certified:
+        with tempfile.TemporaryDirectory() as temporary:
+            file = Path(temporary) / "motion.json"
+            result.save(file)
+            found = recheck(file, scene_file, request, robot_file)
+        verdict = "free" if found["free"] else f"refuted: {found}"
+    clearance = result.certificate.clearance
+    status = result.certificate.status.value
+    return Outcome(
+        robot,
+        name,
+        problem,
+        status,
+        np.nan if clearance is None else clearance,
+        seconds,
+        result.attempts,
+        verdict,
+        result.certificate.text,
+    )
+
+
+def line(outcome: Outcome) -> str:
+    """One line for a person."""
+    phases = " ".join(f"{phase} {1e3 * s:.0f}" for phase, s in zip(PHASES, outcome.seconds, strict=True))
+    words = "" if outcome.status == "certified" else f"  {outcome.words}"
+    return (
+        f"{outcome.robot} {outcome.set} {outcome.problem}: {outcome.status}, {1e3 * outcome.clearance:.2f} mm, "
+        f"{phases} ms, {outcome.attempts} attempt(s) {outcome.recheck}{words}"
+    )
+
+
+def table(outcomes: list[Outcome]) -> str:
+    """Markdown: one row per set and one for all."""
+    rows = [
+        "| robot, set | problems | certified | refuted | first guess | total median / p95 [s] | solve median / p95 [ms] "
+        "| certificate median / p95 [ms] | proven clearance 5 % / median [mm] |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    groups: dict[str, list[Outcome]] = {}
+    for outcome in outcomes:
+        groups.setdefault(f"{outcome.robot} {outcome.set}", []).append(outcome)
+        groups.setdefault(f"**{outcome.robot}, all**", []).append(outcome)
+    for name, group in sorted(groups.items(), key=lambda item: (item[0].startswith("**"), item[0])):
+        good = [outcome for outcome in group if outcome.status == "certified"]
+        refuted = sum(outcome.recheck.startswith("refuted") for outcome in group)
+        checked = any(outcome.recheck for outcome in group)
+        first = sum(outcome.attempts == 1 for outcome in good)
+        clearances = [1e3 * outcome.clearance for outcome in good] or [np.nan]
+        rows.append(
+            f"| {name} | {len(group)} | {len(good)} | {refuted if checked else 'not checked'} | {first} "
+            f"| {_spread([outcome.total for outcome in group], 1.0, 2)} "
+            f"| {_spread([outcome.seconds[2] for outcome in group], 1e3, 0)} "
+            f"| {_spread([outcome.seconds[3] for outcome in group], 1e3, 0)} "
+            f"| {np.quantile(clearances, 0.05):.1f} / {np.median(clearances):.1f} |"
+        )
+    return "\n".join(rows)
+
+
+def _spread(values: list[float], scale: float, digits: int) -> str:
+    return f"{scale * np.median(values):.{digits}f} / {scale * np.quantile(values, 0.95):.{digits}f}"
+
+
+def main() -> None:
+    """Run the benchmark from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--robot", choices=("panda", "ur5"), action="append")
+    parser.add_argument("--set", nargs="*", default=[])
+    parser.add_argument("--every", type=int, default=1, help="take every K-th problem of a set")
+    parser.add_argument("--time-limit", type=float, default=30.0)
+    parser.add_argument("--no-recheck", action="store_true")
+    parser.add_argument("--csv", type=Path)
+    options = parser.parse_args()
+    outcomes = []
+    for robot in options.robot or ("panda", "ur5"):
+        for folder in sorted(path for path in (options.folder / robot).iterdir() if path.is_dir()):
+            if options.set and folder.name not in options.set:
+                continue
+            files = sorted(folder.glob("scene*.yaml"))[:: options.every]
+            if not outcomes and files:  # compile and fit once, so that all are measured warm
+                run(options.folder, robot, folder.name, files[0], options.time_limit, check=False)
+            for file in files:
+                outcomes.append(
+                    run(options.folder, robot, folder.name, file, options.time_limit, not options.no_recheck)
+                )
+                print(line(outcomes[-1]), flush=True)
+    if not outcomes:
+        sys.exit(f"no problems found below {options.folder}")
+    print(f"\nPython {platform.python_version()}, {platform.machine()}, one core used of this machine\n")
+    print(table(outcomes))
+    if options.csv:
+        with options.csv.open("w", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(("robot", "set", "problem", "status", "clearance_m", *PHASES, "attempts", "recheck"))
+            for o in outcomes:
+                writer.writerow((o.robot, o.set, o.problem, o.status, o.clearance, *o.seconds, o.attempts, o.recheck))
+
+
+if __name__ == "__main__":
+    main()

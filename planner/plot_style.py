@@ -1,0 +1,29 @@
+"""Colours of the pictures, apart to the colour-blind and in grey (M. Okabe, K. Ito, "Color Universal Design", 2008)."""
+
+from __future__ import annotations
+
+INK = "#222222"
+START = "#0072B2"  # blue
+GOAL = "#D55E00"  # vermillion
+BETWEEN = "#56B4E9"  # sky blue
+OBSTACLE = "#877D6B"  # grey, warm
+ROBOT_TO_OBSTACLES = "#009E73"  # bluish green
+BETWEEN_LINKS = "#CC79A7"  # reddish purple
+CONTACT = "#D55E00"
+DEPTH = "#E69F00"  # orange
+GOOD = "#009E73"
+FIXED = "#5A5A5A"
+GREY = "#E9E9E9"
+FRAME = "#BBBBBB"
+
+RC = {
+    "font.size": 8.5,
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.linewidth": 0.7,
+    "axes.edgecolor": INK,
+    "legend.fontsize": 7.5,
+    "legend.frameon": False,
+}
