@@ -1,0 +1,109 @@
+"""The house's one-way streets: which folder may import which, where heavy libraries live, what start-up may load."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+FOLDERS = ("scenes", "distance", "planner")
+FILES = sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob("*.py"))
+
+MAY_IMPORT = {
+    "scenes": {"scenes"},
+    "distance": {"distance", "scenes.model", "scenes.errors"},
+    "planner": {"planner", "distance", "scenes.model", "scenes.errors"},
+}
+
+# Each heavy library has few homes.
+HOMES = {
+    "casadi": {
+        "distance/symbolic.py",
+        "distance/halfspaces.py",
+        "distance/compiled.py",
+        "planner/kinematics.py",
+        "planner/nlp.py",
+        "planner/solvers/ipopt.py",
+    },
+    "coacd": {"planner/convex_pieces.py"},
+    "yaml": {"scenes/fields.py"},
+}
+
+SOLVER_SIDE = (
+    "planner.problem",
+    "planner.terms",
+    "planner.pairs",
+    "planner.plane_bodies",
+    "planner.link_bodies",
+    "planner.kinematics",
+    "planner.nlp",
+    "planner.samples",
+    "planner.seeds",
+    "planner.solvers",
+    "planner.plan",
+    "distance.symbolic",
+    "distance.reference",
+    "distance.halfspaces",
+    "distance.compiled",
+    "distance.holder",
+)
+
+
+def imports(path: Path) -> set[str]:
+    """Names of modules that a file imports, at its head or within; hdplan's own without the prefix `hdplan.`."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            found.add(node.module or "")
+    return {name.removeprefix("hdplan.") for name in found}
+
+
+def name_of(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+@pytest.mark.parametrize("path", FILES, ids=name_of)
+def test_folders_import_one_way(path: Path) -> None:
+    allowed = MAY_IMPORT[path.relative_to(ROOT).parts[0]]
+    for module in imports(path):
+        if module.split(".")[0] in (*FOLDERS, "cli", "hdplan"):
+            assert any(module == name or module.startswith(f"{name}.") for name in allowed), f"{path} imports {module}"
+
+
+@pytest.mark.parametrize("library", HOMES)
+def test_heavy_libraries_stay_at_home(library: str) -> None:
+    users = {str(path.relative_to(ROOT)) for path in FILES if any(m.split(".")[0] == library for m in imports(path))}
+    assert users <= HOMES[library]
+
+
+def test_the_certificate_shares_nothing_with_the_solver() -> None:
+    graph = {name_of(path): imports(path) for path in FILES}
+    seen, waiting = set(), {"planner.certificate"}
+    while waiting:
+        module = waiting.pop()
+        seen.add(module)
+        waiting |= {name for name in graph.get(module, set()) if name in graph and name not in seen}
+    guilty = {module for module in seen for part in SOLVER_SIDE if module == part or module.startswith(f"{part}.")}
+    assert not guilty
+
+
+def test_import_and_help_load_nothing_heavy() -> None:
+    code = (
+        "import sys, hdplan, hdplan.cli; heavy = {'casadi', 'pinocchio', 'coal', 'jax', 'matplotlib', 'trimesh', 'scipy'};"
+        "print(sorted(heavy & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_modules_open_with_a_docstring() -> None:
+    for path in FILES:
+        source = path.read_text(encoding="utf-8")
+        assert not source.strip() or ast.get_docstring(ast.parse(source)), path
