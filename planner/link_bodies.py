@@ -27,8 +27,9 @@ from hdplan.scenes.errors import InputError
 
 Array = NDArray[np.float64]
 
-FIT_VERSION = "4"  # changes with anything that changes a fit, so that old cache entries are not used
+FIT_VERSION = "7"  # changes with anything that changes a fit, so that old cache entries are not used
 GOOD_MEAN, GOOD_P95 = 0.0095, 0.0185  # outside the link's hull [m]: the first candidate this tight is taken
+LARGE = 1.0  # links with a longer diagonal [m] may have bodies that stand out more, in proportion
 REACH = 0.06  # how far a slab's body may reach into its neighbours at no cost [m]
 CANDIDATES = (
     (1, 2),
@@ -97,11 +98,15 @@ def contains(bodies: tuple[Swept, ...], triangles: Array, depth: int = 30) -> bo
     `depth` times. True is a proof (to rounding); False may also mean that the depth was not enough.
     """
     for _ in range(depth):
-        inside = [
-            (distance_to_hull(triangles.reshape(-1, 3), body.vertices)[0] <= body.radius).reshape(-1, 3).all(1)
-            for body in bodies
-        ]
-        triangles = triangles[~np.any(inside, axis=0)]
+        inside = np.array(
+            [
+                (distance_to_hull(triangles.reshape(-1, 3), body.vertices)[0] <= body.radius).reshape(-1, 3)
+                for body in bodies
+            ]
+        )  # (bodies, T, 3)
+        if not inside.any(0).all():
+            return False  # a corner sticks out
+        triangles = triangles[~inside.all(2).any(0)]
         if len(triangles) == 0:
             return True
         sides = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)
@@ -130,17 +135,23 @@ def _fit(triangles: Array) -> tuple[Swept, ...]:
     """Return the cheapest candidate that is good, or else the tightest."""
     points = _hull_points(triangles)
     axes = _box_axes(points)
+    slack = max(1.0, float(np.linalg.norm(np.ptp(points, axis=0))) / LARGE)
     cut: dict[tuple[int, int], list[tuple[Array, Reference]]] = {}
     found: list[tuple[float, tuple[Swept, ...]]] = []
+    tried: tuple[int, ...] = (0, 1, 2)  # axes; when all have been tried once, only the best goes on
     for slabs, vertices in CANDIDATES:
-        for axis in range(3 if slabs > 1 else 1):
+        scores = []
+        for axis in tried if slabs > 1 else (0,):
             if (slabs, axis) not in cut:
                 cut[slabs, axis] = _slabs(triangles, axes[axis], slabs)
             bodies = tuple(fit_swept(corners, reference, vertices) for corners, reference in cut[slabs, axis])
             mean, p95 = outside(bodies, points)
-            found.append((max(mean / GOOD_MEAN, p95 / GOOD_P95), bodies))
-            if found[-1][0] <= 1.0:
+            scores.append(max(mean / GOOD_MEAN, p95 / GOOD_P95) / slack)
+            found.append((scores[-1], bodies))
+            if scores[-1] <= 1.0:
                 return bodies
+        if slabs > 1:
+            tried = (tried[int(np.argmin(scores))],)
     return min(found, key=lambda each: each[0])[1]
 
 

@@ -93,12 +93,19 @@ class Reference:
 
 
 def fit_swept(points: Array, reference: Reference, count: int, starts: int = 4) -> Swept:
-    """Return the best body of `count` vertices around points (N, 3) found from seeded starts."""
+    """Return the best body of `count` vertices around points (N, 3) found from seeded starts.
+
+    All starts go through the first stage of STAGES, the better half of them through the second.
+    """
     random = np.random.default_rng(0)
     few = spread(points)
-    cores = [_descend(few, reference, _start(few, count, random, greedy=k == 0)) for k in range(starts)]
-    bodies = [Swept(core, float(distance_to_hull(points, core)[0].max()) + MARGIN) for core in cores]
-    return min(bodies, key=reference.excess)
+
+    def body(core: Array) -> Swept:
+        return Swept(core, float(distance_to_hull(points, core)[0].max()) + MARGIN)
+
+    rough = [body(_descend(few, reference, _start(few, count, random, k == 0), 0)) for k in range(starts)]
+    rough = sorted(rough, key=reference.excess)[: (starts + 1) // 2]
+    return min((body(_descend(few, reference, each.vertices, 1)) for each in rough), key=reference.excess)
 
 
 def spread(points: Array, count: int = SPREAD) -> Array:
@@ -125,19 +132,18 @@ def _start(points: Array, count: int, random: np.random.Generator, greedy: bool)
     return np.asarray(middle + (0.6 if greedy else random.uniform(0.3, 0.8)) * (points[chosen] - middle))
 
 
-def _descend(points: Array, reference: Reference, vertices: Array) -> Array:
+def _descend(points: Array, reference: Reference, vertices: Array, stage: int) -> Array:
     """Return the vertices (m, 3) of a nearby body that stands out little."""
-    shape = vertices.shape
-    flat = vertices.ravel()
-    for exponent, softness, iterations in STAGES:
-        flat = minimize(
-            lambda x, p=exponent, t=softness: _objective(points, reference, x.reshape(shape), p, t),
-            flat,
+    exponent, softness, iterations = STAGES[stage]
+    return np.asarray(
+        minimize(
+            lambda x: _objective(points, reference, x.reshape(vertices.shape), exponent, softness),
+            vertices.ravel(),
             jac=True,
             method="L-BFGS-B",
             options={"maxiter": iterations},
-        ).x
-    return np.asarray(flat.reshape(shape))
+        ).x.reshape(vertices.shape)
+    )
 
 
 def _objective(points: Array, reference: Reference, vertices: Array, p: float, softness: float) -> tuple[float, Array]:

@@ -1,4 +1,4 @@
-"""Link bodies contain the collision geometry, stand out little from its hull, and come back from the cache unchanged."""
+"""Link bodies contain the collision geometry, stand out little from its hull, and come back from the cache."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def panda() -> Robot:
 
 
 def _surface(item: pin.GeometryObject, count: int, random: np.random.Generator) -> np.ndarray:
-    """Corners and random points of a collision geometry's surface, in its joint's frame, read independently of the fit."""
+    """Return corners and random points of a geometry's surface, in its joint's frame, without the fit's code."""
     shape = item.geometry
     if isinstance(shape, coal.BVHModelBase):
         vertices = np.array(shape.vertices())
