@@ -48,9 +48,12 @@ def halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: f
 
     Inputs (flat, row-major): placement_a (12) and placement_b (12), each [R (9) | t (3)] from body to world [m];
     body (4·vertices + 1) = [a_i (3 each) | weight_i | r_A] in A's frame, weight 1, or 0 for a slot that repeats a
-    vertex; body_planes (4·planes) = [n_k (3 each) | h_B(n_k)] in B's frame. Outputs: distance () [m]; wrench (6) = [F
-    | T], the derivative of D under a motion of A: dD = F·v + T·ω for the velocity v of the point of A at the world's
-    origin and angular velocity ω. D depends on the relative pose only, so B's wrench is −[F | T].
+    vertex; body_planes (4·planes) = [n_k (3 each) | h_B(n_k)] in B's frame.
+
+    Outputs: distance () [m]; wrench (6) = [F | T], the derivative of D under a motion of A: dD = F·v + T·ω for the
+    velocity v of the point of A at the world's origin and angular velocity ω (D depends on the relative pose only, so
+    B's wrench is −[F | T]); separation () [m], D̃ of eq. Dtilde with the plain minimum and maximum: of D's sign even
+    where D underflows, and never more than the true signed distance, which D in the negative may be.
     """
     placement_a, placement_b = ca.SX.sym("placement_a", 12), ca.SX.sym("placement_b", 12)
     body, body_planes = ca.SX.sym("body", 4 * vertices + 1), ca.SX.sym("body_planes", 4 * planes)
@@ -61,9 +64,10 @@ def halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: f
     weights = [body[3 * vertices + i] for i in range(vertices)]
 
     normals = [body_planes[3 * k : 3 * k + 3] for k in range(planes)]
-    shaped, slopes = [], []
+    shaped, slopes, hard = [], [], []
     for k, normal in enumerate(normals):
         separations = [ca.dot(normal, point) - radius - body_planes[3 * planes + k] for point in local]
+        hard.append(functools.reduce(ca.fmin, separations))
         minimum, partials = holder_minimum(separations, gamma, weights)
         value, slope = shaping(minimum, gamma, shaping_length)
         shaped.append(value)
@@ -80,7 +84,7 @@ def halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: f
     return ca.Function(
         f"hdsdf_halfspaces_{vertices}_{planes}_{gamma}",
         [placement_a, placement_b, body, body_planes],
-        [distance, ca.vertcat(force, torque)],
+        [distance, ca.vertcat(force, torque), functools.reduce(ca.fmax, hard)],
         ["placement_a", "placement_b", "body", "body_planes"],
-        ["distance", "wrench"],
+        ["distance", "wrench", "separation"],
     )

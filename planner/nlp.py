@@ -84,7 +84,7 @@ def _sample_functions(problem: Problem, term: Clearance) -> tuple[ca.Function, c
     value, gradient = ca.MX(0), ca.MX.zeros(n)
     for slots, kernel in term.kernels.items():
         chosen = np.flatnonzero(pairs.plane_slots == slots)
-        distance, wrench = kernel.function.map(len(chosen))(
+        distance, wrench, _ = kernel.function.map(len(chosen))(
             placements[:, pairs.joint_a[chosen].tolist()],
             placements[:, pairs.joint_b[chosen].tolist()],
             ca.DM(pairs.body_table[pairs.body[chosen]].T),

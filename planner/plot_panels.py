@@ -43,8 +43,8 @@ Array = NDArray[np.float64]
 CLEARANCE_STEPS = 96  # pieces of the motion between which exact distances are computed
 LANE = 0.84  # of the distance between two joints' lanes: a joint's range
 WIDE = 30.0  # ratio of costs from which on their axis is logarithmic
-TITLE_WIDTH = 150  # characters
-BAND = {"bottom": 0.06, "top": 0.875}  # of the sheet, for the panels
+TITLE_WIDTH = 132  # characters
+BAND = {"bottom": 0.06, "top": 0.862}  # of the sheet, for the panels
 SIDES = ((0.0, 18.0), (62.0, 48.0))  # azimuth from the best side and elevation of the two views [deg]
 
 
@@ -59,10 +59,10 @@ def sheet(scene: Scene, robot: Robot, result: PlanResult) -> Figure:
         _clearance(figure.add_subplot(left[1]), Certifier(scene, robot), result)
         _convergence(figure.add_subplot(left[2]), result.steps)
         picture = Picture.of(scene, robot, result.trajectory)
-        views = [figure.add_subplot(cell) for cell in right]
+        views = [figure.add_subplot(right[row]) for row in range(len(SIDES))]
         for axis, (turn, elevation) in zip(views, SIDES, strict=True):
             draw_scene(axis, picture, picture.azimuth() + np.radians(turn), float(np.radians(elevation)))
-        _key(views[0], picture.tip_link)
+        _key(views[0], picture)
         return figure
 
 
@@ -76,7 +76,7 @@ def _title(figure: Figure, scene: Scene, result: PlanResult) -> None:
     figure.text(0.985, 0.965, effort, ha="right", va="center")
     color = GOOD if certificate.certified else CONTACT
     text = textwrap.fill(certificate.text, TITLE_WIDTH)
-    figure.text(0.02, 0.94, text, color=color, fontsize=10, weight="bold", va="top")
+    figure.text(0.02, 0.943, text, color=color, fontsize=10, weight="bold", va="top")
 
 
 # --- over the motion --------------------------------------------------------------------------------------------------
@@ -152,31 +152,25 @@ def _clearance(axis: Any, certifier: Certifier, result: PlanResult) -> None:
             axis.axhline(proven * 1e3, color=color, linestyle=":", linewidth=1.2)
     if certificate.clearance is not None:
         axis.axhspan(0.0, certificate.clearance * 1e3, color=ROBOT_TO_OBSTACLES, alpha=0.15, linewidth=0)
-    top = 1.4 * highest if highest > 0.0 else 1.0
+    top = 1.45 * highest if highest > 0.0 else 1.0
     bottom = 1.3 * lowest if lowest < 0.0 else -0.06 * top
     axis.axhspan(bottom, 0.0, color=CONTACT, alpha=0.2, linewidth=0)
     axis.set(xlim=(0, 1), ylim=(bottom, top), xlabel="path parameter [–]", ylabel="distance [mm]")
     axis.text(0.995, 0.5 * bottom, "contact", color=CONTACT, fontsize=7, ha="right", va="center")
-    axis.set_title("exact clearance, and how much is proven")
-    if certificate.worst:
-        _mark(axis, certificate.worst)
+    axis.set_title("exact clearance")
+    to_obstacles = [(time, place) for time, (place, _) in zip(times.tolist(), places, strict=True) if place]
+    if to_obstacles:
+        _mark(axis, *min(to_obstacles, key=lambda found: found[1].distance))
     if axis.get_legend_handles_labels()[0]:
         axis.legend(loc="upper left", borderpad=0.1)
 
 
-def _mark(axis: Any, place: Place) -> None:
-    """Point to the worst place, the words on the side where there is room."""
-    value, late = place.distance * 1e3, place.time > 0.5
-    axis.plot(place.time, value, marker=CARETDOWN, color=INK, markersize=6, clip_on=False)
-    axis.annotate(
-        f"{place.link} – {place.other}: {value:.3g} mm",
-        (place.time, value),
-        xytext=(-8 if late else 8, 4),
-        textcoords="offset points",
-        ha="right" if late else "left",
-        fontsize=7,
-        bbox={"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 1.0},
-    )
+def _mark(axis: Any, time: float, place: Place) -> None:
+    """Mark the worst place, with its names above the panel."""
+    value = place.distance * 1e3
+    axis.plot(time, value, marker=CARETDOWN, color=INK, markersize=7, clip_on=False)
+    said = f"{value:.3g}".replace("-", "−")
+    axis.set_title(f"▼ {place.link} – {place.other}: {said} mm", loc="right", fontsize=7.5, weight="normal")
 
 
 # --- over the iterations ----------------------------------------------------------------------------------------------
@@ -200,22 +194,22 @@ def _convergence(axis: Any, steps: tuple[Step, ...]) -> None:
     right = axis.twinx()
     right.plot(iteration, [step.depth * 1e3 for step in steps], color=DEPTH, linewidth=1.4, label="depth (right)")
     right.set_ylabel("depth [mm]")
-    right.set_ylim(bottom=0.0)
+    right.set_ylim(0.0, max(1.0, 1.1e3 * max(step.depth for step in steps)))
     raised = [step.iteration - 0.5 for before, step in itertools.pairwise(steps) if step.weight > before.weight]
     for number, where in enumerate(raised):
         axis.axvline(where, color=OBSTACLE, linewidth=0.9, linestyle=":", label="" if number else "weight raised")
     handles = [*axis.get_legend_handles_labels()[0], *right.get_legend_handles_labels()[0]]
     axis.legend(
-        handles=handles, ncols=4, loc="lower right", bbox_to_anchor=(1.09, 0.99), columnspacing=1.0, handlelength=1.6
+        handles=handles, ncols=4, loc="lower right", bbox_to_anchor=(1.14, 0.99), columnspacing=0.9, handlelength=1.5
     )
 
 
-def _key(axis: Any, tip: str) -> None:
+def _key(axis: Any, picture: Picture) -> None:
     """Say what the colours of the scene mean."""
     handles: list[Any] = [Patch(color=START, label="start"), Patch(color=BETWEEN, alpha=0.5, label="on the way")]
-    handles += [Patch(color=GOAL, label="goal"), Patch(color=OBSTACLE, alpha=0.5, label="obstacles")]
-    handles.append(Patch(color=FIXED, label="base"))
-    handles.append(Line2D([], [], color=INK, linewidth=1.3, label=f"path of {tip}"))
-    axis.legend(
-        handles=handles, ncols=6, loc="lower right", bbox_to_anchor=(1.0, 0.99), columnspacing=1.2, handlelength=1.4
-    )
+    handles += [Patch(color=GOAL, label="goal"), Patch(color=FIXED, label="base")]
+    if picture.obstacle_points:
+        handles.append(Patch(color=OBSTACLE, alpha=0.5, label="obstacles"))
+    handles.append(Line2D([], [], color=INK, linewidth=1.3, label=f"path of {picture.tip_link}"))
+    place = {"loc": "lower right", "bbox_to_anchor": (1.0, 0.99)}
+    axis.legend(handles=handles, ncols=len(handles), columnspacing=1.2, handlelength=1.4, **place)

@@ -32,6 +32,7 @@ TIP_STEPS = 200  # pieces of the path of the last link
 TILE = 0.1  # of the view's size: longest edge of a painted polygon, so that near and far can be told apart
 SHARP = np.cos(np.radians(35.0))  # faces that meet at a wider angle have a line between them
 AROUND = 0.3  # part of the robot's own extent that is shown of what stands around it
+ABOVE = 0.03  # [m] by which the start is painted nearer: links that only turn are in the same place at the goal
 BIAS = 0.01  # [m] by which a line is painted nearer than the faces that it bounds
 FINE, COARSE = (28, 9), (14, 6)  # directions around and from pole to pole: supports of round bodies, of meshes
 
@@ -64,6 +65,7 @@ class Paint:
     color: str
     alpha: float
     line: float  # [pt] width of its outline
+    nearer: float = 0.0  # [m] by which it is painted in front of where it is
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +75,7 @@ class Picture:
     solids: tuple[tuple[Skin, Paint], ...]
     tip_link: str
     robot_points: Array  # (m, 3) [m] of all shown configurations and the tip's path: what the view must hold
-    other_points: tuple[Array, ...]  # of each obstacle
+    obstacle_points: tuple[Array, ...]  # of each obstacle
     tip: Array  # (k, 3) [m] path of the farthest point of the last link
 
     @classmethod
@@ -87,7 +89,7 @@ class Picture:
         ]
         solids = [(body, Paint(OBSTACLE, 0.4, 0.5)) for body in obstacles]
         shown = [(time, Paint(BETWEEN, 0.2, 0.35)) for time in GHOSTS]
-        shown += [(0.0, Paint(START, 1.0, 0.35)), (1.0, Paint(GOAL, 1.0, 0.35))]
+        shown += [(0.0, Paint(START, 1.0, 0.35, ABOVE)), (1.0, Paint(GOAL, 1.0, 0.35))]
         for (_, paint), pose in zip(shown, _poses(robot, trajectory, [time for time, _ in shown]), strict=True):
             solids += [(body.placed(pose[joint]), paint) for joint, body in links if joint]
         solids += [(body, Paint(FIXED, 1.0, 0.35)) for joint, body in links if not joint]
@@ -120,8 +122,9 @@ def draw_scene(axis: Any, picture: Picture, azimuth: float, elevation: float) ->
     parts = [part for body, paint in picture.solids for part in _painted(body, paint, view, TILE * size)]
     polygons, faces, edges, widths = (np.concatenate(column) for column in zip(*parts, strict=True))
     order = np.argsort(polygons[:, :, 2].mean(axis=1))
+    flat: Any = polygons[order, :, :2]
     painted = PolyCollection(
-        polygons[order, :, :2],
+        flat,
         facecolors=faces[order],
         edgecolors=edges[order],
         linewidths=widths[order],
@@ -154,13 +157,14 @@ def _painted(body: Skin, paint: Paint, view: Array, longest: float) -> list[tupl
     solid = (
         paint.alpha == 1.0
     )  # its tiles are drawn a little larger: their smoothed rims would let the back shine through
+    tiles[..., 2] += paint.nearer
     faces = tiles, shaded, shaded if solid else 0.0 * shaded, np.full(len(owner), 0.4 if solid else 0.0)
 
     ends, beside = body.edges
     seen = front[beside].any(axis=1)
     sharp = np.einsum("ei,ei->e", normals[beside[:, 0]], normals[beside[:, 1]]) < SHARP
     strokes = _dashes((body.vertices @ view.T)[ends[seen & (sharp | ~front[beside].all(axis=1))]], longest)
-    strokes = strokes[:, [0, 1, 1]] + [0.0, 0.0, BIAS]
+    strokes = strokes[:, [0, 1, 1]] + [0.0, 0.0, BIAS + paint.nearer]
     ink = np.tile([*(0.5 * color), min(1.0, 2.0 * paint.alpha)], (len(strokes), 1))
     return [faces, (strokes, 0.0 * ink, ink, np.full(len(strokes), paint.line))]
 
@@ -215,7 +219,7 @@ def _window(picture: Picture, view: Array, aspect: float) -> tuple[Array, Array]
     robot = picture.robot_points @ view[:2].T
     low, high = robot.min(axis=0), robot.max(axis=0)
     margin = AROUND * float((high - low).max())
-    seen = np.concatenate([robot, *(points @ view[:2].T for points in picture.other_points)])
+    seen = np.concatenate([robot, *(points @ view[:2].T for points in picture.obstacle_points)])
     seen = np.clip(seen, low - margin, high + margin)
     low, high = seen.min(axis=0), seen.max(axis=0)
     half = 0.54 * (high - low)
@@ -255,13 +259,14 @@ def _scale(axis: Any, view: Array, low: Array, size: float) -> None:
     """Draw the directions of x, y, z and a bar of known length, which holds in the whole picture."""
     lengths: Sequence[float] = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
     length = min(lengths, key=lambda value: abs(value - 0.12 * size))
-    middle = low + 0.085 * size
+    cased: dict[str, Any] = {"color": INK, "path_effects": [withStroke(linewidth=3.0, foreground="white")]}
+    middle = low + [0.085 * size, 0.11 * size]
     for name, direction in zip("xyz", 0.06 * size * view[:2].T, strict=True):
-        axis.plot(*zip(middle, middle + direction, strict=True), color=INK, linewidth=1.0)
-        axis.text(*(middle + direction + 0.012 * size * np.sign(direction)), name, ha="center", va="center", color=INK)
-    left, height = middle[0] + 0.1 * size, low[1] + 0.025 * size
-    axis.plot([left, left + length], [height, height], color=INK, linewidth=2.0, solid_capstyle="butt")
-    axis.text(left + 0.5 * length, height + 0.008 * size, f"{length:g} m", ha="center", va="bottom", color=INK)
+        axis.plot(*zip(middle, middle + direction, strict=True), linewidth=1.0, **cased)
+        axis.text(*(middle + direction + 0.012 * size * np.sign(direction)), name, ha="center", va="center", **cased)
+    left, height = low + 0.025 * size
+    axis.plot([left, left + length], [height, height], linewidth=2.0, solid_capstyle="butt", color=INK)
+    axis.text(left + length + 0.01 * size, height, f"{length:g} m", va="center", **cased)
 
 
 def _directions(turns: int, rises: int) -> Array:

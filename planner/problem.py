@@ -46,7 +46,7 @@ class Evaluation:
     cost: float
     smoothness: float
     penalty: float  # without its weight
-    depth: Floats  # (B,) of the worst pair at each sample
+    depth: Floats  # (B,) how far the worst pair at each sample may be inside its margin [m]
     gradient: Floats  # (M, n)
     diagonal: Floats  # (M, n, n) penalty curvature of each waypoint
     coupling: Floats  # (M − 1, n, n) penalty curvature between neighbours
@@ -106,12 +106,12 @@ class Problem:
         kinematics = self.kinematics.evaluate(configurations)
         result = np.zeros(len(configurations))
         for term in self.terms:
-            sample, _, distance, _ = term.distances(kinematics)
-            np.add.at(result, sample, 0.5 * distance**2)
+            inside = term.inside(kinematics)
+            np.add.at(result, inside.sample, 0.5 * inside.distance**2)
         return result
 
     def depth(self, configurations: Floats) -> Floats:
-        """How far the worst pair is inside its margin at single configurations (B, n) -> (B,) [m of D]."""
+        """How far the worst pair is inside its margin at single configurations (B, n) -> (B,) [m]."""
         kinematics = self.kinematics.evaluate(configurations)
         ones = np.ones(len(configurations))
         depths: Floats = np.max([0 * ones, *(term.value(kinematics, ones).depth for term in self.terms)], axis=0)
@@ -194,11 +194,9 @@ def _separable_pairs(
     laid_out = body_pairs(bodies, planes, [(i, j) for i, j, _, _ in pairs], 0.0, kinematics.supports)
     low, high = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
     configurations = np.random.default_rng(0).uniform(low, high, (TRIALS, robot.n))
-    sample, pair, _, _ = Clearance("trial", laid_out, _kernels(laid_out, settings)).distances(
-        kinematics.evaluate(configurations)
-    )
+    trial = Clearance("trial", laid_out, _kernels(laid_out, settings)).inside(kinematics.evaluate(configurations))
     overlaps: dict[tuple[str, str], set[int]] = {}
-    for s, p in zip(sample.tolist(), pair.tolist(), strict=True):
+    for s, p in zip(trial.sample.tolist(), trial.pair.tolist(), strict=True):
         overlaps.setdefault(pairs[p][2:], set()).add(s)
     unresolved = [names for names, seen in overlaps.items() if len(seen) > OFTEN * TRIALS]
     return [(i, j) for i, j, a, b in pairs if (a, b) not in unresolved], unresolved

@@ -55,7 +55,18 @@ class Penalty:
     cost: float
     gradient: Floats  # (B, n) with respect to the samples' configurations
     curvature: Floats  # (B, n, n) Gauss-Newton
-    depth: Floats  # (B,) how far the worst pair is inside its margin, 0 if none is [m of D]
+    depth: Floats  # (B,) how far the worst pair may be inside its margin, 0 if none is [m]
+
+
+@dataclass(frozen=True)
+class Inside:
+    """The S body pairs that are inside their margin, samples ascending."""
+
+    sample: NDArray[np.int64]  # (S,)
+    pair: NDArray[np.int64]  # (S,) row of the term's pairs
+    distance: Floats  # (S,) D < 0 [m]
+    separation: Floats  # (S,) D̃ [m], a lower bound of the true distance less the margin
+    gradient: Floats  # (S, n) dD/dq
 
 
 class Clearance:
@@ -72,21 +83,20 @@ class Clearance:
         self.pairs = pairs
         self.kernels = kernels
 
-    def distances(self, kinematics: KinematicsBatch) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats, Floats]:
-        """D and its joint gradient where they can be negative: sample (S,), pair (S,), D (S,), dD/dq (S, n), samples
-        ascending."""
+    def inside(self, kinematics: KinematicsBatch) -> Inside:
+        """Every pair with D < 0 at every sample."""
         batch, joints = kinematics.translations.shape[:2]
         sample, pair = self.pairs.close(kinematics)
         placements = np.concatenate([kinematics.rotations.reshape(batch, joints, 9), kinematics.translations], axis=2)
         placements = placements.reshape(batch * joints, 12)  # row of sample s and joint j: s·joints + j
-        distance, wrench = np.zeros(len(pair)), np.zeros((len(pair), 6))
+        distance, separation, wrench = np.zeros(len(pair)), np.zeros(len(pair)), np.zeros((len(pair), 6))
         slots = self.pairs.plane_slots[pair]
         for count, kernel in self.kernels.items():
             chosen = np.flatnonzero(slots == count)
             if len(chosen) == 0:
                 continue
             s, p = sample[chosen], pair[chosen]
-            values, wrenches = kernel(
+            values, wrenches, separations = kernel(
                 [placements, placements, self.pairs.body_table, self.pairs.plane_tables[count]],
                 [
                     s * joints + self.pairs.joint_a[p],
@@ -95,18 +105,18 @@ class Clearance:
                     self.pairs.plane_row[p],
                 ],
             )
-            distance[chosen], wrench[chosen] = values[:, 0], wrenches
-        inside = np.flatnonzero(distance < 0)
-        sample, pair, distance, wrench = sample[inside], pair[inside], distance[inside], wrench[inside]
-        columns = np.concatenate([kinematics.linear, kinematics.angular], axis=2)[sample]  # (S, n, 6)
-        gradient = np.einsum("snw,sw->sn", columns, wrench) * self.pairs.moves[pair]
-        return sample, pair, distance, gradient
+            distance[chosen], wrench[chosen], separation[chosen] = values[:, 0], wrenches, separations[:, 0]
+        kept = np.flatnonzero(distance < 0)
+        columns = np.concatenate([kinematics.linear, kinematics.angular], axis=2)[sample[kept]]  # (S, n, 6)
+        gradient = np.einsum("snw,sw->sn", columns, wrench[kept]) * self.pairs.moves[pair[kept]]
+        return Inside(sample[kept], pair[kept], distance[kept], separation[kept], gradient)
 
     def value(self, kinematics: KinematicsBatch, weight: Floats) -> Penalty:
         """The penalty at samples of weight (B,)."""
         batch, n = kinematics.linear.shape[:2]
-        sample, _, distance, slope = self.distances(kinematics)
-        scale = weight[sample] * distance
+        inside = self.inside(kinematics)
+        sample, slope = inside.sample, inside.gradient
+        scale = weight[sample] * inside.distance
         gradient, curvature, depth = np.zeros((batch, n)), np.zeros((batch, n, n)), np.zeros(batch)
         if len(sample):
             starts = np.flatnonzero(np.diff(sample, prepend=-1))
@@ -114,5 +124,5 @@ class Clearance:
             gradient[seen] = np.add.reduceat(scale[:, None] * slope, starts)
             outer = weight[sample][:, None, None] * slope[:, :, None] * slope[:, None, :]
             curvature[seen] = np.add.reduceat(outer, starts)
-            depth[seen] = np.maximum.reduceat(-distance, starts)
-        return Penalty(float(0.5 * np.sum(scale * distance)), gradient, curvature, depth)
+            depth[seen] = np.maximum.reduceat(-inside.separation, starts)
+        return Penalty(float(0.5 * np.sum(scale * inside.distance)), gradient, curvature, depth)

@@ -45,7 +45,7 @@ class Step:
     iteration: int
     cost: float
     smoothness: float
-    depth: float  # [m of D] how far the worst sample is inside its margin
+    depth: float  # [m] how far the worst sample may be inside its margin
     weight: float  # of the penalty
 
 
@@ -130,7 +130,7 @@ class Progress:
 
 
 def _allowed_depth(problem: Problem) -> Floats:
-    """How deep inside its margin each sample (B,) may be in a clear motion [m of D]: more near an end that is deep
+    """How deep inside its margin each sample (B,) may be in a clear motion [m]: more near an end that is deep
     itself, since no motion can do better there."""
     time_ = (problem.samples.interval + problem.samples.fraction) / (problem.waypoints - 1)
     start, goal = problem.depth(np.array([problem.start, problem.goal]))
