@@ -1,0 +1,119 @@
+"""Pictures: written whole or not at all, not blank, for every kind of scene and verdict."""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hdplan.planner import plot
+from hdplan.planner.certificate import Certifier, Status
+from hdplan.planner.plan import plan
+from hdplan.planner.result import PlanResult
+from hdplan.planner.robot import Robot, load_scene_robot
+from hdplan.planner.trajectory import Trajectory
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, Pose, Scene, Sphere
+from hdplan.scenes.reader import load_scene
+
+pytest.importorskip("matplotlib")
+
+Planned = tuple[Scene, Robot, PlanResult]
+
+
+@pytest.fixture(scope="module")
+def planned() -> Planned:
+    scene = load_scene("planar_arm")
+    robot = load_scene_robot(scene)
+    return scene, robot, plan(scene, robot=robot)
+
+
+def pixels(path: Path) -> np.ndarray:
+    from matplotlib.image import imread
+
+    return np.asarray(imread(io.BytesIO(path.read_bytes())))[..., :3]
+
+
+def assert_drawn(path: Path) -> None:
+    image = pixels(path)
+    height, width, _ = image.shape
+    assert width > 1200
+    assert height > 800
+    for side in (image[height // 8 :, : width // 2], image[height // 8 :, width // 2 :]):  # curves, and the scene
+        assert side.std() > 0.05
+        assert len(np.unique(side.reshape(-1, 3), axis=0)) > 100
+
+
+def test_certified_result_in_every_format(planned: Planned, tmp_path: Path) -> None:
+    for suffix, begins in ((".png", b"\x89PNG"), (".pdf", b"%PDF"), (".SVG", b"<?xml")):
+        plot.plot_result(*planned, tmp_path / f"sheet{suffix}")
+        assert (tmp_path / f"sheet{suffix}").read_bytes().startswith(begins)
+    assert_drawn(tmp_path / "sheet.png")
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_without_obstacles_and_iterations(planned: Planned, tmp_path: Path) -> None:
+    scene, robot, result = planned
+    scene = replace(scene, obstacles=())
+    certificate = Certifier(scene, robot).certify(result.trajectory)
+    plot.plot_result(scene, robot, replace(result, certificate=certificate, steps=()), tmp_path / "a.png")
+    assert_drawn(tmp_path / "a.png")
+
+
+def test_motion_in_contact_with_every_kind_of_shape(planned: Planned, tmp_path: Path) -> None:
+    scene, robot, result = planned
+    shapes = {
+        "box": Box((0.2, 0.2, 0.1)),
+        "sphere": Sphere(0.1),
+        "cylinder": Cylinder(0.1, 0.3),
+        "capsule": Capsule(0.1, 0.3),
+        "points": Points(((0, 0, 0), (0.2, 0, 0), (0, 0.2, 0), (0, 0, 0.2))),
+        "mesh": Mesh(scene.source.parent / "hook.obj"),
+    }
+    around = {name: (0.8 * np.cos(i), 0.8 * np.sin(i), 0.1) for i, name in enumerate(shapes)}
+    obstacles = tuple(Obstacle(name, shape, Pose(around[name])) for name, shape in shapes.items())
+    scene = replace(scene, obstacles=obstacles)
+    ends = result.trajectory.positions[[0, -1]]
+    trajectory = Trajectory(result.trajectory.joint_names, ends, result.trajectory.locked)
+    certificate = Certifier(scene, robot).certify(trajectory)
+    assert certificate.status is Status.IN_CONTACT
+    plot.plot_result(scene, robot, replace(result, trajectory=trajectory, certificate=certificate), tmp_path / "a.png")
+    assert_drawn(tmp_path / "a.png")
+
+
+def test_unknown_ending_names_the_allowed_ones(planned: Planned, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"\.bmp.*\.png, \.pdf, \.svg"):
+        plot.plot_result(*planned, tmp_path / "a.bmp")
+    assert not list(tmp_path.iterdir())
+
+
+def test_nothing_half_written(planned: Planned, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InputError, match="folder"):
+        plot.plot_result(*planned, tmp_path / "missing" / "a.png")
+    target = tmp_path / "a.png"
+    target.write_bytes(b"before")
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.replace", full)
+    with pytest.raises(InputError, match="No space left"):
+        plot.plot_result(*planned, target)
+    assert target.read_bytes() == b"before"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_missing_matplotlib_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"pip install hdplan\[plot\]"):
+        plot.check_picture(tmp_path / "a.png")
+
+
+def test_planning_does_not_import_matplotlib() -> None:
+    code = "import sys, hdplan.planner.plan, hdplan.planner.plot; sys.exit('matplotlib' in sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)
