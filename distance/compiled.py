@@ -31,7 +31,8 @@ from hdplan.distance.cache import cache_dir, content_key, write_whole
 Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
-FLAGS = ("-O3", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC")  # none of them changes a value
+# None of them changes a value: without the last, machines with a fused multiply-add would round differently.
+FLAGS = ("-O3", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC", "-ffp-contract=off")
 
 # Calls the generated function once per row; `rows[i][k]` is the row of table i that evaluation k takes.
 LOOP = """
@@ -64,7 +65,7 @@ class RowFunction:
         library = _library(function)
         self.is_compiled = library is not None
         if library is not None:
-            self._loop = getattr(ctypes.CDLL(str(library)), f"{function.name()}_rows")
+            self._loop = getattr(library, f"{function.name()}_rows")
             self._loop.restype = None
             sizes = (function.sz_arg(), function.sz_res(), function.sz_iw(), function.sz_w())
             self._arg, self._res = ((ctypes.c_void_p * max(size, 1))() for size in sizes[:2])
@@ -76,6 +77,10 @@ class RowFunction:
         tables: one array (n_i, width_i) per input. rows: one index array (count,) per input. Returns one array
         (count, width) per output. Raises ValueError for wrong shapes or rows out of range.
         """
+        if not len(tables) == len(rows) == len(self.widths):
+            raise ValueError(
+                f"{self.function.name()}: {len(tables)} tables and rows for {len(rows)}; expected {len(self.widths)}"
+            )
         tables = [np.ascontiguousarray(table, dtype=np.float64) for table in tables]
         rows = [np.ascontiguousarray(row, dtype=np.int64) for row in rows]
         count = len(rows[0])
@@ -144,9 +149,11 @@ def compiler() -> tuple[str, ...] | None:
     return None
 
 
-def _library(function: ca.Function) -> Path | None:
-    """The shared library of a function, from the disk cache (keyed by the C source and the compiler) or compiled
-    now."""
+def _library(function: ca.Function) -> ctypes.CDLL | None:
+    """The loaded library of a function, from the disk cache (keyed by the C source and the compiler) or compiled now.
+
+    A file of the cache bears its own checksum in its name: loading a damaged one would end the process.
+    """
     command = compiler()
     if command is None:
         return None
@@ -154,9 +161,13 @@ def _library(function: ca.Function) -> Path | None:
     generator.add(function)
     source = generator.dump() + LOOP.format(name=function.name(), n_in=function.n_in(), n_out=function.n_out())
     key = content_key(source, *command, *FLAGS, platform.machine(), sys.platform)
-    library = cache_dir() / "compiled" / f"{function.name()}-{key}.so"
-    if library.exists():
-        return library
+    home, stem = cache_dir() / "compiled", f"{function.name()}-{key}"
+    for found in home.glob(f"{stem}-*.so"):
+        try:
+            if found.stem.endswith(content_key(found.read_bytes())):
+                return ctypes.CDLL(str(found))
+        except OSError:  # unreadable, or where nothing may be run: as if it were not there
+            continue
     with tempfile.TemporaryDirectory() as folder:
         text, built = Path(folder) / "function.c", Path(folder) / "function.so"
         text.write_text(source)
@@ -167,7 +178,6 @@ def _library(function: ca.Function) -> Path | None:
                 stacklevel=2,
             )
             return None
-        if write_whole(library, built.read_bytes()):
-            return library
-    warnings.warn(f"cannot write {library.parent}: interpreting", stacklevel=2)
-    return None
+        data = built.read_bytes()
+        write_whole(home / f"{stem}-{content_key(data)}.so", data)
+        return ctypes.CDLL(str(built))  # stays loaded when its file is gone
