@@ -163,7 +163,7 @@ def test_no_rows_give_no_results() -> None:
 def test_wrong_shapes_and_rows_are_refused(
     make: Callable[[ca.Function], RowFunction], tables: list[Array], rows: list[object]
 ) -> None:
-    with pytest.raises(ValueError, match="^small: "):
+    with pytest.raises(ValueError, match=r"^small: "):
         make(small())(tables, [np.array(row, dtype=np.int64) for row in rows])
 
 
