@@ -1,39 +1,59 @@
-"""The command line: parse, call the library, print. Exit codes: 0 certified, 1 nothing certified was found, 2 bad
-input."""
+"""The command line: parse, call the library, print.
+
+Exit codes: 0 certified, 1 nothing certified was found, 2 bad input, 130 interrupted before there was anything to show.
+Results go to the output stream; errors, one line each, and progress go to the error stream.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import enum
+import io
 import json
+import math
 import os
+import shutil
 import sys
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import IO, TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.cells import cell_len
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
+from rich.text import Text
 
-from hdplan.scenes.errors import HdplanError
+from hdplan.scenes.errors import HdplanError, InputError
 
 if TYPE_CHECKING:
+    from hdplan.planner.certificate import Certificate, Place
     from hdplan.planner.plan import Event
     from hdplan.planner.result import PlanResult
     from hdplan.scenes.model import Scene
 
+INTERRUPTED = 130  # what shells say of a command ended by Ctrl-C
+WIDTH = 80  # [columns] of tables where the output is no terminal
+TyperError: type[Exception] = typer.BadParameter.__mro__[2]  # ClickException, wherever this Typer keeps its click
+
 app = typer.Typer(
     help="Plan motions of robot arms with smooth signed distances, and prove them free against the real meshes.",
-    epilog="Shipped scenes go by name: try `hdplan plan panda_cage -o motion.json`. Exit codes: 0 certified, "
-    "1 nothing certified was found (the best attempt is still written), 2 bad input.",
-    no_args_is_help=True,
+    epilog="""\b
+Examples:
+  hdplan plan panda_cage -o motion.json --plot motion.png
+  hdplan check panda_cage motion.json
+  hdplan explain my_scene.yaml
+  hdplan robots panda
+
+Shipped scenes go by their bare names: empty, kinova_shelf, panda_bookshelf, panda_cage, panda_corridor,
+panda_table_pick, planar_arm, ur5_table, xarm7_post.
+
+Exit codes: 0 certified; 1 nothing certified was found (plan still writes its best attempt, marked as such); 2 bad
+input.""",
     add_completion=False,
     pretty_exceptions_enable=False,
-    rich_markup_mode="markdown",
+    rich_markup_mode=None,
 )
-PICTURES = (".png", ".pdf", ".svg")
-out = Console(soft_wrap=True, highlight=False)
-err = Console(stderr=True, soft_wrap=True, highlight=False)
 
 
 class SolverName(enum.StrEnum):
@@ -50,14 +70,15 @@ SceneFile = Annotated[
 ]
 Request = Annotated[
     Path | None,
-    typer.Option("--request", metavar="FILE", help="The motion plan request that belongs to a MoveIt scene."),
+    typer.Option("--request", metavar="FILE", help="Motion plan request that goes with a MoveIt planning scene."),
 ]
 RobotFile = Annotated[
     str | None,
     typer.Option(
         "--robot",
         metavar="NAME|FILE",
-        help="Robot that supplies or replaces the scene's: a name, or a file with a `robot` section.",
+        help="Robot that supplies or replaces the scene's: a name from `hdplan robots`, or a YAML file with a `robot` "
+        "section.",
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
@@ -69,47 +90,62 @@ def plan(
     request: Request = None,
     robot: RobotFile = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the trajectory: .json, .csv or .npz.")
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Write the trajectory, as .json, .csv or .npz."),
     ] = None,
     solver: Annotated[
-        SolverName, typer.Option(help="Which solver improves the first guesses.")
+        SolverName,
+        typer.Option(
+            metavar="NAME",
+            help="gauss_newton (exact derivatives, banded), chomp (covariant gradient descent) or ipopt (interior "
+            "point, exact Hessians).",
+        ),
     ] = SolverName.gauss_newton,
-    seed: Annotated[int, typer.Option(help="Seed of the random first guesses.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(metavar="N", help="Seed of the random first guesses.", min=0)] = 0,
     time_limit: Annotated[
-        float, typer.Option(metavar="SECONDS", help="Time for solving and certifying, all attempts together.", min=0.01)
+        float,
+        typer.Option(metavar="SECONDS", help="Time for solving and certifying, all attempts together.", min=0.01),
     ] = 30.0,
     plot: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write a picture of the result (.png, .pdf, .svg).")
+        Path | None,
+        typer.Option(metavar="FILE", help="Draw scene, joints, clearance and convergence, as .png, .pdf or .svg."),
     ] = None,
     as_json: AsJson = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")] = False,
 ) -> None:
-    """Plan a motion from the scene's start to its goal and prove it free.
+    """Plan a motion from start to goal and prove it free.
 
-    The motion is smooth in joint space, straight between its waypoints, and certified over its whole course against
-    the robot's collision meshes and the scene's own shapes. Ctrl-C ends with the best motion found so far.
+    The motion is smooth in joint space and straight between its waypoints. It is certified over its whole course, not
+    at samples, against the robot's collision meshes and the scene's own shapes. Where the proof fails, planning goes
+    on there, or from another guess, until the time limit.
+
+    Ctrl-C ends with the best motion found so far.
     """
     from hdplan.planner.plan import plan as find
+    from hdplan.planner.plot import check_picture, plot_result
+    from hdplan.planner.robot import load_scene_robot
     from hdplan.planner.trajectory import check_writable
 
+    if not math.isfinite(time_limit):
+        raise InputError(f"--time-limit: must be a finite number of seconds, found {time_limit:g}")
     if output is not None:
         check_writable(output)
     if plot is not None:
-        check_writable(plot, PICTURES)
+        check_picture(plot)
     problem = _load(scene, request, robot)
-    with _Progress(shown=not quiet and not as_json and err.is_terminal) as progress:
-        result = find(problem, solver=solver.value, seed=seed, time_limit=time_limit, report=progress)
+    with _progress(shown=not quiet and not as_json) as report:
+        result = find(problem, solver=solver.value, seed=seed, time_limit=time_limit, report=report)
     if output is not None:
         result.save(output)
     if plot is not None:
-        from hdplan.planner.plot import plot_result
-        from hdplan.planner.robot import load_scene_robot
-
         plot_result(problem, load_scene_robot(problem), result, plot)
-    if as_json:
-        print(json.dumps(result.summary()))
-    elif not quiet:
-        _print_result(result, [str(file) for file in (output, plot) if file is not None])
+    if not quiet:
+        with _printing() as show:
+            if as_json:
+                show(json.dumps(result.summary()))
+            else:
+                show(_verdict(result.certificate))
+                show(_table(_result_rows(result, [str(file) for file in (output, plot) if file is not None])))
     raise typer.Exit(0 if result.certified else 1)
 
 
@@ -118,85 +154,116 @@ def check(
     scene: SceneFile,
     trajectory: Annotated[
         Path,
-        typer.Argument(metavar="TRAJECTORY", help="JSON, CSV (joint names in its header) or NPZ; from any planner."),
+        typer.Argument(metavar="TRAJECTORY", help="JSON, CSV (joint names in its header) or NPZ, from any planner."),
     ],
     request: Request = None,
     robot: RobotFile = None,
     as_json: AsJson = False,
 ) -> None:
-    """Certify a joint trajectory: is the whole motion along straight lines between its waypoints free?"""
-    from hdplan.planner.certificate import certify
+    """Certify a joint trajectory, ours or another planner's.
+
+    Proves that the whole motion along straight lines between the waypoints is free, or says where it is not. Its ends
+    must be the scene's start and goal; its joints are found by name, in any order.
+    """
+    from hdplan.planner.certificate import Certifier
     from hdplan.planner.result import verdict
+    from hdplan.planner.robot import load_scene_robot
     from hdplan.planner.trajectory import Trajectory
 
     problem = _load(scene, request, robot)
-    certificate = certify(problem, Trajectory.load(trajectory))
-    if as_json:
-        print(json.dumps({"status": certificate.status.value, "text": certificate.text, **verdict(certificate)}))
-    else:
-        style = "green" if certificate.certified else "red"
-        out.print(f"[{style}]{escape(certificate.text)}[/]")
-        out.print(
-            f"{certificate.configurations} configurations, {certificate.exact_calls} exact distances, "
-            f"{certificate.seconds:.2f} s"
-        )
+    motion = Trajectory.load(trajectory)
+    certifier = Certifier(problem, load_scene_robot(problem))
+    try:
+        certificate = certifier.certify(motion)
+    except InputError as error:  # its joints do not fit
+        raise InputError(f"{trajectory}: {error}") from None
+    with _printing() as show:
+        if as_json:
+            about = {
+                "status": certificate.status.value,
+                "text": certificate.text,
+                "scene": problem.name,
+                "robot": certifier.robot.name,
+                "trajectory": str(trajectory),
+                "joint_names": list(motion.joint_names),
+                "waypoints": len(motion),
+            }
+            times = {"certify": round(certificate.seconds, 6)}
+            show(json.dumps({**about, **verdict(certificate), "time_s": times}))
+        else:
+            show(_verdict(certificate))
+            effort = (
+                f"{certificate.configurations} configurations, {certificate.exact_calls} exact distances, "
+                f"{certificate.seconds:.2f} s"
+            )
+            motion_row = ("motion", f"{len(motion)} waypoints of {certifier.robot.name} in {problem.name}")
+            show(_table([motion_row, *_closest_rows(certificate), ("proof", effort)]))
     raise typer.Exit(0 if certificate.certified else 1)
 
 
 @app.command()
 def explain(scene: SceneFile, request: Request = None, robot: RobotFile = None, as_json: AsJson = False) -> None:
-    """Say what the problem of a scene will hold: terms on and off and why, bodies, pairs kept and left out,
-    unknowns."""
+    """Say what the problem of a scene will hold, and why.
+
+    Joints with start, goal and limits; terms that are on and off; the bodies around links and obstacles; which pairs
+    are kept and left out; unknowns; settings, with the defaults in force.
+    """
     from hdplan.planner.explain import explain as sections_of
     from hdplan.planner.problem import build
 
-    sections = sections_of(build(_load(scene, request, robot)))
-    if as_json:
-        print(json.dumps({title: dict(rows) for title, rows in sections.items()}))
-        return
-    for title, rows in sections.items():
-        if rows:
-            _print_table(f"[bold]{title}[/]", rows)
+    problem = _load(scene, request, robot)
+    with _waiting("building the problem"):
+        sections = sections_of(build(problem))
+    with _printing() as show:
+        if as_json:
+            show(json.dumps({title: dict(rows) for title, rows in sections.items()}))
+            return
+        for title, rows in sections.items():
+            if rows:
+                show(Text(title, style="bold"))
+                show(_table(rows))
 
 
 @app.command()
 def robots(
-    name: Annotated[
-        str | None, typer.Argument(metavar="[NAME]", help="A robot of which to show joints and bodies.")
-    ] = None,
+    name: Annotated[str | None, typer.Argument(metavar="NAME", help="Show this robot's joints and bodies.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """List the robots that go by name, or show one: joints with limits, named states, how tightly its bodies fit."""
+    """List the robots that go by name, or show one of them.
+
+    Of one robot: joints with limits, joints held, named states, and how tightly its outer bodies fit. The bodies are
+    fitted once and kept, which takes up to a few minutes the first time.
+    """
     from hdplan.planner.robot_listing import describe, listing
 
-    if name is None:
-        rows = listing()
+    with _waiting("loading every robot" if name is None else f"loading {name}"):
+        tables = listing() if name is None else describe(name)
+    with _printing() as show:
         if as_json:
-            print(json.dumps(rows))
-        else:
-            _print_rows("robots", rows)
-        return
-    tables = describe(name)
-    if as_json:
-        print(json.dumps(tables))
-    else:
+            show(json.dumps(tables))
+            return
         for title, rows in tables.items():
-            _print_rows(title, rows)
+            if rows:
+                show(Text(title.replace("_", " "), style="bold"))
+                show(_columns(rows))
 
 
 def main() -> None:
     """Run the command line; every error that a user can cause becomes one line and exit code 2."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # names of files and obstacles hold any character
+            stream.reconfigure(errors="backslashreplace")
     try:
-        app()
+        code = app(sys.argv[1:] or ["--help"], prog_name="hdplan", standalone_mode=False)
     except HdplanError as error:
-        err.print(f"hdplan: {error}", style="red", markup=False)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        err.print("hdplan: interrupted before anything was found")
-        sys.exit(130)
-    except BrokenPipeError:  # the reader of our output has gone, as with `| head`
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(0)
+        code = _complain(str(error))
+    except TyperError as error:
+        code = _complain(f"{error.format_message().rstrip('.')} (see hdplan --help)")  # type: ignore[attr-defined]
+    except (KeyboardInterrupt, typer.Abort):
+        code = INTERRUPTED
+    if code == INTERRUPTED:
+        _complain("interrupted before anything was found")
+    sys.exit(code)
 
 
 def _load(scene: str, request: Path | None, robot: str | None) -> Scene:
@@ -205,88 +272,127 @@ def _load(scene: str, request: Path | None, robot: str | None) -> Scene:
     return load_scene(scene, request=request, robot=robot)
 
 
-class _Progress:
-    """One line on a terminal that follows the solver; silent elsewhere."""
-
-    def __init__(self, shown: bool) -> None:
-        self.status = err.status("building the problem") if shown else None
-        self.verdict = ""
-
-    def __enter__(self) -> _Progress:
-        if self.status:
-            self.status.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self.status:
-            self.status.stop()
-
-    def __call__(self, event: Event) -> None:
-        """Show an event."""
-        if not self.status:
-            return
-        if event.certificate is not None:
-            self.verdict = event.certificate.status.value.replace("_", " ")
-        if event.step is not None:
-            step = event.step
-            self.status.update(
-                f"attempt {event.attempt} · iteration {step.iteration} · cost {step.cost:.4g} · "
-                f"inside the margin by {step.depth * 1e3:.1f} mm"
-                + (f" · last certificate: {self.verdict}" if self.verdict else "")
-            )
+# --- the error stream --------------------------------------------------------------------------------------
 
 
-def _print_result(result: PlanResult, files: list[str]) -> None:
-    certificate, times = result.certificate, result.times
-    style = "green" if result.certified else "red"
-    out.print(f"[{style}]{escape(certificate.text)}[/]")
-    worst = certificate.worst
-    rows = [
+def _complain(text: str) -> int:
+    """Print one line, whatever names and values it repeats, and return the exit code of bad input."""
+    line = "".join(c if c.isprintable() else " " if c == "\n" else repr(c)[1:-1] for c in f"hdplan: {text}")
+    _console(sys.stderr).print(Text(line, style="red"), soft_wrap=True)
+    return 2
+
+
+@contextlib.contextmanager
+def _waiting(text: str, shown: bool = True) -> Iterator[Any]:
+    """Show what takes its time, on a terminal only; gives an object whose `update(text)` changes the line."""
+    if not (shown and sys.stderr.isatty()):
+        yield None
+        return
+    with _console(sys.stderr).status(Text(text)) as status:
+        yield status
+
+
+@contextlib.contextmanager
+def _progress(shown: bool) -> Iterator[Any]:
+    """Follow the solver in one line; gives the function that takes the events."""
+    verdict = ""
+    with _waiting("building the problem (fitting bodies around a robot's links takes minutes, once)", shown) as line:
+
+        def report(event: Event) -> None:
+            nonlocal verdict
+            if event.certificate is not None:
+                verdict = f" · last certificate: {event.certificate.status.value.replace('_', ' ')}"
+            if event.step is not None and line is not None:
+                step = event.step
+                clearance = f"clearance short by {step.depth * 1e3:.1f} mm" if step.depth > 0 else "clearance met"
+                line.update(
+                    Text(
+                        f"attempt {event.attempt} · iteration {step.iteration} · cost {step.cost:.4g} · {clearance}"
+                        f"{verdict}"
+                    )
+                )
+
+        yield report
+
+
+# --- the output stream -------------------------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def _printing() -> Iterator[Any]:
+    """Give a function that prints. A reader who leaves early, as `| head` does, is no failure; a full disk is."""
+    console = _console(sys.stdout)
+    try:
+        yield lambda text: console.print(text, soft_wrap=True)
+        sys.stdout.flush()
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left unwritten must not fail again
+        if not isinstance(error, BrokenPipeError):
+            raise InputError(f"the output cannot be written ({error.strerror})") from None
+
+
+def _console(stream: IO[str]) -> Console:
+    """Give a console that prints texts as they are, whatever names they hold."""
+    return Console(file=stream, highlight=False, markup=False, emoji=False)
+
+
+def _verdict(certificate: Certificate) -> Text:
+    return Text(certificate.text, style="green" if certificate.certified else "red")
+
+
+def _result_rows(result: PlanResult, files: list[str]) -> list[tuple[str, str]]:
+    attempts = f"{result.attempts} attempt" + "s" * (result.attempts != 1)
+    return [
         ("scene", f"{result.scene} with {result.robot}"),
         (
             "motion",
-            f"{len(result.trajectory)} waypoints, {result.iterations} iterations, {result.attempts} attempt(s), "
-            f"seed {result.seed}",
+            f"{len(result.trajectory)} waypoints, {result.iterations} iterations, {attempts}, seed {result.seed}",
         ),
-        (
-            "closest",
-            f"{worst.link} to {worst.other}, {worst.distance * 1e3:.2f} mm at time {worst.time:.3f}"
-            if worst
-            else "no obstacles",
-        ),
-        (
-            "time",
-            f"load {times.load:.2f} s, build {times.build:.2f} s, compile {times.compile:.2f} s, "
-            f"solve {times.solve:.2f} s, certify {times.certify:.2f} s",
-        ),
+        *_closest_rows(result.certificate),
+        ("time [s]", ", ".join(f"{name} {seconds:.2f}" for name, seconds in vars(result.times).items())),
         *(("note", note) for note in result.notes),
         *(("written", file) for file in files),
     ]
-    _print_table(None, rows)
 
 
-def _print_table(title: str | None, rows: list[tuple[str, str]]) -> None:
-    if title:
-        out.print(title)
-    table = Table.grid(padding=(0, 2))
-    table.add_column(no_wrap=True)
-    table.add_column()
-    for name, value in rows:
-        table.add_row(f"  {escape(name)}", escape(value))
-    Console(highlight=False).print(table)
+def _closest_rows(certificate: Certificate) -> list[tuple[str, str]]:
+    places = {"closest": certificate.worst, "own links": certificate.self_worst}
+    return [(name, _place(place)) for name, place in places.items() if place is not None]
 
 
-def _print_rows(title: str, rows: list[dict[str, Any]]) -> None:
-    """Print a table whose rows have the same keys."""
-    if not rows:
-        return
-    table = Table(title=title, title_justify="left", title_style="bold", box=None, padding=(0, 2, 0, 0))
-    for column in rows[0]:
-        numeric = all(isinstance(row[column], int | float) for row in rows)
-        table.add_column(column.replace("_", " "), justify="right" if numeric else "left")
+def _place(place: Place) -> str:
+    return f"{place.link} to {place.other}, {place.distance * 1e3:.3g} mm at time {place.time:.3f} of 1"
+
+
+def _table(rows: Sequence[tuple[str, str]]) -> str:
+    """Lay out names and values; the values wrap within the terminal's width."""
+    return _grid([("", *row) for row in rows], (False, False, False))
+
+
+def _columns(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Lay out rows that have the same keys, under these; a single column goes without."""
+    cells = [[f"{value:.4g}" if isinstance(value, float) else str(value) for value in row.values()] for row in rows]
+    head = [[key.replace("_", " ") for key in rows[0]]] if len(rows[0]) > 1 else []
+    numeric = [all(isinstance(row[key], int | float) for row in rows) for key in rows[0]]
+    return _grid([["", *row] for row in head + cells], [False, *numeric])
+
+
+def _grid(rows: Sequence[Sequence[str]], numeric: Sequence[bool]) -> str:
+    """Align columns of text, two spaces apart, numeric ones to the right; the last one wraps."""
+    columns = list(zip(*rows, strict=True))
+    widths = [max(map(cell_len, column)) for column in columns]
+    indent = sum(widths[:-1]) + 2 * len(widths[:-1])
+    room = max(shutil.get_terminal_size((WIDTH, 24)).columns - indent, 20)
+    lines: list[str] = []
     for row in rows:
-        table.add_row(*(f"{value:.4g}" if isinstance(value, float) else escape(str(value)) for value in row.values()))
-    Console(highlight=False).print(table)
+        gaps = [" " * (width - cell_len(cell)) for cell, width in zip(row, widths, strict=True)]
+        *cells, last = (
+            gap + cell if right else cell + gap for cell, gap, right in zip(row, gaps, numeric, strict=True)
+        )
+        first, *more = textwrap.wrap(last.rstrip(), room, drop_whitespace=False, break_on_hyphens=False) or [""]
+        lines.append("  ".join([*cells, first]).rstrip())
+        lines += [" " * indent + line.strip() for line in more]
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":

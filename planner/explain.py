@@ -6,15 +6,18 @@ In: a built `Problem`. Out: sections of (name, value) rows, for a terminal table
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 
 import numpy as np
 
-from hdplan.planner.problem import SELF_ACTIVATION, Problem
+from hdplan.planner.problem import SELF_ACTIVATION, Floats, Problem
+from hdplan.planner.robot import Robot
 from hdplan.planner.terms import Clearance
-from hdplan.scenes.model import PlannerSettings
+from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, PlannerSettings, Points, Shape, Sphere
 
 Rows = list[tuple[str, str]]
 
+MOST_OBSTACLES = 30  # rows; a page is to be read
 UNITS = {"clearance": " m", "activation": " m", "shaping_length": " m"}
 
 
@@ -22,8 +25,9 @@ def explain(problem: Problem) -> dict[str, Rows]:
     """Return the sections of the explanation, in reading order."""
     return {
         "scene": _scene(problem),
+        "joints": _joints(problem.robot, problem.start, problem.goal),
         "terms": _terms(problem),
-        "bodies": _bodies(problem),
+        "obstacles": _obstacles(problem),
         "pairs": _pairs(problem),
         "size": _size(problem),
         "settings": _settings(problem),
@@ -33,15 +37,31 @@ def explain(problem: Problem) -> dict[str, Rows]:
 
 def _scene(problem: Problem) -> Rows:
     robot = problem.robot
-    held = ", ".join(f"{joint} = {value:g}" for joint, value in robot.locked.items()) or "none"
+    held = ", ".join(f"{joint} = {value:g}" for joint, value in robot.locked.items())
+    corners = [len(body.body.vertices) for body in problem.bodies]
+    around = len({body.link for body in problem.bodies})
+    bodies = (
+        f"{len(corners)} around the {around} links with collision geometry: hulls of {min(corners)} to {max(corners)} "
+        "points, swept by a sphere"
+        if corners
+        else "none: no link has collision geometry, so nothing can collide"
+    )
     return [
         ("file", str(problem.scene.source)),
-        ("robot", robot.name),
-        ("planned joints", ", ".join(robot.joint_names)),
-        ("held joints", held),
-        ("start", _numbers(problem.start)),
-        ("goal", _numbers(problem.goal)),
+        ("robot", f"{robot.name}, {_count(robot.n, 'joint')} planned, {len(robot.locked) or 'none'} held"),
+        *([("held", held)] if held else []),
+        ("outer bodies", bodies),
     ]
+
+
+def _joints(robot: Robot, start: Floats, goal: Floats) -> Rows:
+    width = max(map(len, robot.joint_names))
+    rows: Rows = []
+    for i, joint in enumerate(robot.joint_names):
+        low, high = robot.lower[i], robot.upper[i]
+        limits = f"limits {low:7.4g} to {high:.4g}" if np.isfinite([low, high]).all() else "turns freely"
+        rows.append((f"{joint:{width}}", f"{start[i]:8.4g} → {goal[i]:7.4g}   {limits}"))
+    return rows
 
 
 def _terms(problem: Problem) -> Rows:
@@ -49,75 +69,81 @@ def _terms(problem: Problem) -> Rows:
     settings = problem.scene.planner
     reach = settings.clearance + settings.activation
     if "obstacles" in on:
-        obstacles = f"on: penalty where a link comes within {reach:g} m of an obstacle"
+        obstacles = f"on: grows where a moving link comes within {reach:g} m of an obstacle"
     elif problem.plane_bodies:
         obstacles = "off: every obstacle is out of the robot's reach"
     else:
         obstacles = "off: the scene has no obstacles"
     if "self-collision" in on:
-        own = f"on: penalty where two links come within {settings.clearance + SELF_ACTIVATION:g} m"
+        own = f"on: grows where two links come within {settings.clearance + SELF_ACTIVATION:g} m"
+    elif problem.unresolved:
+        own = "off: the outer bodies of all pairs of links overlap anyway"
     else:
         own = "off: no pair of links can meet, or all are disabled"
     bounded = int(np.isfinite(problem.robot.lower).sum())
+    free = problem.robot.n - bounded
+    limits = f"on: {_count(bounded, 'joint')} kept within limits" if bounded else "off: no joint has limits"
     return [
         ("smoothness", "on, always: squared velocity and acceleration over the motion"),
-        ("joint limits", f"on, always: {bounded} of {problem.robot.n} joints have limits, the others turn freely"),
+        ("joint limits", limits + (f"; {_count(free, 'joint')} without" if free and bounded else "")),
         ("obstacles", obstacles),
         ("self-collision", own),
     ]
 
 
-def _bodies(problem: Problem) -> Rows:
-    by_link: dict[str, list[int]] = {}
-    for body in problem.bodies:
-        by_link.setdefault(body.link, []).append(len(body.body.vertices))
-    pieces: dict[str, int] = {}
-    for piece in problem.plane_bodies:
-        pieces[piece.name] = pieces.get(piece.name, 0) + 1
-    several = ", ".join(f"{name} ({count} pieces)" for name, count in pieces.items() if count > 1)
-    links = ", ".join(f"{link} {'+'.join(map(str, counts))}" for link, counts in by_link.items())
-    return [
-        ("outer bodies of links", f"{len(problem.bodies)} on {len(by_link)} links; vertices: {links}"),
-        ("obstacles", f"{len(pieces)}" + (f", of several pieces: {several}" if several else "")),
-    ]
+def _obstacles(problem: Problem) -> Rows:
+    """One row for each obstacle: its shape, and how much of the robot can reach it."""
+    pieces = Counter(piece.name for piece in problem.plane_bodies)
+    term = _term(problem, "obstacles")
+    met = Counter(problem.plane_bodies[index].name for index in term.pairs.plane_body.tolist()) if term else Counter()
+    moving = sum(body.joint > 0 for body in problem.bodies)
+    rows: Rows = []
+    for obstacle in problem.scene.obstacles[:MOST_OBSTACLES]:
+        name, several = obstacle.name, pieces[obstacle.name] > 1
+        total = moving * pieces[name]
+        kept = f"{met[name]} of {total} pairs kept" if met[name] else "out of reach, left out"
+        split = f" in {pieces[name]} convex pieces" if several else ""
+        rows.append((name, f"{_shape(obstacle.shape)}{split}; {kept}"))
+    if left := len(problem.scene.obstacles) - MOST_OBSTACLES:
+        rows += [("…", f"and {left} more")] if left > 0 else []
+    return rows
 
 
 def _pairs(problem: Problem) -> Rows:
     rows: Rows = []
     moving = sum(body.joint > 0 for body in problem.bodies)
-    kept = _count(problem, "obstacles")
-    total = moving * len(problem.plane_bodies)
-    rows.append(
-        (
-            "body and obstacle",
-            f"{kept} of {total} kept; {total - kept} are out of reach within the joint limits, for certain",
-        )
-    )
+    if total := moving * len(problem.plane_bodies):
+        kept = _kept(problem, "obstacles")
+        why = "" if kept == total else f"; {total - kept} can never meet within the joint limits"
+        rows.append(("robot and obstacles", f"{kept} of {total} pairs of bodies kept{why}"))
     links = len(problem.robot.links)
-    checked = len(problem.robot.self_pairs)
-    rows.append(
-        (
-            "link and link",
-            f"{checked} of {links * (links - 1) // 2} checked; the others are neighbours, move together, "
-            "are disabled by the SRDF or the scene, or touch always",
+    if total := links * (links - 1) // 2:
+        checked = len(problem.robot.self_pairs)
+        rows.append(
+            (
+                "links",
+                f"{checked} of {total} pairs checked, by {_kept(problem, 'self-collision')} pairs of bodies; the "
+                "others are neighbours, do not move against each other, touch always, or are disabled (SRDF, "
+                "robot.ignore_pairs)",
+            )
         )
-    )
     if problem.unresolved:
         named = ", ".join(f"{a}-{b}" for a, b in problem.unresolved)
         rows.append(
-            ("left to the certificate", f"{len(problem.unresolved)} link pairs whose outer bodies overlap: {named}")
+            ("left to the certificate", f"{named}: their outer bodies overlap anyway, the real meshes need not")
         )
-    rows.append(("bodies of links, in pairs", f"{_count(problem, 'self-collision')}"))
     return rows
 
 
 def _size(problem: Problem) -> Rows:
     unknowns = (problem.waypoints - 2) * problem.robot.n
     compiled = {kernel.is_compiled for term in problem.terms for kernel in term.kernels.values()}
-    how = "none needed" if not compiled else "compiled C" if compiled == {True} else "CasADi's interpreter"
+    how = (
+        "not needed" if not compiled else "compiled C" if compiled == {True} else "CasADi's interpreter: no C compiler"
+    )
     return [
-        ("unknowns", f"{unknowns} = {problem.waypoints - 2} free waypoints × {problem.robot.n} joints"),
-        ("looked at", f"{len(problem.samples.weight)} configurations between the waypoints"),
+        ("unknowns", f"{unknowns}: {problem.waypoints - 2} free waypoints × {_count(problem.robot.n, 'joint')}"),
+        ("looked at", f"{len(problem.samples.weight)} configurations, at and between the waypoints"),
         ("distance", how),
     ]
 
@@ -131,10 +157,30 @@ def _settings(problem: Problem) -> Rows:
     return rows
 
 
-def _count(problem: Problem, name: str) -> int:
-    term: Clearance | None = next((term for term in problem.terms if term.name == name), None)
+def _shape(shape: Shape) -> str:
+    match shape:
+        case Box(size):
+            return f"box {' × '.join(f'{edge:g}' for edge in size)} m"
+        case Sphere(radius):
+            return f"sphere, radius {radius:g} m"
+        case Cylinder(radius, length):
+            return f"cylinder, radius {radius:g} m, length {length:g} m"
+        case Capsule(radius, length):
+            return f"capsule, radius {radius:g} m, length {length:g} m"
+        case Points(points):
+            return f"hull of {len(points)} points"
+        case Mesh(file):
+            return f"mesh {file.name}"
+
+
+def _term(problem: Problem, name: str) -> Clearance | None:
+    return next((term for term in problem.terms if term.name == name), None)
+
+
+def _kept(problem: Problem, name: str) -> int:
+    term = _term(problem, name)
     return len(term.pairs) if term else 0
 
 
-def _numbers(values: np.ndarray) -> str:
-    return "[" + ", ".join(f"{value:.4g}" for value in values) + "]"
+def _count(number: int, thing: str) -> str:
+    return f"{number} {thing}" + "s" * (number != 1)

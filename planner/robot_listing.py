@@ -15,34 +15,33 @@ from hdplan.scenes.model import RobotSpec
 Rows = list[dict[str, Any]]
 
 
-def listing() -> Rows:
-    """One row for every robot that goes by name: joints planned and held, links with geometry, link pairs to be
-    checked; or why it does not load."""
-    rows: Rows = []
+def listing() -> dict[str, Rows]:
+    """Tables of the robots that go by name: joints planned and held, links with collision geometry, pairs of links to
+    be checked, named states; and those that do not load, with the reason."""
+    robots: Rows = []
+    unusable: Rows = []
     for name in robot_names():
         try:
             robot = load_robot(RobotSpec(name=name))
         except InputError as error:
-            rows.append(
-                {"name": name, "planned": 0, "held": 0, "links": 0, "pairs": 0, "note": f"does not load: {error}"}
-            )
+            unusable.append({"name": name, "reason": str(error)})
             continue
-        states = f"states: {', '.join(robot.named_states)}" if robot.named_states else ""
-        rows.append(
+        robots.append(
             {
                 "name": name,
-                "planned": robot.n,
+                "joints": robot.n,
                 "held": len(robot.locked),
                 "links": len(robot.links),
                 "pairs": len(robot.self_pairs),
-                "note": states if robot.links else "no collision geometry",
+                "named_states": ", ".join(robot.named_states),
             }
         )
-    return rows
+    return {"robots": robots, "not_usable": unusable}
 
 
 def describe(name: str) -> dict[str, Rows]:
-    """Tables for one robot: joints, held joints, named states, and its outer bodies with how far they stick out [mm].
+    """Tables for one robot: joints, held joints, named states, and its outer bodies: volume over the volume of the
+    link's hull, and how far they stick out of it [mm].
 
     Raises InputError for an unknown name.
     """
@@ -52,9 +51,9 @@ def describe(name: str) -> dict[str, Rows]:
         {"joint": joint, "unit": unit[i], "lower": _limit(robot.lower[i]), "upper": _limit(robot.upper[i])}
         for i, joint in enumerate(robot.joint_names)
     ]
-    held: Rows = [{"joint held": joint, "value": value} for joint, value in robot.locked.items()]
+    held: Rows = [{"joint": joint, "at": round(value, 6)} for joint, value in robot.locked.items()]
     states: Rows = [
-        {"state": state, "values": ", ".join(f"{joint} = {value:g}" for joint, value in values.items())}
+        {"state": state, "values": ", ".join(f"{joint} = {value:.4g}" for joint, value in values.items())}
         for state, values in robot.named_states.items()
     ]
     bodies: Rows = [
@@ -62,15 +61,28 @@ def describe(name: str) -> dict[str, Rows]:
             "link": row.link,
             "bodies": row.bodies,
             "vertices": row.vertices,
-            "volume ratio": round(row.volume_ratio, 2),
-            "mean outside [mm]": round(1e3 * row.mean_outside, 1),
-            "95 % outside [mm]": round(1e3 * row.p95_outside, 1),
-            "contains the mesh": "yes" if row.contained else "NO",
+            "volume": round(row.volume_ratio, 2),
+            "mean_mm": round(1e3 * row.mean_outside, 1),
+            "p95_mm": round(1e3 * row.p95_outside, 1),
+            "hold_the_mesh": "yes" if row.contained else "NO",
         }
         for row in fit_report(robot)
     ]
-    notes: Rows = [{"note": note} for note in robot.notes]
-    return {"joints": joints, "held": held, "named states": states, "outer bodies": bodies, "notes": notes}
+    notes = list(robot.notes)
+    if bodies:
+        notes.append(
+            "outer bodies: volume over that of the link's hull; how far their surface lies outside it, in the mean "
+            "and at the 95th percentile"
+        )
+    else:
+        notes.append("no link has collision geometry: every motion of this robot is free")
+    return {
+        "joints": joints,
+        "joints_held": held,
+        "named_states": states,
+        "outer_bodies": bodies,
+        "notes": [{"note": note} for note in notes],
+    }
 
 
 def _limit(value: float) -> float | str:
