@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from hdplan.planner.certificate import Certificate, Certifier
 from hdplan.planner.problem import Floats, Problem, build
@@ -73,21 +74,29 @@ def plan(
         if search.best is None:
             raise
     assert search.best is not None  # an attempt ends with a certificate
-    solution, certificate = search.best
+    best = search.best
     load, build_, compile_ = loaded - began, built - loaded - problem.compile_seconds, problem.compile_seconds
     return PlanResult(
         scene=scene.name,
         robot=robot.name,
-        trajectory=solution.trajectory,
-        certificate=certificate,
+        trajectory=best.solution.trajectory,
+        certificate=best.certificate,
         solver=solver,
         seed=seed,
         attempts=search.attempts,
         iterations=search.iterations,
-        steps=solution.steps,
+        steps=best.steps,
         times=Times(load, build_, compile_, search.solve_seconds, search.certify_seconds),
         notes=(*problem.notes, *words),
     )
+
+
+class _Best(NamedTuple):
+    """The best motion so far."""
+
+    solution: Solution
+    certificate: Certificate
+    steps: tuple[Step, ...]
 
 
 class _Search:
@@ -104,26 +113,35 @@ class _Search:
     ) -> None:
         self.problem, self.certifier, self.solver, self.required = problem, certifier, solver, required
         self.deadline, self.report = deadline, report
-        self.best: tuple[Solution, Certificate] | None = None
+        self.best: _Best | None = None
+        self.steps: tuple[Step, ...] = ()  # of the attempt under way
         self.attempts = self.iterations = 0
         self.solve_seconds = self.certify_seconds = 0.0
 
     def attempt(self, guess: Floats) -> bool:
-        """Solve from one guess, and solve on where the certificate fails; True if the search is over."""
+        """Solve from one guess, and solve on where the certificate fails or the samples turn out too far apart; True if
+        the search is over."""
         self.attempts += 1
-        problem, weight = self.problem, FIRST_WEIGHT
+        self.steps = ()
+        problem, weight = self.problem.resampled(guess), FIRST_WEIGHT
         for _ in range(1 + REPAIRS):
             budget = Budget(self.deadline, first_weight=weight, report=self._report_step)
             solution = self.solver(problem, guess, budget)
             certificate = self.certifier.certify(solution.trajectory, required=self.required)
             self._keep(solution, certificate)
-            if certificate.certified or solution.status is Status.INTERRUPTED or budget.spent():
+            if solution.status is Status.INTERRUPTED or budget.spent():
                 return True
-            if solution.status is Status.STALLED:
-                return False
-            problem = problem.refined(sorted({place.interval for place in certificate.failures}))
-            guess, weight = solution.trajectory.positions, solution.weight * RAISE
-        return False
+            guess, weight = solution.trajectory.positions, solution.weight
+            finer = problem.resampled(guess)
+            if certificate.certified and (finer.samples == problem.samples or solution.status is Status.STALLED):
+                return True
+            if not certificate.certified:
+                if solution.status is Status.STALLED:
+                    break
+                finer = finer.refined(sorted({place.interval for place in certificate.failures}))
+                weight *= RAISE
+            problem = finer
+        return self.best is not None and self.best.certificate.certified
 
     def _report_step(self, step: Step) -> None:
         self.report(Event(self.attempts, step=step))
@@ -132,8 +150,9 @@ class _Search:
         self.iterations += solution.iterations
         self.solve_seconds += solution.seconds
         self.certify_seconds += certificate.seconds
-        if self.best is None or _rank(certificate) < _rank(self.best[1]):
-            self.best = solution, certificate
+        self.steps += solution.steps
+        if self.best is None or _rank(certificate) < _rank(self.best.certificate):
+            self.best = _Best(solution, certificate, self.steps)
         self.report(Event(self.attempts, certificate=certificate))
 
 
@@ -163,7 +182,9 @@ def _reachable_clearance(problem: Problem, certifier: Certifier) -> tuple[float,
 
 
 def _rank(certificate: Certificate) -> tuple[float, ...]:
-    """Order of attempts, best first: certified, then fewest failing intervals, then the shallowest contact."""
-    failing = {place.interval for place in certificate.failures}
+    """Order of motions, best first: certified with most clearance, then fewest failing intervals, then the shallowest
+    contact."""
+    if certificate.certified:
+        return (0.0, -(certificate.clearance or 0.0))
     deepest = min((place.distance for place in certificate.failures), default=0.0)
-    return (not certificate.certified, len(failing), -deepest)
+    return (1.0, len({place.interval for place in certificate.failures}), -deepest)

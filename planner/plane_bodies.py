@@ -99,12 +99,13 @@ def _placed(name: str, joint: int, frame: Floats, normals: Floats, supports: Flo
 def _fill(normals: Floats, supports: Floats, slots: int) -> tuple[Floats, Floats]:
     """Fill unused slots with a plane so far behind that it never decides."""
     spare = slots - len(normals)
-    return np.vstack([normals, np.tile([0.0, 0.0, 1.0], (spare, 1))]), np.append(supports, np.full(spare, FAR))
+    far = FAR + supports.max()
+    return np.vstack([normals, np.tile([0.0, 0.0, 1.0], (spare, 1))]), np.append(supports, np.full(spare, far))
 
 
 def _box_frame(points: Floats) -> Floats:
     """A frame (4, 4) in which the points' box is centred and aligned with their principal axes."""
-    axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=True)[2].T
+    axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=len(points) < 3)[2].T
     if np.linalg.det(axes) < 0:
         axes[:, 2] = -axes[:, 2]
     local = points @ axes
@@ -115,8 +116,8 @@ def _box_frame(points: Floats) -> Floats:
 
 
 def _face_normals(points: Floats) -> Floats:
-    """Normals of the hull's faces (F, 3), largest area first, none that a box direction already gives; empty for flat
-    hulls."""
+    """Normals of the hull's largest faces (F, 3), as many as there are slots, none that a box direction already gives;
+    none for flat hulls."""
     try:
         hull = ConvexHull(points)
     except (QhullError, ValueError):
@@ -130,6 +131,8 @@ def _face_normals(points: Floats) -> Floats:
         if (known @ normal).max() < 1 - 1e-9:
             kept.append(normal)
             known = np.vstack([known, normal])
+        if len(known) == MANY:
+            break
     return np.array(kept).reshape(-1, 3)
 
 

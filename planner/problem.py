@@ -33,7 +33,8 @@ from hdplan.scenes.model import PlannerSettings, Scene
 
 Floats = NDArray[np.float64]
 
-SAMPLES_PER_INTERVAL = 4
+SAMPLES_PER_INTERVAL = 4  # at least
+SPACING = 0.02  # [m] farthest that a body's centre may move between two samples
 SELF_ACTIVATION = 0.005  # [m] links of one arm are close by design: their penalty sets in late
 TRIALS = 200  # random configurations for the following
 OFTEN = 0.5  # share of them in which a link pair's outer bodies may overlap before it is left to the certificate
@@ -119,7 +120,21 @@ class Problem:
 
     def refined(self, intervals: list[int]) -> Problem:
         """The same problem, sampled twice as densely on the given intervals."""
-        return replace(self, samples=self.samples.refined(intervals))
+        counts = np.array(self.samples.counts)
+        counts[intervals] *= 2
+        return replace(self, samples=self.samples.raised(counts))
+
+    def resampled(self, positions: Floats) -> Problem:
+        """The same problem, sampled densely enough for a motion (N, n): no body's centre moves farther than SPACING
+        from one sample to the next."""
+        kinematics = self.kinematics.evaluate(positions)
+        joints = [body.joint for body in self.bodies]
+        centres = np.array([body.body.vertices.mean(axis=0) for body in self.bodies])
+        places = (
+            np.einsum("kbij,bj->kbi", kinematics.rotations[:, joints], centres) + kinematics.translations[:, joints]
+        )
+        moved = np.linalg.norm(np.diff(places, axis=0), axis=2).max(axis=1, initial=0.0)
+        return replace(self, samples=self.samples.raised(np.ceil(moved / SPACING).astype(np.int64)))
 
 
 def build(scene: Scene, robot: Robot | None = None) -> Problem:

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+MOST = 32  # samples on one interval
+
 
 @dataclass(frozen=True)
 class Samples:
@@ -60,7 +62,6 @@ class Samples:
         np.add.at(coupling, self.interval, fraction * (1 - fraction) * curvature)
         return diagonal, coupling
 
-    def refined(self, intervals: list[int], factor: int = 2, most: int = 32) -> Samples:
-        """The same with `factor` times the samples, at most `most`, on the given intervals."""
-        chosen = set(intervals)
-        return Samples(tuple(min(c * factor, most) if k in chosen else c for k, c in enumerate(self.counts)))
+    def raised(self, counts: NDArray[np.int64]) -> Samples:
+        """At least `counts` (N − 1,) samples on the intervals, at most MOST; never fewer than now."""
+        return Samples(tuple(np.maximum(self.counts, np.minimum(counts, MOST)).tolist()))

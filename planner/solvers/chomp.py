@@ -17,13 +17,14 @@ from hdplan.planner.solvers.solution import Budget, Progress, Solution
 Floats = NDArray[np.float64]
 
 SMALLEST_STEP = 1e-9
+PATIENCE = 12  # gradient steps gain little each
 
 
 def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
     """Improve a guess (N, n) by gradient steps in the metric of the smoothness."""
     positions = problem.clip(guess)
     metric = cho_factor(problem.smoothness.matrix[1:-1, 1:-1])
-    progress = Progress(problem, budget)
+    progress = Progress(problem, budget, PATIENCE)
     state = problem.evaluate(positions, progress.weight)
     length = 1.0
     try:

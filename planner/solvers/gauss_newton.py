@@ -19,13 +19,14 @@ from hdplan.planner.solvers.solution import Budget, Progress, Solution
 Floats = NDArray[np.float64]
 
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-6, 1e6  # λ
+PATIENCE = 3
 REST = 1e15  # stiffness that keeps a coordinate at its limit for one step
 
 
 def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
     """Improve a guess (N, n) until every sample keeps its distance, or nothing helps any more."""
     positions = problem.clip(guess)
-    progress = Progress(problem, budget)
+    progress = Progress(problem, budget, PATIENCE)
     state = problem.evaluate(positions, progress.weight)
     damping = FIRST_DAMPING
     try:

@@ -25,7 +25,7 @@ STEPS_PER_WEIGHT = 20
 def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
     """Improve a guess (N, n) by interior-point runs at rising penalty weights."""
     positions = problem.clip(guess)
-    progress = Progress(problem, budget)
+    progress = Progress(problem, budget, patience=1)
     state = problem.evaluate(positions, progress.weight)
     whole = nlp(problem)
     stop = _Stop(whole.x.numel(), budget)

@@ -33,7 +33,6 @@ class Status(enum.Enum):
 
 FIRST_WEIGHT, LAST_WEIGHT, RAISE = 1e3, 3e8, 6.0  # of the penalty [1/m²]
 SLOW = 0.01  # relative decrease below which a step counts as stalled
-PATIENCE = 3  # stalled steps in a row that end a weight
 ENOUGH = 0.5  # share of the activation band that may be used up when the motion counts as clear
 ENDS = 0.2  # share of the duration over which an end that is itself too close excuses the motion beside it
 
@@ -54,7 +53,7 @@ class Budget:
     """What a solver may spend."""
 
     deadline: float = float("inf")  # time.perf_counter() at which to stop
-    iterations: int = 300
+    iterations: int = 1000
     first_weight: float = FIRST_WEIGHT  # of the penalty [1/m²]
     report: Callable[[Step], None] = field(default=lambda step: None)  # called once per iteration
 
@@ -82,8 +81,9 @@ class Solution:
 class Progress:
     """Keeps the steps, tells when to raise the penalty's weight and when to stop."""
 
-    def __init__(self, problem: Problem, budget: Budget) -> None:
-        """Start at the budget's first weight."""
+    def __init__(self, problem: Problem, budget: Budget, patience: int) -> None:
+        """Start at the budget's first weight; `patience` stalled steps in a row end a weight."""
+        self.patience = patience
         self.problem = problem
         self.began = time.perf_counter()
         self.weight = budget.first_weight
@@ -107,7 +107,7 @@ class Progress:
         self.steps.append(Step(len(self.steps) + 1, state.cost, state.smoothness, depth, self.weight))
         self.budget.report(self.steps[-1])
         self.stalled = self.stalled + 1 if before - state.cost <= SLOW * before else 0
-        if self.stalled < PATIENCE:
+        if self.stalled < self.patience:
             return False
         if np.all(state.depth <= self.allowed):
             self.status = Status.CLEAR
