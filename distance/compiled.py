@@ -32,7 +32,7 @@ Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 # None of them changes a value: without the last, machines with a fused multiply-add would round differently.
-FLAGS = ("-O3", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC", "-ffp-contract=off")
+FLAGS = ("-O2", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC", "-ffp-contract=off")
 
 # Calls the generated function once per row; `rows[i][k]` is the row of table i that evaluation k takes.
 LOOP = """
