@@ -7,7 +7,6 @@ Results go to the output stream; errors, one line each, and progress go to the e
 from __future__ import annotations
 
 import contextlib
-import enum
 import io
 import json
 import math
@@ -56,12 +55,18 @@ input.""",
 )
 
 
-class SolverName(enum.StrEnum):
-    """The solvers by name."""
+def _whole_number(text: str) -> int:
+    with contextlib.suppress(ValueError):
+        if (number := int(text)) >= 0:
+            return number
+    raise typer.BadParameter(f"must be a whole number of at least 0, found '{text}'")
 
-    gauss_newton = "gauss_newton"
-    chomp = "chomp"
-    ipopt = "ipopt"
+
+def _seconds(text: str) -> float:
+    with contextlib.suppress(ValueError):
+        if 0.0 < (number := float(text)) < math.inf:
+            return number
+    raise typer.BadParameter(f"must be a finite number of seconds greater than 0, found '{text}'")
 
 
 SceneFile = Annotated[
@@ -94,17 +99,19 @@ def plan(
         typer.Option("--output", "-o", metavar="FILE", help="Write the trajectory, as .json, .csv or .npz."),
     ] = None,
     solver: Annotated[
-        SolverName,
+        str,
         typer.Option(
             metavar="NAME",
             help="gauss_newton (exact derivatives, banded), chomp (covariant gradient descent) or ipopt (interior "
             "point, exact Hessians).",
         ),
-    ] = SolverName.gauss_newton,
-    seed: Annotated[int, typer.Option(metavar="N", help="Seed of the random first guesses.", min=0)] = 0,
+    ] = "gauss_newton",
+    seed: Annotated[int, typer.Option(metavar="N", help="Seed of the random first guesses.", parser=_whole_number)] = 0,
     time_limit: Annotated[
         float,
-        typer.Option(metavar="SECONDS", help="Time for solving and certifying, all attempts together.", min=0.01),
+        typer.Option(
+            metavar="SECONDS", help="Time for solving and certifying, all attempts together.", parser=_seconds
+        ),
     ] = 30.0,
     plot: Annotated[
         Path | None,
@@ -124,17 +131,17 @@ def plan(
     from hdplan.planner.plan import plan as find
     from hdplan.planner.plot import check_picture, plot_result
     from hdplan.planner.robot import load_scene_robot
+    from hdplan.planner.solvers import solver_named
     from hdplan.planner.trajectory import check_writable
 
-    if not math.isfinite(time_limit):
-        raise InputError(f"--time-limit: must be a finite number of seconds, found {time_limit:g}")
+    solver_named(solver)
     if output is not None:
         check_writable(output)
     if plot is not None:
         check_picture(plot)
     problem = _load(scene, request, robot)
     with _progress(shown=not quiet and not as_json) as report:
-        result = find(problem, solver=solver.value, seed=seed, time_limit=time_limit, report=report)
+        result = find(problem, solver=solver, seed=seed, time_limit=time_limit, report=report)
     if output is not None:
         result.save(output)
     if plot is not None:
@@ -258,7 +265,8 @@ def main() -> None:
     except HdplanError as error:
         code = _complain(str(error))
     except TyperError as error:
-        code = _complain(f"{error.format_message().rstrip('.')} (see hdplan --help)")  # type: ignore[attr-defined]
+        command = context.command_path if (context := getattr(error, "ctx", None)) else "hdplan"
+        code = _complain(f"{error.format_message().rstrip('.')} (see {command} --help)")  # type: ignore[attr-defined]
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
     if code == INTERRUPTED:

@@ -22,6 +22,7 @@ from hdplan.scenes.model import Mesh
 Array = NDArray[np.float64]
 
 CONVEX = 1e-3  # a solid that misses less than this part of its hull's volume passes for its hull, which contains it
+LARGEST = 1e6  # [m] beyond which distances drown in rounding
 FLAT = 1e-6  # thinner than this part of its length, a mesh encloses nothing that could be told from rounding
 
 
@@ -113,6 +114,8 @@ def load_mesh(shape: Mesh, field: str) -> TriangleMesh:
         raise InputError(f"{where}: is empty, it holds no triangles")
     if not np.isfinite(vertices[triangles]).all():
         raise InputError(f"{where}: holds coordinates that are not finite (NaN or infinite)")
+    if np.abs(vertices * np.array(shape.scale)).max() > LARGEST:
+        raise InputError(f"{where}: reaches farther than {LARGEST:g} m (its scale is {shape.scale[0]:g})")
     mesh = TriangleMesh.merged(vertices * np.array(shape.scale), triangles).trimmed()
     if len(mesh.triangles) == 0 or _thinness(mesh.vertices) <= FLAT:
         raise InputError(f"{where}: is flat; a body with some thickness is needed")

@@ -124,10 +124,10 @@ class Query:
 def load_scene_robot(scene: Scene) -> Robot:
     """Load a scene's robot, with a MoveIt request's values for the joints that it has and does not plan.
 
-    Raises InputError, naming the scene's file.
+    Raises InputError, naming the file that speaks of the robot.
     """
+    spec = scene.robot
     try:
-        spec = scene.robot
         if scene.from_request and scene.start.by_name is not None:
             robot = load_robot(spec)
             requested = {joint: value for joint, value in scene.start.by_name.items() if joint in robot.locked}
@@ -136,7 +136,7 @@ def load_scene_robot(scene: Scene) -> Robot:
                 return robot
         return load_robot(spec)
     except InputError as error:
-        raise InputError(f"{scene.source}: {error}") from None
+        raise InputError(f"{spec.source or scene.source}: {error}") from None
 
 
 def resolve_query(robot: Robot, scene: Scene) -> Query:

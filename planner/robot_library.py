@@ -82,5 +82,5 @@ def find_robot(name: str) -> RobotFiles:
     """Return the files of a robot by name. Raises InputError with the nearest name."""
     table = robot_names()
     if name not in table:
-        raise InputError(f"robot.name: unknown robot '{name}'{nearest(name, table)}")
+        raise InputError(f"robot.name: unknown robot '{name}'{nearest(name, table, '`hdplan robots` lists them')}")
     return table[name]

@@ -6,12 +6,13 @@ what the certificate proves, so it is also what must be executed.
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import json
 import os
 import zipfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -100,16 +101,19 @@ class Trajectory:
 def check_writable(path: Path, endings: tuple[str, ...] = FORMATS) -> None:
     """Say early that an output file cannot be written, before the work whose result it is to hold.
 
-    Raises InputError for another ending than `endings`, a folder that does not exist, or missing rights.
+    Tries it with an empty file beside it, which is taken away again. Raises InputError for another ending than
+    `endings`, a folder in the way or missing, or whatever the system says.
     """
     if path.suffix.lower() not in endings:
         raise InputError(f"{path}: ending '{path.suffix}', allowed are {', '.join(endings)}")
-    if path.is_dir():
+    if os.path.isdir(path):
         raise InputError(f"{path}: is a folder, a file name is needed")
-    if not path.parent.is_dir():
+    if not os.path.isdir(path.parent):
         raise InputError(f"{path}: the folder {path.parent} does not exist")
-    if not os.access(path if path.exists() else path.parent, os.W_OK):
+    if os.path.exists(path) and not os.access(path, os.W_OK):
         raise InputError(f"{path}: cannot be written (permission denied)")
+    with _beside(path):
+        pass
 
 
 def _to_json(trajectory: Trajectory, verdict: Mapping[str, Any]) -> bytes:
@@ -227,11 +231,20 @@ def _is_number(text: str) -> bool:
 
 def _write_whole(path: Path, data: bytes) -> None:
     """Write beside the target and rename, so that a reader never meets half a file."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
+    with _beside(path) as temporary:
         temporary.write_bytes(data)
         os.replace(temporary, path)
+
+
+@contextlib.contextmanager
+def _beside(path: Path) -> Iterator[Path]:
+    """Give an empty file in the folder of `path`, taken away at the end if it is still there."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.touch()
+        try:
+            yield temporary
+        finally:
+            temporary.unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
-    finally:
-        temporary.unlink(missing_ok=True)

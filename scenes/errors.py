@@ -14,10 +14,12 @@ class InputError(HdplanError):
     """Bad input: a file, a field, a name or a number. The command line ends with exit code 2."""
 
 
-def nearest(name: str, allowed: Iterable[str]) -> str:
-    """Return `` (did you mean 'x'?)`` for the closest allowed name, or the list of allowed names if none is close."""
+def nearest(name: str, allowed: Iterable[str], otherwise: str = "") -> str:
+    """Return `` (did you mean 'x'?)`` for the closest allowed name; if none is close, `otherwise`, or all of them."""
     names = sorted(allowed)
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
     if close:
         return f" (did you mean '{close[0]}'?)"
+    if otherwise:
+        return f" ({otherwise})"
     return f" (allowed: {', '.join(names)})" if names else " (none is allowed here)"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import os
 import re
 from collections.abc import Collection, Hashable, Mapping
 from dataclasses import dataclass, field
@@ -19,6 +20,8 @@ import yaml
 from hdplan.scenes.errors import InputError, nearest
 
 _MERGE = "tag:yaml.org,2002:merge"
+LARGEST = 1e6  # in size, of any number [m, rad]: beyond it distances drown in rounding
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 _SHOWN = 60  # characters of a found value that an error repeats
 
 
@@ -102,7 +105,7 @@ class Field:
     # Numbers. Truth values are no numbers, and neither NaN nor infinity is a value.
 
     def number(self, low: float = -math.inf, high: float = math.inf, above: float = -math.inf, unit: str = "") -> float:
-        """Return a finite number with low <= value <= high and value > above."""
+        """Return a finite number, at most LARGEST in size, with low <= value <= high and value > above."""
         bounds = [f"greater than {above:g}"] * math.isfinite(above)
         bounds += [f"{low:g} to {high:g}" if math.isfinite(high) else f"at least {low:g}"] * math.isfinite(low)
         allowed = " ".join(["a finite number", *bounds, *([f"[{unit}]"] if unit else [])])
@@ -122,6 +125,8 @@ class Field:
             raise self.wrong(allowed) from None
         if not (math.isfinite(number) and low <= number <= high and number > above):
             raise self.wrong(allowed)
+        if abs(number) > LARGEST:
+            raise self.wrong(f"{allowed}, at most {LARGEST:g} in size")
         return number
 
     def integer(self, low: int, high: int) -> int:
@@ -137,7 +142,9 @@ class Field:
     # Words
 
     def text(self) -> str:
-        """Return a text that is not empty."""
+        """Return a text that is not empty and holds no control characters, such as ends of lines."""
+        if isinstance(self.value, str) and _CONTROL.search(self.value):
+            raise self.error(f"must be a text without control characters, found {shorten(repr(self.value))}")
         if not isinstance(self.value, str) or not self.value.strip():
             quotes = "" if isinstance(self.value, str | list | dict) else "; put it in quotes if it is a name"
             raise self.error(f"must be a text that is not empty, found {describe(self.value)}{quotes}")
@@ -160,8 +167,8 @@ class Field:
     def path(self, directory: bool = False) -> Path:
         """Return an existing file (or directory); a relative one is looked up beside the document that names it."""
         path = self.document.file.parent / self.text()
-        if not (path.is_dir() if directory else path.is_file()):
-            kind, other = ("directory", path.is_file()) if directory else ("file", path.is_dir())
+        if not (os.path.isdir(path) if directory else os.path.isfile(path)):
+            kind, other = ("directory", os.path.isfile(path)) if directory else ("file", os.path.isdir(path))
             state = f"is not a {kind}" if other else "does not exist"
             raise self.error(f"must be a {kind}, but {self.value!r} {state} (looked for {path})")
         return path

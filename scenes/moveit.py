@@ -117,8 +117,8 @@ def read_moveit(scene_file: Path, request_file: Path, robot: RobotSpec) -> Scene
         source=scene_file,
         robot=robot,
         obstacles=tuple(obstacles.values()),
-        start=JointTarget("start", by_name=start),
-        goal=JointTarget("goal", by_name=_goal(request_keys["goal_constraints"])),
+        start=JointTarget(f"start ({request_file})", by_name=start),
+        goal=JointTarget(f"goal ({request_file})", by_name=_goal(request_keys["goal_constraints"])),
         from_request=True,
         notes=(*scene.document.notes, *request.document.notes),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import os
 from os import PathLike
 from pathlib import Path
 
@@ -95,7 +96,7 @@ def find_scene(path: FilePath) -> Path:
         InputError: there is neither; the nearest shipped scene is offered.
     """
     file = Path(path)
-    if file.exists():
+    if os.path.exists(file):  # unlike Path.exists, no error for names that are too long
         return file
     shipped = shipped_scenes()
     if str(file) in shipped:
@@ -116,10 +117,11 @@ def read_robot(robot: FilePath) -> tuple[RobotSpec, tuple[str, ...]]:
     """
     file = Path(robot)
     is_name = len(file.parts) == 1 and not file.suffix
-    if is_name and not file.is_file():
-        return RobotSpec(name=str(robot)), ()
+    if is_name and not os.path.isfile(file):
+        return RobotSpec(name=str(robot), source="--robot"), ()
     top = read_document(file)
     spec = _robot(top.mapping(SECTIONS, required=["robot"])["robot"])
+    spec = dataclasses.replace(spec, source=str(file))
     return spec, tuple(top.document.notes)
 
 
