@@ -369,7 +369,8 @@ def _closest_rows(certificate: Certificate) -> list[tuple[str, str]]:
 
 
 def _place(place: Place) -> str:
-    return f"{place.link} to {place.other}, {place.distance * 1e3:.3g} mm at time {place.time:.3f} of 1"
+    distance = f"{place.distance * 1e3:.2f} mm" if place.distance >= 0 else f"{-place.distance * 1e3:.2f} mm deep"
+    return f"{place.link} to {place.other}, {distance} at time {place.time:.3f} of 1"
 
 
 def _table(rows: Sequence[tuple[str, str]]) -> str:

@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 AT_LIMIT = 1e-3  # [rad] or [m] by which an end may lie beyond a joint limit: scenes sit on limits to rounding
 BEYOND_LIMIT = 1e-9  # the same for all other waypoints
 SAME_END = 1e-6  # [rad] or [m] between an end of the trajectory and the scene's
+FARTHEST = 1e6  # [rad] or [m] beyond which a waypoint drowns in rounding
 SAME_LOCKED = 1e-6  # [rad] or [m] between a locked joint's value in trajectory and scene
 
 
@@ -270,7 +271,14 @@ def waypoints_of(robot: Robot, trajectory: Trajectory) -> Array:
             raise InputError(
                 f"trajectory: joint '{name}' is at {found:g}, the scene holds it at {robot.locked[name]:g}"
             )
-    return np.stack([columns[name] for name in robot.joint_names], axis=1)
+    positions = np.stack([columns[name] for name in robot.joint_names], axis=1)
+    if np.abs(positions).max() > FARTHEST:
+        row, joint = np.unravel_index(np.abs(positions).argmax(), positions.shape)
+        raise InputError(
+            f"trajectory: waypoint {row}, joint '{robot.joint_names[joint]}': {positions[row, joint]:g} is larger than "
+            f"{FARTHEST:g}"
+        )
+    return positions
 
 
 def _words(place: Place) -> str:
@@ -285,7 +293,11 @@ def _where(place: Place, what: str) -> str:
 
 def _others(failures: tuple[Place, ...]) -> str:
     pairs = Counter((place.link, place.other) for place in failures)
-    return f"{len({place.interval for place in failures})} interval(s), {len(pairs)} pair(s) fail"
+    intervals = len({place.interval for place in failures})
+    return (
+        f"{intervals} interval{'s' * (intervals != 1)} between waypoints, {len(pairs)} pair{'s' * (len(pairs) != 1)} "
+        "of bodies not proven"
+    )
 
 
 def _proven(clearance: float | None, self_clearance: float | None) -> str:

@@ -54,9 +54,10 @@ class Trajectory:
         if not np.isfinite(positions).all():
             row, column = (int(i) for i in np.argwhere(~np.isfinite(positions))[0])
             raise InputError(
-                f"positions: row {row}, joint '{names[column]}': {positions[row, column]} is not a finite number"
+                f"positions: waypoint {row}, joint '{names[column]}': {positions[row, column]} is not a finite number"
             )
-        locked = {str(name): float(value) for name, value in self.locked.items()}
+        values = _numbers(list(self.locked.values()), "locked").tolist()
+        locked = dict(zip(map(str, self.locked), values, strict=True))
         for name, value in locked.items():
             if not np.isfinite(value):
                 raise InputError(f"locked: joint '{name}': {value} is not a finite number")
@@ -117,21 +118,22 @@ def check_writable(path: Path, endings: tuple[str, ...] = FORMATS) -> None:
 
 
 def _to_json(trajectory: Trajectory, verdict: Mapping[str, Any]) -> bytes:
-    content: dict[str, Any] = {
-        "hdplan_trajectory": 1,
-        "joint_names": list(trajectory.joint_names),
-        "positions": trajectory.positions.tolist(),  # Python writes the shortest text that reads back bit for bit
-        "locked": dict(trajectory.locked),
-    }
-    if verdict:
-        content["verdict"] = dict(verdict)
-    return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode()
+    """Write one line per key and per waypoint; Python's numbers are the shortest that read back bit for bit."""
+    rows = ",\n  ".join(json.dumps(row, allow_nan=False) for row in trajectory.positions.tolist())
+    lines = [
+        '"hdplan_trajectory": 1',
+        f'"joint_names": {json.dumps(trajectory.joint_names)}',
+        f'"positions": [\n  {rows}\n ]',
+        f'"locked": {json.dumps(dict(trajectory.locked), allow_nan=False)}',
+        *([f'"verdict": {json.dumps(dict(verdict), allow_nan=False)}'] if verdict else []),
+    ]
+    return ("{\n " + ",\n ".join(lines) + "\n}\n").encode()
 
 
 def _from_json(data: bytes) -> Trajectory:
     try:
         content = json.loads(data)
-    except (ValueError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"not JSON ({error})") from error
     if not isinstance(content, dict) or content.get("hdplan_trajectory") != 1:
         raise InputError(
@@ -141,7 +143,7 @@ def _from_json(data: bytes) -> Trajectory:
         if not isinstance(content.get(key), list):
             raise InputError(f"{key}: missing, or not a list")
     locked = content.get("locked", {})
-    if not isinstance(locked, dict) or not all(isinstance(value, int | float) for value in locked.values()):
+    if not isinstance(locked, dict):
         raise InputError("locked: an object of joint names and numbers is expected")
     return Trajectory(_names(content["joint_names"]), _numbers(content["positions"], "positions"), locked)
 
@@ -156,20 +158,22 @@ def _to_csv(trajectory: Trajectory, _: Mapping[str, Any]) -> bytes:
 
 def _from_csv(data: bytes) -> Trajectory:
     try:
-        rows = [row for row in csv.reader(io.StringIO(data.decode("utf-8-sig"))) if row]
+        reader = csv.reader(io.StringIO(data.decode("utf-8-sig")))
+        rows = [(reader.line_num, row) for row in reader if row]
     except (csv.Error, UnicodeDecodeError) as error:
         raise InputError(f"not CSV ({error})") from error
     if not rows:
         raise InputError("empty, a header with the joint names and one row per waypoint are expected")
-    names = tuple(name.strip() for name in rows[0])
+    (line, header), *rows = rows
+    names = tuple(name.strip() for name in header)
     if any(_is_number(name) for name in names):
-        raise InputError(f"line 1: {', '.join(names[:3])}, … are numbers; the header must hold the joint names")
-    for number, row in enumerate(rows[1:], start=2):
+        raise InputError(f"line {line}: {', '.join(names[:3])}, … are numbers; the header must hold the joint names")
+    for line, row in rows:
         if len(row) != len(names):
-            raise InputError(f"row {number}: {len(row)} values, expected {len(names)} as in the header")
+            raise InputError(f"line {line}: {len(row)} values, expected {len(names)} as in the header")
         if wrong := [value for value in row if not _is_number(value)]:
-            raise InputError(f"row {number}: '{wrong[0]}' is not a number")
-    return Trajectory(names, np.array([[float(value) for value in row] for row in rows[1:]]).reshape(-1, len(names)))
+            raise InputError(f"line {line}: '{wrong[0]}' is not a number")
+    return Trajectory(names, np.array([[float(value) for value in row] for _, row in rows]).reshape(-1, len(names)))
 
 
 def _to_npz(trajectory: Trajectory, _: Mapping[str, Any]) -> bytes:
@@ -216,9 +220,12 @@ def _names(values: Iterable[object]) -> tuple[str, ...]:
 
 def _numbers(values: object, name: str) -> NDArray[np.float64]:
     try:
-        return np.array(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name}: rows of equally many numbers are expected") from error
+        numbers = np.array(values)
+        if numbers.dtype.kind in "iuf" or not numbers.size:
+            return numbers.astype(np.float64)
+    except (TypeError, ValueError):  # rows of different lengths
+        pass
+    raise InputError(f"{name}: numbers are expected, equally many in each row")
 
 
 def _is_number(text: str) -> bool:

@@ -107,7 +107,7 @@ class RobotSpec:
     base: Pose = field(default_factory=Pose)  # of the URDF's root link
     locked: Mapping[str, float] = field(default_factory=dict)  # joint name -> value [rad] or [m]
     ignore_pairs: tuple[tuple[str, str], ...] = ()  # link pairs not checked against each other
-    source: str = ""  # the file or option that says so, for error messages; empty: the scene's file
+    source: str = field(default="", compare=False)  # for error messages: the file or option; empty: the scene's file
 
 
 @dataclass(frozen=True)
