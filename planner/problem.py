@@ -129,7 +129,7 @@ class Problem:
         from one sample to the next."""
         kinematics = self.kinematics.evaluate(positions)
         joints = [body.joint for body in self.bodies]
-        centres = np.array([body.body.vertices.mean(axis=0) for body in self.bodies])
+        centres = np.array([body.body.vertices.mean(axis=0) for body in self.bodies]).reshape(-1, 3)
         places = (
             np.einsum("kbij,bj->kbi", kinematics.rotations[:, joints], centres) + kinematics.translations[:, joints]
         )

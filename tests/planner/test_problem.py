@@ -1,0 +1,328 @@
+"""Laws of terms, problem and its CasADi form: exact derivatives, two witnesses of one cost, no term without a cause."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from hdplan.planner.nlp import Nlp, nlp
+from hdplan.planner.problem import SPACING, Problem, build
+from hdplan.planner.samples import MOST
+from hdplan.planner.terms import Smoothness
+from hdplan.scenes.model import Box, JointTarget, Obstacle, Pose, RobotSpec, Scene, Sphere
+from hdplan.scenes.reader import load_scene
+
+Array = NDArray[np.float64]
+
+# Relative to the largest number compared, unless said.
+WITNESS = 1e-10  # the fast evaluation against CasADi's: sums in another order, constants rounded alike
+DIFFERENCE = 1e-5  # central differences with steps of STEP: their error is STEP² times third derivatives
+STEP = 1e-6  # [rad]
+SEMIDEFINITE = 1e-12  # most negative eigenvalue of a sum of outer products
+EXACT = 1e-12
+WEIGHT = 1e4  # of the penalty [1/m²]: smoothness and penalty weigh about the same
+
+
+def few_waypoints(scene: Scene, count: int) -> Scene:
+    return dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, waypoints=count))
+
+
+@pytest.fixture(scope="module")
+def planar() -> Problem:
+    """Two links, obstacles of both sizes of plane tables, self-collision."""
+    return build(few_waypoints(load_scene("planar_arm"), 7))
+
+
+@pytest.fixture(scope="module")
+def panda() -> Problem:
+    return build(few_waypoints(load_scene("panda_corridor"), 6))
+
+
+@pytest.fixture(scope="module")
+def whole(planar: Problem) -> Nlp:
+    return nlp(planar)
+
+
+def motions(problem: Problem, count: int, spread: float) -> list[Array]:
+    """Motions around the straight line, from the start to the goal, some of them in contact."""
+    rng = np.random.default_rng(1)
+    line = np.linspace(problem.start, problem.goal, problem.waypoints)
+    return [problem.clip(line + spread * rng.normal(size=line.shape)) for _ in range(count)]
+
+
+def assembled(problem: Problem, positions: Array, weight: float) -> Array:
+    """The penalty's Gauss-Newton matrix (M n, M n) from its blocks."""
+    state = problem.evaluate(positions, weight)
+    count, n = state.gradient.shape
+    matrix = np.zeros((count, n, count, n))
+    for k in range(count):
+        matrix[k, :, k] = state.diagonal[k]
+    for k in range(count - 1):
+        matrix[k, :, k + 1] = state.coupling[k]
+        matrix[k + 1, :, k] = state.coupling[k].T
+    return matrix.reshape(count * n, count * n)
+
+
+def differences(function, x: Array) -> Array:
+    """Central differences of a function of x (m,), along the last axis."""
+    ahead = [np.asarray(function(x + STEP * unit)) for unit in np.eye(len(x))]
+    behind = [np.asarray(function(x - STEP * unit)) for unit in np.eye(len(x))]
+    return np.stack([(a - b) / (2 * STEP) for a, b in zip(ahead, behind, strict=True)], axis=-1)
+
+
+def close(found: Array, expected: Array, tolerance: float) -> None:
+    np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance * max(1.0, float(np.abs(expected).max())))
+
+
+# --- smoothness -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("count", [3, 4, 9])
+def test_smoothness_is_the_sum_that_it_says(count: int) -> None:
+    """½ Σ h |(q_{k+1} − q_k)/h|² + ½ α Σ h |(q_{k+1} − 2 q_k + q_{k−1})/h²|², h = 1/(N − 1)."""
+    smoothness = Smoothness(count, acceleration=0.03)
+    q, h = np.random.default_rng(2).normal(size=(count, 3)), 1 / (count - 1)
+    velocity = sum(0.5 * h * np.sum(((q[k + 1] - q[k]) / h) ** 2) for k in range(count - 1))
+    bend = sum(0.5 * h * np.sum(((q[k + 1] - 2 * q[k] + q[k - 1]) / h**2) ** 2) for k in range(1, count - 1))
+    value, gradient = smoothness.value(q)
+    assert value == pytest.approx(velocity + 0.03 * bend, rel=EXACT)
+    assert np.sum(0.5 * q * (smoothness.matrix @ q)) == pytest.approx(value, rel=EXACT)
+    close(gradient, smoothness.matrix @ q, EXACT)
+    close(smoothness.matrix, smoothness.matrix.T, EXACT)
+
+
+def test_smoothness_sees_no_place_and_meets_two_neighbours() -> None:
+    matrix = Smoothness(9).matrix
+    close(matrix @ np.ones(9), np.zeros(9), 1e-10)
+    assert np.all(np.linalg.eigvalsh(matrix[1:-1, 1:-1]) > 0)
+    assert np.all(np.triu(matrix, 3) == 0)
+
+
+# --- cost and derivatives ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["planar", "panda"])
+def test_gradient_is_that_of_the_cost(name: str, request: pytest.FixtureRequest) -> None:
+    problem: Problem = request.getfixturevalue(name)
+    active = 0
+    for positions in motions(problem, 4, 0.3):
+        state = problem.evaluate(positions, WEIGHT)
+        active += state.penalty > 1e-8
+
+        def cost(x: Array, positions: Array = positions) -> float:
+            moved = positions.copy()
+            moved[1:-1] = x.reshape(moved[1:-1].shape)
+            return problem.evaluate(moved, WEIGHT).cost
+
+        close(state.gradient.ravel(), differences(cost, positions[1:-1].ravel()), DIFFERENCE)
+    assert active >= 2, "motions in contact are among them"
+
+
+@pytest.mark.parametrize("name", ["planar", "panda"])
+def test_parts_of_an_evaluation_agree(name: str, request: pytest.FixtureRequest) -> None:
+    """cost = smoothness + w penalty; the penalty is the weighted sum over samples; depth is that of the samples."""
+    problem: Problem = request.getfixturevalue(name)
+    for positions in motions(problem, 4, 0.3):
+        state = problem.evaluate(positions, WEIGHT)
+        assert state.cost == pytest.approx(state.smoothness + WEIGHT * state.penalty, rel=EXACT)
+        looks = problem.samples.configurations(positions)
+        assert state.penalty == pytest.approx(np.sum(problem.samples.weight * problem.penalties(looks)), rel=EXACT)
+        np.testing.assert_array_equal(state.depth, problem.depth(looks))
+        assert np.all(state.depth >= 0)
+        assert np.all((problem.penalties(looks) == 0) | (state.depth > 0))
+
+
+@pytest.mark.parametrize("name", ["planar", "panda"])
+def test_curvature_is_symmetric_and_semidefinite(name: str, request: pytest.FixtureRequest) -> None:
+    problem: Problem = request.getfixturevalue(name)
+    for positions in motions(problem, 4, 0.3):
+        state = problem.evaluate(positions, WEIGHT)
+        close(state.diagonal, state.diagonal.transpose(0, 2, 1), EXACT)
+        matrix = assembled(problem, positions, WEIGHT)
+        lowest = np.linalg.eigvalsh(matrix)[0]
+        assert lowest >= -SEMIDEFINITE * max(1.0, np.abs(matrix).max()) * len(matrix)
+
+
+def test_penalty_scales_with_its_weight_alone(planar: Problem) -> None:
+    (positions,) = motions(planar, 1, 0.3)
+    one, ten = planar.evaluate(positions, 1.0), planar.evaluate(positions, 10.0)
+    assert (one.smoothness, one.penalty) == (ten.smoothness, ten.penalty)
+    close(10 * one.diagonal, ten.diagonal, EXACT)
+    close(10 * one.coupling, ten.coupling, EXACT)
+
+
+# --- the CasADi form --------------------------------------------------------------------------------------------------
+
+
+def test_casadi_form_has_the_same_cost_and_gradient(planar: Problem, whole: Nlp) -> None:
+    evaluate = ca.Function("evaluate", [whole.x, whole.weight], [whole.cost, whole.gradient])
+    for weight in (1.0, WEIGHT, 1e7):
+        for positions in motions(planar, 6, 0.4):
+            state = planar.evaluate(positions, weight)
+            cost, gradient = (np.array(x).ravel() for x in evaluate(positions[1:-1].ravel(), weight))
+            close(cost, np.array([state.cost]), WITNESS)
+            close(gradient, state.gradient.ravel(), WITNESS)
+
+
+def test_casadi_form_agrees_for_a_panda(panda: Problem) -> None:
+    whole = nlp(panda)
+    evaluate = ca.Function("evaluate", [whole.x, whole.weight], [whole.cost, whole.gradient])
+    for positions in motions(panda, 3, 0.4):
+        state = panda.evaluate(positions, WEIGHT)
+        cost, gradient = (np.array(x).ravel() for x in evaluate(positions[1:-1].ravel(), WEIGHT))
+        close(cost, np.array([state.cost]), WITNESS)
+        close(gradient, state.gradient.ravel(), WITNESS)
+
+
+def test_casadi_gradient_is_that_of_its_cost_and_the_hessian_that_of_the_gradient(planar: Problem, whole: Nlp) -> None:
+    evaluate = ca.Function("evaluate", [whole.x, whole.weight], [whole.cost, whole.gradient, whole.hessian])
+    automatic = ca.Function("automatic", [whole.x, whole.weight], [ca.gradient(whole.cost, whole.x)])
+    for positions in motions(planar, 3, 0.3):
+        x = positions[1:-1].ravel()
+        _, gradient, hessian = (np.array(part) for part in evaluate(x, WEIGHT))
+        close(gradient.ravel(), np.array(automatic(x, WEIGHT)).ravel(), WITNESS)
+        close(hessian, hessian.T, WITNESS)
+        close(hessian, differences(lambda y: np.array(evaluate(y, WEIGHT)[1]).ravel(), x), 10 * DIFFERENCE)
+
+
+def test_hessian_is_banded(planar: Problem, whole: Nlp) -> None:
+    """The penalty joins neighbours only; beyond them stands smoothness' second neighbour, and nothing further off."""
+    n = planar.robot.n
+    hessian = ca.Function("hessian", [whole.x, whole.weight], [whole.hessian])
+    (positions,) = motions(planar, 1, 0.3)
+    full = np.array(hessian(positions[1:-1].ravel(), WEIGHT))
+    blocks = full.reshape(planar.waypoints - 2, n, planar.waypoints - 2, n).transpose(0, 2, 1, 3)
+    smooth = planar.smoothness.matrix[1:-1, 1:-1]
+    for row in range(len(blocks)):
+        for column in range(len(blocks)):
+            if abs(row - column) >= 2:
+                close(blocks[row, column], smooth[row, column] * np.eye(n), EXACT)
+    assert full.shape[0] == whole.hessian.sparsity().size1()
+    assert whole.hessian.sparsity().nnz() <= (5 * len(blocks) - 6) * n * n
+
+
+def test_bounds_are_the_joint_limits(planar: Problem, whole: Nlp) -> None:
+    np.testing.assert_array_equal(whole.lower.reshape(-1, planar.robot.n), [planar.robot.lower] * 5)
+    np.testing.assert_array_equal(whole.upper.reshape(-1, planar.robot.n), [planar.robot.upper] * 5)
+
+
+# --- what a problem holds ---------------------------------------------------------------------------------------------
+
+
+def bare(*obstacles: Obstacle, ignore: bool = False) -> Scene:
+    """The planar arm with other obstacles; `ignore` leaves out its one pair of links that can meet."""
+    scene = load_scene("planar_arm")
+    pairs = (("pedestal", "forearm"),) if ignore else ()
+    return dataclasses.replace(scene, obstacles=obstacles, robot=dataclasses.replace(scene.robot, ignore_pairs=pairs))
+
+
+FAR_AWAY = Obstacle("far", Box((1.0, 1.0, 1.0)), Pose((5.0, 0.0, 0.0)))
+NEAR = Obstacle("near", Sphere(0.1), Pose((0.0, 0.9, 0.1)))
+
+
+@pytest.mark.parametrize(
+    ("scene", "names"),
+    [
+        (bare(ignore=True), []),
+        (bare(FAR_AWAY, ignore=True), []),
+        (bare(), ["self-collision"]),
+        (bare(FAR_AWAY), ["self-collision"]),
+        (bare(NEAR, ignore=True), ["obstacles"]),
+        (bare(NEAR, FAR_AWAY), ["obstacles", "self-collision"]),
+    ],
+    ids=["nothing", "out of reach", "links", "links, out of reach", "obstacle", "both"],
+)
+def test_terms_exist_where_the_scene_calls_for_them(scene: Scene, names: list[str]) -> None:
+    problem = build(scene)
+    assert [term.name for term in problem.terms] == names
+    for positions in motions(problem, 2, 0.2):
+        state = problem.evaluate(positions, WEIGHT)
+        assert np.isfinite(state.cost)
+        if not names:
+            assert (state.penalty, state.depth.max()) == (0, 0)
+
+
+def test_obstacles_out_of_reach_are_in_no_pair() -> None:
+    alone, more = build(bare(NEAR)), build(bare(NEAR, FAR_AWAY, dataclasses.replace(FAR_AWAY, name="other")))
+    assert len(more.plane_bodies) == len(alone.plane_bodies) + 2
+    for one, other in zip(alone.terms, more.terms, strict=True):
+        assert len(one.pairs) == len(other.pairs)
+
+
+def test_bodies_of_the_base_are_in_no_pair_with_obstacles() -> None:
+    """A base that stands in the floor is nobody's business: it cannot move."""
+    problem = build(bare(Obstacle("floor", Box((4.0, 4.0, 0.1)), Pose((0.0, 0.0, -0.02)))))
+    (term,) = (term for term in problem.terms if term.name == "obstacles")
+    assert np.all(term.pairs.joint_a > 0)
+
+
+def test_clip_keeps_ends_and_limits(planar: Problem) -> None:
+    wild = np.random.default_rng(3).normal(size=(planar.waypoints, planar.robot.n)) * 10
+    before = wild.copy()
+    clipped = planar.clip(wild)
+    np.testing.assert_array_equal(wild, before)
+    np.testing.assert_array_equal(clipped[[0, -1]], [planar.start, planar.goal])
+    assert np.all((clipped >= planar.robot.lower) & (clipped <= planar.robot.upper))
+    inside = (wild >= planar.robot.lower) & (wild <= planar.robot.upper)
+    np.testing.assert_array_equal(clipped[1:-1][inside[1:-1]], wild[1:-1][inside[1:-1]])
+
+
+def test_refined_looks_more_often_on_the_named_intervals_only(planar: Problem) -> None:
+    counts = np.array(planar.samples.counts)
+    finer = planar.refined([1, 4])
+    expected = counts.copy()
+    expected[[1, 4]] *= 2
+    np.testing.assert_array_equal(finer.samples.counts, expected)
+    assert planar.samples.counts == tuple(counts)
+    assert planar.refined([]).samples == planar.samples
+    (positions,) = motions(planar, 1, 0.3)
+    assert finer.evaluate(positions, 1.0).smoothness == planar.evaluate(positions, 1.0).smoothness
+
+
+def test_resampled_leaves_no_wide_gap_between_samples(panda: Problem) -> None:
+    for positions in motions(panda, 3, 0.2):
+        resampled = panda.resampled(positions)
+        counts = np.array(resampled.samples.counts)
+        assert np.all(counts >= panda.samples.counts)
+        batch = panda.kinematics.evaluate(positions)
+        for body in panda.bodies:
+            centre = body.body.vertices.mean(axis=0)
+            places = batch.rotations[:, body.joint] @ centre + batch.translations[:, body.joint]
+            steps = np.linalg.norm(np.diff(places, axis=0), axis=1) / counts
+            assert np.all((steps <= SPACING * (1 + EXACT)) | (counts == MOST))
+
+
+def test_a_robot_without_collision_geometry_is_planned_for(tmp_path: Path) -> None:
+    """Nothing can touch it: no bodies, no terms."""
+    urdf = tmp_path / "stick.urdf"
+    urdf.write_text(
+        '<robot name="stick"><link name="base"/><link name="tip"/><joint name="turn" type="revolute">'
+        '<parent link="base"/><child link="tip"/><axis xyz="0 0 1"/>'
+        '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>'
+    )
+    ends = (JointTarget(field, (value,)) for field, value in (("start", -0.5), ("goal", 0.5)))
+    problem = build(Scene("stick", tmp_path / "stick.yaml", RobotSpec(urdf=urdf), (NEAR,), *ends))
+    assert (problem.bodies, problem.terms) == ((), ())
+    line = np.linspace(problem.start, problem.goal, problem.waypoints)
+    assert problem.resampled(line).samples == problem.samples
+    assert problem.evaluate(line, WEIGHT).penalty == 0
+
+
+def test_link_pairs_left_to_the_certificate_are_in_no_term() -> None:
+    for name in ("panda_cage", "ur5_table"):
+        problem = build(load_scene(name))
+        terms = [term for term in problem.terms if term.name == "self-collision"]
+        for pairs in (term.pairs for term in terms):
+            met = {
+                frozenset((problem.bodies[a].link, problem.bodies[b].link))
+                for a, b in zip(pairs.body.tolist(), pairs.plane_body.tolist(), strict=True)
+            }
+            assert met.isdisjoint(frozenset(pair) for pair in problem.unresolved)
+            assert met | {frozenset(pair) for pair in problem.unresolved} == {
+                frozenset(pair) for pair in problem.robot.self_pairs
+            }
