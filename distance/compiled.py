@@ -2,8 +2,8 @@
 elsewhere.
 
 In: a CasADi Function and, for every input, a table of values and the row of the table that each evaluation takes.
-Out: one row per evaluation. Both ways compute the same instructions; C is about ten times faster (design.md section
-3, Cost). The rows are picked inside the C loop, so nothing is gathered, copied or converted in Python.
+Out: one row per evaluation. Both ways compute the same instructions; C is about six times faster. The rows are
+picked inside the C loop, so nothing is gathered, copied or converted in Python.
 """
 
 from __future__ import annotations

@@ -32,8 +32,7 @@ FAR = 1e3  # [m] offset of an unused plane: its term, about −FAR, weighs (dept
 
 @functools.cache
 def box_directions() -> Floats:
-    """The 26 unit directions (26, 3) of a cube's faces, edges and corners: Ñ of a box widened to its 13 axes
-    (design.md, 5)."""
+    """The 26 unit directions (26, 3) of a cube's faces, edges and corners: Ñ of a box, widened to 13 axes."""
     grid = np.array(
         [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)], dtype=float
     )

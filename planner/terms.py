@@ -73,8 +73,7 @@ class Clearance:
     """Squared hinge on the HD-SDF of body pairs: Σ_samples w_s Σ_pairs ½ min(D, 0)².
 
     D is taken to bodies enlarged by clearance + activation, so that the penalty sets in that far away and D's flat
-    spot, where its gradient fades, lies at the outer rim, where the penalty fades as well (design.md section 3,
-    Shaping).
+    spot, where its gradient fades, lies at the outer rim, where the penalty fades as well.
     """
 
     def __init__(self, name: str, pairs: BodyPairs, kernels: dict[int, RowFunction]) -> None:
