@@ -3,11 +3,11 @@
 Own URDF reading and forward kinematics (NumPy), own reading of MoveIt's scene and request, meshes by trimesh,
 collisions by python-fcl, dense samples of the motion. It can refute a certificate, not give one.
 
-    python benchmarks/recheck.py TRAJECTORY.json SCENE.yaml REQUEST.yaml ROBOT.yaml
+    python benchmarks/recheck.py TRAJECTORY.json SCENE.yaml REQUEST.yaml ROBOT.yaml [--distances]
 
-prints one JSON object: `free`, and a `contact` or the smallest distances sampled. `recheck(...)` does it in
-a process of its own, since FCL's distance, unlike its collision test, ends the process at rare near-contacts: then only
-`free` is known.
+prints one JSON object: `free`, and a `contact` or, if asked, the smallest distances sampled. `recheck(...)` does it
+in a process of its own, since FCL's distance, unlike its collision test, ends the process at rare near-contacts: then
+only `free` is known.
 """
 
 from __future__ import annotations
@@ -65,9 +65,13 @@ class Solid:
     radius: float  # [m] of that ball
 
 
-def recheck(trajectory: Path | str, scene: Path | str, request: Path | str, robot: Path | str) -> dict[str, Any]:
-    """Run the check in a process of its own and return what it found last."""
+def recheck(
+    trajectory: Path | str, scene: Path | str, request: Path | str, robot: Path | str, *, distances: bool = False
+) -> dict[str, Any]:
+    """Run the check in a process of its own and return what it found last; distances, which take much longer, if
+    asked."""
     command = [sys.executable, __file__, *(str(path) for path in (trajectory, scene, request, robot))]
+    command += ["--distances"] * distances
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     lines = done.stdout.strip().splitlines()
     if not lines:
@@ -76,8 +80,9 @@ def recheck(trajectory: Path | str, scene: Path | str, request: Path | str, robo
     return found
 
 
-def main(trajectory: str, scene: str, request: str, robot: str) -> None:
-    """Check one trajectory; print what is known, then, if it is free, the same with the smallest distance."""
+def main(trajectory: str, scene: str, request: str, robot: str, distances: bool) -> None:
+    """Check one trajectory; print what is known, then, if it is free and asked for, the same with smallest
+    distances."""
     content = json.loads(Path(trajectory).read_text())
     asked, placed = _yaml(request), _yaml(robot)["robot"]
     urdf, srdf = (DATA / name for name in ROBOTS[placed["name"]])
@@ -135,7 +140,7 @@ def main(trajectory: str, scene: str, request: str, robot: str) -> None:
     if contact:
         found["contact"] = contact
     print(json.dumps(found), flush=True)
-    if found["free"]:
+    if found["free"] and distances:
         smallest = {"smallest_distance_m": NEAR, "smallest_self_distance_m": NEAR}  # NEAR: that or more
         for bound, a, b, t in sorted(close, key=lambda item: item[0]):
             key = "smallest_distance_m" if id(b) in things else "smallest_self_distance_m"
@@ -311,6 +316,7 @@ def _floats(values: Any) -> list[float]:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 5:
+    files = [argument for argument in sys.argv[1:] if argument != "--distances"]
+    if len(files) != 4:
         sys.exit(__doc__)
-    main(*sys.argv[1:])
+    main(*files, distances="--distances" in sys.argv)
