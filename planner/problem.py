@@ -218,8 +218,8 @@ def _separable_pairs(
 
 
 def _kernels(pairs: BodyPairs, settings: PlannerSettings) -> dict[int, RowFunction]:
-    slots = (pairs.body_table.shape[1] - 1) // 4
-    return {count: _kernel(slots, count, settings.gamma, settings.shaping_length) for count in pairs.plane_tables}
+    slots, counts = (pairs.body_table.shape[1] - 1) // 4, sorted(set(pairs.plane_slots.tolist()))
+    return {count: _kernel(slots, count, settings.gamma, settings.shaping_length) for count in counts}
 
 
 @functools.cache
