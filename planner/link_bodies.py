@@ -18,6 +18,7 @@ import pinocchio as pin
 import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
+from threadpoolctl import threadpool_limits
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.cache import content_key, load, store
@@ -126,7 +127,8 @@ def _fitted(robot: Robot, link: str) -> tuple[Swept, ...]:
     known = load("link_bodies", key)
     if known is not None:
         return tuple(Swept(np.array(vertices), radius) for vertices, radius in known)
-    bodies = _fit(_link_triangles(robot, link))
+    with threadpool_limits(1):  # thousands of tiny products: threads would only wait for each other, 5 s become 20
+        bodies = _fit(_link_triangles(robot, link))
     store("link_bodies", key, [[body.vertices.tolist(), body.radius] for body in bodies])
     return bodies
 
