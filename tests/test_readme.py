@@ -1,0 +1,73 @@
+"""README is held to its word: its commands, its scene and its Python run as they stand there."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+
+from hdplan import cli
+from hdplan.scenes.reader import shipped_scenes
+
+ROOT = Path(__file__).resolve().parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
+
+
+def run(line: str, monkeypatch: pytest.MonkeyPatch) -> int:
+    """Run one `hdplan …` command line in this process and return its exit code."""
+    monkeypatch.setattr(sys, "argv", shlex.split(line))
+    with pytest.raises(SystemExit) as caught:
+        cli.main()
+    return int(caught.value.code or 0)
+
+
+def test_the_two_commands_are_there_and_ci_runs_them() -> None:
+    lines = [line for line in README.splitlines() if line.startswith("python3 -m venv ")]
+    assert len(lines) == 2
+    assert lines[0] in blocks("sh")[0]
+    assert lines[1] in blocks("sh")[1]
+    assert "grep -E '^python3 -m venv ' README.md" in (ROOT / ".ci" / "run").read_text()
+
+
+def test_the_main_job_does_what_the_readme_prints(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = next(line for line in README.splitlines() if line.startswith("python3 -m venv ")).split("&& ")[-1]
+    (tmp_path / "out").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert run(command.removeprefix(".venv/bin/"), monkeypatch) == 0
+    printed = capsys.readouterr().out.splitlines()
+    shown = blocks("text")[0].splitlines()
+    assert [line.split()[:1] for line in printed] == [line.split()[:1] for line in shown]
+    assert printed[0].startswith("certified: ")
+    assert (tmp_path / "out" / "motion.png").stat().st_size > 10_000
+    assert run("hdplan check panda_cage out/motion.json", monkeypatch) == 0
+
+
+def test_the_scene_in_the_readme_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (scene,) = blocks("yaml")
+    (tmp_path / "scene.yaml").write_text(scene)
+    monkeypatch.chdir(tmp_path)
+    assert run("hdplan plan scene.yaml -o motion.csv --quiet", monkeypatch) == 0
+    assert run("hdplan check scene.yaml motion.csv", monkeypatch) == 0
+
+
+def test_the_library_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (code,) = blocks("python")
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code, "README.md", "exec"), {})
+    assert (tmp_path / "motion.json").is_file()
+
+
+def test_every_shipped_scene_is_named_and_every_picture_is_there() -> None:
+    for name in shipped_scenes():
+        assert f"`{name}`" in README
+    for picture in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", README):
+        assert (ROOT / picture).is_file()
