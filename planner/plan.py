@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from hdplan.planner.certificate import Certificate, Certifier
@@ -150,7 +150,8 @@ class _Search:
         self.iterations += solution.iterations
         self.solve_seconds += solution.seconds
         self.certify_seconds += certificate.seconds
-        self.steps += solution.steps
+        taken = len(self.steps)
+        self.steps += tuple(replace(step, iteration=taken + step.iteration) for step in solution.steps)
         if self.best is None or _rank(certificate) < _rank(self.best.certificate):
             self.best = _Best(solution, certificate, self.steps)
         self.report(Event(self.attempts, certificate=certificate))
