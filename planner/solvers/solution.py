@@ -135,4 +135,5 @@ def _allowed_depth(problem: Problem) -> Floats:
     time_ = (problem.samples.interval + problem.samples.fraction) / (problem.waypoints - 1)
     start, goal = problem.depth(np.array([problem.start, problem.goal]))
     excused = np.maximum(start * (1 - time_ / ENDS), goal * (1 - (1 - time_) / ENDS))
-    return np.maximum(ENOUGH * problem.scene.planner.activation, excused)
+    allowed: Floats = np.maximum(ENOUGH * problem.scene.planner.activation, excused)
+    return allowed

@@ -1,0 +1,237 @@
+"""Laws of planning whole: shipped scenes are certified, wrong ends refused by name, and every end is a result."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hdplan.planner.certificate import Status, certify
+from hdplan.planner.plan import ENDS_KEEP, Event, plan
+from hdplan.planner.result import PlanResult
+from hdplan.planner.trajectory import Trajectory
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import Box, JointTarget, Obstacle, Pose, RobotSpec, Scene, Sphere
+from hdplan.scenes.reader import load_scene, shipped_scenes
+
+EXACT = 1e-9  # [m] of a distance known in closed form: the certificate's own bound is 1e-9 of the sizes
+KEYS = {  # of the summary, as promised to whoever reads the JSON
+    "status", "text", "scene", "robot", "solver", "joint_names", "waypoints", "clearance_m", "self_clearance_m",
+    "worst", "time_s", "iterations", "attempts", "seed",
+}  # fmt: skip
+TIMES = {"load", "build", "compile", "solve", "certify"}
+
+START, GOAL = (-0.8, 0.3), (1.0, 0.4)  # of the planar arm
+
+
+def tip(shoulder: float, elbow: float) -> tuple[np.ndarray, np.ndarray]:
+    """The centre of the ball at the tip of the planar arm, and the direction of its forearm."""
+    upper, fore = ([np.cos(a), np.sin(a), 0] for a in (shoulder, shoulder + elbow))
+    return np.array([0, 0, 0.1]) + 0.5 * np.array(upper) + 0.5 * np.array(fore), np.array(fore)
+
+
+def ball_before_the_tip(gap: float, q: tuple[float, float] = START) -> Obstacle:
+    """A ball whose distance from the arm at q is `gap` [m] exactly: it faces the tip's own ball of 0.04 m."""
+    centre, direction = tip(*q)
+    place = centre + (0.04 + 0.1 + gap) * direction
+    return Obstacle("pea", Sphere(0.1), Pose(tuple(place.tolist())))
+
+
+def planar(*obstacles: Obstacle, **planner: float) -> Scene:
+    scene = load_scene("planar_arm")
+    return dataclasses.replace(
+        scene, obstacles=obstacles or scene.obstacles, planner=dataclasses.replace(scene.planner, **planner)
+    )
+
+
+def assert_sound(result: PlanResult, scene: Scene) -> None:
+    """What holds for every result, found or not: its shape, its ends, and a certificate that stands alone."""
+    positions = result.trajectory.positions
+    assert positions.shape == (scene.planner.waypoints, len(result.trajectory.joint_names))
+    assert np.isfinite(positions).all()
+    again = certify(scene, result.trajectory)
+    assert again.status is not Status.WRONG_ENDS
+    assert again.certified or not result.certified
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_shipped_scenes_are_certified_by_default(name: str) -> None:
+    scene = load_scene(name)
+    result = plan(scene)
+    assert result.certified, result.certificate.text
+    assert_sound(result, scene)
+    summary = json.loads(json.dumps(result.summary()))
+    assert set(summary) == KEYS
+    assert set(summary["time_s"]) == TIMES
+    assert summary["status"] == "certified"
+    assert summary["waypoints"] == scene.planner.waypoints
+    assert summary["joint_names"] == list(result.trajectory.joint_names)
+    assert all(seconds >= 0 for seconds in summary["time_s"].values())
+    if scene.obstacles:
+        assert summary["clearance_m"] > 0
+        assert set(summary["worst"]) == {"time", "link", "obstacle", "distance_m"}
+        assert summary["worst"]["distance_m"] >= summary["clearance_m"] - EXACT
+        assert summary["worst"]["obstacle"] in {obstacle.name for obstacle in scene.obstacles}
+    else:
+        assert (summary["clearance_m"], summary["worst"]) == (None, None)
+
+
+def test_the_same_seed_gives_the_same_bytes() -> None:
+    one, other = (plan(load_scene("panda_corridor"), seed=3) for _ in range(2))
+    assert one.trajectory.positions.tobytes() == other.trajectory.positions.tobytes()
+    assert (one.iterations, one.attempts) == (other.iterations, other.attempts)
+
+
+@pytest.mark.parametrize("solver", ["chomp", "ipopt"])
+def test_the_other_solvers_come_through_too(solver: str) -> None:
+    scene = planar(waypoints=16)
+    result = plan(scene, solver=solver, time_limit=60.0)
+    assert result.certified, result.certificate.text
+    assert result.summary()["solver"] == solver
+
+
+def test_the_clearance_that_is_asked_for_is_proven() -> None:
+    result = plan(planar(clearance=0.02))
+    assert result.certified
+    assert result.certificate.clearance is not None
+    assert result.certificate.clearance >= 0.02
+    assert result.notes == ()
+
+
+@pytest.mark.parametrize("field", ["start", "goal"])
+def test_an_end_in_collision_is_refused_by_link_obstacle_and_depth(field: str) -> None:
+    scene = planar(ball_before_the_tip(-0.005, START if field == "start" else GOAL))
+    words = rf"planar_arm\.yaml: {field}: in collision: forearm and pea overlap by 5 mm$"
+    with pytest.raises(InputError, match=words):
+        plan(scene)
+
+
+def test_an_end_that_collides_with_itself_is_refused() -> None:
+    """The Panda's hand in its own upper arm."""
+    folded = JointTarget("goal", (1.9, -0.3, 1.9, -3.0, -0.8, 0.3, 0.9))
+    with pytest.raises(InputError, match=r"empty\.yaml: goal: in collision: panda_hand and panda_link2 overlap by \d"):
+        plan(dataclasses.replace(load_scene("empty"), goal=folded))
+
+
+@pytest.mark.parametrize("field", ["start", "goal"])
+def test_ends_closer_than_the_clearance_lower_it_with_a_word(field: str) -> None:
+    """The motion is the same forwards and backwards, away from the ball."""
+    scene = planar(ball_before_the_tip(0.003, GOAL), clearance=0.02)
+    ends = {"start": GOAL, "goal": START} if field == "start" else {}
+    scene = dataclasses.replace(scene, **{end: JointTarget(end, q) for end, q in ends.items()})
+    result = plan(scene)
+    assert result.certified, result.certificate.text
+    assert result.certificate.clearance is not None
+    assert ENDS_KEEP * 0.003 - EXACT <= result.certificate.clearance <= 0.003 + EXACT
+    (note,) = result.notes
+    assert note == (f"{field} is 3 mm from pea: 2.7 mm are proven for the whole motion instead of planner.clearance")
+
+
+def test_no_time_gives_the_straight_line_with_its_verdict() -> None:
+    scene = planar()
+    result = plan(scene, time_limit=0.0)
+    assert not result.certified
+    assert result.certificate.status is Status.IN_CONTACT
+    assert (result.attempts, result.iterations, result.steps) == (1, 0, ())
+    assert_sound(result, scene)
+    assert result.summary()["clearance_m"] is None
+    np.testing.assert_allclose(result.trajectory.positions, np.linspace(START, GOAL, scene.planner.waypoints))
+
+
+def test_what_has_no_solution_ends_with_the_time_and_the_best_attempt() -> None:
+    """Walls along x, ahead and behind: nearer to the shoulder than the elbow is, so it can be folded past neither."""
+    walls = [
+        Obstacle(name, Box((3.0, 0.02, 1.0)), Pose((x, 0.0, 0.1))) for name, x in (("wall", 1.85), ("back", -1.85))
+    ]
+    ends = {"start": JointTarget("start", (-0.3, 0.0)), "goal": JointTarget("goal", (0.3, 0.0))}
+    scene = dataclasses.replace(planar(*walls, waypoints=12), **ends)
+    reached: list[Event] = []
+    result = plan(scene, time_limit=1.5, report=reached.append)
+    assert not result.certified
+    assert result.certificate.status is Status.IN_CONTACT
+    assert "wall" in result.certificate.text or "back" in result.certificate.text
+    certificates = [event.certificate for event in reached if event.certificate]
+    assert result.certificate in certificates
+    fewest = min(len({place.interval for place in c.failures}) for c in certificates)
+    assert len({place.interval for place in result.certificate.failures}) == fewest
+    assert_sound(result, scene)
+
+
+def interrupt_at(matches: Callable[[Event], bool]) -> Callable[[Event], None]:
+    """A report that stands for Ctrl-C at the first event of its kind."""
+
+    def report(event: Event) -> None:
+        if matches(event):
+            raise KeyboardInterrupt
+
+    return report
+
+
+@pytest.mark.parametrize("step", [1, 3])
+def test_an_interrupt_while_solving_gives_the_motion_so_far(step: int) -> None:
+    scene = planar()
+    result = plan(scene, report=interrupt_at(lambda event: event.step is not None and event.step.iteration == step))
+    assert result.iterations == step
+    assert result.attempts == 1
+    assert_sound(result, scene)
+
+
+def test_an_interrupt_at_a_certificate_gives_the_best_so_far() -> None:
+    scene = planar()
+    result = plan(scene, report=interrupt_at(lambda event: event.certificate is not None))
+    assert result.certified
+    assert_sound(result, scene)
+
+
+def test_an_interrupt_before_anything_is_an_interrupt(monkeypatch: pytest.MonkeyPatch) -> None:
+    def certify_never(self: object, *args: object, **kwargs: object) -> object:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("hdplan.planner.certificate.Certifier.certify", certify_never)
+    with pytest.raises(KeyboardInterrupt):
+        plan(planar())
+
+
+def test_events_tell_the_whole_story() -> None:
+    """Every step and every certificate is reported; the counts of the result are theirs."""
+    events: list[Event] = []
+    result = plan(load_scene("panda_cage"), report=events.append)
+    steps = [event.step for event in events if event.step]
+    assert len(steps) == result.iterations
+    assert events[-1].certificate is not None
+    assert max(event.attempt for event in events) == result.attempts
+    assert set(result.steps) <= set(steps)
+
+
+def test_a_motion_is_saved_with_its_verdict(tmp_path: Path) -> None:
+    scene = planar()
+    result = plan(scene)
+    result.save(tmp_path / "motion.json")
+    stored = json.loads((tmp_path / "motion.json").read_text())
+    assert stored["hdplan_trajectory"] == 1
+    assert result.summary()["status"] in json.dumps(stored)
+    read = Trajectory.load(tmp_path / "motion.json")
+    assert certify(scene, read).certified
+
+
+def test_a_robot_that_nothing_can_touch_is_certified(tmp_path: Path) -> None:
+    urdf = tmp_path / "stick.urdf"
+    urdf.write_text(
+        '<robot name="stick"><link name="base"/><link name="tip"/><joint name="turn" type="revolute">'
+        '<parent link="base"/><child link="tip"/><axis xyz="0 0 1"/>'
+        '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>'
+    )
+    ends = (JointTarget(field, (value,)) for field, value in (("start", -0.5), ("goal", 0.5)))
+    obstacle = Obstacle("ball", Sphere(0.1))
+    result = plan(Scene("stick", tmp_path / "stick.yaml", RobotSpec(urdf=urdf), (obstacle,), *ends))
+    assert result.certified
+    assert (result.certificate.clearance, result.certificate.self_clearance) == (None, None)
+
+
+def test_an_unknown_solver_is_refused_before_any_work() -> None:
+    with pytest.raises(InputError, match=r"solver: unknown 'chump' \(did you mean 'chomp'\?\)"):
+        plan(planar(), solver="chump")
