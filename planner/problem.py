@@ -207,8 +207,7 @@ def _separable_pairs(
     if not pairs:
         return [], []
     laid_out = body_pairs(bodies, planes, [(i, j) for i, j, _, _ in pairs], 0.0, kinematics.supports)
-    low, high = np.maximum(robot.lower, -np.pi), np.minimum(robot.upper, np.pi)
-    configurations = np.random.default_rng(0).uniform(low, high, (TRIALS, robot.n))
+    configurations = robot.draw(np.random.default_rng(0), TRIALS)
     trial = Clearance("trial", laid_out, _kernels(laid_out, settings)).inside(kinematics.evaluate(configurations))
     overlaps: dict[tuple[str, str], set[int]] = {}
     for s, p in zip(trial.sample.tolist(), trial.pair.tolist(), strict=True):

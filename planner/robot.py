@@ -1,4 +1,5 @@
-"""A robot as the planner and the certificate see it: Pinocchio model, collision geometry, joints, pairs, named states.
+"""A robot as the planner and the certificate see it: Pinocchio model, collision geometry, joints, pairs, named
+states.
 
 RobotSpec (name or URDF, base, locked joints) -> `Robot`: fixed base, locked joints taken out of the model, one
 coordinate per planned joint. Units: metres and radians; frames: Pinocchio's, with the base where the scene puts it.
@@ -34,7 +35,8 @@ ARM_GROUP = re.compile(r"(^|_)arm$|^manipulator$")  # the SRDF group that is pla
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A fixed-base robot with its locked joints taken out; joint i of the planned ones is joint i + 1 of the model."""
+    """A fixed-base robot with its locked joints taken out; joint i of the planned ones is joint i + 1 of the
+    model."""
 
     name: str
     model: pin.Model  # base at the scene's place; joint 0 is the world
@@ -55,8 +57,16 @@ class Robot:
         """Number of planned joints."""
         return len(self.joint_names)
 
+    def draw(self, rng: np.random.Generator, count: int) -> Array:
+        """Return random configurations (count, n), uniform within the limits; a joint that turns freely within one
+        turn."""
+        turning = self.upper - self.lower >= 2 * math.pi
+        low, high = np.where(turning, -math.pi, self.lower), np.where(turning, math.pi, self.upper)
+        return rng.uniform(low, high, size=(count, self.n))
+
     def pin_q(self, q: ArrayLike) -> Array:
-        """Return Pinocchio's configurations (..., nq) for joint values (..., n): (cos, sin) for a continuous joint."""
+        """Return Pinocchio's configurations (..., nq) for joint values (..., n): (cos, sin) for a continuous
+        joint."""
         values = np.asarray(q, dtype=np.float64)
         columns: list[Array] = []
         for index, joint in enumerate(itertools.islice(self.model.joints, 1, None)):
@@ -292,9 +302,7 @@ def _candidate_pairs(robot: Robot, tree: Tree, semantics: Semantics, spec: Robot
 
 def _always_in_contact(robot: Robot, pairs: tuple[LinkPair, ...]) -> tuple[LinkPair, ...]:
     """Return the pairs that touch at every one of CONTACT_SAMPLES random configurations (fixed seed)."""
-    low = np.where(robot.upper - robot.lower < 2 * math.pi, robot.lower, -math.pi)
-    high = np.where(robot.upper - robot.lower < 2 * math.pi, robot.upper, math.pi)
-    samples = np.random.default_rng(0).uniform(low, high, size=(CONTACT_SAMPLES, robot.n))
+    samples = robot.draw(np.random.default_rng(0), CONTACT_SAMPLES)
     data, geometry_data = robot.model.createData(), pin.GeometryData(robot.collision)
     items = robot.collision.geometryObjects
     left = list(pairs)

@@ -40,12 +40,10 @@ def through(problem: Problem, via: list[Floats]) -> Floats:
 
 def _via(problem: Problem, rng: np.random.Generator, count: int, spread: float) -> list[Floats]:
     """Via configurations: points on the straight line, moved by up to `spread` of the joints' ranges."""
-    low, high = np.maximum(problem.robot.lower, -np.pi), np.minimum(problem.robot.upper, np.pi)
-    result = []
-    for index in range(count):
+    robot, result = problem.robot, []
+    for index, drawn in enumerate(robot.draw(rng, count)):
         middle = problem.start + (index + 1) / (count + 1) * (problem.goal - problem.start)
-        drawn = rng.uniform(low, high)
-        result.append(np.clip(middle + spread * (drawn - middle), low, high))
+        result.append(np.clip(middle + spread * (drawn - middle), robot.lower, robot.upper))
     return result
 
 
