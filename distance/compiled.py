@@ -49,7 +49,7 @@ void {name}_rows(long long count, const double** tables, const long long* widths
 
 
 class RowFunction:
-    """A CasADi function of dense inputs, evaluated for many rows.
+    """A CasADi function of dense inputs, evaluated for many rows; not to be called from two threads at once.
 
     Parameters
     ----------

@@ -143,7 +143,7 @@ def _size(problem: Problem) -> Rows:
     )
     return [
         ("unknowns", f"{unknowns}: {problem.waypoints - 2} free waypoints × {_count(problem.robot.n, 'joint')}"),
-        ("looked at", f"{len(problem.samples.weight)} configurations, at and between the waypoints"),
+        ("looked at", f"{len(problem.samples.weight)} configurations between the waypoints"),
         ("distance", how),
     ]
 

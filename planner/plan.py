@@ -21,7 +21,7 @@ from hdplan.planner.solvers.solution import FIRST_WEIGHT, RAISE, Budget, Solutio
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Scene
 
-ENDS_KEEP = 0.9  # share of an end's distance that is asked for where it is below planner.clearance
+ENDS_KEEP = 0.5  # share of an end's distance that is asked for where it is below planner.clearance
 REPAIRS = 3  # times that a motion whose certificate failed is solved on, before the next guess
 
 
