@@ -291,6 +291,10 @@ def _where(place: Place, what: str) -> str:
     return f"{place.link} and {place.other} {what} after waypoint {place.interval} (time {place.time:.3f})"
 
 
+def _length(metres: float) -> str:
+    return f"{metres * 1e3:.3g} mm" if metres < 1.0 else f"{metres:.3g} m"
+
+
 def _others(failures: tuple[Place, ...]) -> str:
     pairs = Counter((place.link, place.other) for place in failures)
     intervals = len({place.interval for place in failures})
@@ -301,6 +305,6 @@ def _others(failures: tuple[Place, ...]) -> str:
 
 
 def _proven(clearance: float | None, self_clearance: float | None) -> str:
-    obstacles = "no obstacles to meet" if clearance is None else f"at least {clearance * 1e3:.3g} mm to every obstacle"
-    links = "" if self_clearance is None else f", {self_clearance * 1e3:.3g} mm between links"
+    obstacles = "no obstacles to meet" if clearance is None else f"at least {_length(clearance)} to every obstacle"
+    links = "" if self_clearance is None else f", {_length(self_clearance)} between links"
     return f"{obstacles}{links}, over the whole motion"

@@ -5,11 +5,13 @@ Only XML is read here, no geometry. URDF and SRDF file -> `Tree` and `Semantics`
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from hdplan.planner.urdf_check import check_urdf
 from hdplan.scenes.errors import InputError
 
 LinkPair = tuple[str, str]  # two different links, in alphabetical order
@@ -27,6 +29,7 @@ class Tree:
     links: tuple[str, ...]
     parent: Mapping[str, tuple[str, str]]  # child link -> (parent link, joint between them)
     mimics: Mapping[str, tuple[str, float, float]]  # joint -> (joint that it follows, factor, offset)
+    collisions: int  # number of collision geometries
 
     def chain(self, tip: str, base: str | None = None) -> tuple[str, ...]:
         """Return the joints from link `tip` up to link `base` (or the root), tip first."""
@@ -59,8 +62,12 @@ def _parse(path: Path, what: str) -> ElementTree.Element:
 
 
 def read_tree(path: Path) -> Tree:
-    """Read a URDF file's links and joints. Raises InputError for a file that is missing or not XML."""
+    """Read a URDF file's links and joints. Raises InputError for a file that is missing, not XML, or faulty."""
     root = _parse(path, "urdf")
+    try:
+        check_urdf(root)
+    except InputError as error:
+        raise InputError(f"robot.urdf: {path}: {error}") from None
     parent: dict[str, tuple[str, str]] = {}
     mimics: dict[str, tuple[str, float, float]] = {}
     for joint in root.findall("joint"):
@@ -70,7 +77,8 @@ def read_tree(path: Path) -> Tree:
         if mimic is not None:
             factor, offset = (float(mimic.get(key) or value) for key, value in (("multiplier", 1.0), ("offset", 0.0)))
             mimics[joint.get("name", "")] = (mimic.get("joint", ""), factor, offset)
-    return Tree(tuple(link.get("name", "") for link in root.findall("link")), parent, mimics)
+    links = tuple(link.get("name", "") for link in root.findall("link"))
+    return Tree(links, parent, mimics, len(root.findall("link/collision")))
 
 
 def read_semantics(path: Path, tree: Tree) -> Semantics:
@@ -101,10 +109,13 @@ def read_semantics(path: Path, tree: Tree) -> Semantics:
             if len(value) != 1:
                 continue  # a joint of several coordinates (a floating base) is not planned here
             try:
-                states.setdefault(name, {})[joint.get("name", "")] = float(value[0])
+                number = float(value[0])
             except ValueError:
+                number = math.nan
+            if not math.isfinite(number):
                 where = f"robot.srdf: {path}: state '{name}', joint '{joint.get('name')}'"
-                raise InputError(f"{where}: '{value[0]}' is not a number") from None
+                raise InputError(f"{where}: '{value[0]}' is not a number")
+            states.setdefault(name, {})[joint.get("name", "")] = number
     disabled = frozenset(
         link_pair(pair.get("link1", ""), pair.get("link2", "")) for pair in root.findall("disable_collisions")
     )

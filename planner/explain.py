@@ -70,6 +70,8 @@ def _terms(problem: Problem) -> Rows:
     reach = settings.clearance + settings.activation
     if "obstacles" in on:
         obstacles = f"on: grows where a moving link comes within {reach:g} m of an obstacle"
+    elif not problem.bodies:
+        obstacles = "off: no link has collision geometry"
     elif problem.plane_bodies:
         obstacles = "off: every obstacle is out of the robot's reach"
     else:
@@ -79,7 +81,7 @@ def _terms(problem: Problem) -> Rows:
     elif problem.unresolved:
         own = "off: the outer bodies of all pairs of links overlap anyway"
     else:
-        own = "off: no pair of links can meet, or all are disabled"
+        own = "off: no pair of links can meet, or all are disabled" if problem.bodies else obstacles
     bounded = int(np.isfinite(problem.robot.lower).sum())
     free = problem.robot.n - bounded
     limits = f"on: {_count(bounded, 'joint')} kept within limits" if bounded else "off: no joint has limits"

@@ -117,12 +117,12 @@ def load_mesh(shape: Mesh, field: str) -> TriangleMesh:
     if np.abs(vertices * np.array(shape.scale)).max() > LARGEST:
         raise InputError(f"{where}: reaches farther than {LARGEST:g} m (its scale is {shape.scale[0]:g})")
     mesh = TriangleMesh.merged(vertices * np.array(shape.scale), triangles).trimmed()
-    if len(mesh.triangles) == 0 or _thinness(mesh.vertices) <= FLAT:
+    if len(mesh.triangles) == 0 or thinness(mesh.vertices) <= FLAT:
         raise InputError(f"{where}: is flat; a body with some thickness is needed")
     return mesh
 
 
-def _thinness(points: Array) -> float:
+def thinness(points: Array) -> float:
     """Return the smallest over the largest principal extent of `points` (m, 3)."""
     extents = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     return float(extents[-1] / extents[0]) if len(extents) == 3 else 0.0

@@ -14,8 +14,12 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TypeVar
 
+import coal
+import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
+from hdplan.planner.meshes import FLAT, thinness
 from hdplan.scenes.errors import InputError
 
 Result = TypeVar("Result")
@@ -25,13 +29,23 @@ def read_model(urdf: Path, package_dirs: tuple[Path, ...]) -> tuple[pin.Model, p
     """Read a robot and its collision geometry; package:// addresses are looked up below `package_dirs`.
 
     Raises:
-        InputError: the URDF is not valid, or a mesh is missing or unreadable.
+        InputError: the URDF is not valid, or a mesh is missing, unreadable or flat.
     """
     model = _quietly(lambda: pin.buildModelFromUrdf(str(urdf)), urdf)
     folders = [str(folder) for folder in package_dirs]
     kind = pin.GeometryType.COLLISION
     geometry = _quietly(lambda: pin.buildGeomFromUrdf(model, str(urdf), kind, package_dirs=folders), urdf)
+    for item in geometry.geometryObjects:
+        if isinstance(item.geometry, coal.BVHModelBase):
+            _check_mesh(np.asarray(item.geometry.vertices()), f"robot.urdf: {urdf}: mesh {item.meshPath}")
     return model, geometry
+
+
+def _check_mesh(vertices: NDArray[np.float64], where: str) -> None:
+    if not np.isfinite(vertices).all():
+        raise InputError(f"{where}: holds coordinates that are not finite (NaN or infinite)")
+    if thinness(vertices) <= FLAT:
+        raise InputError(f"{where}: is flat; a body with some thickness is needed")
 
 
 def without_joints(
@@ -79,6 +93,7 @@ def _quietly(read: Callable[[], Result], urdf: Path) -> Result:
             said.seek(0)
             reasons = [line.removeprefix("Error:").strip() for line in said if line.startswith("Error:")]
             reason = "; ".join(reasons) or " ".join(str(error).split())
+            reason = reason.partition("message: ")[2].partition(" Hint:")[0] or reason  # of the mesh reader's words
             raise InputError(f"robot.urdf: {urdf}: {reason}") from None
 
 

@@ -178,6 +178,9 @@ def load_robot(spec: RobotSpec) -> Robot:
     tree = read_tree(urdf)
     semantics = read_semantics(srdf, tree) if srdf is not None else Semantics()
     full, geometry = read_model(urdf, package_dirs)
+    if len(geometry.geometryObjects) != tree.collisions:  # what is passed over would be proven free
+        read = len(geometry.geometryObjects)
+        raise InputError(f"robot.urdf: {urdf}: only {read} of {tree.collisions} collision geometries could be read")
 
     joints = [str(joint) for joint in full.names][1:]
     for joint in spec.locked:
@@ -191,6 +194,8 @@ def load_robot(spec: RobotSpec) -> Robot:
             )
     planned, notes = _planned(joints, spec.locked, tree, semantics, name)
     held = {joint: _held_at(joint, full, spec, tree, semantics) for joint in joints if joint not in planned}
+    if not geometry.geometryObjects:
+        notes.append(f"no link of {name} has collision geometry: it can touch nothing")
     by_default = [f"{joint} at {value:g}" for joint, value in held.items() if joint not in spec.locked]
     if by_default:
         notes.append(f"joints held: {', '.join(by_default)}")

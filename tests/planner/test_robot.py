@@ -244,7 +244,7 @@ def test_joints_of_several_coordinates_are_refused_by_name(tmp_path: Path, kind:
         (None, "No such file"),
         ("<robot", "not well-formed XML"),
         ("<sdf/>", "the outermost element is <sdf>"),
-        ('<robot name="x"><link name="a"/><link name="b"/></robot>', "Two root links"),
+        ('<robot name="x"><link name="a"/><link name="b"/></robot>', "not connected"),
         ('<robot name="x"><link name="a"/></robot>', "no joint left to plan"),
         (
             ARM.format(kind="revolute", offset=1).replace('<sphere radius="0.05"/>', '<mesh filename="no.stl"/>'),

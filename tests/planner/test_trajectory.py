@@ -56,10 +56,10 @@ def test_time_runs_along_straight_lines() -> None:
     ("positions", "words"),
     [
         ([[1.0, 2.0]], "at least 2"),
-        ([[1.0, 2.0], [1.0, np.nan]], "row 1, joint 'b': nan"),
-        ([[1.0, 2.0], [np.inf, 1.0]], "row 1, joint 'a': inf"),
+        ([[1.0, 2.0], [1.0, np.nan]], "waypoint 1, joint 'b': nan"),
+        ([[1.0, 2.0], [np.inf, 1.0]], "waypoint 1, joint 'a': inf"),
         ([[1.0], [2.0]], "2 values"),
-        ([[1.0, 2.0], [3.0]], "rows of equally many numbers"),
+        ([[1.0, 2.0], [3.0]], "equally many in each row"),
     ],
 )
 def test_bad_positions_are_named(positions: list[list[float]], words: str) -> None:
@@ -82,7 +82,7 @@ def test_bad_positions_are_named(positions: list[list[float]], words: str) -> No
         ("x.json", b'{"hdplan_trajectory": 1, "joint_names": [1], "positions": [[1], [2]]}', "not a name"),
         ("x.csv", b"", "empty"),
         ("x.csv", b"1,2\n3,4\n", "header must hold"),
-        ("x.csv", b"a,b\n1,2\n3\n", "row 3: 1 values"),
+        ("x.csv", b"a,b\n1,2\n3\n", "line 3: 1 values"),
         ("x.csv", b"a,b\n1,2\n3,x\n", "'x' is not a number"),
         ("x.csv", b"a,b\n1,2\n", "at least 2"),
         ("x.csv", b"\xff\xfe", "not CSV"),

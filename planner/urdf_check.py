@@ -1,0 +1,118 @@
+"""Faults of a URDF that its reader passes over in silence, each of which would make a proof about another robot.
+
+urdfdom drops a geometry with a broken number (the link would collide with nothing), takes negative sizes, and leaves
+out links that are not connected to the root. A parsed URDF goes in; the first fault found is raised.
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
+
+from hdplan.scenes.errors import InputError, nearest
+
+SIZES = {  # attributes of each shape and how many numbers they hold; all must be positive
+    "box": {"size": 3},
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1},
+    "mesh": {},
+}
+BOUNDED = ("revolute", "prismatic")
+LARGEST = 1e6  # [m, rad] in size, of any number of a geometry: beyond it distances drown in rounding
+
+
+def check_urdf(root: ElementTree.Element) -> None:
+    """Check links and joints. Raises InputError naming link or joint, attribute, value and what is allowed."""
+    links = [link.get("name", "") for link in root.findall("link")]
+    for link in root.findall("link"):
+        for collision in link.findall("collision"):
+            _check_collision(collision, f"link '{link.get('name')}': collision")
+    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
+    for name, joint in joints.items():
+        _check_joint(joint, f"joint '{name}'", joints)
+    _check_connected(links, joints)
+
+
+def _check_collision(collision: ElementTree.Element, where: str) -> None:
+    geometry = collision.find("geometry")
+    shapes = list(geometry) if geometry is not None else []
+    if len(shapes) != 1:
+        raise InputError(f"{where}: must hold one geometry with one shape, found {len(shapes)}")
+    shape = shapes[0]
+    if shape.tag not in SIZES:
+        raise InputError(f"{where}: unknown shape <{shape.tag}>{nearest(shape.tag, SIZES)}")
+    for attribute, count in SIZES[shape.tag].items():
+        values = _numbers(shape, attribute, count, f"{where}: {shape.tag}")
+        if not all(value > 0 for value in values):
+            raise InputError(
+                f"{where}: {shape.tag}: {attribute} must be greater than 0 [m], found '{shape.get(attribute)}'"
+            )
+    if shape.tag == "mesh":
+        if not shape.get("filename"):
+            raise InputError(f"{where}: mesh: the attribute 'filename' is missing")
+        if shape.get("scale") is not None and 0.0 in _numbers(shape, "scale", 3, f"{where}: mesh"):
+            raise InputError(f"{where}: mesh: scale must not be 0, found '{shape.get('scale')}'")
+    if (origin := collision.find("origin")) is not None:
+        for attribute in ("xyz", "rpy"):
+            _numbers(origin, attribute, 3, f"{where}: origin", default="0 0 0")
+
+
+def _check_joint(joint: ElementTree.Element, where: str, joints: Mapping[str, ElementTree.Element]) -> None:
+    axis, limit, mimic = joint.find("axis"), joint.find("limit"), joint.find("mimic")
+    if axis is not None and joint.get("type") != "fixed" and not any(_numbers(axis, "xyz", 3, f"{where}: axis")):
+        raise InputError(f"{where}: axis: xyz must not be 0, found '{axis.get('xyz')}'")
+    if limit is not None and joint.get("type") in BOUNDED:
+        ends = [limit.get(key) for key in ("lower", "upper")]
+        lower, upper = (_numbers(limit, key, 1, f"{where}: limit", "0", math.inf)[0] for key in ("lower", "upper"))
+        if lower > upper:
+            raise InputError(f"{where}: limit: lower must not exceed upper, found {ends[0]} and {ends[1]}")
+    seen: list[str] = []
+    while mimic is not None:
+        followed = mimic.get("joint", "")
+        if followed in seen or joints.get(followed) is joint:
+            raise InputError(f"{where}: mimic: follows itself")
+        for key in ("multiplier", "offset"):
+            _numbers(mimic, key, 1, f"{where}: mimic", default="0")
+        seen.append(followed)
+        mimic = joints[followed].find("mimic") if followed in joints else None
+
+
+def _check_connected(links: list[str], joints: Mapping[str, ElementTree.Element]) -> None:
+    """Check that joints join links that exist, and that every link hangs on one root."""
+    below: dict[str, list[str]] = {}
+    children = set()
+    for name, joint in joints.items():
+        ends = [joint.find(end) for end in ("parent", "child")]
+        parent, child = ("" if end is None else end.get("link", "") for end in ends)
+        for end, link in (("parent", parent), ("child", child)):
+            if link not in links:
+                raise InputError(f"joint '{name}': {end}: unknown link '{link}'{nearest(link, links)}")
+        below.setdefault(parent, []).append(child)
+        children.add(child)
+    root = next((link for link in links if link not in children), "")
+    reached, waiting = set(), [root]
+    while waiting:
+        link = waiting.pop()
+        reached.add(link)
+        waiting.extend(child for child in below.get(link, []) if child not in reached)
+    if lost := [link for link in links if link not in reached]:
+        raise InputError(
+            f"link '{lost[0]}' is not connected to the root link '{root}': joints run in a circle, or one is missing"
+        )
+
+
+def _numbers(
+    element: ElementTree.Element, attribute: str, count: int, where: str, default: str = "", largest: float = LARGEST
+) -> tuple[float, ...]:
+    text = element.get(attribute, default)
+    try:
+        values = tuple(float(word) for word in text.split())
+    except ValueError:
+        values = ()
+    if len(values) != count or not all(math.isfinite(value) and abs(value) <= largest for value in values):
+        number = "a finite number" if count == 1 else f"{count} finite numbers"
+        bound = f" of at most {largest:g} in size" if math.isfinite(largest) else ""
+        raise InputError(f"{where}: {attribute} must be {number}{bound}, found '{text}'")
+    return values
