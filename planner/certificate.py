@@ -141,9 +141,11 @@ class Certifier:
                     bodies.append(Body(link, piece, int(item.parentJoint), item.placement.homogeneous))
         count = len(bodies)
         for obstacle in scene.obstacles:
-            bodies.extend(
-                Body(obstacle.name, piece, placement=obstacle.pose.matrix) for piece in obstacle_pieces(obstacle)
-            )
+            try:
+                pieces = obstacle_pieces(obstacle)
+            except InputError as error:
+                raise InputError(f"{scene.source}: {error}") from None
+            bodies.extend(Body(obstacle.name, piece, placement=obstacle.pose.matrix) for piece in pieces)
         rows = [(a, b, 0) for a in range(count) for b in range(count, len(bodies))]
         rows += [(a, b, 1) for first, second in robot.self_pairs for a in links[first] for b in links[second]]
         gathered = Bodies(Chain.of(robot.model), bodies, robot.pin_q)

@@ -108,6 +108,8 @@ def load_mesh(shape: Mesh, field: str) -> TriangleMesh:
             warnings.simplefilter("ignore")  # about colours and the like
             loaded = trimesh.load_mesh(str(shape.file), process=False)
             vertices, triangles = np.array(loaded.vertices, dtype=np.float64), np.array(loaded.faces)
+    except ImportError:  # it guesses at the encoding of what is no text
+        raise InputError(f"{where}: cannot be read, it is not what its ending says") from None
     except Exception as error:  # each format's reader has its own failures; none is the user's language
         raise InputError(f"{where}: cannot be read ({type(error).__name__}: {error})") from error
     if len(triangles) == 0:

@@ -29,6 +29,7 @@ from hdplan.planner.reach import reach_of
 from hdplan.planner.robot import Robot, load_scene_robot, resolve_query
 from hdplan.planner.samples import Samples
 from hdplan.planner.terms import Clearance, Smoothness
+from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import PlannerSettings, Scene
 
 Floats = NDArray[np.float64]
@@ -144,7 +145,10 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
     settings = scene.planner
     kinematics = Kinematics(robot.model)
     bodies = link_bodies(robot)
-    enclosed = [from_obstacle(obstacle) for obstacle in scene.obstacles]
+    try:
+        enclosed = [from_obstacle(obstacle) for obstacle in scene.obstacles]
+    except InputError as error:
+        raise InputError(f"{scene.source}: {error}") from None
     plane_bodies = tuple(body for pieces, _ in enclosed for body in pieces)
     notes = [*scene.notes, *robot.notes, *query.notes, *(word for _, words in enclosed for word in words)]
 
