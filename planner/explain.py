@@ -60,7 +60,7 @@ def _joints(robot: Robot, start: Floats, goal: Floats) -> Rows:
     for i, joint in enumerate(robot.joint_names):
         low, high = robot.lower[i], robot.upper[i]
         limits = f"limits {low:7.4g} to {high:.4g}" if np.isfinite([low, high]).all() else "turns freely"
-        rows.append((f"{joint:{width}}", f"{start[i]:8.4g} → {goal[i]:7.4g}   {limits}"))
+        rows.append((f"{joint:{width}}", f"{start[i]:8.4g} → {goal[i]:8.4g}   {limits}"))
     return rows
 
 

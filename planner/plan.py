@@ -14,7 +14,7 @@ from typing import NamedTuple
 from hdplan.planner.certificate import Certificate, Certifier
 from hdplan.planner.problem import Floats, Problem, build
 from hdplan.planner.result import PlanResult, Times
-from hdplan.planner.robot import Robot, load_scene_robot
+from hdplan.planner.robot import Robot, load_scene_robot, resolve_query
 from hdplan.planner.seeds import seeds
 from hdplan.planner.solvers import Solver, solver_named
 from hdplan.planner.solvers.solution import FIRST_WEIGHT, RAISE, Budget, Solution, Status, Step
@@ -60,9 +60,9 @@ def plan(
     began = time.perf_counter()
     robot = robot or load_scene_robot(scene)
     loaded = time.perf_counter()
-    problem = build(scene, robot)
     certifier = Certifier(scene, robot)
-    required, words = _reachable_clearance(problem, certifier)
+    required, words = _reachable_clearance(scene, robot, certifier)  # ends in collision are found before all fitting
+    problem = build(scene, robot)
     built = time.perf_counter()
 
     search = _Search(problem, certifier, run, required, built + time_limit, report)
@@ -157,21 +157,22 @@ class _Search:
         self.report(Event(self.attempts, certificate=certificate))
 
 
-def _reachable_clearance(problem: Problem, certifier: Certifier) -> tuple[float, tuple[str, ...]]:
+def _reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tuple[float, tuple[str, ...]]:
     """The clearance that can be asked for [m]: the scene's, or less, with a word, where its own ends are closer than
     that.
 
     Raises InputError if an end is in collision.
     """
-    required, words = problem.scene.planner.clearance, []
-    for field, q in (("start", problem.start), ("goal", problem.goal)):
+    required, words = scene.planner.clearance, []
+    query = resolve_query(robot, scene)
+    for field, q in ((scene.start.field, query.start), (scene.goal.field, query.goal)):
         contacts = certifier.contacts(q)
         if contacts:
             said = "; ".join(
                 f"{c.link} and {c.other} " + (f"overlap by {c.depth * 1e3:.3g} mm" if c.depth else "touch")
                 for c in contacts[:3]
             )
-            raise InputError(f"{problem.scene.source}: {field}: in collision: {said}")
+            raise InputError(f"{scene.source}: {field}: in collision: {said}")
         nearest_obstacle = certifier.closest_obstacle(q)
         if nearest_obstacle is not None and nearest_obstacle.distance <= required:
             required = ENDS_KEEP * nearest_obstacle.distance
