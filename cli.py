@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from hdplan.planner.certificate import Certificate, Place
     from hdplan.planner.plan import Event
     from hdplan.planner.result import PlanResult
-    from hdplan.scenes.model import Scene
+    from hdplan.scenes.model import PlannerSettings, Scene
 
 INTERRUPTED = 130  # what shells say of a command ended by Ctrl-C
 WIDTH = 80  # [columns] of tables where the output is no terminal
@@ -140,7 +140,7 @@ def plan(
     if plot is not None:
         check_picture(plot)
     problem = _load(scene, request, robot)
-    with _progress(shown=not quiet and not as_json) as report:
+    with _progress(problem.planner, shown=not quiet and not as_json) as report:
         result = find(problem, solver=solver, seed=seed, time_limit=time_limit, report=report)
     if output is not None:
         result.save(output)
@@ -257,6 +257,9 @@ def robots(
 
 def main() -> None:
     """Run the command line; every error that a user can cause becomes one line and exit code 2."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed, as with `>&-`
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # names of files and obstacles hold any character
             stream.reconfigure(errors="backslashreplace")
@@ -286,7 +289,7 @@ def _load(scene: str, request: Path | None, robot: str | None) -> Scene:
 def _complain(text: str) -> int:
     """Print one line, whatever names and values it repeats, and return the exit code of bad input."""
     line = "".join(c if c.isprintable() else " " if c == "\n" else repr(c)[1:-1] for c in f"hdplan: {text}")
-    _console(sys.stderr).print(Text(line, style="red"), soft_wrap=True)
+    _Console(sys.stderr).print(Text(line, style="red"), soft_wrap=True)
     return 2
 
 
@@ -296,27 +299,28 @@ def _waiting(text: str, shown: bool = True) -> Iterator[Any]:
     if not (shown and sys.stderr.isatty()):
         yield None
         return
-    with _console(sys.stderr).status(Text(text)) as status:
+    with _Console(sys.stderr).status(Text(text)) as status:
         yield status
 
 
 @contextlib.contextmanager
-def _progress(shown: bool) -> Iterator[Any]:
+def _progress(settings: PlannerSettings, shown: bool) -> Iterator[Any]:
     """Follow the solver in one line; gives the function that takes the events."""
     verdict = ""
-    with _waiting("building the problem (fitting bodies around a robot's links takes minutes, once)", shown) as line:
+    margin = settings.clearance + settings.activation
+    with _waiting("building the problem (the first time with a robot takes minutes)", shown) as line:
 
         def report(event: Event) -> None:
             nonlocal verdict
             if event.certificate is not None:
-                verdict = f" · last certificate: {event.certificate.status.value.replace('_', ' ')}"
+                verdict = f" · last {event.certificate.status.value.replace('_', ' ')}"
             if event.step is not None and line is not None:
                 step = event.step
-                clearance = f"clearance short by {step.depth * 1e3:.1f} mm" if step.depth > 0 else "clearance met"
+                clearance = f"{'≈' if step.depth else '>'} {(margin - step.depth) * 1e3:.1f} mm"
                 line.update(
                     Text(
-                        f"attempt {event.attempt} · iteration {step.iteration} · cost {step.cost:.4g} · {clearance}"
-                        f"{verdict}"
+                        f"attempt {event.attempt} · iteration {step.iteration} · cost {step.cost:.4g} · "
+                        f"clearance {clearance}{verdict}"
                     )
                 )
 
@@ -329,7 +333,7 @@ def _progress(shown: bool) -> Iterator[Any]:
 @contextlib.contextmanager
 def _printing() -> Iterator[Any]:
     """Give a function that prints. A reader who leaves early, as `| head` does, is no failure; a full disk is."""
-    console = _console(sys.stdout)
+    console = _Console(sys.stdout)
     try:
         yield lambda text: console.print(text, soft_wrap=True)
         sys.stdout.flush()
@@ -339,9 +343,15 @@ def _printing() -> Iterator[Any]:
             raise InputError(f"the output cannot be written ({error.strerror})") from None
 
 
-def _console(stream: IO[str]) -> Console:
-    """Give a console that prints texts as they are, whatever names they hold."""
-    return Console(file=stream, highlight=False, markup=False, emoji=False)
+class _Console(Console):
+    """Prints texts as they are, whatever names they hold."""
+
+    def __init__(self, stream: IO[str]) -> None:
+        super().__init__(file=stream, highlight=False, markup=False, emoji=False)
+
+    def on_broken_pipe(self) -> None:
+        """Leave it to the caller, called while the error is handled; Rich would end with exit code 1."""
+        raise
 
 
 def _verdict(certificate: Certificate) -> Text:

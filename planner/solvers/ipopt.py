@@ -7,7 +7,10 @@ second derivatives bring, and hands the problem to anyone's solver.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+import signal
+import threading
+from collections.abc import Iterator, Sequence
 
 import casadi as ca
 import numpy as np
@@ -28,7 +31,8 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
     progress = Progress(problem, budget, patience=1)
     state = problem.evaluate(positions, progress.weight)
     whole = nlp(problem)
-    stop = _Stop(whole.x.numel(), budget)
+    pressed = threading.Event()
+    stop = _Stop(whole.x.numel(), budget, pressed)
     run = ca.nlpsol(
         "run",
         "ipopt",
@@ -50,7 +54,7 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
             },
         },
     )
-    try:
+    with _interrupts_noted(pressed):
         while progress.goes_on():
             found = run(x0=positions[1:-1].ravel(), p=progress.weight, lbx=whole.lower, ubx=whole.upper)
             trial = positions.copy()
@@ -61,8 +65,8 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
                 positions, state = trial, after
             if progress.step(before, state):
                 state = problem.evaluate(positions, progress.weight)
-    except KeyboardInterrupt:
-        progress.interrupt()
+            if pressed.is_set():
+                progress.interrupt()
     return progress.solution(positions)
 
 
@@ -75,13 +79,27 @@ def _lagrangian_hessian(x: ca.MX, weight: ca.MX, hessian: ca.MX) -> ca.Function:
     )
 
 
-class _Stop(ca.Callback):
-    """Ends a run when the time is up."""
+@contextlib.contextmanager
+def _interrupts_noted(pressed: threading.Event) -> Iterator[None]:
+    """Note Ctrl-C instead of raising it: CasADi would take the exception for a failed evaluation, and go on."""
+    if threading.current_thread() is not threading.main_thread():  # no other thread hears of it
+        yield
+        return
+    before = signal.signal(signal.SIGINT, lambda *_: pressed.set())
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before or signal.SIG_DFL)
 
-    def __init__(self, size: int, budget: Budget) -> None:
+
+class _Stop(ca.Callback):
+    """Ends a run when the time is up or the user has asked for it."""
+
+    def __init__(self, size: int, budget: Budget, pressed: threading.Event) -> None:
         ca.Callback.__init__(self)
         self.size = size
         self.budget = budget
+        self.pressed = pressed
         self.construct("stop")
 
     def get_n_in(self) -> int:
@@ -98,4 +116,4 @@ class _Stop(ca.Callback):
 
     def eval(self, arg: Sequence[ca.DM]) -> Sequence[ca.DM]:
         """1 ends the run."""
-        return [ca.DM(float(self.budget.spent()))]
+        return [ca.DM(float(self.budget.spent() or self.pressed.is_set()))]
