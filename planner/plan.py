@@ -144,14 +144,17 @@ class _Search:
         return self.best is not None and self.best.certificate.certified
 
     def _report_step(self, step: Step) -> None:
-        self.report(Event(self.attempts, step=step))
+        self.report(Event(self.attempts, step=self._numbered(step)))
+
+    def _numbered(self, step: Step) -> Step:
+        """A repair's steps go on counting where the attempt's earlier ones ended."""
+        return replace(step, iteration=len(self.steps) + step.iteration)
 
     def _keep(self, solution: Solution, certificate: Certificate) -> None:
         self.iterations += solution.iterations
         self.solve_seconds += solution.seconds
         self.certify_seconds += certificate.seconds
-        taken = len(self.steps)
-        self.steps += tuple(replace(step, iteration=taken + step.iteration) for step in solution.steps)
+        self.steps += tuple(self._numbered(step) for step in solution.steps)
         if self.best is None or _rank(certificate) < _rank(self.best.certificate):
             self.best = _Best(solution, certificate, self.steps)
         self.report(Event(self.attempts, certificate=certificate))

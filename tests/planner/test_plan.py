@@ -128,7 +128,7 @@ def test_ends_closer_than_the_clearance_lower_it_with_a_word(field: str) -> None
     assert result.certificate.clearance is not None
     assert ENDS_KEEP * 0.003 - EXACT <= result.certificate.clearance <= 0.003 + EXACT
     (note,) = result.notes
-    assert note == (f"{field} is 3 mm from pea: 2.7 mm are proven for the whole motion instead of planner.clearance")
+    assert note == (f"{field} is 3 mm from pea: 1.5 mm are proven for the whole motion instead of planner.clearance")
 
 
 def test_no_time_gives_the_straight_line_with_its_verdict() -> None:
