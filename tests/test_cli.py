@@ -1,0 +1,600 @@
+"""The command line as a user meets it: what it prints and writes, its exit codes, and one line for every mistake.
+
+Most runs are in this process; a child process is started only where terminals, pipes and signals matter. The scenes
+are planar_arm, whose bodies are fitted in seconds, and variations on it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+import yaml
+
+from hdplan import cli
+from hdplan.planner.trajectory import Trajectory
+from hdplan.scenes.reader import shipped_scenes
+
+ARM = Path(shipped_scenes()["planar_arm"]).parent
+COMMAND = [sys.executable, "-m", "hdplan.cli"]
+KEYS = {
+    "status", "scene", "robot", "joint_names", "waypoints", "clearance_m", "self_clearance_m", "worst", "time_s",
+    "iterations", "seed",
+}  # fmt: skip
+BLOCKED = {"name": "post", "shape": {"type": "sphere", "radius": 0.05}, "pose": {"position": [0.3, 0.03, 0.1]}}
+
+
+@dataclass(frozen=True)
+class Done:
+    """What a run left behind."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def hdplan(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Callable[..., Done]:
+    """Run `hdplan` in this process, in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
+
+    def run(*arguments: str | Path) -> Done:
+        monkeypatch.setattr(sys, "argv", ["hdplan", *map(str, arguments)])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        out, err = capsys.readouterr()
+        return Done(int(end.value.code or 0), out, err)
+
+    return run
+
+
+def arm_scene(folder: Path, name: str = "scene.yaml", **changes: object) -> Path:
+    """Write the planar arm's scene with some sections changed."""
+    content = yaml.safe_load((ARM / "planar_arm.yaml").read_text(encoding="utf-8"))
+    content["robot"] = {"urdf": str(ARM / "planar_arm.urdf"), "srdf": str(ARM / "planar_arm.srdf")}
+    file = folder / name
+    file.write_text(yaml.safe_dump({**content, **changes}, allow_unicode=True), encoding="utf-8")
+    return file
+
+
+def obstacle(shape: str, position: str = "[0, 0, 3]", name: str = "thing") -> list[object]:
+    parts: list[object] = yaml.safe_load(
+        f"[{{name: {json.dumps(name)}, shape: {{{shape}}}, pose: {{position: {position}}}}}]"
+    )
+    return parts
+
+
+# --- planning and checking -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ending", ["json", "csv", "npz"])
+def test_what_plan_writes_check_certifies(hdplan: Callable[..., Done], ending: str) -> None:
+    planned = hdplan("plan", "planar_arm", "-o", f"motion.{ending}")
+    assert (planned.code, planned.err) == (0, "")
+    assert planned.out.startswith("certified: at least ")
+    assert f"motion.{ending}" in planned.out.splitlines()[-1]
+    checked = hdplan("check", "planar_arm", f"motion.{ending}")
+    assert (checked.code, checked.err) == (0, "")
+    assert checked.out.splitlines()[0] == planned.out.splitlines()[0]
+
+
+def test_json_is_one_object_with_the_promised_keys_and_the_file_holds_the_same(hdplan: Callable[..., Done]) -> None:
+    done = hdplan("plan", "planar_arm", "--json", "--seed", "3", "-o", "motion.json")
+    result = json.loads(done.out)
+    assert set(result) >= KEYS
+    assert set(result["worst"]) >= {"time", "link", "obstacle"}
+    assert set(result["time_s"]) == {"load", "build", "compile", "solve", "certify"}
+    assert (result["status"], result["seed"], done.err) == ("certified", 3, "")
+    written = json.loads(Path("motion.json").read_text(encoding="utf-8"))
+    assert written.pop("verdict") == result
+    assert set(written) == {"hdplan_trajectory", "joint_names", "positions", "locked"}
+    assert written["hdplan_trajectory"] == 1
+    assert np.shape(written["positions"]) == (result["waypoints"], len(result["joint_names"]))
+
+
+def test_nothing_certified_is_exit_1_with_the_best_attempt_written(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+    scene = arm_scene(tmp_path, obstacles=[BLOCKED])
+    done = hdplan("plan", scene, "--json", "--time-limit", "0.3", "-o", "best.json")
+    result = json.loads(done.out)
+    assert done.code == 1
+    assert set(result) >= KEYS
+    assert result["status"] != "certified"
+    assert result["clearance_m"] is None
+    assert json.loads(Path("best.json").read_text(encoding="utf-8"))["verdict"] == result
+
+
+def test_quiet_prints_nothing(hdplan: Callable[..., Done]) -> None:
+    assert hdplan("plan", "planar_arm", "--quiet", "-o", "motion.csv") == Done(0, "", "")
+    assert Path("motion.csv").is_file()
+
+
+def test_plot_is_written(hdplan: Callable[..., Done]) -> None:
+    pytest.importorskip("matplotlib")
+    assert hdplan("plan", "planar_arm", "--plot", "motion.png").code == 0
+    assert Path("motion.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("solver", ["chomp", "ipopt"])
+def test_other_solvers(hdplan: Callable[..., Done], tmp_path: Path, solver: str) -> None:
+    scene = arm_scene(tmp_path, obstacles=[], planner={"waypoints": 6})
+    assert hdplan("plan", scene, "--solver", solver).code == 0
+
+
+@pytest.mark.parametrize("waypoints", [3, 1000])
+def test_few_and_many_waypoints(hdplan: Callable[..., Done], tmp_path: Path, waypoints: int) -> None:
+    scene = arm_scene(tmp_path, goal={"joints": [-0.7, 0.3]}, planner={"waypoints": waypoints})
+    assert json.loads(hdplan("plan", scene, "--json").out)["waypoints"] == waypoints
+
+
+def test_a_motion_of_no_length(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+    assert hdplan("plan", arm_scene(tmp_path, goal={"state": "right"})).code == 0
+
+
+def test_a_robot_without_collision_geometry_says_so(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+    scene = arm_scene(tmp_path, robot={"name": "TwoDofs"}, start={"joints": [0, 0]}, goal={"joints": [1, 1]})
+    done = hdplan("plan", scene)
+    assert done.code == 0
+    assert "no link of TwoDofs has collision geometry" in done.out
+    assert "no link has collision geometry" in hdplan("explain", scene).out
+
+
+@pytest.mark.parametrize("name", ["[red]", "[/]", ":smile:", "größe 箱", "a\\", "{x}"])
+def test_names_are_printed_as_they_are(hdplan: Callable[..., Done], tmp_path: Path, name: str) -> None:
+    near = obstacle("type: sphere, radius: 0.05", "[0.9, 0.6, 0.1]", name)
+    scene = arm_scene(tmp_path, name="s c.yaml", obstacles=near, goal={"joints": [-0.7, 0.3]})
+    planned = hdplan("plan", scene)
+    assert planned.code == 0
+    assert f" to {name}, " in planned.out
+    assert name in hdplan("explain", scene).out
+    inside = arm_scene(tmp_path, obstacles=obstacle("type: sphere, radius: 2", "[0, 0, 0]", name))
+    assert f"upper_arm and {name} overlap by " in hdplan("plan", inside).err
+
+
+def other_planner(folder: Path, change: Callable[[np.ndarray], np.ndarray], names: tuple[str, ...]) -> Path:
+    """A plain CSV file: the planar arm's own motion, changed."""
+    motion = Trajectory.load(folder / "own.csv")
+    file = folder / "other.csv"
+    rows = [",".join(names), *(",".join(map(repr, row)) for row in change(np.array(motion.positions)).tolist())]
+    file.write_text("\n".join(rows), encoding="utf-8")
+    return file
+
+
+def _raised(rows: np.ndarray) -> np.ndarray:
+    rows[5, 0] += 9.0
+    return rows
+
+
+@pytest.mark.parametrize(
+    ("change", "names", "code", "words"),
+    [
+        (lambda rows: rows[:, ::-1], ("elbow", "shoulder"), 0, "certified: "),
+        (lambda rows: rows[[0, -1]], ("shoulder", "elbow"), 1, "in contact: forearm and ball overlap by "),
+        (lambda rows: rows[:-1], ("shoulder", "elbow"), 1, "wrong ends: the last waypoint has joint 'shoulder' at "),
+        (_raised, ("shoulder", "elbow"), 1, "outside limits: waypoint 5 has joint 'shoulder' at "),
+    ],
+    ids=["permuted", "collides", "short", "outside"],
+)
+def test_check_another_planners_motion(
+    hdplan: Callable[..., Done],
+    tmp_path: Path,
+    change: Callable[[np.ndarray], np.ndarray],
+    names: tuple[str, ...],
+    code: int,
+    words: str,
+) -> None:
+    hdplan("plan", "planar_arm", "--quiet", "-o", "own.csv")
+    done = hdplan("check", "planar_arm", other_planner(tmp_path, change, names))
+    assert (done.code, done.err) == (code, "")
+    assert done.out.startswith(words)
+    as_json = json.loads(hdplan("check", "planar_arm", tmp_path / "other.csv", "--json").out)
+    assert as_json["text"] == done.out.splitlines()[0]
+
+
+# --- a user's own robot --------------------------------------------------------------------------------------
+
+URDF = """<robot name="mine">
+ <link name="base"><collision><geometry><box size="0.2 0.2 0.1"/></geometry></collision></link>
+ <link name="rail"><collision><origin xyz="0 0 0.15"/><geometry><cylinder radius="0.04" length="0.3"/></geometry>
+ </collision></link>
+ <link name="arm"><collision><origin xyz="0 0 0.2"/><geometry><mesh filename="package://my_arm/bar.obj"/></geometry>
+ </collision></link>
+ <link name="tip"><collision><origin xyz="0 0 0.1"/><geometry><mesh filename="bar.obj" scale="1 1 0.3"/></geometry>
+ </collision></link>
+ <joint name="slide" type="prismatic"><parent link="base"/><child link="rail"/><axis xyz="0 0 1"/>
+  <origin xyz="0 0 0.1"/><limit lower="0" upper="0.4" effort="1" velocity="1"/></joint>
+ <joint name="turn" type="continuous"><parent link="rail"/><child link="arm"/><axis xyz="0 1 0"/>
+  <origin xyz="0 0.12 0.3"/></joint>
+ <joint name="wrist" type="revolute"><parent link="arm"/><child link="tip"/><axis xyz="1 0 0"/>
+  <origin xyz="0 0 0.4"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+</robot>"""
+SRDF = """<robot name="mine"><group_state name="home" group="all"><joint name="slide" value="0.1"/>
+<joint name="turn" value="0"/><joint name="wrist" value="0"/></group_state>
+<disable_collisions link1="base" link2="arm" reason="far"/></robot>"""
+
+
+def own_robot(folder: Path, urdf: str = URDF, srdf: str = SRDF, **changes: object) -> Path:
+    """Write a robot with its meshes, and a scene beside it."""
+    (folder / "packages" / "my_arm").mkdir(parents=True, exist_ok=True)
+    for file in (folder / "packages" / "my_arm" / "bar.obj", folder / "bar.obj"):
+        trimesh.creation.box((0.1, 0.1, 0.3)).export(file)
+    (folder / "mine.urdf").write_text(urdf, encoding="utf-8")
+    (folder / "mine.srdf").write_text(srdf, encoding="utf-8")
+    robot = {"urdf": "mine.urdf", "srdf": "mine.srdf", "package_dirs": ["packages"]}
+    content = {"hdplan": 1, "robot": robot, "start": {"state": "home"}, "goal": {"joints": [0.3, 2.5, 1]}, **changes}
+    file = folder / "own.yaml"
+    file.write_text(yaml.safe_dump(content), encoding="utf-8")
+    return file
+
+
+def test_a_robot_of_ones_own(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+    done = hdplan("plan", own_robot(tmp_path), "-o", "motion.json")
+    assert (done.code, done.err) == (0, "")
+    assert hdplan("check", "own.yaml", "motion.json").code == 0
+    explained = hdplan("explain", "own.yaml").out
+    assert "turns freely" in explained
+    assert "2 joints kept within limits; 1 joint without" in explained
+
+
+def test_a_base_upside_down(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+    scene = own_robot(tmp_path)
+    robot = {**yaml.safe_load(scene.read_text())["robot"], "base": {"position": [0, 0, 2], "rpy": [3.14159265, 0, 0]}}
+    below = obstacle("type: box, size: [3, 3, 0.1]", "[0, 0, 0.2]")
+    assert hdplan("plan", own_robot(tmp_path, robot=robot, obstacles=below)).code == 0
+    above = obstacle("type: box, size: [3, 3, 0.1]", "[0, 0, 1.6]")
+    assert "rail and thing overlap" in hdplan("plan", own_robot(tmp_path, robot=robot, obstacles=above)).err
+
+
+BAD_URDF = {
+    "empty": ("", ["not well-formed XML"]),
+    "another document": ("<html/>", ["<html>", "expected <robot>"]),
+    "no link": ('<robot name="a"/>', ["No link"]),
+    "no joint": ('<robot name="a"><link name="l"/></robot>', ["no joint left to plan"]),
+    "mesh missing": (URDF.replace('"bar.obj"', '"nope.obj"'), ["nope.obj could not be found"]),
+    "package missing": (URDF.replace("my_arm", "no_arm"), ["package://no_arm/bar.obj could not be found"]),
+    "mesh a folder": (URDF.replace('"bar.obj"', '"packages"'), ["packages"]),
+    "size text": (URDF.replace("0.2 0.2 0.1", "big 1 1"), ["link 'base'", "size must be 3 finite", "'big 1 1'"]),
+    "size nan": (URDF.replace("0.2 0.2 0.1", "nan 1 1"), ["link 'base'", "size must be 3 finite numbers"]),
+    "size negative": (URDF.replace("0.2 0.2 0.1", "1 -1 1"), ["link 'base'", "greater than 0 [m]", "'1 -1 1'"]),
+    "size huge": (URDF.replace("0.2 0.2 0.1", "1e308 1 1"), ["link 'base'", "at most 1e+06"]),
+    "no shape": (URDF.replace('<box size="0.2 0.2 0.1"/>', ""), ["link 'base'", "one shape, found 0"]),
+    "unknown shape": (URDF.replace("<cylinder", "<cylindr"), ["link 'rail'", "<cylindr>", "'cylinder'"]),
+    "origin text": (URDF.replace('xyz="0 0 0.15"', 'xyz="0 0 a"'), ["link 'rail'", "origin: xyz", "'0 0 a'"]),
+    "scale zero": (URDF.replace("1 1 0.3", "1 1 0"), ["link 'tip'", "scale must not be 0"]),
+    "limits turned": (URDF.replace('upper="0.4"', 'upper="-1"'), ["joint 'slide'", "lower must not exceed upper"]),
+    "limit text": (URDF.replace('upper="0.4"', 'upper="a"'), ["joint 'slide'", "upper must be a finite number", "'a'"]),
+    "axis zero": (URDF.replace('xyz="0 1 0"', 'xyz="0 0 0"'), ["joint 'turn'", "axis", "'0 0 0'"]),
+    "link unknown": (URDF.replace('parent link="arm"', 'parent link="amr"'), ["joint 'wrist'", "'amr'", "'arm'"]),
+    "circle": (URDF.replace('parent link="base"', 'parent link="tip"'), ["'rail' is not connected to the root"]),
+    "joint type": (URDF.replace("continuous", "continuos"), ["turn", "continuos"]),
+    "floating": (URDF.replace("continuous", "floating"), ["'turn'", "6 coordinates"]),
+    "follows itself": (URDF.replace('<axis xyz="1', '<mimic joint="wrist"/><axis xyz="1'), ["'wrist'", "itself"]),
+    "factor text": (
+        URDF.replace('<axis xyz="1', '<mimic joint="turn" multiplier="x"/><axis xyz="1'),
+        ["joint 'wrist'", "multiplier", "'x'"],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BAD_URDF)
+def test_bad_urdf(hdplan: Callable[..., Done], tmp_path: Path, case: str) -> None:
+    urdf, words = BAD_URDF[case]
+    refused(hdplan("plan", own_robot(tmp_path, urdf=urdf), "-o", "motion.json"), "own.yaml: robot", *words)
+    assert not Path("motion.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("", "is empty"),
+        ("hello", "is empty"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "is flat"),
+        ("v 0 0 0\nv nan 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n", "not finite"),
+        ("v 0 0 0\nv 1e9 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n", "farther than 1e+06 m"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "cannot be read"),
+        (b"\xff\xfe\x00v 1 2 3", "cannot be read"),
+    ],
+    ids=["empty", "text", "flat", "nan", "huge", "index", "binary"],
+)
+def test_bad_meshes(hdplan: Callable[..., Done], tmp_path: Path, content: str | bytes, words: str) -> None:
+    mesh = tmp_path / "mesh.obj"
+    mesh.write_bytes(content if isinstance(content, bytes) else content.encode())
+    scene = arm_scene(tmp_path, obstacles=obstacle("type: mesh, file: mesh.obj"))
+    refused(hdplan("plan", scene), f"{scene}: obstacles.thing: mesh", words)
+    refused(hdplan("explain", scene), f"{scene}: obstacles.thing: mesh", words)
+
+
+# --- bad input: one line, exit code 2, nothing written ------------------------------------------------------------
+
+
+def refused(done: Done, *words: str) -> None:
+    """Assert that it was refused in one line that holds these words."""
+    assert done.code == 2
+    assert done.out == ""
+    assert done.err.count("\n") == 1
+    assert done.err.startswith("hdplan: ")
+    for word in words:
+        assert word in done.err
+
+
+BAD_ARGUMENTS = {
+    "no such command": (["pln"], ["'pln'", "'plan'"]),
+    "no scene": (["plan"], ["SCENE", "hdplan plan --help"]),
+    "too many": (["plan", "a", "b"], ["(b)"]),
+    "no such option": (["plan", "planar_arm", "--sede", "1"], ["--sede", "--seed"]),
+    "option without value": (["plan", "planar_arm", "-o"], ["-o"]),
+    "no such scene": (["plan", "panda_cag"], ["panda_cag: no such file", "'panda_cage'"]),
+    "no such file": (["explain", "nowhere/x.yaml"], ["nowhere/x.yaml: no such file"]),
+    "a folder": (["plan", "."], ["is a directory"]),
+    "a very long name": (["plan", "x" * 300], ["no such file"]),
+    "a name with a line end": (["plan", "a\nb"], ["no such file"]),
+    "no such robot": (["robots", "pandda"], ["'pandda'", "'panda'"]),
+    "nothing like it": (["robots", "xyzzy"], ["'xyzzy'", "`hdplan robots` lists them"]),
+    "robot misspelt": (["plan", "planar_arm", "--robot", "pandda"], ["--robot: ", "'pandda'", "'panda'"]),
+    "no such robot file": (["plan", "planar_arm", "--robot", "no.yaml"], ["no.yaml: no such file"]),
+    "request without need": (["plan", "planar_arm", "--request", "r.yaml"], ["no MoveIt planning scene"]),
+    "solver misspelt": (["plan", "planar_arm", "--solver", "ipop"], ["'ipop'", "'ipopt'"]),
+    "seed negative": (["plan", "planar_arm", "--seed", "-1"], ["--seed", "at least 0", "'-1'"]),
+    "seed broken": (["plan", "planar_arm", "--seed", "1.5"], ["--seed", "whole number", "'1.5'"]),
+    "no time": (["plan", "planar_arm", "--time-limit", "0"], ["--time-limit", "greater than 0", "'0'"]),
+    "time nan": (["plan", "planar_arm", "--time-limit", "nan"], ["--time-limit", "finite", "'nan'"]),
+    "time text": (["plan", "planar_arm", "--time-limit", "soon"], ["--time-limit", "'soon'"]),
+    "output ending": (["plan", "planar_arm", "-o", "x.txt"], ["x.txt", "'.txt'", ".json, .csv, .npz"]),
+    "output a folder": (["plan", "planar_arm", "-o", "folder.json"], ["folder.json: is a folder"]),
+    "output nowhere": (["plan", "planar_arm", "-o", "no/x.json"], ["the folder no does not exist"]),
+    "output too long": (["plan", "planar_arm", "-o", f"{'x' * 250}.json"], ["cannot be written"]),
+    "picture ending": (["plan", "planar_arm", "--plot", "x.jpg"], ["x.jpg", "'.jpg'", ".png, .pdf, .svg"]),
+    "no trajectory": (["check", "planar_arm", "no.json"], ["no.json: cannot be read"]),
+    "trajectory ending": (["check", "planar_arm", "no.txt"], ["no.txt", "'.txt'", ".json, .csv, .npz"]),
+    "trajectory a folder": (["check", "planar_arm", "folder.json"], ["folder.json: cannot be read"]),
+}
+
+
+@pytest.mark.parametrize("case", BAD_ARGUMENTS)
+def test_bad_arguments(hdplan: Callable[..., Done], case: str) -> None:
+    Path("folder.json").mkdir()
+    arguments, words = BAD_ARGUMENTS[case]
+    refused(hdplan(*arguments), *words)
+    assert [file.name for file in Path().iterdir()] == ["folder.json"]
+
+
+BAD_SCENES = {
+    "syntax": ("hdplan: 1\nrobot: [\n", ["line 3", "YAML syntax"]),
+    "not text": (b"\x00\xff\xfe", ["scene.yaml"]),
+    "section misspelt": ({"obstacls": []}, ["'obstacls'", "'obstacles'"]),
+    "robot misspelt": ({"robot": {"name": "pandda"}}, ["robot.name", "'pandda'", "'panda'"]),
+    "state misspelt": ({"start": {"state": "rigth"}}, ["start", "'rigth'", "'right'"]),
+    "joint misspelt": ({"start": {"joints": {"shoulder": 0, "elbw": 0}}}, ["start", "'elbw'", "'elbow'"]),
+    "joint missing": ({"start": {"joints": {"shoulder": 0}}}, ["start", "no value for elbow"]),
+    "too many joints": ({"goal": {"joints": [0, 0, 0]}}, ["goal", "3 joint values", "2 joints: shoulder, elbow"]),
+    "outside limits": ({"goal": {"joints": [0, 2.7]}}, ["goal", "'elbow' is 2.7", "[-2.6, 2.6]"]),
+    "start in collision": (
+        {"obstacles": obstacle("type: sphere, radius: 0.1", "[0.35, -0.35, 0.1]")},
+        ["start: in collision: upper_arm and thing overlap by ", "mm"],
+    ),
+    "goal in collision": (
+        {"obstacles": obstacle("type: sphere, radius: 0.1", "[0.35, 0.5, 0.1]")},
+        ["goal: in collision: ", "thing overlap by "],
+    ),
+    "a number too large": (
+        {"obstacles": obstacle("type: sphere, radius: 1.0e+308")},
+        ["obstacles[0].shape.radius", "at most 1e+06", "1e+308"],
+    ),
+    "a name of two lines": (
+        {"obstacles": obstacle("type: sphere, radius: 1", name="a\nb")},
+        ["obstacles[0].name", "control characters", r"'a\nb'"],
+    ),
+    "mesh missing": (
+        {"obstacles": obstacle("type: mesh, file: no.stl")},
+        ["obstacles[0].shape.file", "'no.stl' does not exist"],
+    ),
+    "a joint to lock misspelt": (
+        {"robot": {"name": "panda", "locked": {"panda_finger_joint3": 0.0}}},
+        ["robot.locked", "'panda_finger_joint3'", "'panda_finger_joint2'"],
+    ),
+    "a link to ignore misspelt": (
+        {"robot": {"name": "panda", "ignore_pairs": [["panda_link1", "panda_lnk2"]]}},
+        ["robot.ignore_pairs", "'panda_lnk2'", "'panda_link2'"],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD_SCENES)
+def test_bad_scenes(hdplan: Callable[..., Done], tmp_path: Path, case: str) -> None:
+    content, words = BAD_SCENES[case]
+    if isinstance(content, dict):
+        arm_scene(tmp_path, **content)
+    else:
+        Path("scene.yaml").write_bytes(content if isinstance(content, bytes) else content.encode())
+    refused(hdplan("plan", "scene.yaml", "-o", "motion.json"), "scene.yaml: ", *words)
+    assert [file.name for file in Path().iterdir()] == ["scene.yaml"]
+
+
+BAD_TRAJECTORIES = {
+    "x.json": {
+        "{": "not JSON",
+        "[" * 100_000: "not JSON",
+        "[1]": "hdplan_trajectory: 1",
+        '{"hdplan_trajectory": 1, "joint_names": ["shoulder", "elbow"]}': "positions: missing",
+        '{"hdplan_trajectory": 1, "joint_names": ["shoulder", "elbow"], "positions": [[0, 1], [2]]}': "each row",
+        '{"hdplan_trajectory": 1, "joint_names": ["shoulder", "elbow"], "positions": [[0, "1"], [2, 3]]}': "numbers",
+        f'{{"hdplan_trajectory": 1, "joint_names": ["a", "b"], "positions": [[0, {10**400}], [2, 3]]}}': "numbers",
+        '{"hdplan_trajectory": 1, "joint_names": ["a"], "positions": [[0], [1]], "locked": {"b": "c"}}': "locked",
+        '{"hdplan_trajectory": 1, "joint_names": ["a"], "positions": [[0], [NaN]]}': "waypoint 1, joint 'a'",
+    },
+    "x.csv": {
+        "": "empty",
+        "1,2\n3,4\n": "line 1",
+        "shoulder,elbow\n0,0\n\n1,x\n": "line 4: 'x' is not a number",
+        "shoulder,elbow\n0,0\n1\n": "line 3: 1 values",
+        "shoulder,elbow\n0,0\n": "at least 2",
+        "shoulder,elbw\n0,0\n1,1\n": "joint 'elbow' of planar_arm is missing (did you mean 'elbw'?)",
+        "shoulder,elbow,wrist\n0,0,0\n1,1,1\n": "joint 'wrist' is not one of planar_arm",
+        "shoulder,elbow\n0,0\n1,1e308\n": "waypoint 1, joint 'elbow': 1e+308 is larger than 1e+06",
+    },
+    "x.npz": {"": "not an NPZ", "PK\x03\x04 rubbish": "not an NPZ"},
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [(name, content, words) for name, cases in BAD_TRAJECTORIES.items() for content, words in cases.items()],
+    ids=[f"{name}-{i}" for name, cases in BAD_TRAJECTORIES.items() for i in range(len(cases))],
+)
+def test_bad_trajectories(hdplan: Callable[..., Done], name: str, content: str, words: str) -> None:
+    Path(name).write_text(content, encoding="utf-8")
+    refused(hdplan("check", "planar_arm", name), f"{name}: ", words)
+
+
+MOVEIT_BOX = {"type": "box", "dimensions": [0.1, 0.1, 0.1]}
+MOVEIT_OBJECT = {"id": "box", "primitives": [MOVEIT_BOX], "pose": {"position": [0, 0, 3]}}
+MOVEIT_SCENE = {"robot_model_name": "planar_arm", "world": {"collision_objects": [MOVEIT_OBJECT]}}
+
+
+def moveit_request(goal: dict[str, float] | None) -> dict[str, object]:
+    joints = [{"joint_name": name, "position": value} for name, value in (goal or {}).items()]
+    state = {"joint_state": {"name": ["gripper", "elbow", "shoulder"], "position": [0.1, 0.3, -0.8]}}
+    return {"start_state": state, **({} if goal is None else {"goal_constraints": [{"joint_constraints": joints}]})}
+
+
+def write_moveit(goal: dict[str, float] | None) -> list[str]:
+    Path("scene.yaml").write_text(yaml.safe_dump(MOVEIT_SCENE), encoding="utf-8")
+    Path("request.yaml").write_text(yaml.safe_dump(moveit_request(goal)), encoding="utf-8")
+    robot = {"urdf": str(ARM / "planar_arm.urdf"), "srdf": str(ARM / "planar_arm.srdf")}
+    Path("robot.yaml").write_text(yaml.safe_dump({"robot": robot}), encoding="utf-8")
+    return ["plan", "scene.yaml", "--request", "request.yaml", "--robot", "robot.yaml"]
+
+
+def test_moveit_files(hdplan: Callable[..., Done]) -> None:
+    done = hdplan(*write_moveit({"elbow": 0.4, "shoulder": 1.0}))
+    assert (done.code, done.err) == (0, "")
+    assert "left out, as planar_arm has no such joints: gripper" in done.out
+
+
+@pytest.mark.parametrize(
+    ("goal", "leave_out", "words"),
+    [
+        (None, (), ["request.yaml", "'goal_constraints' is missing"]),
+        ({}, (), ["request.yaml", "no goal"]),
+        ({"elbow": 0.4}, (), ["goal (request.yaml)", "no value for shoulder"]),
+        ({"elbow": 3.4, "shoulder": 1.0}, (), ["goal (request.yaml)", "'elbow' is 3.4", "[-2.6, 2.6]"]),
+        ({"elbow": 0.4, "shoulder": 1.0}, ("--request", "request.yaml"), ["scene.yaml", "--request"]),
+        ({"elbow": 0.4, "shoulder": 1.0}, ("--robot", "robot.yaml"), ["scene.yaml", "--robot"]),
+        ({"elbow": 0.4, "shoulder": 1.0}, ("scene.yaml",), ["Missing argument"]),
+    ],
+    ids=["no goal", "empty goal", "joint missing", "outside", "no request", "no robot", "no scene"],
+)
+def test_bad_moveit_input(
+    hdplan: Callable[..., Done], goal: dict[str, float] | None, leave_out: tuple[str, ...], words: list[str]
+) -> None:
+    arguments = [argument for argument in write_moveit(goal) if argument not in leave_out]
+    refused(hdplan(*arguments), *words)
+
+
+# --- reading matter ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("command", [[], ["plan"], ["check"], ["explain"], ["robots"]])
+def test_help_fits_a_terminal(hdplan: Callable[..., Done], command: list[str]) -> None:
+    done = hdplan(*command, "--help")
+    assert (done.code, done.err) == (0, "")
+    assert done.out.startswith("Usage: hdplan")
+    assert max(map(len, done.out.splitlines())) <= 80
+    assert "..." not in done.out.replace("[ARGS]...", "")  # nothing is cut off
+
+
+def test_help_names_every_shipped_scene(hdplan: Callable[..., Done]) -> None:
+    words = hdplan().out.replace(",", " ").replace(".", " ").split()
+    assert set(shipped_scenes()) <= set(words)
+
+
+@pytest.mark.parametrize("arguments", [["explain", "planar_arm"], ["robots", "double_pendulum"]])
+def test_tables_fit_eighty_columns(hdplan: Callable[..., Done], arguments: list[str]) -> None:
+    done = hdplan(*arguments)
+    assert (done.code, done.err) == (0, "")
+    for line in done.out.splitlines():
+        assert len(line) <= 80
+        assert line == line.rstrip()
+    assert isinstance(json.loads(hdplan(*arguments, "--json").out), dict)
+
+
+def test_explain_says_what_is_on_and_off(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+    far = arm_scene(tmp_path, obstacles=obstacle("type: sphere, radius: 0.1", "[0, 0, 3]"))
+    out = hdplan("explain", far).out
+    assert "off: every obstacle is out of the robot's reach" in out
+    assert "sphere, radius 0.1 m; out of reach, left out" in out
+    none = hdplan("explain", arm_scene(tmp_path, obstacles=[], planner={"clearance": 0.01})).out
+    assert "off: the scene has no obstacles" in none
+    assert "0.01 m (scene)" in none
+    assert "32 (default)" in none
+
+
+def test_robots_of_one_name(hdplan: Callable[..., Done]) -> None:
+    out = hdplan("robots", "double_pendulum").out
+    for words in ("joints\n", "lower", "upper", "outer bodies\n", "p95 mm"):
+        assert words in out
+
+
+# --- terminals, pipes, signals: child processes -------------------------------------------------------------------
+
+
+def test_a_pipe_gets_plain_text_and_may_close_early() -> None:
+    whole = subprocess.run([*COMMAND, "plan", "planar_arm"], capture_output=True, text=True)
+    assert (whole.returncode, whole.stderr) == (0, "")
+    assert "\x1b" not in whole.stdout
+    assert whole.stdout.splitlines()[0].endswith("over the whole motion")  # not wrapped
+    child = subprocess.Popen(
+        [*COMMAND, "plan", "planar_arm"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert child.stdout is not None
+    assert child.stderr is not None
+    child.stdout.close()
+    assert (child.stderr.read(), child.wait()) == ("", 0)
+    child.stderr.close()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_a_full_disk_is_one_line() -> None:
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([*COMMAND, "explain", "planar_arm"], stdout=full, stderr=subprocess.PIPE, text=True)
+    refused(Done(done.returncode, "", done.stderr), "the output cannot be written")
+
+
+def test_a_terminal_sees_progress() -> None:
+    ours, theirs = pty.openpty()
+    child = subprocess.Popen([*COMMAND, "plan", "planar_arm"], stdout=subprocess.PIPE, stderr=theirs, text=True)
+    os.close(theirs)
+    out, _ = child.communicate()
+    shown = os.read(ours, 1 << 16).decode()
+    os.close(ours)
+    assert child.returncode == 0
+    assert "\x1b" not in out
+    assert "building the problem" in shown
+
+
+@pytest.mark.parametrize("solver", ["gauss_newton", "chomp", "ipopt"])
+def test_ctrl_c_ends_with_the_best_so_far(tmp_path: Path, solver: str) -> None:
+    scene, best = arm_scene(tmp_path, obstacles=[BLOCKED]), tmp_path / "best.json"
+    ours, theirs = pty.openpty()
+    command = [*COMMAND, "plan", str(scene), "--time-limit", "60", "--solver", solver, "-o", str(best)]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=theirs, text=True)
+    os.close(theirs)
+    shown = ""
+    while "iteration" not in shown:  # the solver is at work
+        shown += os.read(ours, 1 << 12).decode()
+    child.send_signal(signal.SIGINT)
+    out, _ = child.communicate(timeout=20)
+    os.close(ours)
+    assert child.returncode == 1
+    assert out.startswith("in contact: ")
+    assert json.loads(best.read_text(encoding="utf-8"))["verdict"]["status"] == "in_contact"
