@@ -27,7 +27,7 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
     progress = Progress(problem, budget, PATIENCE)
     state = problem.evaluate(positions, progress.weight)
     length = 1.0
-    try:
+    with progress.until_interrupted():
         while progress.goes_on():
             direction = np.zeros_like(positions)
             direction[1:-1] = -cho_solve(metric, state.gradient)
@@ -40,6 +40,4 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
                 length = max(length / 2, SMALLEST_STEP)
             if progress.step(before, state):
                 state, length = problem.evaluate(positions, progress.weight), 1.0
-    except KeyboardInterrupt:
-        progress.interrupt()
     return progress.solution(positions)

@@ -29,7 +29,7 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
     progress = Progress(problem, budget, PATIENCE)
     state = problem.evaluate(positions, progress.weight)
     damping = FIRST_DAMPING
-    try:
+    with progress.until_interrupted():
         while progress.goes_on():
             trial = problem.clip(positions + _step(problem, positions, state, damping))
             after = problem.evaluate(trial, progress.weight)
@@ -40,8 +40,6 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
                 damping = min(damping * 6, MOST_DAMPING)
             if progress.step(before, state):
                 state, damping = problem.evaluate(positions, progress.weight), FIRST_DAMPING
-    except KeyboardInterrupt:
-        progress.interrupt()
     return progress.solution(positions)
 
 

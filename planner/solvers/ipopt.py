@@ -54,7 +54,7 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
             },
         },
     )
-    with _interrupts_noted(pressed):
+    with _interrupts_noted(pressed), progress.until_interrupted():
         while progress.goes_on():
             found = run(x0=positions[1:-1].ravel(), p=progress.weight, lbx=whole.lower, ubx=whole.upper)
             trial = positions.copy()
@@ -66,7 +66,7 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
             if progress.step(before, state):
                 state = problem.evaluate(positions, progress.weight)
             if pressed.is_set():
-                progress.interrupt()
+                raise KeyboardInterrupt
     return progress.solution(positions)
 
 

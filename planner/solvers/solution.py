@@ -7,9 +7,10 @@ section 17.1).
 
 from __future__ import annotations
 
+import contextlib
 import enum
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -118,9 +119,13 @@ class Progress:
             return True
         return False
 
-    def interrupt(self) -> None:
-        """The user asked to stop."""
-        self.status = Status.INTERRUPTED
+    @contextlib.contextmanager
+    def until_interrupted(self) -> Iterator[None]:
+        """Turn Ctrl-C into a status: what was found by then is kept."""
+        try:
+            yield
+        except KeyboardInterrupt:
+            self.status = Status.INTERRUPTED
 
     def solution(self, positions: Floats) -> Solution:
         """Wrap up."""
