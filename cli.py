@@ -128,15 +128,16 @@ def plan(
 
     Ctrl-C ends with the best motion found so far.
     """
+    from hdplan.planner.output import check_writable
     from hdplan.planner.plan import plan as find
     from hdplan.planner.plot import check_picture, plot_result
     from hdplan.planner.robot import load_scene_robot
     from hdplan.planner.solvers import solver_named
-    from hdplan.planner.trajectory import check_writable
+    from hdplan.planner.trajectory import FORMATS
 
     solver_named(solver)
     if output is not None:
-        check_writable(output)
+        check_writable(output, FORMATS)
     if plot is not None:
         check_picture(plot)
     problem = _load(scene, request, robot)

@@ -9,9 +9,9 @@ import importlib.util
 import io
 from pathlib import Path
 
+from hdplan.planner.output import check_writable, write_output
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot import Robot
-from hdplan.planner.trajectory import _write_whole, check_writable
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Scene
 
@@ -46,4 +46,4 @@ def plot_result(scene: Scene, robot: Robot, result: PlanResult, path: str | Path
 
     picture = io.BytesIO()
     sheet(scene, robot, result).savefig(picture, format=path.suffix.lower().removeprefix("."))
-    _write_whole(path, picture.getvalue())
+    write_output(path, picture.getvalue())

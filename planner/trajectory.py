@@ -6,13 +6,11 @@ what the certificate proves, so it is also what must be executed.
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import io
 import json
-import os
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hdplan.planner.output import write_output
 from hdplan.scenes.errors import InputError
 
 FORMATS = (".json", ".csv", ".npz")
@@ -84,7 +83,7 @@ class Trajectory:
         each. Raises InputError for another ending or a path that cannot be written.
         """
         path = Path(path)
-        _write_whole(path, {".json": _to_json, ".csv": _to_csv, ".npz": _to_npz}[_format(path)](self, verdict or {}))
+        write_output(path, {".json": _to_json, ".csv": _to_csv, ".npz": _to_npz}[_format(path)](self, verdict or {}))
 
     @staticmethod
     def load(path: str | Path) -> Trajectory:
@@ -97,24 +96,6 @@ class Trajectory:
             raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
-
-
-def check_writable(path: Path, endings: tuple[str, ...] = FORMATS) -> None:
-    """Say early that an output file cannot be written, before the work whose result it is to hold.
-
-    Tries it with an empty file beside it, which is taken away again. Raises InputError for another ending than
-    `endings`, a folder in the way or missing, or whatever the system says.
-    """
-    if path.suffix.lower() not in endings:
-        raise InputError(f"{path}: ending '{path.suffix}', allowed are {', '.join(endings)}")
-    if os.path.isdir(path):
-        raise InputError(f"{path}: is a folder, a file name is needed")
-    if not os.path.isdir(path.parent):
-        raise InputError(f"{path}: the folder {path.parent} does not exist")
-    if os.path.exists(path) and not os.access(path, os.W_OK):
-        raise InputError(f"{path}: cannot be written (permission denied)")
-    with _beside(path):
-        pass
 
 
 def _to_json(trajectory: Trajectory, verdict: Mapping[str, Any]) -> bytes:
@@ -234,24 +215,3 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _write_whole(path: Path, data: bytes) -> None:
-    """Write beside the target and rename, so that a reader never meets half a file."""
-    with _beside(path) as temporary:
-        temporary.write_bytes(data)
-        os.replace(temporary, path)
-
-
-@contextlib.contextmanager
-def _beside(path: Path) -> Iterator[Path]:
-    """Give an empty file in the folder of `path`, taken away at the end if it is still there."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.touch()
-        try:
-            yield temporary
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error

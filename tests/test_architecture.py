@@ -96,7 +96,8 @@ def test_the_certificate_shares_nothing_with_the_solver() -> None:
 
 def test_import_and_help_load_nothing_heavy() -> None:
     code = (
-        "import sys, hdplan, hdplan.cli; heavy = {'casadi', 'pinocchio', 'coal', 'jax', 'matplotlib', 'trimesh', 'scipy'};"
+        "import sys, hdplan, hdplan.cli;"
+        "heavy = {'casadi', 'pinocchio', 'coal', 'jax', 'matplotlib', 'trimesh', 'scipy'};"
         "print(sorted(heavy & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
