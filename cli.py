@@ -14,6 +14,7 @@ import os
 import shutil
 import sys
 import textwrap
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Annotated, Any
@@ -264,6 +265,7 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # names of files and obstacles hold any character
             stream.reconfigure(errors="backslashreplace")
+    warnings.showwarning = lambda message, *_, **__: _say(f"note: {message}", "yellow")  # a line, not a source location
     try:
         code = app(sys.argv[1:] or ["--help"], prog_name="hdplan", standalone_mode=False)
     except HdplanError as error:
@@ -288,10 +290,15 @@ def _load(scene: str, request: Path | None, robot: str | None) -> Scene:
 
 
 def _complain(text: str) -> int:
-    """Print one line, whatever names and values it repeats, and return the exit code of bad input."""
-    line = "".join(c if c.isprintable() else " " if c == "\n" else repr(c)[1:-1] for c in f"hdplan: {text}")
-    _Console(sys.stderr).print(Text(line, style="red"), soft_wrap=True)
+    """Print one line and return the exit code of bad input."""
+    _say(text, "red")
     return 2
+
+
+def _say(text: str, style: str) -> None:
+    """Print one line, whatever names and values it repeats."""
+    line = "".join(c if c.isprintable() else " " if c == "\n" else repr(c)[1:-1] for c in f"hdplan: {text}")
+    _Console(sys.stderr).print(Text(line, style=style), soft_wrap=True)
 
 
 @contextlib.contextmanager
