@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from hdplan.distance.bodies import ConvexBody
-    from hdplan.planner.certificate import Certificate, certify
+    from hdplan.planner.certificate import Certificate, certify, check_configuration
     from hdplan.planner.plan import plan
     from hdplan.planner.problem import Problem, build
     from hdplan.planner.result import PlanResult
@@ -43,6 +43,7 @@ _HOMES = {
     "Trajectory": "hdplan.planner.trajectory",
     "build": "hdplan.planner.problem",
     "certify": "hdplan.planner.certificate",
+    "check_configuration": "hdplan.planner.certificate",
     "load_robot": "hdplan.planner.robot",
     "load_scene": "hdplan.scenes.reader",
     "plan": "hdplan.planner.plan",
@@ -63,6 +64,7 @@ __all__ = [
     "__version__",
     "build",
     "certify",
+    "check_configuration",
     "load_robot",
     "load_scene",
     "plan",
