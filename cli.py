@@ -12,8 +12,10 @@ import json
 import math
 import os
 import shutil
+import signal
 import sys
 import textwrap
+import threading
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -142,8 +144,8 @@ def plan(
     if plot is not None:
         check_picture(plot)
     problem = _load(scene, request, robot)
-    with _progress(problem.planner, shown=not quiet and not as_json) as report:
-        result = find(problem, solver=solver, seed=seed, time_limit=time_limit, report=report)
+    with _progress(problem.planner, shown=not quiet and not as_json) as (report, stop):
+        result = find(problem, solver=solver, seed=seed, time_limit=time_limit, report=report, stop=stop)
     if output is not None:
         result.save(output)
     if plot is not None:
@@ -313,13 +315,24 @@ def _waiting(text: str, shown: bool = True) -> Iterator[Any]:
 
 @contextlib.contextmanager
 def _progress(settings: PlannerSettings, shown: bool) -> Iterator[Any]:
-    """Follow the solver in one line; gives the function that takes the events."""
-    verdict = ""
+    """Follow the solver in one line; gives the function that takes the events, and one that says whether to stop.
+
+    From the first step on, Ctrl-C is noted and ends the search with the best motion so far; a second one ends at once.
+    """
+    verdict, pressed = "", threading.Event()
+    before = signal.getsignal(signal.SIGINT) or signal.SIG_DFL
+
+    def note(*_: object) -> None:
+        pressed.set()
+        signal.signal(signal.SIGINT, before)
+
     margin = settings.clearance + settings.activation
     with _waiting("building the problem (the first time with a robot takes minutes)", shown) as line:
 
         def report(event: Event) -> None:
             nonlocal verdict
+            if not pressed.is_set() and signal.getsignal(signal.SIGINT) is before:
+                signal.signal(signal.SIGINT, note)
             if event.certificate is not None:
                 verdict = f" · last {event.certificate.status.value.replace('_', ' ')}"
             if event.step is not None and line is not None:
@@ -332,7 +345,10 @@ def _progress(settings: PlannerSettings, shown: bool) -> Iterator[Any]:
                     )
                 )
 
-        yield report
+        try:
+            yield report, pressed.is_set
+        finally:
+            signal.signal(signal.SIGINT, before)
 
 
 # --- the output stream -------------------------------------------------------------------------------------

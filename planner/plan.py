@@ -42,6 +42,7 @@ def plan(
     time_limit: float = 30.0,
     robot: Robot | None = None,
     report: Callable[[Event], None] = lambda event: None,
+    stop: Callable[[], bool] = lambda: False,
 ) -> PlanResult:
     """Find a certified motion from the scene's start to its goal.
 
@@ -50,8 +51,11 @@ def plan(
         solver: "gauss_newton", "chomp" or "ipopt".
         seed: of the random first guesses; the same seed gives the same result, as far as the time limit allows.
         time_limit: [s] for solving and certifying; the best motion found by then is given back, its status saying
-        what it is. robot: the scene's robot, if it is loaded already. report: called with every step and every
-        certificate.
+            what it is.
+        robot: the scene's robot, if it is loaded already.
+        report: called with every step and every certificate.
+        stop: asked at every step; once it says True, the best motion so far is certified and given back. A
+            KeyboardInterrupt does the same, except in the moments in which a C++ library swallows it.
 
     Raises:
         InputError: for what scene or robot get wrong, among it a start or goal in collision.
@@ -65,13 +69,13 @@ def plan(
     problem = build(scene, robot)
     built = time.perf_counter()
 
-    search = _Search(problem, certifier, run, required, built + time_limit, report)
+    search = _Search(problem, certifier, run, required, built + time_limit, report, stop)
     try:
         for guess in seeds(problem, seed):
             if search.attempt(guess):
                 break
     except KeyboardInterrupt:
-        if search.best is None:
+        if search.best is None and not search.certify_last():
             raise
     assert search.best is not None  # an attempt ends with a certificate
     best = search.best
@@ -110,9 +114,11 @@ class _Search:
         required: float,
         deadline: float,
         report: Callable[[Event], None],
+        stop: Callable[[], bool],
     ) -> None:
         self.problem, self.certifier, self.solver, self.required = problem, certifier, solver, required
-        self.deadline, self.report = deadline, report
+        self.deadline, self.report, self.stop = deadline, report, stop
+        self.last: Solution | None = None  # solved, not yet certified
         self.best: _Best | None = None
         self.steps: tuple[Step, ...] = ()  # of the attempt under way
         self.attempts = self.iterations = 0
@@ -125,11 +131,10 @@ class _Search:
         self.steps = ()
         problem, weight = self.problem.resampled(guess), FIRST_WEIGHT
         for _ in range(1 + REPAIRS):
-            budget = Budget(self.deadline, first_weight=weight, report=self._report_step)
-            solution = self.solver(problem, guess, budget)
-            certificate = self.certifier.certify(solution.trajectory, required=self.required)
-            self._keep(solution, certificate)
-            if solution.status is Status.INTERRUPTED or budget.spent():
+            budget = Budget(self.deadline, first_weight=weight, report=self._report_step, stop=self.stop)
+            solution = self.last = self.solver(problem, guess, budget)
+            certificate = self._certify(solution)
+            if solution.status is Status.INTERRUPTED or self.stop() or budget.spent():
                 return True
             guess, weight = solution.trajectory.positions, solution.weight
             finer = problem.resampled(guess)
@@ -150,7 +155,16 @@ class _Search:
         """A repair's steps go on counting where the attempt's earlier ones ended."""
         return replace(step, iteration=len(self.steps) + step.iteration)
 
-    def _keep(self, solution: Solution, certificate: Certificate) -> None:
+    def certify_last(self) -> bool:
+        """Certify a motion whose certificate was interrupted; False if there is none."""
+        if self.last is not None:
+            self._certify(self.last)
+        return self.best is not None
+
+    def _certify(self, solution: Solution) -> Certificate:
+        """Certify a motion, and keep it if it is the best so far."""
+        certificate = self.certifier.certify(solution.trajectory, required=self.required)
+        self.last = None
         self.iterations += solution.iterations
         self.solve_seconds += solution.seconds
         self.certify_seconds += certificate.seconds
@@ -158,6 +172,7 @@ class _Search:
         if self.best is None or _rank(certificate) < _rank(self.best.certificate):
             self.best = _Best(solution, certificate, self.steps)
         self.report(Event(self.attempts, certificate=certificate))
+        return certificate
 
 
 def _reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tuple[float, tuple[str, ...]]:

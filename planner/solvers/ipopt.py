@@ -116,4 +116,4 @@ class _Stop(ca.Callback):
 
     def eval(self, arg: Sequence[ca.DM]) -> Sequence[ca.DM]:
         """1 ends the run."""
-        return [ca.DM(float(self.budget.spent() or self.pressed.is_set()))]
+        return [ca.DM(float(self.budget.spent() or self.budget.stop() or self.pressed.is_set()))]

@@ -57,6 +57,9 @@ class Budget:
     iterations: int = 1000
     first_weight: float = FIRST_WEIGHT  # of the penalty [1/m²]
     report: Callable[[Step], None] = field(default=lambda step: None)  # called once per iteration
+    stop: Callable[[], bool] = field(
+        default=lambda: False
+    )  # asked once per iteration: whether to end with what there is
 
     def spent(self) -> bool:
         """Whether the deadline has passed."""
@@ -96,6 +99,8 @@ class Progress:
 
     def goes_on(self) -> bool:
         """Whether another step may be taken."""
+        if self.status is None and self.budget.stop():
+            self.status = Status.INTERRUPTED
         if self.status is None and self.budget.spent():
             self.status = Status.TIME
         if self.status is None and len(self.steps) >= self.budget.iterations:

@@ -6,11 +6,12 @@ import dataclasses
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from hdplan.planner.certificate import Status, certify
+from hdplan.planner.certificate import Certifier, Status, certify
 from hdplan.planner.plan import ENDS_KEEP, Event, plan
 from hdplan.planner.result import PlanResult
 from hdplan.planner.trajectory import Trajectory
@@ -235,3 +236,26 @@ def test_a_robot_that_nothing_can_touch_is_certified(tmp_path: Path) -> None:
 def test_an_unknown_solver_is_refused_before_any_work() -> None:
     with pytest.raises(InputError, match=r"solver: unknown 'chump' \(did you mean 'chomp'\?\)"):
         plan(planar(), solver="chump")
+
+
+def test_stop_ends_the_search_with_a_verdict_on_what_there_is() -> None:
+    events: list[Event] = []
+    result = plan(load_scene("panda_cage"), report=events.append, stop=lambda: len(events) >= 5)
+    assert (result.attempts, result.iterations) == (1, 5)
+    assert result.certificate.text
+
+
+def test_an_interrupt_within_the_first_certificate_does_not_lose_the_motion(monkeypatch: pytest.MonkeyPatch) -> None:
+    certify, calls = Certifier.certify, []
+
+    def interrupted_once(self: Certifier, *args: Any, **kwargs: Any) -> Any:
+        calls.append(1)
+        if len(calls) == 1:
+            raise KeyboardInterrupt
+        return certify(self, *args, **kwargs)
+
+    monkeypatch.setattr(Certifier, "certify", interrupted_once)
+    scene = planar()
+    result = plan(scene)
+    assert len(calls) == 2
+    assert_sound(result, scene)
