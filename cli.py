@@ -26,7 +26,7 @@ from rich.cells import cell_len
 from rich.console import Console
 from rich.text import Text
 
-from hdplan.scenes.errors import HdplanError, InputError
+from hdplan.scenes.errors import HdplanError, InputError, naming
 
 if TYPE_CHECKING:
     from hdplan.planner.certificate import Certificate, Place
@@ -184,10 +184,8 @@ def check(
     problem = _load(scene, request, robot)
     motion = Trajectory.load(trajectory)
     certifier = Certifier(problem, load_scene_robot(problem))
-    try:
+    with naming(trajectory):  # its joints may not fit
         certificate = certifier.certify(motion)
-    except InputError as error:  # its joints do not fit
-        raise InputError(f"{trajectory}: {error}") from None
     with _printing() as show:
         if as_json:
             about = {

@@ -23,7 +23,7 @@ from hdplan.planner.proximity import link_pieces, obstacle_pieces
 from hdplan.planner.robot import Robot, load_scene_robot, resolve_query
 from hdplan.planner.sweep import Spot, Sweep
 from hdplan.planner.trajectory import Trajectory
-from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.model import Scene
 
 Array = NDArray[np.float64]
@@ -141,10 +141,8 @@ class Certifier:
                     bodies.append(Body(link, piece, int(item.parentJoint), item.placement.homogeneous))
         count = len(bodies)
         for obstacle in scene.obstacles:
-            try:
+            with naming(scene.source):
                 pieces = obstacle_pieces(obstacle)
-            except InputError as error:
-                raise InputError(f"{scene.source}: {error}") from None
             bodies.extend(Body(obstacle.name, piece, placement=obstacle.pose.matrix) for piece in pieces)
         rows = [(a, b, 0) for a in range(count) for b in range(count, len(bodies))]
         rows += [(a, b, 1) for first, second in robot.self_pairs for a in links[first] for b in links[second]]

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hdplan.planner.urdf_check import check_urdf
-from hdplan.scenes.errors import InputError
+from hdplan.scenes.errors import InputError, naming
 
 LinkPair = tuple[str, str]  # two different links, in alphabetical order
 
@@ -64,10 +64,8 @@ def _parse(path: Path, what: str) -> ElementTree.Element:
 def read_tree(path: Path) -> Tree:
     """Read a URDF file's links and joints. Raises InputError for a file that is missing, not XML, or faulty."""
     root = _parse(path, "urdf")
-    try:
+    with naming(f"robot.urdf: {path}"):
         check_urdf(root)
-    except InputError as error:
-        raise InputError(f"robot.urdf: {path}: {error}") from None
     parent: dict[str, tuple[str, str]] = {}
     mimics: dict[str, tuple[str, float, float]] = {}
     for joint in root.findall("joint"):

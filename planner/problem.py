@@ -29,7 +29,7 @@ from hdplan.planner.reach import reach_of
 from hdplan.planner.robot import Robot, load_scene_robot, resolve_query
 from hdplan.planner.samples import Samples
 from hdplan.planner.terms import Clearance, Smoothness
-from hdplan.scenes.errors import InputError
+from hdplan.scenes.errors import naming
 from hdplan.scenes.model import PlannerSettings, Scene
 
 Floats = NDArray[np.float64]
@@ -115,9 +115,11 @@ class Problem:
     def depth(self, configurations: Floats) -> Floats:
         """How far the worst pair is inside its margin at single configurations (B, n) -> (B,) [m]."""
         kinematics = self.kinematics.evaluate(configurations)
-        ones = np.ones(len(configurations))
-        depths: Floats = np.max([0 * ones, *(term.value(kinematics, ones).depth for term in self.terms)], axis=0)
-        return depths
+        result = np.zeros(len(configurations))
+        for term in self.terms:
+            inside = term.inside(kinematics)
+            np.maximum.at(result, inside.sample, -inside.separation)
+        return result
 
     def refined(self, intervals: list[int]) -> Problem:
         """The same problem, sampled twice as densely on the given intervals."""
@@ -145,10 +147,8 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
     settings = scene.planner
     kinematics = Kinematics(robot.model)
     bodies = link_bodies(robot)
-    try:
+    with naming(scene.source):
         enclosed = [from_obstacle(obstacle) for obstacle in scene.obstacles]
-    except InputError as error:
-        raise InputError(f"{scene.source}: {error}") from None
     plane_bodies = tuple(body for pieces, _ in enclosed for body in pieces)
     notes = [*scene.notes, *robot.notes, *query.notes, *(word for _, words in enclosed for word in words)]
 

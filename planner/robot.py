@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from hdplan.planner.description import LinkPair, Semantics, Tree, link_pair, read_semantics, read_tree
 from hdplan.planner.pin_model import move_base, read_model, without_joints
 from hdplan.planner.robot_library import find_robot, library_package_dirs
-from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.model import JointTarget, RobotSpec, Scene
 
 Array = NDArray[np.float64]
@@ -137,7 +137,7 @@ def load_scene_robot(scene: Scene) -> Robot:
     Raises InputError, naming the file that speaks of the robot.
     """
     spec = scene.robot
-    try:
+    with naming(spec.source or scene.source):
         if scene.from_request and scene.start.by_name is not None:
             robot = load_robot(spec)
             requested = {joint: value for joint, value in scene.start.by_name.items() if joint in robot.locked}
@@ -145,16 +145,12 @@ def load_scene_robot(scene: Scene) -> Robot:
             if spec.locked == robot.locked:
                 return robot
         return load_robot(spec)
-    except InputError as error:
-        raise InputError(f"{spec.source or scene.source}: {error}") from None
 
 
 def resolve_query(robot: Robot, scene: Scene) -> Query:
     """Return the scene's start and goal for this robot. Raises InputError, naming the scene's file."""
-    try:
+    with naming(scene.source):
         start, goal = (robot.configuration(target, scene.from_request) for target in (scene.start, scene.goal))
-    except InputError as error:
-        raise InputError(f"{scene.source}: {error}") from None
     named = {**(scene.start.by_name or {}), **(scene.goal.by_name or {})}
     unknown = [joint for joint in named if joint not in robot.joint_names and joint not in robot.locked]
     notes = (f"left out, as {robot.name} has no such joints: {', '.join(unknown)}",) if unknown else ()

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.output import write_output
-from hdplan.scenes.errors import InputError
+from hdplan.scenes.errors import InputError, naming
 
 FORMATS = (".json", ".csv", ".npz")
 
@@ -90,12 +90,11 @@ class Trajectory:
         """Read a trajectory file of any of the three formats; raises InputError naming the file and what is wrong."""
         path = Path(path)
         reader = {".json": _from_json, ".csv": _from_csv, ".npz": _from_npz}[_format(path)]
-        try:
-            return reader(path.read_bytes())
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from error
+        with naming(path):
+            try:
+                return reader(path.read_bytes())
+            except OSError as error:
+                raise InputError(f"cannot be read ({error.strerror or error})") from error
 
 
 def _to_json(trajectory: Trajectory, verdict: Mapping[str, Any]) -> bytes:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 
 class HdplanError(Exception):
@@ -23,3 +24,12 @@ def nearest(name: str, allowed: Iterable[str], otherwise: str = "") -> str:
     if otherwise:
         return f" ({otherwise})"
     return f" (allowed: {', '.join(names)})" if names else " (none is allowed here)"
+
+
+@contextlib.contextmanager
+def naming(where: object) -> Iterator[None]:
+    """Put the file that is being read in front of what is wrong within: ``where: error``."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None

@@ -16,7 +16,7 @@ from hdplan.planner.plan import ENDS_KEEP, Event, plan
 from hdplan.planner.result import PlanResult
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Box, JointTarget, Obstacle, Pose, RobotSpec, Scene, Sphere
+from hdplan.scenes.model import Box, JointTarget, Obstacle, Pose, Scene, Sphere
 from hdplan.scenes.reader import load_scene, shipped_scenes
 
 EXACT = 1e-9  # [m] of a distance known in closed form: the certificate's own bound is 1e-9 of the sizes
@@ -219,16 +219,8 @@ def test_a_motion_is_saved_with_its_verdict(tmp_path: Path) -> None:
     assert certify(scene, read).certified
 
 
-def test_a_robot_that_nothing_can_touch_is_certified(tmp_path: Path) -> None:
-    urdf = tmp_path / "stick.urdf"
-    urdf.write_text(
-        '<robot name="stick"><link name="base"/><link name="tip"/><joint name="turn" type="revolute">'
-        '<parent link="base"/><child link="tip"/><axis xyz="0 0 1"/>'
-        '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>'
-    )
-    ends = (JointTarget(field, (value,)) for field, value in (("start", -0.5), ("goal", 0.5)))
-    obstacle = Obstacle("ball", Sphere(0.1))
-    result = plan(Scene("stick", tmp_path / "stick.yaml", RobotSpec(urdf=urdf), (obstacle,), *ends))
+def test_a_robot_that_nothing_can_touch_is_certified(stick_scene: Callable[[Obstacle], Scene]) -> None:
+    result = plan(stick_scene(Obstacle("ball", Sphere(0.1))))
     assert result.certified
     assert (result.certificate.clearance, result.certificate.self_clearance) == (None, None)
 

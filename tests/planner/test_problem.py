@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
+from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
@@ -14,7 +14,7 @@ from hdplan.planner.nlp import Nlp, nlp
 from hdplan.planner.problem import SPACING, Problem, build
 from hdplan.planner.samples import MOST
 from hdplan.planner.terms import Smoothness
-from hdplan.scenes.model import Box, JointTarget, Obstacle, Pose, RobotSpec, Scene, Sphere
+from hdplan.scenes.model import Box, Obstacle, Pose, Scene, Sphere
 from hdplan.scenes.reader import load_scene
 
 Array = NDArray[np.float64]
@@ -297,16 +297,9 @@ def test_resampled_leaves_no_wide_gap_between_samples(panda: Problem) -> None:
             assert np.all((steps <= SPACING * (1 + EXACT)) | (counts == MOST))
 
 
-def test_a_robot_without_collision_geometry_is_planned_for(tmp_path: Path) -> None:
+def test_a_robot_without_collision_geometry_is_planned_for(stick_scene: Callable[[Obstacle], Scene]) -> None:
     """Nothing can touch it: no bodies, no terms."""
-    urdf = tmp_path / "stick.urdf"
-    urdf.write_text(
-        '<robot name="stick"><link name="base"/><link name="tip"/><joint name="turn" type="revolute">'
-        '<parent link="base"/><child link="tip"/><axis xyz="0 0 1"/>'
-        '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>'
-    )
-    ends = (JointTarget(field, (value,)) for field, value in (("start", -0.5), ("goal", 0.5)))
-    problem = build(Scene("stick", tmp_path / "stick.yaml", RobotSpec(urdf=urdf), (NEAR,), *ends))
+    problem = build(stick_scene(NEAR))
     assert (problem.bodies, problem.terms) == ((), ())
     line = np.linspace(problem.start, problem.goal, problem.waypoints)
     assert problem.resampled(line).samples == problem.samples
