@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.holder import holder_maximum, holder_minimum, shaping
-from hdplan.distance.reference import hdsdf, separating_axis_distance
+from hdplan.distance.normals import RUNGS
+from hdplan.distance.reference import hdsdf, hdsdf_derivatives, separating_axis_distance, separation
 from hdplan.distance.sat import Proximity
 
 if TYPE_CHECKING:
@@ -19,13 +20,16 @@ if TYPE_CHECKING:
     from hdplan.distance.symbolic import hdsdf_function
 
 __all__ = [
+    "RUNGS",
     "ConvexBody",
     "Proximity",
     "hdsdf",
+    "hdsdf_derivatives",
     "hdsdf_function",
     "holder_maximum",
     "holder_minimum",
     "separating_axis_distance",
+    "separation",
     "shaping",
     "signed_distance",
 ]

@@ -39,6 +39,7 @@ class ConvexBody:
     vertices: Array  # (m, 3) [m] the extreme points, m >= 1; those of a flat polygon in their order around it
     faces: Array  # (F, 3) unit outward normals, one per face (coplanar triangles are one face)
     edges: Array  # (E, 3) unit edge directions, equal up to sign counted once
+    edge_counts: Array  # (E,) how many edges run along each of them
     radius: float = 0.0  # [m] of the sphere that sweeps the polytope, >= 0
 
     def __post_init__(self) -> None:
@@ -47,6 +48,9 @@ class ConvexBody:
             array = np.array(getattr(self, name), dtype=float).reshape(-1, 3)
             array.setflags(write=False)
             object.__setattr__(self, name, array)
+        counts = np.array(self.edge_counts, dtype=float).reshape(len(self.edges))
+        counts.setflags(write=False)
+        object.__setattr__(self, "edge_counts", counts)
         object.__setattr__(self, "radius", _length("radius", self.radius, zero=True))
 
     @classmethod
@@ -56,19 +60,19 @@ class ConvexBody:
         if sides.shape != (3,) or not np.all(np.isfinite(sides)) or np.any(sides <= 0):
             raise InputError(f"box size: found {sides.tolist()}, allowed are three positive lengths")
         corners = np.array(list(product((-0.5, 0.5), repeat=3))) * sides
-        return cls(corners, np.vstack([np.eye(3), -np.eye(3)]), np.eye(3))
+        return cls(corners, np.vstack([np.eye(3), -np.eye(3)]), np.eye(3), np.full(3, 4.0))
 
     @classmethod
     def sphere(cls, radius: float) -> ConvexBody:
         """Return the sphere of ``radius`` [m] around the origin."""
-        return cls(np.zeros((1, 3)), NONE, NONE, _length("sphere radius", radius))
+        return cls(np.zeros((1, 3)), NONE, NONE, np.empty(0), _length("sphere radius", radius))
 
     @classmethod
     def capsule(cls, radius: float, length: float) -> ConvexBody:
         """Return the capsule of ``radius`` [m] along z, ``length`` [m] between the centres of its end spheres."""
         half = 0.5 * _length("capsule length", length)
         ends = np.array([[0.0, 0.0, -half], [0.0, 0.0, half]])
-        return cls(ends, NONE, np.array([[0.0, 0.0, 1.0]]), _length("capsule radius", radius))
+        return cls(ends, NONE, np.array([[0.0, 0.0, 1.0]]), np.ones(1), _length("capsule radius", radius))
 
     @classmethod
     def cylinder(cls, radius: float, length: float, sides: int = 16) -> ConvexBody:
@@ -117,16 +121,32 @@ class ConvexBody:
         """Return this body grown by ``clearance`` >= 0 [m] in all directions: a clearance is a larger radius."""
         return replace(self, radius=self.radius + _length("clearance", clearance, zero=True))
 
+    @property
+    def centre(self) -> Array:
+        """The mean of the vertices (3,) [m], a point of the body."""
+        return np.asarray(self.vertices.mean(axis=0))
 
-def unique_directions(directions: ArrayLike) -> Array:
-    """Return unit vectors ``directions`` (n, 3) with those equal up to sign counted once; the first stays."""
+    @property
+    def reach(self) -> float:
+        """The largest distance from the centre to a point of the body [m]."""
+        return float(np.linalg.norm(self.vertices - self.centre, axis=1).max()) + self.radius
+
+
+def unique_directions(directions: ArrayLike) -> tuple[Array, Array]:
+    """Return unit vectors ``directions`` (n, 3) with those equal up to sign once, and how many they were (n,).
+
+    The first of equal ones stays.
+    """
     rows = np.asarray(directions, dtype=float).reshape(-1, 3)
-    kept, count = np.empty_like(rows), 0
+    kept, counts, found = np.empty_like(rows), np.zeros(len(rows)), 0
     for row in rows:
-        if not np.any(np.abs(kept[:count] @ row) >= 1.0 - 0.5 * SAME_DIRECTION**2):
-            kept[count] = row
-            count += 1
-    return kept[:count]
+        same = np.flatnonzero(np.abs(kept[:found] @ row) >= 1.0 - 0.5 * SAME_DIRECTION**2)
+        if len(same):
+            counts[same[0]] += 1
+        else:
+            kept[found], counts[found] = row, 1
+            found += 1
+    return kept[:found], counts[:found]
 
 
 def _length(name: str, value: float, zero: bool = False) -> float:
@@ -136,8 +156,8 @@ def _length(name: str, value: float, zero: bool = False) -> float:
     return number
 
 
-def _hull(points: Array) -> tuple[Array, Array, Array]:
-    """Return vertices, faces and edges of the convex hull of ``points`` (n, 3), of whatever dimension it has.
+def _hull(points: Array) -> tuple[Array, Array, Array, Array]:
+    """Return vertices, faces, edges and edge counts of the convex hull of ``points`` (n, 3), of any dimension.
 
     The hull is taken in coordinates along the principal axes, each scaled to extent 1: an affine map keeps vertices and
     faces, and needles and plates become as well-conditioned as cubes.
@@ -146,7 +166,7 @@ def _hull(points: Array) -> tuple[Array, Array, Array]:
     centred = centred - centred.mean(0)
     size = float(np.abs(centred).max())
     if size == 0.0:
-        return points[:1], NONE, NONE
+        return points[:1], NONE, NONE, np.empty(0)
     axes = np.linalg.svd(centred / size, full_matrices=len(points) < 3)[2]  # (3, 3), rows, longest first
     along = (centred / size) @ axes.T
     extents = np.ptp(along, axis=0)
@@ -154,11 +174,11 @@ def _hull(points: Array) -> tuple[Array, Array, Array]:
     dimension = int(np.sum(extents > max(FLAT * extents.max(), rounding)))
     scaled = along[:, :dimension] / extents[:dimension]
     if dimension == 1:
-        return points[[np.argmin(scaled), np.argmax(scaled)]], NONE, axes[:1]
+        return points[[np.argmin(scaled), np.argmax(scaled)]], NONE, axes[:1], np.ones(1)
     rounding /= extents[dimension - 1]
     if dimension == 2:
         corners = points[_corners(scaled, rounding)]
-        return corners, np.stack([axes[2], -axes[2]]), unique_directions(_unit(np.roll(corners, -1, 0) - corners))
+        return corners, np.stack([axes[2], -axes[2]]), *unique_directions(_unit(np.roll(corners, -1, 0) - corners))
     return _polytope(points, scaled, rounding, axes / extents[:, None])
 
 
@@ -171,7 +191,7 @@ def _corners(plane: Array, rounding: float) -> NDArray[np.intp]:
     return np.asarray(ring[height > rounding])
 
 
-def _polytope(points: Array, scaled: Array, rounding: float, to_points: Array) -> tuple[Array, Array, Array]:
+def _polytope(points: Array, scaled: Array, rounding: float, to_points: Array) -> tuple[Array, Array, Array, Array]:
     """Merge the triangles of the hull of ``scaled`` (n, 3) into faces; ``to_points`` (3, 3) maps normals back."""
     hull = ConvexHull(scaled)
     corners = np.sort(hull.vertices[np.sum(_planes(hull, scaled, rounding)[1], axis=0) >= 3])
@@ -184,7 +204,7 @@ def _polytope(points: Array, scaled: Array, rounding: float, to_points: Array) -
     for f, g in zip(shared.row[shared.data >= 2], shared.col[shared.data >= 2], strict=True):
         ends = points[hull.vertices[on_face[f] & on_face[g]]]  # two faces share an edge where they share two corners
         ridges.append(ends[np.argmax(np.linalg.norm(ends - ends[0], axis=1))] - ends[0])
-    return points[corners], _unit(planes @ to_points), unique_directions(_unit(np.array(ridges)))
+    return points[corners], _unit(planes @ to_points), *unique_directions(_unit(np.array(ridges)))
 
 
 def _planes(hull: ConvexHull, points: Array, tolerance: float) -> tuple[Array, NDArray[np.bool_]]:

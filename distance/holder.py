@@ -51,6 +51,52 @@ def shaping(values: ArrayLike, gamma: int, shaping_length: float) -> Array:
     return np.asarray(u * np.where(size > shaping_length, 1.0, power) / (1.0 + power))
 
 
+def shaped_minimum(
+    values: ArrayLike, gamma: int, shaping_length: float, multiplicities: ArrayLike | None = None
+) -> tuple[Array, Array, Array]:
+    """Return g = Phi(u), u the Hölder minimum of ``values`` (..., n), with its gradient (..., n) and Hessian (..., n,
+    n).
+
+    With p = gamma + 1, m = min x, q = du/dx and s = t^gamma/(1 + t^gamma), t = |u|/delta:
+
+        m > 0:  r_i = m/x_i,        q_i = w_i (r_i u/m)^(p+1),  u d²u = (p+1) (q qᵀ - diag(w_i (r_i u/m)^(p+2)))
+        m < 0:  r_i = (x_i)_-/m,    q_i = w_i (r_i m/u)^(p-1),  u d²u = (p-1) (diag(w_i (r_i m/u)^(p-2)) - q qᵀ)
+
+        dg = s (1 + gamma (1 - s)) q
+        d²g = (s/u) (gamma (1 - s) (1 + gamma (1 - 2 s)) q qᵀ + (1 + gamma (1 - s)) u d²u)
+
+    Every ratio lies in [0, 1] and s/u -> 0 with u (gamma > 1), so all is finite where u is too small to square. At u =
+    0 all derivatives are 0; for gamma = 1 the second ones jump there.
+    """
+    p = check_gamma(gamma) + 1
+    x = np.asarray(values, dtype=float)
+    w = np.ones(x.shape[-1]) if multiplicities is None else np.asarray(multiplicities, dtype=float)
+    m = x.min(axis=-1, keepdims=True)
+    above, below = m > 0, m < 0
+    r = np.where(above, m / np.where(above, x, 1.0), np.where(below, np.minimum(x, 0.0) / np.where(below, m, 1.0), 0.0))
+    root = np.sum(w * r**p, axis=-1, keepdims=True, where=m != 0, initial=0.0) ** (1.0 / p)
+    root = np.where(m == 0, 1.0, root)
+    u = np.where(above, m / root, m * root)
+    q = w * np.where(above, (r / root) ** (p + 1), (r / root) ** (p - 1))
+    sharp = w * np.where(above, (r / root) ** (p + 2), np.where(r > 0, (r / root) ** (p - 2), 0.0))
+    power = (np.minimum(np.abs(u), shaping_length) / np.maximum(np.abs(u), shaping_length)) ** gamma
+    near = np.abs(u) < shaping_length
+    s, rest = np.where(near, power, 1.0) / (1.0 + power), np.where(near, 1.0, power) / (1.0 + power)
+    outer, diagonal = q[..., :, None] * q[..., None, :], sharp[..., None] * np.eye(x.shape[-1])
+    order = np.where(above, p + 1, 1 - p)[..., None]
+    curved = gamma * rest * (1.0 + gamma * (rest - s))
+    slope = 1.0 + gamma * rest
+    bracket = curved[..., None] * outer + (slope[..., None] * order) * (outer - diagonal)
+    short = np.sign(u) * (np.abs(u) / shaping_length) ** (gamma - 1) / shaping_length / (1.0 + power)
+    s_by_u = np.where(near, short, 1.0 / (np.where(near, 1.0, u) * (1.0 + power)))
+    live = m != 0
+    return (
+        (u * s)[..., 0],
+        np.where(live, s * slope * q, 0.0),
+        np.where(live[..., None], s_by_u[..., None] * bracket, 0.0),
+    )
+
+
 def check_gamma(gamma: int) -> int:
     """Return ``gamma`` if it is an integer >= 1, else raise InputError."""
     if isinstance(gamma, bool) or not isinstance(gamma, (int, np.integer)) or gamma < 1:

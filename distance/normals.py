@@ -1,16 +1,25 @@
-"""Candidate normals: along which directions a pair of bodies is compared.
+"""Candidate normals: along which directions a pair of bodies is compared. The ladder from cheap to tight.
 
-Every unit vector is sign-safe (min over the Minkowski difference of n·c is a lower bound of the signed distance), so a
-set only decides how tight the distance is. ``NORMALS`` is the table of sets that vary smoothly with the pose, by name:
-the HD-SDF takes one of them. ``separating_axes`` is the exact but discontinuous set of the separating axis theorem.
+A pair's distance is a maximum over axes. An axis is a vector w, |w| <= 1, that varies smoothly with the pose, and a
+length f >= 0 that it is faded by. Both w and -w count, and each compares the bodies by
+
+    x_ij = w·(a_i - b_j) - r_A - r_B - f      over the vertices a_i of A and b_j of B, radii r.
+
+Sign safety, of every axis and so of every set: if the swept bodies share a point, the polytopes hold points a and b
+with |a - b| <= r_A + r_B. A convex combination of the x_ij is w·(a - b) - r_A - r_B - f, at most |w||a - b| - r_A - r_B
+- f <= 0, so the least of them is not positive; Hölder minimum, maximum and shaping keep signs, so D <= 0. A set decides
+only how tight the distance is.
+
+Names: ``paper``, or ``paper-multiset``, followed by any of ``+centre``, ``+edges``, ``+sphere-K``; ``RUNGS`` are those
+worth comparing. Beside them ``separating_axes`` is the exact but discontinuous set of the separating axis theorem.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hdplan.distance.bodies import ConvexBody, unique_directions
 from hdplan.scenes.errors import InputError, nearest
@@ -18,45 +27,130 @@ from hdplan.scenes.errors import InputError, nearest
 Array = NDArray[np.float64]
 
 PARALLEL = 1e-14  # sine of the angle between two edges below which their cross product is left out
+CENTRE_SOFTNESS = 0.1  # of the bodies' reach: how near the centres are when the axis between them begins to fade
+EDGE_SINE = 0.1  # sigma: how near to parallel two edges are when the axis of their cross product begins to fade
+EDGE_FADE = 0.5  # kappa, of the bodies' mean reach: how deep that axis reads where the edges are parallel
+
+BASES = ("paper", "paper-multiset")
+RUNGS = ("paper", "paper+centre", "paper+sphere-26", "paper+sphere-256", "paper+edges")
 
 
-def own_directions(body: ConvexBody) -> Array:
-    """Return F(A) ∪ E(A) in the body's frame (K, 3), equal up to sign counted once (paper: eq. ``eq:Ntilde``, one
-    body).
+@dataclass(frozen=True, eq=False)
+class CentreAxis:
+    """The axis w = t/√(|t|² + softness²) along t, the line from B's centre to A's; C∞ in the pose, never faded."""
+
+    point_a: Array  # (3,) [m] centre of A, in A's frame
+    point_b: Array  # (3,) [m] centre of B, in B's frame
+    softness: float  # [m] > 0
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeAxes:
+    """One axis for every edge direction u of A and v of B, regularized so that none jumps where edges align.
+
+    w = u×v/√(|u×v|² + sine²), faded by f = fade·sine²(1 - |u×v|²)/(|u×v|² + sine²) >= 0: no fade across, ``fade``
+    where the edges are parallel and the axis means nothing. C∞ in the pose. ``fade`` must exceed the deepest
+    penetration of interest: without it D would read no depth at all (w = 0 gives x = 0).
+    """
+
+    along_a: Array  # (E_a, 3) unit edge directions of A, in A's frame
+    along_b: Array  # (E_b, 3) unit edge directions of B, in B's frame
+    sine: float  # sigma, of an angle, > 0
+    fade: float  # kappa [m] >= 0
+
+
+@dataclass(frozen=True, eq=False)
+class CandidateNormals:
+    """A set of axes for one pair of bodies; -w goes with every w."""
+
+    in_a: Array  # (K_a, 3) unit directions fixed in A's frame
+    counts_a: Array  # (K_a,) how often each counts in the maximum: once, but in the multiset
+    in_b: Array  # (K_b, 3) the same for B
+    counts_b: Array  # (K_b,)
+    centre: CentreAxis | None = None
+    edges: EdgeAxes | None = None
+
+
+def candidate_normals(name: str, body_a: ConvexBody, body_b: ConvexBody) -> CandidateNormals:
+    """Return the set ``name`` for this pair.
+
+    ``paper``           Ñ: faces and edges, equal directions once per body (eq. ``eq:Ntilde``). A's and B's copies are
+                        both kept, also where they happen to align: merging them would make D jump.
+    ``paper-multiset``  the same with every edge counted, as the paper's published code does.
+    ``+centre``         one axis along the line of centres: spheres, and corner against corner.
+    ``+edges``          the cross products of edges, regularized: what the paper's set lacks most.
+    ``+sphere-K``       K more directions, K/2 lines evenly over the sphere, fixed in each body: what swept bodies lack.
+
+    Raises InputError for an unknown name.
+    """
+    base, *parts = name.split("+")
+    if base not in BASES or len(set(parts)) < len(parts):
+        raise _unknown(name)
+    (in_a, counts_a), (in_b, counts_b) = own_directions(body_a), own_directions(body_b)
+    if base == "paper":
+        counts_a, counts_b = np.ones(len(in_a)), np.ones(len(in_b))
+    normals = CandidateNormals(in_a, counts_a, in_b, counts_b)
+    size = 0.5 * (body_a.reach + body_b.reach) or 1.0
+    for part in parts:
+        kind, _, number = part.partition("-")
+        if part == "centre":
+            normals = replace(normals, centre=CentreAxis(body_a.centre, body_b.centre, CENTRE_SOFTNESS * size))
+        elif part == "edges":
+            normals = replace(normals, edges=EdgeAxes(body_a.edges, body_b.edges, EDGE_SINE, EDGE_FADE * size))
+        elif kind == "sphere" and number.isascii() and number.isdigit() and int(number) >= 2 and int(number) % 2 == 0:
+            more = sphere_directions(int(number))
+            normals = replace(
+                normals,
+                in_a=np.vstack([normals.in_a, more]),
+                counts_a=np.append(normals.counts_a, np.ones(len(more))),
+                in_b=np.vstack([normals.in_b, more]),
+                counts_b=np.append(normals.counts_b, np.ones(len(more))),
+            )
+        else:
+            raise _unknown(name)
+    return normals
+
+
+def own_directions(body: ConvexBody) -> tuple[Array, Array]:
+    """Return F(A) ∪ E(A) in the body's frame (K, 3), equal up to sign once, and how often the published code has each
+    (K,).
 
     A point has no face and no edge, and a segment only itself: the paper's set would be empty for two spheres, and
     blind to two capsules side by side. Such a body counts as the limit of a thin box: its directions are completed to
     an orthonormal frame, fixed in the body (so D stays smooth in the pose, and a sphere's orientation matters a
     little).
     """
-    directions = unique_directions(np.vstack([body.faces, body.edges]))
-    if len(directions) >= 2:
-        return directions
-    frame = np.linalg.qr(np.vstack([directions, np.eye(3)]).T)[0].T  # rows; the first is the body's own direction
-    return np.vstack([directions, frame[len(directions) :]])
+    faces, _ = unique_directions(body.faces)
+    directions, counts = unique_directions(np.vstack([faces, body.edges]))
+    if len(directions) < 2:
+        frame = np.linalg.qr(np.vstack([directions, np.eye(3)]).T)[0].T  # rows; the first is the body's own direction
+        return np.vstack([directions, frame[len(directions) :]]), np.ones(3)
+    for direction, count in zip(body.edges, body.edge_counts, strict=True):
+        counts[np.argmax(np.abs(directions @ direction))] += count - 1
+    return directions, counts
 
 
-def paper_normals(body_a: ConvexBody, body_b: ConvexBody) -> tuple[Array, Array]:
-    """Return the paper's set Ñ up to sign, as directions fixed in A (K_a, 3) and in B (K_b, 3); -n goes with every n.
+def sphere_directions(count: int) -> Array:
+    """Return ``count``/2 unit directions (count/2, 3), with their opposites evenly over the sphere (Fibonacci's)."""
+    lines = count // 2
+    height = (np.arange(lines) + 0.5) / lines
+    turn = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(lines)
+    across = np.sqrt(1.0 - height**2)
+    return np.stack([across * np.cos(turn), across * np.sin(turn), height], axis=1)
 
-    Equal directions count once per body; A's and B's copies are both kept, also where they happen to align: merging
-    them would make D jump. Sign-safe, radii included: for unit n, min over the swept bodies of n·(a - b) is the one
-    over the vertices minus both radii, and never above the signed distance.
+
+def check_witnesses(witnesses: ArrayLike | None) -> Array:
+    """Return witness normals, fixed in B's frame, as unit vectors (..., W, 3); none give (0, 3).
+
+    Raises InputError for another shape and for vectors without a direction.
     """
-    return own_directions(body_a), own_directions(body_b)
-
-
-NORMALS: dict[str, Callable[[ConvexBody, ConvexBody], tuple[Array, Array]]] = {"paper": paper_normals}
-
-
-def candidate_normals(name: str, body_a: ConvexBody, body_b: ConvexBody) -> tuple[Array, Array]:
-    """Return the set ``name`` of ``NORMALS`` for this pair, up to sign: fixed in A (K_a, 3) and in B (K_b, 3).
-
-    Raises InputError for an unknown name.
-    """
-    if name not in NORMALS:
-        raise InputError(f"normals: unknown set '{name}'{nearest(name, NORMALS)}")
-    return NORMALS[name](body_a, body_b)
+    if witnesses is None:
+        return np.empty((0, 3))
+    vectors = np.asarray(witnesses, dtype=float)
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    if vectors.ndim < 2 or vectors.shape[-1] != 3 or not np.all(np.isfinite(lengths)) or np.any(lengths == 0):
+        raise InputError(f"witnesses: found an array of shape {vectors.shape}, allowed are nonzero vectors (..., W, 3)")
+    return np.asarray(vectors / lengths)
 
 
 def separating_axes(body_a: ConvexBody, rotation_a: Array, body_b: ConvexBody, rotation_b: Array) -> Array:
@@ -72,3 +166,7 @@ def separating_axes(body_a: ConvexBody, rotation_a: Array, body_b: ConvexBody, r
     span = np.vstack([edges_a, edges_b, np.zeros((3, 3))])
     _, extents, axes = np.linalg.svd(span)
     return np.vstack([body_a.faces @ rotation_a.T, body_b.faces @ rotation_b.T, crosses, axes[extents <= PARALLEL]])
+
+
+def _unknown(name: str) -> InputError:
+    return InputError(f"normals: unknown set '{name}'{nearest(name, RUNGS)}, allowed are {', '.join(RUNGS)}")

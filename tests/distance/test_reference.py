@@ -153,12 +153,15 @@ def test_large_gamma_and_short_shaping_tend_to_the_hard_minimum_and_maximum(rand
 
 
 def test_directions_per_body():
-    assert len(own_directions(CUBE)) == 3
-    assert len(own_directions(ConvexBody.platonic("icosahedron"))) == 25
-    aligned_a, aligned_b = candidate_normals("paper", CUBE, CUBE)
-    assert len(aligned_a) == len(aligned_b) == 3
+    directions, counts = own_directions(CUBE)
+    assert len(directions) == 3
+    np.testing.assert_array_equal(counts, 5)  # in the multiset: one face up to sign, four edges
+    assert len(own_directions(ConvexBody.platonic("icosahedron"))[0]) == 25
+    aligned = candidate_normals("paper", CUBE, CUBE)
+    assert len(aligned.in_a) == len(aligned.in_b) == 3
     for flat in (ConvexBody.sphere(0.1), ConvexBody.capsule(0.1, 0.5), ConvexBody.from_points([[0, 0, 0], [1, 2, 3]])):
-        np.testing.assert_allclose(own_directions(flat) @ own_directions(flat).T, np.eye(3), atol=1e-15)
+        frame, _ = own_directions(flat)
+        np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-15)
 
 
 def test_bad_arguments_are_refused():
