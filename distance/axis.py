@@ -1,0 +1,231 @@
+"""One candidate normal of the HD-SDF in CasADi: the shaped Hölder minimum over two lists of projections.
+
+In, for one axis w: what A's and B's vertices project to, ``levels`` (equal ones once, with a count) and ``along``, and
+the drop r_A + r_B + f. Out, for the axis and for its opposite: g = Phi(⊕_ij x_ij) of x_ij = ±(level_i - along_j) - drop
+and its derivatives in the closed form of ``holder.shaped_minimum``. They are handed on as moments of the vertices: x_ij
+is linear in ψ_ij = (1, b_j), or (1, b_j, a_i) where both lists move, whatever the motion, so that sums of ψ and of ψψᵀ
+hold all there is to know of the vertex pairs.
+
+An axis is computed in one of three cases, a real branch of the generated code: SKIPPED, where another axis separates the
+bodies and this one does not (it weighs exactly 0 in the maximum); APART, where it separates them, along one of its
+signs; CONTACT, where no axis does and both signs count. All ratios lie in [0, 1]: nothing overflows, at any gamma or
+scale.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import casadi as ca
+
+from hdplan.distance.symbolic import TINY, Expression, integer_power, positive_part
+
+SKIPPED, APART, CONTACT = range(3)
+
+BLOCK = 256  # vertex pairs written out as straight-line code; more of them run in a loop, which compiles in no time
+
+
+@dataclass(frozen=True)
+class AxisShape:
+    """What an axis function is built for."""
+
+    levels: int  # L
+    along: int  # m
+    gamma: int
+    order: int  # of the derivatives wanted: 0, 1 or 2
+    both_move: bool  # whether the levels depend on the pose too; they do not where the axis is fixed in their body
+
+    @property
+    def moments(self) -> int:
+        """The length of ψ."""
+        return 7 if self.both_move else 4
+
+
+@functools.cache
+def axis_function(shape: AxisShape) -> ca.Function:
+    """Return the function of one axis.
+
+    Inputs: case; levels (L), their counts (L), along (m), its counts (m); drop; the least x for either sign (2);
+    shaping_length [m]; the points b_j (3, m) and, where both move, a_i (3, L).
+
+    Outputs, a column each for the axis and its opposite: g (1, 2); from order 1 on slope = dg/du (1, 2) and pull = Σ q
+    ψ (n, 2), q_ij = du/dx_ij; from order 2 on ``outer`` (1, 2) and ``sharp`` (n, 2n), with which d²g = outer (Σ q dx)(Σ
+    q dx)ᵀ + Σ sharp_ij dx dxᵀ + slope Σ q d²x.
+    """
+    inputs = _inputs(shape, ca.SX)
+    skip = ca.Function("skip", inputs, [ca.SX.zeros(*size) for size in _output_sizes(shape)])
+    cases = []
+    for apart in (True, False):
+        kind, sums = (ca.SX, _sums) if shape.levels * shape.along <= BLOCK else (ca.MX, _sums_in_a_loop)
+        inputs = _inputs(shape, kind)
+        cases.append(ca.Function("apart" if apart else "contact", inputs, _outputs(shape, inputs, apart, sums)))
+    return ca.Function.conditional("axis", [skip, cases[0]], cases[1])
+
+
+class Shaped(NamedTuple):
+    """g = Phi(u) of a Hölder minimum u, from its extreme and its power sum; the factors that its derivatives share."""
+
+    value: Expression
+    slope: Expression  # dg/du
+    scale_pull: Expression  # q_i = w_i r_i^(p±1) · this
+    outer: Expression  # d²g/dx² = outer q qᵀ + diag(sharp),
+    scale_sharp: Expression  # sharp_i = w_i r_i^(p±2) · this
+
+
+def shaped(extreme: Expression, total: Expression, length: Expression, gamma: int, above: bool | Expression) -> Shaped:
+    """Return Phi(u) and its factors for the least value ``extreme`` = m and the sum ``total`` = Σ w r^p.
+
+    ``above``: whether m > 0. See ``holder.shaped_minimum`` for the equations. |m| <= TINY gives 0 throughout.
+    """
+    p = gamma + 1
+    zero = ca.fabs(extreme) <= TINY
+    root = _root(total + zero, p)
+    inverse = 1 / root
+    square = inverse * inverse
+    u = extreme * _choose(above, inverse, root) * (1 - zero)
+    size = ca.fabs(u)
+    near = size <= length
+    ratio = ca.fmin(size, length) / ca.fmax(size, length)
+    power = integer_power(ratio, gamma)
+    s, rest = _choose(near, power, 1) / (1 + power), _choose(near, 1, power) / (1 + power)
+    slope = s * (1 + gamma * rest)
+    # s/u, which tends to 0 with u: |u|^(gamma-1) / (delta^gamma (1 + t^gamma)), or 1 / (u (1 + t^-gamma))
+    lower = integer_power(ratio, gamma - 1) if gamma > 1 else 1 - zero
+    s_by_u = ca.sign(u) * _choose(near, lower / length, 1 / ca.fmax(size, length)) / (1 + power)
+    order = _choose(above, p + 1, 1 - p)
+    scale_sharp = integer_power(inverse, p - 2) if p > 2 else 1
+    bend = s_by_u * order * (1 + gamma * rest)
+    return Shaped(
+        u * s,
+        slope,
+        scale_sharp * inverse * _choose(above, square, 1),
+        s_by_u * gamma * rest * (1 + gamma * (rest - s)) + bend,
+        -bend * scale_sharp * _choose(above, square * square, 1),
+    )
+
+
+def _inputs(shape: AxisShape, kind: Any) -> list[Expression]:
+    sizes = {
+        "levels": (shape.levels, 1),
+        "level_counts": (shape.levels, 1),
+        "along": (shape.along, 1),
+        "along_counts": (shape.along, 1),
+        "drop": (1, 1),
+        "least": (2, 1),
+        "length": (1, 1),
+        "points_b": (3, shape.along),
+    }
+    if shape.both_move:
+        sizes["points_a"] = (3, shape.levels)
+    return [kind.sym(name, *size) for name, size in sizes.items()]
+
+
+def _output_sizes(shape: AxisShape) -> list[tuple[int, int]]:
+    n = shape.moments
+    return [(1, 2), (1, 2), (n, 2), (1, 2), (n, 2 * n)][: (1, 3, 5)[shape.order]]
+
+
+def _outputs(shape: AxisShape, inputs: list[Expression], apart: bool, sums: Any) -> list[Expression]:
+    least = inputs[5]
+    if apart:
+        sign, extreme = ca.if_else(least[0] > 0, 1, -1), ca.fmax(least[0], least[1])
+        column = _column(shape, inputs, sums, sign, extreme, True)
+        columns = [[part * (sign == s) for part in column] for s in (1, -1)]
+    else:
+        columns = [_column(shape, inputs, sums, s, least[k], False) for k, s in enumerate((1, -1))]
+    return [ca.horzcat(plus, minus) for plus, minus in zip(*columns, strict=True)]
+
+
+def _column(
+    shape: AxisShape, inputs: list[Expression], sums: Any, sign: Any, extreme: Expression, apart: bool
+) -> list[Expression]:
+    """Return the outputs for one sign."""
+    length = inputs[6]
+    # x/m below contact, m/x above: the factor that is the same for all pairs
+    scale = extreme if apart else ca.if_else(extreme < -TINY, 1 / ca.fmin(extreme, -TINY), 0)
+    total, *moments = sums(shape, inputs, sign, scale, apart)
+    g = shaped(extreme, total, length, shape.gamma, apart)
+    parts = [g.value]
+    if shape.order >= 1:
+        parts += [g.slope, g.scale_pull * moments[0]]
+    if shape.order == 2:
+        parts += [g.outer, g.scale_sharp * moments[1]]
+    return parts
+
+
+def _sums(
+    shape: AxisShape, inputs: list[Expression], sign: Any, scale: Expression, apart: bool
+) -> list[Expression]:
+    """Return Σ w r^p, Σ w r^(p-1) ψ and Σ w r^(p-2) ψψᵀ (p+1 and p+2 where apart) over all pairs of vertices."""
+    levels, level_counts, along, along_counts, drop, _, _, points_b, *points_a = inputs
+    p = shape.gamma + 1
+    x = sign * (ca.repmat(levels, 1, along.numel()) - ca.repmat(along.T, levels.numel(), 1)) - drop
+    if apart:
+        r = scale / ca.fmax(x, scale)
+        full = integer_power(r, p)
+        pull = full * r
+        sharp = pull * r
+    else:
+        r = positive_part(-x) * -scale
+        sharp = integer_power(r, p - 2) if p > 2 else r > 0
+        pull = sharp * r
+        full = pull * r
+    results = [level_counts.T @ full @ along_counts]
+    for weights, square in ((pull, False), (sharp, True))[: shape.order]:
+        weights = weights * (level_counts @ along_counts.T)
+        by_b, by_a = ca.sum1(weights).T, ca.sum2(weights)
+        psi_b = ca.vertcat(ca.SX.ones(1, by_b.numel()), points_b)
+        if not square:
+            results.append(ca.vertcat(psi_b @ by_b, *(a @ by_a for a in points_a)))
+            continue
+        block = psi_b @ (ca.repmat(by_b, 1, 4) * psi_b.T)
+        if points_a:
+            (a,) = points_a
+            mixed = a @ weights @ psi_b.T
+            block = ca.blockcat([[block, mixed.T], [mixed, a @ (ca.repmat(by_a, 1, 3) * a.T)]])
+        results.append(block)
+    return results
+
+
+def _sums_in_a_loop(
+    shape: AxisShape, inputs: list[Expression], sign: Any, scale: Expression, apart: bool
+) -> list[Expression]:
+    """Return ``_sums`` by blocks of ``along``."""
+    width = max(b for b in range(1, shape.along + 1) if shape.along % b == 0 and (b == 1 or shape.levels * b <= BLOCK))
+    count = shape.along // width
+    block = _block(shape, width, apart)
+    levels, level_counts, along, along_counts, drop, _, _, points_b, *points_a = inputs
+    same = [ca.repmat(part, 1, count) for part in (levels, level_counts, drop, ca.MX(sign), scale, *points_a)]
+    parts = block.map(count)(
+        *same, ca.reshape(along, width, count), ca.reshape(along_counts, width, count), points_b
+    )
+    n = shape.moments
+    return [
+        ca.reshape(ca.sum2(ca.reshape(part, -1, count)), *size)
+        for part, size in zip(parts if shape.order else [parts], ((1, 1), (n, 1), (n, n)), strict=False)
+    ]
+
+
+@functools.cache
+def _block(shape: AxisShape, width: int, apart: bool) -> ca.Function:
+    inputs = _inputs(AxisShape(shape.levels, width, shape.gamma, shape.order, shape.both_move), ca.SX)
+    levels, level_counts, along, along_counts, drop, _, _, points_b, *points_a = inputs
+    sign, scale = ca.SX.sym("sign"), ca.SX.sym("scale")
+    sums = _sums(shape, inputs, sign, scale, apart)
+    arguments = [levels, level_counts, drop, sign, scale, *points_a, along, along_counts, points_b]
+    return ca.Function("block", arguments, sums)
+
+
+def _root(x: Expression, p: int) -> Expression:
+    """Return x^(1/p), by square roots where that will do: pow is a slow call."""
+    if p % 2 == 0:
+        return ca.sqrt(_root(x, p // 2))
+    return x if p == 1 else x ** (1.0 / p)
+
+
+def _choose(condition: bool | Expression, yes: Any, no: Any) -> Any:
+    if isinstance(condition, bool):
+        return yes if condition else no
+    return ca.if_else(condition, yes, no)
