@@ -79,7 +79,8 @@ def shaped_minimum(
     u = np.where(above, m / root, m * root)
     q = w * np.where(above, (r / root) ** (p + 1), (r / root) ** (p - 1))
     sharp = w * np.where(above, (r / root) ** (p + 2), np.where(r > 0, (r / root) ** (p - 2), 0.0))
-    power = (np.minimum(np.abs(u), shaping_length) / np.maximum(np.abs(u), shaping_length)) ** gamma
+    low = np.minimum(np.abs(u), shaping_length)
+    power = (low / np.maximum(np.abs(u), shaping_length)) ** gamma
     near = np.abs(u) < shaping_length
     s, rest = np.where(near, power, 1.0) / (1.0 + power), np.where(near, 1.0, power) / (1.0 + power)
     outer, diagonal = q[..., :, None] * q[..., None, :], sharp[..., None] * np.eye(x.shape[-1])
@@ -87,7 +88,7 @@ def shaped_minimum(
     curved = gamma * rest * (1.0 + gamma * (rest - s))
     slope = 1.0 + gamma * rest
     bracket = curved[..., None] * outer + (slope[..., None] * order) * (outer - diagonal)
-    short = np.sign(u) * (np.abs(u) / shaping_length) ** (gamma - 1) / shaping_length / (1.0 + power)
+    short = np.sign(u) * (low / shaping_length) ** (gamma - 1) / shaping_length / (1.0 + power)
     s_by_u = np.where(near, short, 1.0 / (np.where(near, 1.0, u) * (1.0 + power)))
     live = m != 0
     return (
