@@ -4,12 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from hdplan.distance import oracle
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.oracle import signed_distance
+from hdplan.distance.oracle import CoalPair, signed_distance, signed_distances
+from hdplan.distance.random_poses import touching_poses
 from hdplan.distance.reference import separating_axis_distance
 from hdplan.scenes.errors import InputError
+from tests.distance.hard_cases import place
+
+
+def _nothing_proven(*arguments):
+    return np.zeros(len(arguments[-1].distances), dtype=bool)
 
 
 def _gap(body, pose, direction):
@@ -33,10 +40,12 @@ def test_closed_forms(hard, tolerance):
     bound = tolerance["oracle"] * size
     assert abs(found.distance - hard.distance) <= bound
     _check_proof(found, hard.body_a, hard.pose_a, hard.body_b, hard.pose_b, bound)
+    bulk = signed_distances(hard.body_a, [hard.pose_a] * 3, hard.body_b, [hard.pose_b] * 3)
+    np.testing.assert_allclose(bulk, hard.distance, rtol=0, atol=bound)
 
 
 def test_ground_truth_has_the_closed_forms(hard, tolerance, monkeypatch):
-    monkeypatch.setattr(oracle, "_coal", lambda *_: None)
+    monkeypatch.setattr(oracle, "_proven", _nothing_proven)
     size = max(1.0, abs(hard.distance), np.abs(hard.body_a.vertices).max())
     found = signed_distance(hard.body_a, hard.pose_a, hard.body_b, hard.pose_b)
     assert abs(found.distance - hard.distance) <= tolerance["exact"] * size
@@ -50,7 +59,7 @@ def test_coal_and_ground_truth_agree(pair, random_poses, tolerance, monkeypatch)
         fast = signed_distance(body_a, pose_a, body_b, pose_b)
         _check_proof(fast, body_a, pose_a, body_b, pose_b, tolerance["oracle"])
         with monkeypatch.context() as patch:
-            patch.setattr(oracle, "_coal", lambda *_: None)
+            patch.setattr(oracle, "_proven", _nothing_proven)
             slow = signed_distance(body_a, pose_a, body_b, pose_b)
         assert abs(fast.distance - slow.distance) <= tolerance["oracle"]
         _check_proof(slow, body_a, pose_a, body_b, pose_b, tolerance["exact"])
@@ -76,17 +85,19 @@ def test_swapping_the_bodies_turns_the_normal(pair, random_poses, tolerance):
         assert abs(one.distance - other.distance) <= tolerance["oracle"]
 
 
-def test_garbage_from_coal_is_refused(monkeypatch):
+@pytest.mark.parametrize("garbage", [-1.7976931348623157e308, np.inf, np.nan, -1.0, 0.4])
+def test_garbage_from_coal_is_refused(garbage, monkeypatch):
     cube = ConvexBody.box([1, 1, 1])
     pose_a, pose_b = np.eye(4), np.eye(4)
     pose_a[0, 3] = 1.5
 
     def wrong(*arguments):
         arguments[-1].normal = np.array([0.0, 1.0, 0.0])
-        return -1.7976931348623157e308
+        return garbage
 
-    monkeypatch.setattr(oracle.coal, "distance", wrong)
+    monkeypatch.setattr(oracle.coal, "ComputeDistance", lambda *_: wrong)
     assert signed_distance(cube, pose_a, cube, pose_b).distance == pytest.approx(0.5, abs=1e-12)
+    assert signed_distances(cube, [pose_a] * 3, cube, [pose_b] * 3) == pytest.approx(0.5, abs=1e-12)
 
 
 def test_exactly_parallel_contacts_of_boxes(tolerance):
@@ -103,9 +114,59 @@ def test_exactly_parallel_contacts_of_boxes(tolerance):
         assert abs(found.distance - truth) <= tolerance["oracle"]
 
 
+def test_bulk_is_the_loop(pair, random_poses, tolerance, monkeypatch):
+    body_a, body_b = pair
+    rng = np.random.default_rng(8)
+    touching = touching_poses(body_a, body_b, rng, 10)
+    poses_a = np.concatenate([random_poses(9, 10, 0.5), touching[0]])
+    poses_b = np.concatenate([random_poses(10, 10, 0.5), touching[1]])
+    loop = [signed_distance(body_a, a, body_b, b).distance for a, b in zip(poses_a, poses_b, strict=True)]
+    bulk = signed_distances(body_a, poses_a, body_b, poses_b)
+    np.testing.assert_allclose(bulk, loop, rtol=0, atol=tolerance["oracle"])
+    monkeypatch.setattr(oracle, "BLOCK", 1)
+    np.testing.assert_allclose(signed_distances(body_a, poses_a, body_b, poses_b), bulk, rtol=0, atol=1e-15)
+
+
+def test_a_depth_that_is_not_the_least_is_refused():
+    """EPA stops at a face of the difference that is not the nearest: consistent in itself, and wrong."""
+    cube, half = ConvexBody.box([1, 1, 1]), np.sqrt(0.5)
+    turns = Rotation.from_euler("z", 45, degrees=True), Rotation.from_euler("y", 45, degrees=True)
+    pose_a, pose_b = place(2 * half - 0.05, rotation=turns[0]), place(rotation=turns[1])  # edges crossed, 5 cm deep
+    places = oracle._Placements(pose_a[None, :3, :3], pose_a[None, :3, 3], pose_b[None, :3, :3], 0)
+    right = signed_distance(cube, pose_a, cube, pose_b)
+    assert right.distance == pytest.approx(-0.05, abs=1e-9)
+    normal = pose_b[:3, 0]  # of the face of B towards A: deeper, so no largest gap
+    depth = _gap(cube, pose_a, normal)[0] - _gap(cube, pose_b, normal)[1]
+    assert depth < -0.3
+    corner = np.array([half - 0.05, 0.0, 0.4])  # of A's leading edge
+    corner = corner - normal * (normal @ corner - _gap(cube, pose_a, normal)[0])
+    answers = [(right.distance, right.point_a, right.point_b, right.normal)]
+    answers.append((depth, corner, corner - depth * normal, normal))
+    for answer, accepted in zip(answers, (True, False), strict=True):
+        found = oracle._Answers(*(np.array([column]) for column in answer))
+        assert oracle._proven(cube, cube, places, found)[0] == accepted
+
+
+def test_coal_alone_is_right_at_random_poses(pair, random_poses):
+    body_a, body_b = pair
+    poses_a, poses_b = random_poses(11, 10, 1.0), random_poses(12, 10, 1.0)
+    coal_pair = CoalPair(body_a, body_b)
+    alone = [coal_pair.distance(a, b) for a, b in zip(poses_a, poses_b, strict=True)]
+    np.testing.assert_allclose(alone, signed_distances(body_a, poses_a, body_b, poses_b), rtol=0, atol=1e-6)
+
+
 def test_bad_poses_are_refused():
     cube = ConvexBody.box([1, 1, 1])
     with pytest.raises(InputError, match="pose_a"):
         signed_distance(cube, np.eye(3), cube, np.eye(4))
     with pytest.raises(InputError, match="pose_b"):
         signed_distance(cube, np.eye(4), cube, np.full((4, 4), np.nan))
+    with pytest.raises(InputError, match="poses_a: found an array of shape"):
+        signed_distances(cube, np.eye(4), cube, np.eye(4)[None])
+    with pytest.raises(InputError, match="poses_b: found 2 poses, allowed are as many as poses_a has: 3"):
+        signed_distances(cube, [np.eye(4)] * 3, cube, [np.eye(4)] * 2)
+
+
+def test_no_poses_give_no_distances():
+    cube = ConvexBody.box([1, 1, 1])
+    assert signed_distances(cube, np.empty((0, 4, 4)), cube, np.empty((0, 4, 4))).shape == (0,)
