@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -12,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from hdplan.distance.bodies import ConvexBody
 from tests.distance.hard_cases import HARD, Case, place
+from tests.distance.witnesses import NAMES, Evaluate, evaluator
 
 Array = NDArray[np.float64]
 
@@ -66,6 +68,12 @@ def hard(request: pytest.FixtureRequest) -> Case:
     """Return every hard case."""
     case: Case = request.param
     return case
+
+
+@pytest.fixture(params=NAMES)
+def witness(request: pytest.FixtureRequest) -> Callable[..., Evaluate]:
+    """Return ``(body_a, body_b, **settings)`` -> distance with derivatives, by each witness."""
+    return partial(evaluator, request.param)
 
 
 @pytest.fixture(scope="session")

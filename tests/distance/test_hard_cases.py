@@ -1,0 +1,155 @@
+"""Hard poses, for each witness: all finite, all right as far as the truth in many digits says, the sign always right.
+
+How right: relative errors of ``ROUNDING`` p² size/|D-tilde|. D grows as the (p²)-th power of the gap near contact, so
+the rounding of coordinates of that size shows p² size/gap times in D, in its gradient and in its Hessian.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import mpmath
+import numpy as np
+import pytest
+
+from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.oracle import signed_distance
+from hdplan.distance.reference import separation
+from tests.distance.extended import truth
+from tests.distance.hard_cases import HARD, place
+from tests.distance.witnesses import evaluator
+
+GAMMAS = (1, 2, 3, 4, 8, 16, 32)
+LENGTHS = (1e-9, 1e-6, 1e-3, 1.0)  # [m]
+SETS = ("paper", "paper+edges", "paper+centre", "paper-multiset", "paper+sphere-8")
+EVERY = [  # of the 140 combinations those whose numbers differ; each gamma, length and set in turn with the others
+    {"gamma": GAMMAS[k % 7], "shaping_length": LENGTHS[(k + 2) % 4], "normals": SETS[k % 5]} for k in range(1, 141)
+]
+
+ROUNDING = 16 * float(np.finfo(float).eps)
+ROUNDING32 = 16 * float(np.finfo(np.float32).eps)
+UNDERFLOW, UNDERFLOW32 = 1e-280, 1e-28  # below these digits are lost on the way
+BLIND = {  # just touching or apart, and the paper's set sees no plane between them
+    "crossed edges touch": "edges",
+    "crossed edges, 0.1 m apart": "edges",
+    "capsule along an edge": "nothing but more directions",
+}
+
+
+@cache
+def _settings(case):
+    """Return the settings at which a case is held against the truth: at most three per pair of bodies, to build few."""
+    pairs = list(dict.fromkeys((other.body_a, other.body_b) for other in HARD))
+    number = pairs.index((case.body_a, case.body_b))
+    among = [other for other in HARD if (other.body_a, other.body_b) == pairs[number]].index(case)
+    return EVERY[4 * number + among % 3]
+
+
+def _size(case):
+    """Return the size of the coordinates that are subtracted from each other [m]."""
+    offset = np.abs(case.pose_a[:3, 3] - case.pose_b[:3, 3]).max()
+    return float(max(offset, *(np.abs(b.vertices).max() + b.radius for b in (case.body_a, case.body_b))))
+
+
+def _twist(case):
+    """Return a random twist: translations of the size of the case, rotations of a radian."""
+    return np.random.default_rng(1).normal(size=12) * np.repeat([_size(case), 1.0, _size(case), 1.0], 3)
+
+
+@cache
+def _truth(case, **settings):
+    tiny = max(0, -int(np.log10(abs(case.distance)))) if case.held else 0  # the differences' steps are smaller yet
+    digits = max(120, 3 * (tiny + 20))
+    return truth(case.body_a, case.pose_a, case.body_b, case.pose_b, _twist(case), digits=digits, **settings)
+
+
+def _check(case, found, gamma, rounding=ROUNDING, underflow=UNDERFLOW, **settings):
+    """Hold value, separation, and the derivatives along a twist against the truth."""
+    for part in found:
+        assert np.all(np.isfinite(part))
+    np.testing.assert_allclose(found.hessian, found.hessian.T, atol=rounding * np.abs(found.hessian).max())
+    right, twist, size = _truth(case, gamma=gamma, **settings), _twist(case), _size(case)
+    noise = rounding * size
+    assert abs(found.separation - right.separation) <= noise
+    if case.held or abs(right.separation) > noise:
+        assert np.sign(found.separation) == np.sign(right.separation)
+    if found.value != 0:  # it may underflow; its sign may not differ
+        assert np.sign(found.value) == np.sign(found.separation)
+    slopes, curvatures = found.gradient * twist, twist[:, None] * found.hessian * twist
+    value_scale = abs(right.value)
+    slope_scale = value_scale + np.abs(slopes).sum()
+    curvature_scale = slope_scale + np.abs(curvatures).sum()
+    relative = rounding * (gamma + 1) ** 2 * (1.0 if case.held else max(1.0, size / max(abs(right.separation), 1e-300)))
+    assert abs(found.value) <= noise or relative < 0.5
+    if relative >= 0.5:  # the gap is nothing but rounding: D and its derivatives have no digit to hold
+        return
+    assert abs(found.value - right.value) <= relative * value_scale + underflow
+    assert abs(slopes.sum() - right.slope) <= relative * slope_scale + underflow * size
+    if gamma > 1:  # for gamma = 1 it may be another one-sided value
+        assert abs(curvatures.sum() - right.curvature) <= relative * curvature_scale + underflow * size**2
+
+
+def test_finite_and_right(hard, witness):
+    settings = _settings(hard)
+    found = witness(hard.body_a, hard.body_b, **settings)(hard.pose_a, hard.pose_b)
+    _check(hard, found, **settings)
+
+
+def test_reference_is_right_at_settings_of_each_case(hard):
+    settings = EVERY[HARD.index(hard)]
+    found = evaluator("numpy", hard.body_a, hard.body_b, **settings)(hard.pose_a, hard.pose_b)
+    _check(hard, found, **settings)
+
+
+def test_finite_and_right_in_float32(hard):
+    settings = _settings(hard)
+    found = evaluator("jax", hard.body_a, hard.body_b, dtype="float32", **settings)(hard.pose_a, hard.pose_b)
+    _check(hard, found, rounding=ROUNDING32, underflow=UNDERFLOW32, **settings)
+
+
+def test_separation_has_the_sign_of_the_true_distance(hard, witness):
+    """Positive exactly where the bodies are apart, if a plane of the set tells; never where they share a point."""
+    settings = _settings(hard)
+    found = witness(hard.body_a, hard.body_b, **settings)(hard.pose_a, hard.pose_b).separation
+    noise = 0.0 if hard.held else ROUNDING * _size(hard)
+    if hard.distance <= 0:
+        assert found <= noise
+    elif hard.name not in BLIND or BLIND[hard.name] in settings["normals"]:
+        assert found > 0
+    if hard.distance < -noise and "centre" not in settings["normals"]:  # at one centre that axis reads no depth
+        assert found < 0
+
+
+def test_exact_normal_makes_separation_exact(hard):
+    """With the oracle's normal as a witness; so any set can be made to see."""
+    exact = signed_distance(hard.body_a, hard.pose_a, hard.body_b, hard.pose_b)
+    normal = hard.pose_b[:3, :3].T @ exact.normal
+    found = separation(hard.body_a, hard.pose_a, hard.body_b, hard.pose_b, witnesses=normal[None])
+    assert abs(found - hard.distance) <= 1e-12 * _size(hard)
+
+
+@pytest.mark.parametrize("gamma", [1, 2, 3, 8, 32])
+@pytest.mark.parametrize("gap", [1e-300, 1e-30, 1e-9, 1e-3, 0.7, 1e6])
+def test_two_points_have_a_closed_form(gap, gamma):
+    """Both points' axes along the gap see it, all others see 0: D = Phi(2^(1/p) Phi(gap))."""
+    point, length = ConvexBody.from_points([[0, 0, 0]]), 1e-3
+
+    def shape(u):
+        return u ** (gamma + 1) / (u**gamma + mpmath.mpf(length) ** gamma)
+
+    with mpmath.workdps(50):
+        right = float(shape(mpmath.mpf(2) ** (mpmath.mpf(1) / (gamma + 1)) * shape(mpmath.mpf(gap))))
+    found = evaluator("numpy", point, point, gamma=gamma, shaping_length=length)(place(gap), place())
+    np.testing.assert_allclose(found.value, right, rtol=ROUNDING * (gamma + 1) ** 2, atol=UNDERFLOW)
+    assert found.separation == gap
+
+
+def test_a_hundred_digits_are_enough():
+    """The truth does not change with its digits: the differences behind its derivatives have converged."""
+    for case in HARD[1:60:7]:
+        settings = {"gamma": 2, "shaping_length": 1e-6}
+        once, again = (
+            truth(case.body_a, case.pose_a, case.body_b, case.pose_b, _twist(case), digits=digits, **settings)
+            for digits in (120, 180)
+        )
+        np.testing.assert_allclose(once, again, rtol=1e-14, atol=1e-30 * max(1.0, abs(once.curvature)))
