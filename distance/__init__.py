@@ -1,7 +1,8 @@
-"""Signed distances of convex bodies: smooth (``hdsdf``, ``hdsdf_function``) and exact (``signed_distance``).
+"""Signed distances of convex bodies: smooth (``hdsdf`` and its fast versions) and exact (``signed_distance``).
 
-Positive = separated, everywhere. CasADi and coal are loaded only when ``hdsdf_function`` or ``signed_distance`` is
-asked for.
+Positive = separated, everywhere. ``hdsdf`` is the NumPy reference; ``hdsdf_compiled`` (CasADi, generated C) and
+``hdsdf_batch`` (JAX) evaluate the same for many poses, with gradient and Hessian; ``hdsdf_function`` is it as a CasADi
+Function. CasADi, JAX and coal are loaded only when something that needs them is asked for.
 """
 
 from __future__ import annotations
@@ -16,14 +17,17 @@ from hdplan.distance.reference import hdsdf, hdsdf_derivatives, separating_axis_
 from hdplan.distance.sat import Proximity
 
 if TYPE_CHECKING:
+    from hdplan.distance.batch import hdsdf_batch
     from hdplan.distance.oracle import signed_distance
-    from hdplan.distance.symbolic import hdsdf_function
+    from hdplan.distance.pair_distance import hdsdf_compiled, hdsdf_function
 
 __all__ = [
     "RUNGS",
     "ConvexBody",
     "Proximity",
     "hdsdf",
+    "hdsdf_batch",
+    "hdsdf_compiled",
     "hdsdf_derivatives",
     "hdsdf_function",
     "holder_maximum",
@@ -34,7 +38,12 @@ __all__ = [
     "signed_distance",
 ]
 
-_HEAVY = {"hdsdf_function": "symbolic", "signed_distance": "oracle"}
+_HEAVY = {
+    "hdsdf_batch": "batch",
+    "hdsdf_compiled": "pair_distance",
+    "hdsdf_function": "pair_distance",
+    "signed_distance": "oracle",
+}
 
 
 def __getattr__(name: str) -> Any:

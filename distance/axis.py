@@ -6,8 +6,8 @@ and its derivatives in the closed form of ``holder.shaped_minimum``. They are ha
 is linear in ψ_ij = (1, b_j), or (1, b_j, a_i) where both lists move, whatever the motion, so that sums of ψ and of ψψᵀ
 hold all there is to know of the vertex pairs.
 
-An axis is computed in one of three cases, a real branch of the generated code: SKIPPED, where another axis separates the
-bodies and this one does not (it weighs exactly 0 in the maximum); APART, where it separates them, along one of its
+An axis is computed in one of three cases, a real branch of the generated code: SKIPPED, where another axis separates
+the bodies and this one does not (it weighs exactly 0 in the maximum); APART, where it separates them, along one of its
 signs; CONTACT, where no axis does and both signs count. All ratios lie in [0, 1]: nothing overflows, at any gamma or
 scale.
 """
@@ -24,7 +24,7 @@ from hdplan.distance.symbolic import TINY, Expression, integer_power, positive_p
 
 SKIPPED, APART, CONTACT = range(3)
 
-BLOCK = 256  # vertex pairs written out as straight-line code; more of them run in a loop, which compiles in no time
+BLOCK = 64  # vertex pairs written out as straight-line code; more of them run in a loop, which compiles in no time
 
 
 @dataclass(frozen=True)
@@ -155,9 +155,7 @@ def _column(
     return parts
 
 
-def _sums(
-    shape: AxisShape, inputs: list[Expression], sign: Any, scale: Expression, apart: bool
-) -> list[Expression]:
+def _sums(shape: AxisShape, inputs: list[Expression], sign: Any, scale: Expression, apart: bool) -> list[Expression]:
     """Return Σ w r^p, Σ w r^(p-1) ψ and Σ w r^(p-2) ψψᵀ (p+1 and p+2 where apart) over all pairs of vertices."""
     levels, level_counts, along, along_counts, drop, _, _, points_b, *points_a = inputs
     p = shape.gamma + 1
@@ -198,9 +196,7 @@ def _sums_in_a_loop(
     block = _block(shape, width, apart)
     levels, level_counts, along, along_counts, drop, _, _, points_b, *points_a = inputs
     same = [ca.repmat(part, 1, count) for part in (levels, level_counts, drop, ca.MX(sign), scale, *points_a)]
-    parts = block.map(count)(
-        *same, ca.reshape(along, width, count), ca.reshape(along_counts, width, count), points_b
-    )
+    parts = block.map(count)(*same, ca.reshape(along, width, count), ca.reshape(along_counts, width, count), points_b)
     n = shape.moments
     return [
         ca.reshape(ca.sum2(ca.reshape(part, -1, count)), *size)

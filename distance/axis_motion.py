@@ -55,8 +55,8 @@ def wrench_function(motion: Motion, sizes: tuple[int, ...], moments: int, order:
     """Return how one axis, both signs, takes part in D's derivatives.
 
     Inputs: the motion's parameters, of ``sizes``; pull (n, 2) of ``axis_function``; push (1, 2) = dU/dg · dg/du, the
-    axis' share in the maximum U. For order 2 also sharp (n, 2n); slope (1, 2) = dD/dg · dg/du; the factors of (Σ q dx)(Σ
-    q dx)ᵀ and of sharp (1, 2) each.
+    axis' share in the maximum U. For order 2 also sharp (n, 2n); slope = dD/dg · dg/du, and the factors of (Σ q dx)(Σ q
+    dx)ᵀ and of sharp, (1, 2) each.
 
     Outputs: dU/dη (6); for order 2 this axis' part of d²D/dη² (6, 6), the outer rank-one term aside.
     """

@@ -32,16 +32,27 @@ Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 # None of them changes a value: without the last, machines with a fused multiply-add would round differently.
-FLAGS = ("-O2", "-fno-math-errno", "-fno-trapping-math", "-shared", "-fPIC", "-ffp-contract=off")
+FLAGS = (
+    "-O3",
+    "-std=gnu89",
+    "-fno-semantic-interposition",
+    "-fno-math-errno",
+    "-fno-trapping-math",
+    "-shared",
+    "-fPIC",
+    "-ffp-contract=off",
+)
 
 # Calls the generated function once per row; `rows[i][k]` is the row of table i that evaluation k takes.
 LOOP = """
 void {name}_rows(long long count, const double** tables, const long long* widths, const long long** rows,
                  double** results, const long long* result_widths, const double** arg, double** res, long long* iw,
                  double* w) {{
-  for (long long k = 0; k < count; ++k) {{
-    for (int i = 0; i < {n_in}; ++i) arg[i] = tables[i] + widths[i] * rows[i][k];
-    for (int i = 0; i < {n_out}; ++i) res[i] = results[i] + result_widths[i] * k;
+  long long k;
+  int i;
+  for (k = 0; k < count; ++k) {{
+    for (i = 0; i < {n_in}; ++i) arg[i] = tables[i] + widths[i] * rows[i][k];
+    for (i = 0; i < {n_out}; ++i) res[i] = results[i] + result_widths[i] * k;
     {name}(arg, res, iw, w, 0);
   }}
 }}

@@ -9,7 +9,6 @@ at all. Loops stay loops: one small function per kind of axis, mapped.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -26,7 +25,6 @@ from hdplan.distance.axis_motion import (
     wrench_function,
 )
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.holder import check_gamma, resolve_shaping_length
 from hdplan.distance.normals import CandidateNormals, candidate_normals
 from hdplan.distance.symbolic import TINY, integer_power, positive_part
 
@@ -89,8 +87,8 @@ def relative_function(
 
     Inputs: rotation (3, 3), position (3) [m], shaping_length [m], witnesses (3, W), unit, in B's frame.
 
-    Outputs: distance, separation [m]; from order 1 on the gradient (6) by the twist η of B in A's frame; for order 2 the
-    Hessian (6, 6): D(exp(η)·pose) to second order.
+    Outputs: distance, separation [m]; from order 1 on the gradient (6) by the twist η of B in A's frame; for order 2
+    the Hessian (6, 6): D(exp(η)·pose) to second order.
     """
     rotation, position = ca.MX.sym("rotation", 3, 3), ca.MX.sym("position", 3)
     length, witnesses = ca.MX.sym("shaping_length"), ca.MX.sym("witnesses", 3, witness_count)
@@ -110,7 +108,11 @@ def relative_function(
         results += _derivatives(groups, evaluated, maximum, gamma, order)
     names = ["distance", "separation", "gradient", "hessian"][: order + 2]
     return ca.Function(
-        "relative", [rotation, position, length, witnesses], results, ["rotation", "position", "length", "witnesses"], names
+        "relative",
+        [rotation, position, length, witnesses],
+        results,
+        ["rotation", "position", "length", "witnesses"],
+        names,
     )
 
 
@@ -172,7 +174,9 @@ def _groups(
 ) -> list[Axes]:
     """Lay out every axis, in groups of equal numbers of projections."""
     radii = body_a.radius + body_b.radius
-    in_a = rotation @ ca.DM(body_b.vertices.T) + ca.repmat(position, 1, len(body_b.vertices))  # B's vertices in A's frame
+    in_a = rotation @ ca.DM(body_b.vertices.T) + ca.repmat(
+        position, 1, len(body_b.vertices)
+    )  # B's vertices in A's frame
     in_b = rotation.T @ (ca.DM(body_a.vertices.T) - ca.repmat(position, 1, len(body_a.vertices)))
     groups = []
     for motion, directions, counts, own, seen, points in (
@@ -275,7 +279,9 @@ def _across(size_a: int, size_b: int) -> ca.Function:
     edge_a, edge_b, sine, fade = ca.SX.sym("u", 3), ca.SX.sym("v", 3), ca.SX.sym("sine"), ca.SX.sym("fade")
     points_a, points_b = ca.SX.sym("a", 3, size_a), ca.SX.sym("b", 3, size_b)
     w, drop = edge_axis(edge_a, edge_b, sine, fade)
-    return ca.Function("across", [edge_a, edge_b, sine, fade, points_a, points_b], [points_a.T @ w, points_b.T @ w, drop])
+    return ca.Function(
+        "across", [edge_a, edge_b, sine, fade, points_a, points_b], [points_a.T @ w, points_b.T @ w, drop]
+    )
 
 
 def _spans(columns: ca.MX) -> tuple[ca.MX, ca.MX]:

@@ -1,4 +1,4 @@
-"""The operators of the HD-SDF in CasADi, with their derivatives written by hand: the blocks that kernels are built from.
+"""The operators of the HD-SDF in CasADi, with their derivatives written by hand: what kernels are built from.
 
 In: scalars (``ca.SX``). Out: a value and its partial derivatives in closed form, finite wherever they are
 evaluated, and finite again when CasADi differentiates them (a branch that is not taken never holds 0/0). All ratios lie

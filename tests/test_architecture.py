@@ -22,6 +22,10 @@ MAY_IMPORT = {
 # Each heavy library has few homes.
 HOMES = {
     "casadi": {
+        "distance/axis.py",
+        "distance/axis_motion.py",
+        "distance/pair_distance.py",
+        "distance/pair_function.py",
         "distance/symbolic.py",
         "distance/halfspaces.py",
         "distance/compiled.py",
@@ -29,6 +33,8 @@ HOMES = {
         "planner/nlp.py",
         "planner/solvers/ipopt.py",
     },
+    "jax": {"distance/batch.py"},
+    "fcl": {"distance/fcl.py"},
     "coacd": {"planner/convex_pieces.py"},
     "yaml": {"scenes/fields.py"},
 }
@@ -45,6 +51,13 @@ SOLVER_SIDE = (
     "planner.seeds",
     "planner.solvers",
     "planner.plan",
+    "distance.axis",
+    "distance.axis_motion",
+    "distance.batch",
+    "distance.jets",
+    "distance.pair_distance",
+    "distance.pair_function",
+    "distance.projections",
     "distance.symbolic",
     "distance.reference",
     "distance.halfspaces",

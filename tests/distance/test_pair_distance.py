@@ -8,7 +8,7 @@ import pytest
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.reference import hdsdf
-from hdplan.distance.symbolic import hdsdf_function
+from hdplan.distance.pair_distance import hdsdf_function
 from hdplan.scenes.errors import InputError
 
 SMALL = [  # pairs whose Hessians build in a moment

@@ -1,0 +1,199 @@
+"""The HD-SDF of two bodies for many poses, as generated C: value, gradient and Hessian by the twists of both bodies.
+
+``hdsdf_function`` is the same distance as one CasADi Function, for graphs.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.compiled import RowFunction
+from hdplan.distance.holder import check_gamma, resolve_shaping_length
+from hdplan.distance.normals import candidate_normals, check_witnesses
+from hdplan.distance.pair_function import relative_function
+from hdplan.scenes.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+class CompiledDistance:
+    """D of two bodies (Definition ``def:set2set-signed-distance``) at poses (..., 4, 4); leading axes broadcast.
+
+    A lower bound of the signed distance in sign; ``separation`` D̃ (eq. ``eq:Dtilde``) is one in value, and has the sign
+    of D where D itself is too small for a number. Runs as C where a compiler is found, in CasADi's interpreter
+    elsewhere. Not to be called from two threads at once. Made by ``hdsdf_compiled``.
+    """
+
+    def __init__(
+        self,
+        body_a: ConvexBody,
+        body_b: ConvexBody,
+        gamma: int,
+        shaping_length: float,
+        normals: str,
+        witness_count: int,
+    ) -> None:
+        """Take the settings; the functions are built and compiled when they are first asked for."""
+        self._settings = (body_a, body_b, gamma, normals, witness_count)
+        self._length = np.array([[shaping_length]])
+        self._witness_count = witness_count
+
+    def value(self, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None = None) -> tuple[Array, Array]:
+        """Return D and D̃ (...,) [m]. ``witnesses``: (..., W, 3) axes in B's frame, as many as the distance has."""
+        distance, separation = self._run(0, pose_a, pose_b, witnesses)
+        return distance, separation
+
+    def gradient(
+        self, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None = None
+    ) -> tuple[Array, Array, Array]:
+        """Return D, D̃ and the gradient of D (..., 12) by [v_a, ω_a, v_b, ω_b], each in the body's own frame."""
+        distance, separation, gradient = self._run(1, pose_a, pose_b, witnesses)
+        return distance, separation, gradient
+
+    def hessian(
+        self, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None = None
+    ) -> tuple[Array, Array, Array, Array]:
+        """Return D, D̃, the gradient of D and its Hessian (..., 12, 12) by the same twists ξ: D(pose·exp(ξ))."""
+        distance, separation, gradient, hessian = self._run(2, pose_a, pose_b, witnesses)
+        return distance, separation, gradient, hessian.reshape(*distance.shape, 12, 12)
+
+    def function(self, order: int) -> RowFunction:
+        """Return the function of ``twist_function`` for many rows."""
+        return _row_function(*self._settings, order)
+
+    def _run(self, order: int, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None) -> list[Array]:
+        units = check_witnesses(witnesses)
+        if units.shape[-2] != self._witness_count:
+            raise InputError(f"witnesses: found {units.shape[-2]} at each pose, allowed are {self._witness_count}")
+        a, b = _pose("pose_a", pose_a), _pose("pose_b", pose_b)
+        shape = np.broadcast_shapes(a.shape[:-2], b.shape[:-2], units.shape[:-2])
+        tables, rows = [], []
+        for array, axes in ((a, 2), (b, 2), (self._length, 1), (units, 2)):
+            leading = array.shape[: array.ndim - axes] if array is not self._length else ()
+            count = int(np.prod(leading))
+            table = array.reshape(count, -1) if array.size else np.empty((1, 0))
+            tables.append(table)
+            index = np.arange(count).reshape(leading) if array.size else np.zeros((), int)
+            rows.append(np.broadcast_to(index, shape).ravel())
+        results = self.function(order)(tables, rows)
+        return [results[0].reshape(shape), results[1].reshape(shape)] + [r.reshape(*shape, -1) for r in results[2:]]
+
+
+def hdsdf_compiled(
+    body_a: ConvexBody,
+    body_b: ConvexBody,
+    *,
+    gamma: int = 2,
+    shaping_length: float = 1e-3,
+    epsilon: float | None = None,
+    normals: str = "paper",
+    witness_count: int = 0,
+) -> CompiledDistance:
+    """Return the distance of ``reference.hdsdf`` for these bodies, fast: for many poses, with gradient and Hessian.
+
+    ``witness_count``: how many witness normals will be given with each pose. Other arguments and errors as
+    ``reference.hdsdf``. Another shaping length compiles nothing anew.
+    """
+    length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
+    candidate_normals(normals, body_a, body_b)  # says early that the name is unknown
+    return CompiledDistance(body_a, body_b, int(gamma), length, normals, witness_count)
+
+
+def hdsdf_function(
+    body_a: ConvexBody,
+    body_b: ConvexBody,
+    *,
+    gamma: int = 2,
+    shaping_length: float = 1e-3,
+    epsilon: float | None = None,
+    normals: str = "paper",
+) -> ca.Function:
+    """Return D of ``reference.hdsdf`` as a CasADi Function ``(pose_a (4,4), pose_b (4,4)) -> distance`` [m].
+
+    A lower bound of the signed distance in sign (paper: Definition ``def:set2set-signed-distance``). Usable in any SX
+    or MX graph. Its Jacobian is the closed form, not an automatic derivative; second derivatives come by
+    differentiating that. The poses must be rigid, and derivatives mean something along rigid motions only: compose the
+    Function with a kinematics or another parametrization of the pose.
+
+    Arguments and errors as ``reference.hdsdf``.
+    """
+    length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
+    pose_a, pose_b = ca.MX.sym("pose_a", 4, 4), ca.MX.sym("pose_b", 4, 4)
+    rotation, position = _relative(pose_a, pose_b)
+    values = [
+        relative_function(body_a, body_b, int(gamma), normals, 0, order)(rotation, position, length, ca.MX(3, 0))
+        for order in (0, 1)
+    ]
+    force, torque = pose_a[:3, :3] @ values[1][2][:3], pose_a[:3, :3] @ values[1][2][3:]  # on B, about A's origin
+    torque_b = torque - ca.cross(pose_b[:3, 3] - pose_a[:3, 3], force)
+    # dD = force·dp + torque·ω for a rigid motion: dR = [ω]R makes ½[torque]R the gradient by the rotation's entries
+    by_a = ca.horzcat(ca.skew(-torque) @ pose_a[:3, :3] / 2, -force)
+    by_b = ca.horzcat(ca.skew(torque_b) @ pose_b[:3, :3] / 2, force)
+    gradients = [ca.reshape(ca.vertcat(part, ca.MX(1, 4)), 1, 16) for part in (by_a, by_b)]
+    jacobian = ca.Function("jac_hdsdf", [pose_a, pose_b, ca.MX.sym("distance")], gradients)
+    # CasADi takes the custom Jacobian only where it cannot inline the Function and has no derivative of its own.
+    options: dict[str, Any] = {
+        "custom_jacobian": jacobian,
+        "jac_penalty": 0,
+        "never_inline": True,
+        "enable_forward": False,
+        "enable_reverse": False,
+    }
+    return ca.Function("hdsdf", [pose_a, pose_b], [values[0][0]], ["pose_a", "pose_b"], ["distance"], options)
+
+
+def twist_function(
+    body_a: ConvexBody, body_b: ConvexBody, gamma: int, normals: str, witness_count: int, order: int
+) -> ca.Function:
+    """Return D, D̃ and, by order, the gradient (12) and the Hessian (12, 12) of D by both bodies' own twists.
+
+    Inputs, row-major as NumPy lays them out: pose_a (16), pose_b (16), shaping_length [m], witnesses (3 W).
+
+    With the relative motion of A·exp(ξ_a), B·exp(ξ_b) seen from A, exp(-ξ_a + X ξ_b - ½[ξ_a, X ξ_b] + …), X the adjoint
+    of B's pose in A's frame, both follow from the derivatives by that motion.
+    """
+    flat_a, flat_b = ca.MX.sym("pose_a", 16), ca.MX.sym("pose_b", 16)
+    length, witnesses = ca.MX.sym("shaping_length"), ca.MX.sym("witnesses", 3 * witness_count)
+    rotation, position = _relative(ca.reshape(flat_a, 4, 4).T, ca.reshape(flat_b, 4, 4).T)
+    relative = relative_function(body_a, body_b, gamma, normals, witness_count, order)
+    results = list(relative(rotation, position, length, ca.reshape(witnesses, 3, witness_count)))
+    if order:
+        adjoint = ca.blockcat([[rotation, ca.skew(position) @ rotation], [ca.MX.zeros(3, 3), rotation]])
+        to_motion = ca.horzcat(-ca.MX.eye(6), adjoint)
+        gradient = results[2]
+        results[2] = to_motion.T @ gradient
+    if order == 2:
+        force, torque = ca.skew(gradient[:3]), ca.skew(gradient[3:])
+        bracket = ca.blockcat([[ca.MX.zeros(3, 3), force], [force, torque]]) @ adjoint / 2  # d²/dξ_a dξ_b
+        corner = ca.blockcat([[ca.MX.zeros(6, 6), bracket], [bracket.T, ca.MX.zeros(6, 6)]])
+        results[3] = to_motion.T @ results[3] @ to_motion + corner
+    names = ["distance", "separation", "gradient", "hessian"][: order + 2]
+    inputs = ["pose_a", "pose_b", "shaping_length", "witnesses"]
+    results = [ca.densify(result) for result in results]
+    return ca.Function(f"hdsdf_order_{order}", [flat_a, flat_b, length, witnesses], results, inputs, names)
+
+
+@functools.lru_cache(maxsize=256)
+def _row_function(
+    body_a: ConvexBody, body_b: ConvexBody, gamma: int, normals: str, witness_count: int, order: int
+) -> RowFunction:
+    return RowFunction(twist_function(body_a, body_b, gamma, normals, witness_count, order))
+
+
+def _relative(pose_a: ca.MX, pose_b: ca.MX) -> tuple[ca.MX, ca.MX]:
+    """Return rotation and position of B in A's frame; the positions are subtracted first."""
+    turned = pose_a[:3, :3].T
+    return turned @ pose_b[:3, :3], turned @ (pose_b[:3, 3] - pose_a[:3, 3])
+
+
+def _pose(name: str, pose: ArrayLike) -> Array:
+    matrix = np.asarray(pose, dtype=float)
+    if matrix.shape[-2:] != (4, 4) or not np.all(np.isfinite(matrix)):
+        raise InputError(f"{name}: found an array of shape {matrix.shape}, allowed are finite arrays (..., 4, 4)")
+    return matrix
