@@ -1,4 +1,4 @@
-"""The distance's three witnesses behind one interface: NumPy, CasADi (compiled) and JAX (batch)."""
+"""The distance's three witnesses behind one interface: NumPy, CasADi (interpreted, or compiled) and JAX (batch)."""
 
 from __future__ import annotations
 
@@ -10,15 +10,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from hdplan.distance.normals import check_witnesses
+from hdplan.distance.pair_distance import hdsdf_compiled, twist_function
 from hdplan.distance.reference import hdsdf_derivatives, separation
 
 Array = NDArray[np.float64]
 
-NAMES = ("numpy", "casadi", "jax")
+NAMES = ("numpy", "casadi", "jax")  # and "compiled": the second as C, which takes seconds a pair
 
 
 class Evaluation(NamedTuple):
-    """D, D-tilde, and D's derivatives by twists of both bodies, of any shape before the last axes."""
+    """D, D-tilde, and D's derivatives by twists of both bodies."""
 
     value: Array
     separation: Array
@@ -30,33 +32,57 @@ Evaluate = Callable[..., Evaluation]  # (pose_a, pose_b[, witnesses])
 
 
 @cache
-def evaluator(name: str, body_a, body_b, dtype: str = "float64", **settings) -> Evaluate:
-    """Return the distance of a pair by the witness ``name``, built once per pair and settings.
-
-    Settings: gamma, shaping_length, epsilon, normals; witness_count where witness normals are given.
-    """
+def evaluator(
+    name: str,
+    body_a,
+    body_b,
+    *,
+    gamma: int = 2,
+    shaping_length: float = 1e-3,
+    normals: str = "paper",
+    witness_count: int = 0,
+    dtype: str = "float64",
+) -> Evaluate:
+    """Return the distance of a pair by the witness ``name``, built once for each pair and settings."""
     if name == "numpy":
-        return _numpy(body_a, body_b, **settings)
+        return _numpy(body_a, body_b, gamma, shaping_length, normals)
     if name == "casadi":
-        module = pytest.importorskip("hdplan.distance.pair_distance")
-        return _all_at_once(module.hdsdf_compiled(body_a, body_b, **settings))
+        function = twist_function(body_a, body_b, gamma, normals, witness_count, 2)
+        return _interpreted(function, shaping_length)
+    settings = {"gamma": gamma, "shaping_length": shaping_length, "normals": normals, "witness_count": witness_count}
+    if name == "compiled":
+        return _at_once(hdsdf_compiled(body_a, body_b, **settings))
     pytest.importorskip("jax")
-    module = pytest.importorskip("hdplan.distance.batch")
-    return _all_at_once(module.hdsdf_batch(body_a, body_b, dtype=dtype, **settings))
+    batch = pytest.importorskip("hdplan.distance.batch")
+    return _at_once(batch.hdsdf_batch(body_a, body_b, dtype=dtype, **settings))
 
 
-def _numpy(body_a, body_b, witness_count: int = 0, **settings) -> Evaluate:
-    normals = {"normals": settings["normals"]} if "normals" in settings else {}
-
+def _numpy(body_a, body_b, gamma: int, shaping_length: float, normals: str) -> Evaluate:
     def evaluate(pose_a, pose_b, witnesses=None) -> Evaluation:
-        found = hdsdf_derivatives(body_a, pose_a, body_b, pose_b, witnesses=witnesses, **settings)
-        least = separation(body_a, pose_a, body_b, pose_b, witnesses=witnesses, **normals)
+        more = {"normals": normals, "witnesses": witnesses}
+        found = hdsdf_derivatives(body_a, pose_a, body_b, pose_b, gamma=gamma, shaping_length=shaping_length, **more)
+        least = separation(body_a, pose_a, body_b, pose_b, **more)
         return Evaluation(found.value, least, found.gradient, found.hessian)
 
     return evaluate
 
 
-def _all_at_once(distance) -> Evaluate:
+def _interpreted(function, shaping_length: float) -> Evaluate:
+    def evaluate(pose_a, pose_b, witnesses=None) -> Evaluation:
+        arrays = np.asarray(pose_a), np.asarray(pose_b), check_witnesses(witnesses)
+        shape = np.broadcast_shapes(*(array.shape[:-2] for array in arrays))
+        rows = [np.broadcast_to(array, shape + array.shape[-2:]) for array in arrays]
+        found = [
+            function(rows[0][i].ravel(), rows[1][i].ravel(), shaping_length, rows[2][i].ravel())
+            for i in np.ndindex(shape)
+        ]
+        results = (np.array([np.array(result[k]) for result in found]) for k in range(4))
+        return Evaluation(*(r.reshape(shape + s) for r, s in zip(results, ((), (), (12,), (12, 12)), strict=True)))
+
+    return evaluate
+
+
+def _at_once(distance) -> Evaluate:
     def evaluate(*poses_and_witnesses) -> Evaluation:
         return Evaluation(*(np.asarray(part, dtype=float) for part in distance.hessian(*poses_and_witnesses)))
 

@@ -1,0 +1,179 @@
+"""NumPy, CasADi and JAX compute one distance: values, separations, gradients and Hessians agree over every branch.
+
+They agree to relative errors of ``ROUNDING`` p² size/|D-tilde|, as ``test_hard_cases`` explains. And they share no
+formula: a test reads their imports.
+"""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hdplan.distance
+from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.normals import RUNGS
+from hdplan.distance.random_poses import touching_poses
+from tests.distance.conftest import BODIES, PAIRS
+from tests.distance.hard_cases import HARD
+from tests.distance.witnesses import evaluator
+
+GAMMAS = (1, 2, 3, 4, 5, 6, 7, 8, 32)
+SETS = (*RUNGS[:3], "paper+edges", "paper-multiset", "paper+centre+edges")
+LENGTHS = (1e-9, 1e-3, 0.1, 1.0)  # [m]
+ROUNDING = 32 * float(np.finfo(float).eps)
+BRANCHES = ("deep", "near", "apart", "touching")
+COUNT = 6  # poses at once: one number, so that nothing is built anew for another
+
+FEW = [  # for what takes seconds to build: a flat body, a swept one, a point, a segment, aligned boxes, larger sets
+    ("box", "box"),
+    ("box", "capsule"),
+    ("sphere", "tetrahedron"),
+    ("segment", "swept triangle"),
+    ("plate", "point"),
+    ("swept octahedron", "cylinder"),
+]
+FAMILY = {  # where each witness begins; what it may share with the others
+    "numpy": {"reference"},
+    "casadi": {"pair_distance", "symbolic"},
+    "jax": {"batch"},
+}
+SHARED = {"bodies", "normals"}
+SHARED_OF_HOLDER = {"check_gamma", "resolve_shaping_length"}
+
+
+def _poses(branch, body_a, body_b, random_poses):
+    if branch == "touching":
+        return touching_poses(body_a, body_b, np.random.default_rng(5), COUNT)
+    spread = {"deep": 0.05, "near": 0.4, "apart": 3.0}[branch]
+    return random_poses(1, COUNT, spread), random_poses(2, COUNT, spread)
+
+
+def _settings(number):
+    return {
+        "gamma": GAMMAS[number % len(GAMMAS)],
+        "shaping_length": LENGTHS[number % len(LENGTHS)],
+        "normals": SETS[(number + number // len(SETS)) % len(SETS)],
+    }
+
+
+def _agree(one, other, poses, bodies, gamma, smooth=True):
+    """Compare pose by pose; ``smooth``: the Hessian has one value there for gamma = 1 too."""
+    size = np.abs(poses[0][..., :3, 3] - poses[1][..., :3, 3]).max(-1) + sum(body.reach for body in bodies)
+    noise = ROUNDING * size
+    assert np.all(np.abs(one.separation - other.separation) <= noise)
+    relative = (gamma + 1) ** 2 * noise / np.maximum(np.abs(one.separation), 1e-300)
+    told = relative < 0.5  # elsewhere the gap is nothing but rounding
+    assert np.all(np.abs(other.value - one.value)[~told] <= noise[~told])
+    if gamma == 1 and not smooth:
+        one, other = (part._replace(hessian=part.hessian * 0.0) for part in (one, other))
+    for x, y in zip(_parts(one, size), _parts(other, size), strict=True):
+        worst, scale = np.abs(x - y).max(-1), np.abs(x).max(-1)
+        assert np.all(np.isfinite(worst))
+        assert np.all(worst[told] <= relative[told] * scale[told] + 1e-280)
+
+
+def _parts(found, size):
+    """Return value, and both derivatives by twists of translations of the size, as rows."""
+    lever = np.repeat(np.stack([size, np.ones_like(size)] * 2, -1), 3, axis=-1)
+    value = found.value[..., None]
+    slopes = np.concatenate([value, found.gradient * lever], -1)  # a zero gradient is as exact as the value
+    curvatures = (found.hessian * lever[..., None] * lever[..., None, :]).reshape(*size.shape, -1)
+    return value, slopes, np.concatenate([slopes, curvatures], -1)
+
+
+@pytest.mark.parametrize("branch", BRANCHES)
+@pytest.mark.parametrize("number", range(len(PAIRS)), ids=lambda k: "-".join(PAIRS[k]))
+def test_casadi_agrees_with_numpy(number, branch, random_poses):
+    bodies = [BODIES[name] for name in PAIRS[number]]
+    settings = _settings(5 * number + BRANCHES.index(branch))
+    poses = _poses(branch, *bodies, random_poses)
+    found = [evaluator(name, *bodies, **settings)(*poses) for name in ("numpy", "casadi")]
+    _agree(*found, poses, bodies, settings["gamma"], smooth=branch != "touching")
+
+
+@pytest.mark.parametrize("number", range(len(FEW)), ids=lambda k: "-".join(FEW[k]))
+def test_batch_agrees_with_numpy(number, random_poses):
+    bodies = [BODIES[name] for name in FEW[number]]
+    settings = _settings(7 * number + 1)
+    for branch in BRANCHES:
+        poses = _poses(branch, *bodies, random_poses)
+        found = [evaluator(name, *bodies, **settings)(*poses) for name in ("numpy", "jax")]
+        _agree(*found, poses, bodies, settings["gamma"], smooth=branch != "touching")
+
+
+@pytest.mark.parametrize("name", ["casadi", "jax"])
+def test_witness_normals_agree(name, random_poses):
+    bodies = BODIES["box"], BODIES["capsule"]
+    poses = random_poses(3, COUNT, 0.7), random_poses(4, COUNT, 0.7)
+    normals = np.random.default_rng(6).normal(size=(COUNT, 2, 3))
+    found = [evaluator(witness, *bodies, witness_count=2)(*poses, normals) for witness in ("numpy", name)]
+    _agree(*found, poses, bodies, gamma=2)
+
+
+def test_compiled_agrees_with_interpreted_at_hard_poses():
+    """The boxes' hard poses at once."""
+    bodies = HARD[0].body_a, HARD[0].body_b
+    cases = [case for case in HARD if (case.body_a, case.body_b) == bodies]
+    poses = [np.array([getattr(case, name) for case in cases]) for name in ("pose_a", "pose_b")]
+    found = [evaluator(name, *bodies)(*poses) for name in ("casadi", "compiled")]
+    _agree(*found, poses, bodies, gamma=2)
+
+
+@pytest.mark.parametrize("name", ["compiled", "jax"])
+def test_value_and_gradient_are_those_that_come_with_the_hessian(name, random_poses):
+    if name == "compiled":
+        from hdplan.distance.pair_distance import hdsdf_compiled as build
+    else:
+        pytest.importorskip("jax")
+        build = pytest.importorskip("hdplan.distance.batch").hdsdf_batch
+    distance = build(BODIES["segment"], BODIES["triangle"])
+    poses = random_poses(7, COUNT, 0.7), random_poses(8, COUNT, 0.7)
+    whole = distance.hessian(*poses)
+    for part in (distance.value(*poses), distance.gradient(*poses)):
+        for x, y in zip(part, whole[: len(part)], strict=True):
+            np.testing.assert_allclose(x, y, rtol=1e-12)
+
+
+def test_a_merged_multiset_is_the_set_for_a_body_without_parallel_edges():
+    tetrahedron = ConvexBody.platonic("tetrahedron")
+    poses = np.eye(4), np.eye(4)
+    poses[0][0, 3] = 2.0
+    one, other = (
+        evaluator("numpy", tetrahedron, tetrahedron, normals=name)(*poses) for name in ("paper", "paper-multiset")
+    )
+    np.testing.assert_allclose(one.value, other.value, rtol=1e-15)
+
+
+def _names(path):
+    """Return which names a file imports from which module of the folder."""
+    found = {}
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("hdplan.distance."):
+            module = node.module.removeprefix("hdplan.distance.")
+            found.setdefault(module, set()).update(alias.name for alias in node.names)
+        elif isinstance(node, ast.Import):
+            found.update({a.name.removeprefix("hdplan.distance."): {"*"} for a in node.names if "hdplan.dis" in a.name})
+        elif isinstance(node, ast.ImportFrom) and node.module == "hdplan.distance":
+            found.update({alias.name: {"*"} for alias in node.names})
+    return found
+
+
+def test_the_witnesses_share_no_formula():
+    """Each one's modules, down to what the shared ones are: bodies, candidate normals, two checks of parameters."""
+    folder = Path(hdplan.distance.__file__).parent
+    imports = {path.stem: _names(path) for path in folder.glob("*.py") if path.stem != "__init__"}
+    modules = {}
+    for name, start in FAMILY.items():
+        seen, waiting = set(), start & set(imports)
+        while waiting:
+            module = waiting.pop()
+            seen.add(module)
+            names = {other for other, taken in imports[module].items() if not taken <= SHARED_OF_HOLDER}
+            waiting |= (names & set(imports)) - SHARED - seen
+        modules[name] = seen
+    for name, other in (("numpy", "casadi"), ("numpy", "jax"), ("casadi", "jax")):
+        assert not modules[name] & modules[other], f"{name} and {other} share {modules[name] & modules[other]}"
+    assert "holder" in modules["numpy"]
