@@ -14,12 +14,12 @@ from typing import NamedTuple
 import coal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import ConvexHull
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.normals import PARALLEL, own_directions, separating_axes
+from hdplan.distance.poses import check_pose, check_pose_lists
 from hdplan.distance.sat import Proximity, ground_truth
-from hdplan.scenes.errors import InputError
+from hdplan.distance.surface import triangles
 
 Array = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ def signed_distance(body_a: ConvexBody, pose_a: ArrayLike, body_b: ConvexBody, p
     d = max over unit n of min n·(a - b) - r_A - r_B (paper, section ``sec:distance-function``, Theorem SDF): the radii
     come off the signed distance of the polytopes. Raises InputError for poses of another shape or not finite.
     """
-    found = _exact(body_a, _poses("pose_a", pose_a, 2)[None], body_b, _poses("pose_b", pose_b, 2)[None])
+    found = _exact(body_a, check_pose("pose_a", pose_a)[None], body_b, check_pose("pose_b", pose_b)[None])
     return Proximity(float(found.distances[0]), found.points_a[0], found.points_b[0], found.normals[0])
 
 
@@ -66,9 +66,7 @@ def signed_distances(body_a: ConvexBody, poses_a: ArrayLike, body_b: ConvexBody,
     The same as ``signed_distance`` pose by pose, several times faster: only coal's own call is made one by one.
     Raises InputError for poses of another shape or not finite, and for lists of unequal length.
     """
-    world_a, world_b = _poses("poses_a", poses_a, 3), _poses("poses_b", poses_b, 3)
-    if len(world_a) != len(world_b):
-        raise InputError(f"poses_b: found {len(world_b)} poses, allowed are as many as poses_a has: {len(world_a)}")
+    world_a, world_b = check_pose_lists(poses_a, poses_b)
     axes = len(body_a.faces) + len(body_b.faces) + len(body_a.edges) * len(body_b.edges)
     block = max(1, min(512, BLOCK // (1 + axes * (len(body_a.vertices) + len(body_b.vertices)))))
     blocks = [slice(start, start + block) for start in range(0, len(world_a), block)]
@@ -199,16 +197,12 @@ def _turned_back(vectors: Array, rotations: Array) -> Array:
 
 @functools.lru_cache(maxsize=4096)
 def _hull(body: ConvexBody, exponent: int) -> coal.Convex:
-    """Return coal's convex shape of the vertices times 2^exponent; it takes flat bodies with the triangles of a fan."""
-    points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    """Return coal's convex shape of the vertices times 2^exponent; it takes flat bodies too."""
+    points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
     points.extend(list(body.vertices * 2.0**exponent))
-    last = len(body.vertices) - 1
-    corners = [(0, min(i, last), min(i + 1, last)) for i in range(max(1, last))]
-    if len(body.faces) > 2:  # an affine map keeps the hull's triangles, and this one makes needles round
-        corners = ConvexHull(np.linalg.svd(body.vertices - body.vertices.mean(0), full_matrices=False)[0]).simplices
-    for triangle in corners:
-        triangles.append(coal.Triangle(*map(int, triangle)))
-    return coal.Convex(points, triangles)
+    for corners in triangles(body):
+        faces.append(coal.Triangle(*map(int, corners)))
+    return coal.Convex(points, faces)
 
 
 @functools.lru_cache(maxsize=4096)
@@ -228,12 +222,3 @@ def _polytope(body: ConvexBody, exponent: int) -> tuple[Array, Array, Array]:
 def _exponent(body: ConvexBody) -> int:
     """Return the power of two just above the body's size; 0 for a point at its origin."""
     return int(np.frexp(np.abs(body.vertices).max())[1])
-
-
-def _poses(name: str, poses: ArrayLike, axes: int) -> Array:
-    """Return one pose (4, 4) or many (N, 4, 4) as an array."""
-    array = np.asarray(poses, dtype=float)
-    if array.ndim != axes or array.shape[-2:] != (4, 4) or not np.isfinite(array).all():
-        allowed = "(4, 4)" if axes == 2 else "(N, 4, 4)"
-        raise InputError(f"{name}: found an array of shape {array.shape}, allowed is a finite array {allowed}")
-    return array
