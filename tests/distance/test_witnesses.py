@@ -1,7 +1,6 @@
 """NumPy, CasADi and JAX compute one distance: values, separations, gradients and Hessians agree over every branch.
 
-They agree to relative errors of ``ROUNDING`` p² size/|D-tilde|, as ``test_hard_cases`` explains. And they share no
-formula: a test reads their imports.
+How far is stated at ``witnesses.agree``. And they share no formula: a test reads their imports.
 """
 
 from __future__ import annotations
@@ -18,12 +17,11 @@ from hdplan.distance.normals import RUNGS
 from hdplan.distance.random_poses import touching_poses
 from tests.distance.conftest import BODIES, PAIRS
 from tests.distance.hard_cases import HARD
-from tests.distance.witnesses import evaluator
+from tests.distance.witnesses import agree, evaluator
 
 GAMMAS = (1, 2, 3, 4, 5, 6, 7, 8, 32)
 SETS = (*RUNGS[:3], "paper+edges", "paper-multiset", "paper+centre+edges")
 LENGTHS = (1e-9, 1e-3, 0.1, 1.0)  # [m]
-ROUNDING = 32 * float(np.finfo(float).eps)
 BRANCHES = ("deep", "near", "apart", "touching")
 COUNT = 6  # poses at once: one number, so that nothing is built anew for another
 
@@ -59,31 +57,6 @@ def _settings(number):
     }
 
 
-def _agree(one, other, poses, bodies, gamma, smooth=True):
-    """Compare pose by pose; ``smooth``: the Hessian has one value there for gamma = 1 too."""
-    size = np.abs(poses[0][..., :3, 3] - poses[1][..., :3, 3]).max(-1) + sum(body.reach for body in bodies)
-    noise = ROUNDING * size
-    assert np.all(np.abs(one.separation - other.separation) <= noise)
-    relative = (gamma + 1) ** 2 * noise / np.maximum(np.abs(one.separation), 1e-300)
-    told = relative < 0.5  # elsewhere the gap is nothing but rounding
-    assert np.all(np.abs(other.value - one.value)[~told] <= noise[~told])
-    if gamma == 1 and not smooth:
-        one, other = (part._replace(hessian=part.hessian * 0.0) for part in (one, other))
-    for x, y in zip(_parts(one, size), _parts(other, size), strict=True):
-        worst, scale = np.abs(x - y).max(-1), np.abs(x).max(-1)
-        assert np.all(np.isfinite(worst))
-        assert np.all(worst[told] <= relative[told] * scale[told] + 1e-280)
-
-
-def _parts(found, size):
-    """Return value, and both derivatives by twists of translations of the size, as rows."""
-    lever = np.repeat(np.stack([size, np.ones_like(size)] * 2, -1), 3, axis=-1)
-    value = found.value[..., None]
-    slopes = np.concatenate([value, found.gradient * lever], -1)  # a zero gradient is as exact as the value
-    curvatures = (found.hessian * lever[..., None] * lever[..., None, :]).reshape(*size.shape, -1)
-    return value, slopes, np.concatenate([slopes, curvatures], -1)
-
-
 @pytest.mark.parametrize("branch", BRANCHES)
 @pytest.mark.parametrize("number", range(len(PAIRS)), ids=lambda k: "-".join(PAIRS[k]))
 def test_casadi_agrees_with_numpy(number, branch, random_poses):
@@ -91,7 +64,7 @@ def test_casadi_agrees_with_numpy(number, branch, random_poses):
     settings = _settings(5 * number + BRANCHES.index(branch))
     poses = _poses(branch, *bodies, random_poses)
     found = [evaluator(name, *bodies, **settings)(*poses) for name in ("numpy", "casadi")]
-    _agree(*found, poses, bodies, settings["gamma"], smooth=branch != "touching")
+    agree(*found, poses, bodies, settings["gamma"], smooth=branch != "touching")
 
 
 @pytest.mark.parametrize("number", range(len(FEW)), ids=lambda k: "-".join(FEW[k]))
@@ -101,16 +74,16 @@ def test_batch_agrees_with_numpy(number, random_poses):
     for branch in BRANCHES:
         poses = _poses(branch, *bodies, random_poses)
         found = [evaluator(name, *bodies, **settings)(*poses) for name in ("numpy", "jax")]
-        _agree(*found, poses, bodies, settings["gamma"], smooth=branch != "touching")
+        agree(*found, poses, bodies, settings["gamma"], smooth=branch != "touching")
 
 
 @pytest.mark.parametrize("name", ["casadi", "jax"])
-def test_witness_normals_agree(name, random_poses):
+def test_witness_normalsagree(name, random_poses):
     bodies = BODIES["box"], BODIES["capsule"]
     poses = random_poses(3, COUNT, 0.7), random_poses(4, COUNT, 0.7)
     normals = np.random.default_rng(6).normal(size=(COUNT, 2, 3))
     found = [evaluator(witness, *bodies, witness_count=2)(*poses, normals) for witness in ("numpy", name)]
-    _agree(*found, poses, bodies, gamma=2)
+    agree(*found, poses, bodies, gamma=2)
 
 
 def test_compiled_agrees_with_interpreted_at_hard_poses():
@@ -119,7 +92,7 @@ def test_compiled_agrees_with_interpreted_at_hard_poses():
     cases = [case for case in HARD if (case.body_a, case.body_b) == bodies]
     poses = [np.array([getattr(case, name) for case in cases]) for name in ("pose_a", "pose_b")]
     found = [evaluator(name, *bodies)(*poses) for name in ("casadi", "compiled")]
-    _agree(*found, poses, bodies, gamma=2)
+    agree(*found, poses, bodies, gamma=2)
 
 
 @pytest.mark.parametrize("name", ["compiled", "jax"])

@@ -16,6 +16,8 @@ from hdplan.distance.reference import hdsdf_derivatives, separation
 
 Array = NDArray[np.float64]
 
+ROUNDING = 32 * float(np.finfo(float).eps)
+
 NAMES = ("numpy", "casadi", "jax")  # and "compiled": the second as C, which takes seconds a pair
 
 
@@ -87,3 +89,33 @@ def _at_once(distance) -> Evaluate:
         return Evaluation(*(np.asarray(part, dtype=float) for part in distance.hessian(*poses_and_witnesses)))
 
     return evaluate
+
+
+def agree(one: Evaluation, other: Evaluation, poses, bodies, gamma: int, smooth: bool = True) -> None:
+    """Assert that two evaluations are equal pose by pose, to relative errors of ``ROUNDING`` p² size/|D-tilde|.
+
+    D grows as the (p²)-th power of the gap near contact, so the rounding of coordinates of that size shows p² size/gap
+    times in D, in its gradient and in its Hessian. ``smooth``: the Hessian has one value there for gamma = 1 too.
+    """
+    size = np.max([np.abs(pose[..., :3, 3]).max(-1) for pose in poses], axis=0) + sum(body.reach for body in bodies)
+    noise = ROUNDING * size
+    assert np.all(np.abs(one.separation - other.separation) <= noise)
+    relative = (gamma + 1) ** 2 * noise / np.maximum(np.abs(one.separation), 1e-300)
+    told = relative < 0.5  # elsewhere the gap is nothing but rounding
+    assert np.all(np.abs(other.value - one.value)[~told] <= noise[~told])
+    if gamma == 1 and not smooth:
+        one, other = (part._replace(hessian=part.hessian * 0.0) for part in (one, other))
+    for x, y in zip(_rows(one, size), _rows(other, size), strict=True):
+        worst, scale = np.abs(x - y).max(-1), np.abs(x).max(-1)
+        assert np.all(np.isfinite(worst))
+        assert np.all(worst[told] <= relative[told] * scale[told] + 1e-280)
+
+
+def _rows(found: Evaluation, size: Array) -> tuple[Array, Array, Array]:
+    """Return value, gradient and Hessian as rows, by twists whose translations are of the size; each with the ones
+    before, whose rounding it has."""
+    lever = np.repeat(np.stack([size, np.ones_like(size)] * 2, -1), 3, axis=-1)
+    value = found.value[..., None]
+    slopes = np.concatenate([value, found.gradient * lever], -1)
+    curvatures = found.hessian * lever[..., None] * lever[..., None, :]
+    return value, slopes, np.concatenate([slopes, curvatures.reshape(*size.shape, -1)], -1)
