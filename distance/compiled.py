@@ -81,6 +81,7 @@ class RowFunction:
             sizes = (function.sz_arg(), function.sz_res(), function.sz_iw(), function.sz_w())
             self._arg, self._res = ((ctypes.c_void_p * max(size, 1))() for size in sizes[:2])
             self._iw, self._w = np.zeros(max(sizes[2], 1), np.int64), np.zeros(max(sizes[3], 1))
+        self._prepare_once(library)
 
     def __call__(self, tables: Sequence[Floats], rows: Sequence[Rows]) -> list[Floats]:
         """Evaluate for k = 0 … count-1 with input i taken from `tables[i][rows[i][k]]`.
@@ -121,22 +122,39 @@ class RowFunction:
             self._interpret(tables, rows, results)
         return results
 
+    def once(self, *arguments: Floats) -> list[Floats]:
+        """Evaluate at one row of each input, flat arrays (width_i,): the same with the least overhead for one call."""
+        for slot, argument in zip(self._arguments, arguments, strict=True):
+            slot[:] = argument
+        self._trigger()
+        return [result.copy() for result in self._results]
+
+    def _prepare_once(self, library: ctypes.CDLL | None) -> None:
+        """Bind inputs and outputs of a single evaluation to arrays that stay where they are."""
+        self._arguments = [np.zeros(width) for width in self.widths]
+        self._results = [np.zeros(width) for width in self.result_widths]
+        if library is None:
+            self._buffer: Any  # must outlive the trigger
+            self._buffer, self._trigger = self.function.buffer()
+            for i, argument in enumerate(self._arguments):
+                self._buffer.set_arg(i, argument.data)
+            for i, result in enumerate(self._results):
+                self._buffer.set_res(i, result.data)
+            return
+        arg, res = ((ctypes.c_void_p * len(memory))() for memory in (self._arg, self._res))
+        arg[: len(self.widths)] = [argument.ctypes.data for argument in self._arguments]
+        res[: len(self.result_widths)] = [result.ctypes.data for result in self._results]
+        memories = (pointer.ctypes.data_as(ctypes.c_void_p) for pointer in (self._iw, self._w))
+        self._trigger = functools.partial(getattr(library, self.function.name()), arg, res, *memories, 0)
+
     def _interpret(self, tables: Sequence[Floats], rows: Sequence[Rows], results: Sequence[Floats]) -> None:
         """The same through CasADi's virtual machine, by buffers: converting to CasADi's DM would cost more than the
         work."""
-        buffer: Any
-        buffer, trigger = self.function.buffer()
-        arguments = [np.empty(width) for width in self.widths]
-        outputs = [np.empty(width) for width in self.result_widths]
-        for i, argument in enumerate(arguments):
-            buffer.set_arg(i, argument.data)
-        for i, output in enumerate(outputs):
-            buffer.set_res(i, output.data)
         for k in range(len(rows[0])):
-            for argument, table, row in zip(arguments, tables, rows, strict=True):
+            for argument, table, row in zip(self._arguments, tables, rows, strict=True):
                 argument[:] = table[row[k]]
-            trigger()
-            for result, output in zip(results, outputs, strict=True):
+            self._trigger()
+            for result, output in zip(results, self._results, strict=True):
                 result[k] = output
 
 

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from typing import Any
 
 import casadi as ca
@@ -72,15 +73,18 @@ class CompiledDistance:
         if units.shape[-2] != self._witness_count:
             raise InputError(f"witnesses: found {units.shape[-2]} at each pose, allowed are {self._witness_count}")
         a, b = _pose("pose_a", pose_a), _pose("pose_b", pose_b)
-        shape = np.broadcast_shapes(a.shape[:-2], b.shape[:-2], units.shape[:-2])
+        if a.ndim == b.ndim == units.ndim == 2:
+            once = self.function(order).once(a.ravel(), b.ravel(), self._length[0], units.ravel())
+            return [once[0].reshape(()), once[1].reshape(()), *once[2:]]
+        leading = [a.shape[:-2], b.shape[:-2], (), units.shape[:-2]]
+        shape = np.broadcast_shapes(*leading)
         tables, rows = [], []
-        for array, axes in ((a, 2), (b, 2), (self._length, 1), (units, 2)):
-            leading = array.shape[: array.ndim - axes] if array is not self._length else ()
-            count = int(np.prod(leading))
-            table = array.reshape(count, -1) if array.size else np.empty((1, 0))
-            tables.append(table)
-            index = np.arange(count).reshape(leading) if array.size else np.zeros((), int)
-            rows.append(np.broadcast_to(index, shape).ravel())
+        for array, axes, width in zip(
+            (a, b, self._length, units), leading, (16, 16, 1, 3 * self._witness_count), strict=True
+        ):
+            count = math.prod(axes)
+            tables.append(array.reshape(count, width))
+            rows.append(np.broadcast_to(np.arange(count).reshape(axes), shape).ravel())
         results = self.function(order)(tables, rows)
         return [results[0].reshape(shape), results[1].reshape(shape)] + [r.reshape(*shape, -1) for r in results[2:]]
 

@@ -6,9 +6,12 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from hdplan.distance import compiled as compiled_module
+from hdplan.distance import pair_distance
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.reference import hdsdf
-from hdplan.distance.pair_distance import hdsdf_function
+from hdplan.distance.compiled import RowFunction
+from hdplan.distance.pair_distance import hdsdf_compiled, hdsdf_function, twist_function
+from hdplan.distance.reference import hdsdf, hdsdf_derivatives, separation
 from hdplan.scenes.errors import InputError
 
 SMALL = [  # pairs whose Hessians build in a moment
@@ -151,3 +154,68 @@ def test_bad_arguments_are_refused():
         hdsdf_function(cube, cube, normals="papers")
     with pytest.raises(InputError, match="gamma"):
         hdsdf_function(cube, cube, gamma=0)
+
+
+def test_compiled_distance_is_the_reference_with_its_derivatives(random_poses, tolerance):
+    """Once, with every kind of axis; the interpreter, which runs the same instructions, is tried everywhere."""
+    settings = {"gamma": 2, "shaping_length": 0.1, "normals": "paper+centre+edges+sphere-6"}
+    body_a, body_b = SMALL[2]
+    compiled = hdsdf_compiled(body_a, body_b, witness_count=2, **settings)
+    a, b, axes = random_poses(41, 8, 0.6), random_poses(42, 8, 0.6), random_poses(43, 8, 1.0)[:, :2, :3]
+    truth = hdsdf_derivatives(body_a, a, body_b, b, witnesses=axes, **settings)
+    gap = separation(body_a, a, body_b, b, normals=settings["normals"], witnesses=axes)
+    found = compiled.hessian(a, b, axes)
+    close = {"rtol": tolerance["witness"], "atol": tolerance["witness"]}
+    for part, expected in zip(found, (truth.value, gap, truth.gradient, truth.hessian), strict=True):
+        np.testing.assert_allclose(part, expected, **close)
+    np.testing.assert_allclose(compiled.value(a, b, axes)[0], found[0], **close)
+    np.testing.assert_allclose(compiled.gradient(a, b, axes)[2], found[2], **close)
+
+
+def test_one_pose_at_a_time_is_the_table_of_poses(random_poses):
+    compiled = hdsdf_compiled(*SMALL[1])
+    a, b = random_poses(44, 3, 0.7), random_poses(45, 4, 0.7)
+    table = compiled.hessian(a[:, None], b[None])
+    assert [part.shape for part in table] == [(3, 4), (3, 4), (3, 4, 12), (3, 4, 12, 12)]
+    for i, j in np.ndindex(3, 4):
+        for one, many in zip(compiled.hessian(a[i], b[j]), table, strict=True):
+            np.testing.assert_array_equal(one, many[i, j])
+    assert compiled.value(a[:0], b[0])[0].shape == (0,)
+
+
+def test_the_interpreter_says_the_same(random_poses, monkeypatch, tolerance):
+    a, b = random_poses(46, 5, 0.7), random_poses(47, 5, 0.7)
+    compiled = [part.copy() for part in hdsdf_compiled(*SMALL[0], normals="paper+edges").hessian(a, b)]
+    monkeypatch.setattr(pair_distance, "_row_function", lambda *key: _interpreted(*key))
+    for c, i in zip(compiled, hdsdf_compiled(*SMALL[0], normals="paper+edges").hessian(a, b), strict=True):
+        np.testing.assert_allclose(i, c, rtol=tolerance["exact"], atol=tolerance["exact"])
+
+
+def _interpreted(*key):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compiled_module, "compiler", lambda: None)
+        function = RowFunction(twist_function(*key))
+    assert not function.is_compiled
+    return function
+
+
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_large_pairs_are_loops(order):
+    """The instructions of a pair grow with its vertices, not with vertices times normals."""
+    small, large = (
+        twist_function(ConvexBody.platonic(name), ConvexBody.platonic(name), 2, "paper+edges", 0, order)
+        for name in ("cube", "dodecahedron")
+    )
+    assert large.n_instructions() < 3 * small.n_instructions()
+
+
+def test_another_shaping_length_compiles_nothing(random_poses):
+    a, b = random_poses(48, 1, 0.7)[0], random_poses(49, 1, 0.7)[0]
+    first, second = (hdsdf_compiled(*SMALL[0], shaping_length=length) for length in (1e-3, 0.2))
+    assert first.function(0) is second.function(0)
+    assert first.value(a, b)[0] != second.value(a, b)[0]
+
+
+def test_witnesses_are_as_many_as_announced():
+    with pytest.raises(InputError, match="witnesses: found 0 at each pose, allowed are 2"):
+        hdsdf_compiled(*SMALL[0], witness_count=2).value(np.eye(4), np.eye(4))
