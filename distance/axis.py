@@ -20,9 +20,12 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 
-from hdplan.distance.symbolic import TINY, Expression, integer_power, positive_part
+Expression = Any  # ca.SX or ca.MX, of any shape
 
 SKIPPED, APART, CONTACT = range(3)
+
+# A minimum smaller than this is taken as zero: one over its square stays finite. The sign stays safe, as 0 is not free.
+TINY = 1e-150
 
 BLOCK = 64  # vertex pairs written out as straight-line code; more of them run in a loop, which compiles in no time
 
@@ -36,6 +39,7 @@ class AxisShape:
     gamma: int
     order: int  # of the derivatives wanted: 0, 1 or 2
     both_move: bool  # whether the levels depend on the pose too; they do not where the axis is fixed in their body
+    signs: tuple[int, ...] = (1, -1)  # the axis and its opposite, or one of them
 
     @property
     def moments(self) -> int:
@@ -47,12 +51,12 @@ class AxisShape:
 def axis_function(shape: AxisShape) -> ca.Function:
     """Return the function of one axis.
 
-    Inputs: case; levels (L), their counts (L), along (m), its counts (m); drop; the least x for either sign (2);
-    shaping_length [m]; the points b_j (3, m) and, where both move, a_i (3, L).
+    Inputs: case; levels (L), their counts (L), along (m), its counts (m); drop; the least x for each of the s signs
+    (s); shaping_length [m]; the points b_j (3, m) and, where both move, a_i (3, L).
 
-    Outputs, a column each for the axis and its opposite: g (1, 2); from order 1 on slope = dg/du (1, 2) and pull = Σ q
-    ψ (n, 2), q_ij = du/dx_ij; from order 2 on ``outer`` (1, 2) and ``sharp`` (n, 2n), with which d²g = outer (Σ q dx)(Σ
-    q dx)ᵀ + Σ sharp_ij dx dxᵀ + slope Σ q d²x.
+    Outputs, a column for each sign: g (1, s); from order 1 on slope = dg/du (1, s) and pull = Σ q ψ (n, s), q_ij =
+    du/dx_ij; from order 2 on ``outer`` (1, s) and ``sharp`` (n, s n), with which d²g = outer (Σ q dx)(Σ q dx)ᵀ + Σ
+    sharp_ij dx dxᵀ + slope Σ q d²x.
     """
     inputs = _inputs(shape, ca.SX)
     skip = ca.Function("skip", inputs, [ca.SX.zeros(*size) for size in _output_sizes(shape)])
@@ -106,6 +110,19 @@ def shaped(extreme: Expression, total: Expression, length: Expression, gamma: in
     )
 
 
+def integer_power(base: Expression, exponent: int) -> Expression:
+    """Return base^exponent by squaring, exponent >= 1: CasADi's own constant power is a call of ``pow``."""
+    if exponent == 1:
+        return base
+    half = integer_power(base, exponent // 2)
+    return half * half * base if exponent % 2 else half * half
+
+
+def positive_part(x: Expression) -> Expression:
+    """Return max(x, 0), exact, without the branch or the call that ``fmax`` may become."""
+    return 0.5 * (x + ca.fabs(x))
+
+
 def _inputs(shape: AxisShape, kind: Any) -> list[Expression]:
     sizes = {
         "levels": (shape.levels, 1),
@@ -113,7 +130,7 @@ def _inputs(shape: AxisShape, kind: Any) -> list[Expression]:
         "along": (shape.along, 1),
         "along_counts": (shape.along, 1),
         "drop": (1, 1),
-        "least": (2, 1),
+        "least": (len(shape.signs), 1),
         "length": (1, 1),
         "points_b": (3, shape.along),
     }
@@ -123,19 +140,19 @@ def _inputs(shape: AxisShape, kind: Any) -> list[Expression]:
 
 
 def _output_sizes(shape: AxisShape) -> list[tuple[int, int]]:
-    n = shape.moments
-    return [(1, 2), (1, 2), (n, 2), (1, 2), (n, 2 * n)][: (1, 3, 5)[shape.order]]
+    n, s = shape.moments, len(shape.signs)
+    return [(1, s), (1, s), (n, s), (1, s), (n, s * n)][: (1, 3, 5)[shape.order]]
 
 
 def _outputs(shape: AxisShape, inputs: list[Expression], apart: bool, sums: Any) -> list[Expression]:
     least = inputs[5]
-    if apart:
+    if apart and len(shape.signs) == 2:  # one of them separates: compute that alone
         sign, extreme = ca.if_else(least[0] > 0, 1, -1), ca.fmax(least[0], least[1])
         column = _column(shape, inputs, sums, sign, extreme, True)
-        columns = [[part * (sign == s) for part in column] for s in (1, -1)]
+        columns = [[part * (sign == s) for part in column] for s in shape.signs]
     else:
-        columns = [_column(shape, inputs, sums, s, least[k], False) for k, s in enumerate((1, -1))]
-    return [ca.horzcat(plus, minus) for plus, minus in zip(*columns, strict=True)]
+        columns = [_column(shape, inputs, sums, s, least[k], apart) for k, s in enumerate(shape.signs)]
+    return [ca.horzcat(*parts) for parts in zip(*columns, strict=True)]
 
 
 def _column(

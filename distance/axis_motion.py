@@ -12,6 +12,8 @@ from collections.abc import Callable
 
 import casadi as ca
 
+from hdplan.distance.axis import AxisShape
+
 # x(η, ψ, sign, parameters): the separation along the axis (sign 1) or its opposite (-1), up to what does not move
 Motion = Callable[[ca.SX, ca.SX, float, list[ca.SX]], ca.SX]
 
@@ -51,22 +53,23 @@ def edge_axis(edge_a: ca.SX, edge_b: ca.SX, sine: ca.SX, fade: ca.SX) -> tuple[c
 
 
 @functools.cache
-def wrench_function(motion: Motion, sizes: tuple[int, ...], moments: int, order: int) -> ca.Function:
-    """Return how one axis, both signs, takes part in D's derivatives.
+def wrench_function(motion: Motion, sizes: tuple[int, ...], shape: AxisShape) -> ca.Function:
+    """Return how one axis takes part in D's derivatives, all its s signs.
 
-    Inputs: the motion's parameters, of ``sizes``; pull (n, 2) of ``axis_function``; push (1, 2) = dU/dg · dg/du, the
-    axis' share in the maximum U. For order 2 also sharp (n, 2n); slope = dD/dg · dg/du, and the factors of (Σ q dx)(Σ q
-    dx)ᵀ and of sharp, (1, 2) each.
+    Inputs: the motion's parameters, of ``sizes``; pull (n, s) of ``axis_function``; push (1, s) = dU/dg · dg/du, the
+    axis' share in the maximum U. For order 2 also sharp (n, s n); slope = dD/dg · dg/du, and the factors of (Σ q dx)(Σ
+    q dx)ᵀ and of sharp, (1, s) each.
 
     Outputs: dU/dη (6); for order 2 this axis' part of d²D/dη² (6, 6), the outer rank-one term aside.
     """
+    moments, signs = shape.moments, shape.signs
     eta, psi = ca.SX.sym("eta", 6), ca.SX.sym("psi", moments)
     parameters = [ca.SX.sym(f"parameter{k}", size) for k, size in enumerate(sizes)]
-    pull, push = ca.SX.sym("pull", moments, 2), ca.SX.sym("push", 1, 2)
-    sharp = ca.SX.sym("sharp", moments, 2 * moments)
-    slope, outer, spread = (ca.SX.sym(name, 1, 2) for name in ("slope", "outer", "spread"))
+    pull, push = ca.SX.sym("pull", moments, len(signs)), ca.SX.sym("push", 1, len(signs))
+    sharp = ca.SX.sym("sharp", moments, len(signs) * moments)
+    slope, outer, spread = (ca.SX.sym(name, 1, len(signs)) for name in ("slope", "outer", "spread"))
     first, second = ca.SX.zeros(6), ca.SX.zeros(6, 6)
-    for k, sign in enumerate((1.0, -1.0)):
+    for k, sign in enumerate(signs):
         x = motion(eta, psi, sign, parameters)
         bend, gradient = ca.hessian(x, eta)
         by_psi = ca.jacobian(gradient, psi)  # (6, n), as x is linear in psi
@@ -79,7 +82,7 @@ def wrench_function(motion: Motion, sizes: tuple[int, ...], moments: int, order:
             + outer[k] * wrench @ wrench.T
             + spread[k] * by_psi @ sharp[:, k * moments : (k + 1) * moments] @ by_psi.T
         )
-    if order == 1:
+    if shape.order == 1:
         return ca.Function("wrench", [*parameters, pull, push], [first])
     return ca.Function("wrench", [*parameters, pull, push, sharp, slope, outer, spread], [first, ca.densify(second)])
 

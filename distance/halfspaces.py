@@ -23,7 +23,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.distance.symbolic import holder_maximum, holder_minimum, shaping
+from hdplan.distance.axes import Axes, combined
+from hdplan.distance.axis_motion import fixed_in_a
 
 Floats = NDArray[np.float64]
 
@@ -54,36 +55,31 @@ def halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: f
     B's wrench is −[F | T]); separation () [m], D̃ of eq. Dtilde with the plain minimum and maximum: of D's sign even
     where D underflows, and never more than the true signed distance, which D in the negative may be.
     """
-    placement_a, placement_b = ca.SX.sym("placement_a", 12), ca.SX.sym("placement_b", 12)
-    body, body_planes = ca.SX.sym("body", 4 * vertices + 1), ca.SX.sym("body_planes", 4 * planes)
-    radius = body[4 * vertices]
+    placement_a, placement_b = ca.MX.sym("placement_a", 12), ca.MX.sym("placement_b", 12)
+    body, body_planes = ca.MX.sym("body", 4 * vertices + 1), ca.MX.sym("body_planes", 4 * planes)
     rotation_a, rotation_b = ca.reshape(placement_a[:9], 3, 3).T, ca.reshape(placement_b[:9], 3, 3).T
-    points = [rotation_a @ body[3 * i : 3 * i + 3] + placement_a[9:] for i in range(vertices)]  # of A, in the world
-    local = [rotation_b.T @ (point - placement_b[9:]) for point in points]
-    weights = [body[3 * vertices + i] for i in range(vertices)]
-
-    normals = [body_planes[3 * k : 3 * k + 3] for k in range(planes)]
-    shaped, slopes, hard = [], [], []
-    for k, normal in enumerate(normals):
-        separations = [ca.dot(normal, point) - radius - body_planes[3 * planes + k] for point in local]
-        hard.append(functools.reduce(ca.fmin, separations))
-        minimum, partials = holder_minimum(separations, gamma, weights)
-        value, slope = shaping(minimum, gamma, shaping_length)
-        shaped.append(value)
-        slopes.append([slope * partial for partial in partials])
-    maximum, shares = holder_maximum(shaped, gamma)
-    distance, slope = shaping(maximum, gamma, shaping_length)
-
-    force, torque = ca.SX.zeros(3), ca.SX.zeros(3)
-    for i, point in enumerate(points):
-        gradient = sum((slope * shares[k] * slopes[k][i] * normals[k] for k in range(planes)), ca.SX.zeros(3))
-        gradient = rotation_b @ gradient
-        force += gradient
-        torque += ca.cross(point, gradient)
+    world = rotation_a @ ca.reshape(body[: 3 * vertices], 3, vertices)
+    points = rotation_b.T @ (world + ca.repmat(placement_a[9:] - placement_b[9:], 1, vertices))  # A's, in B's frame
+    normals = ca.reshape(body_planes[: 3 * planes], 3, planes)
+    axes = Axes(
+        fixed_in_a,  # seen from B, whose planes stand still
+        [normals],
+        levels=body_planes[3 * planes :].T,
+        level_counts=ca.MX.ones(1, planes),
+        along=points.T @ normals,
+        along_counts=ca.repmat(body[3 * vertices : 4 * vertices], 1, planes),
+        drop=ca.repmat(body[4 * vertices], 1, planes),
+        counts=np.ones(planes),
+        points_b=ca.repmat(points, 1, planes),
+        signs=(-1,),  # x = n·a - h - r_A
+    )
+    distance, separation, gradient = combined([axes], gamma, 1, ca.MX(shaping_length))
+    force = rotation_b @ gradient[:3]
+    torque = rotation_b @ gradient[3:] + ca.cross(placement_b[9:], force)
     return ca.Function(
         f"hdsdf_halfspaces_{vertices}_{planes}_{gamma}",
         [placement_a, placement_b, body, body_planes],
-        [distance, ca.vertcat(force, torque), functools.reduce(ca.fmax, hard)],
+        [distance, ca.vertcat(force, torque), separation],
         ["placement_a", "placement_b", "body", "body_planes"],
         ["distance", "wrench", "separation"],
     )

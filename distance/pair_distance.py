@@ -17,7 +17,7 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.compiled import RowFunction
 from hdplan.distance.holder import check_gamma, resolve_shaping_length
 from hdplan.distance.normals import candidate_normals, check_witnesses
-from hdplan.distance.pair_function import relative_function
+from hdplan.distance.symbolic import relative_function
 from hdplan.scenes.errors import InputError
 
 Array = NDArray[np.float64]

@@ -1,87 +1,193 @@
-"""The operators of the HD-SDF in CasADi, with their derivatives written by hand: what kernels are built from.
+"""The HD-SDF of two bodies as CasADi functions: value, and gradient and Hessian in closed form.
 
-In: scalars (``ca.SX``). Out: a value and its partial derivatives in closed form, finite wherever they are
-evaluated, and finite again when CasADi differentiates them (a branch that is not taken never holds 0/0). All ratios lie
-in [0, 1]: nothing overflows for any gamma or scale. Only integer powers, by multiplication, and one root per minimum.
+The bodies' numbers are built in, the pose is the argument. Exact reductions: a body's projections on directions that
+are its own are constants, and equal ones enter once with their count; n and -n share the differences; vertices that
+differ along an edge have one projection across it; and where any axis separates the bodies, the others are not computed
+at all. Loops stay loops: one small function per kind of axis, mapped.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import reduce
 from typing import Any
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
-# A minimum smaller than this is taken as zero: one over its square stays finite. The sign stays safe, as 0 is not free.
-TINY = 1e-150
+from hdplan.distance.axes import Axes, combined
+from hdplan.distance.axis_motion import across_edges, between_centres, edge_axis, fixed_in_a, fixed_in_b
+from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.normals import CandidateNormals, candidate_normals
 
-Scalar = float | ca.SX
-Expression = Any  # ca.SX or ca.MX, of any shape
+Array = NDArray[np.float64]
 
-
-def integer_power(base: Expression, exponent: int) -> Expression:
-    """Return base^exponent by squaring, exponent >= 1: CasADi's own constant power is a call of ``pow``."""
-    if exponent == 1:
-        return base
-    half = integer_power(base, exponent // 2)
-    return half * half * base if exponent % 2 else half * half
+# Projections this close, relative to the largest, are one projection with a count.
+SAME_PROJECTION = 1e-14
 
 
-def positive_part(x: Expression) -> Expression:
-    """Return max(x, 0), exact, without the branch or the call that ``fmax`` may become."""
-    return 0.5 * (x + ca.fabs(x))
+def relative_function(
+    body_a: ConvexBody, body_b: ConvexBody, gamma: int, normals: str, witness_count: int, order: int
+) -> ca.Function:
+    """Return D and D̃ as a function of B's pose in A's frame.
 
+    Inputs: rotation (3, 3), position (3) [m], shaping_length [m], witnesses (3, W), unit, in B's frame.
 
-def holder_minimum(
-    values: list[ca.SX], gamma: int, weights: Sequence[Scalar] | None = None
-) -> tuple[ca.SX, list[ca.SX]]:
-    """Return the gamma-Hölder minimum u of scalars x_i, x_i counted w_i times, and its derivatives du/dx_i.
-
-    With p = gamma + 1 and m = min_i x_i (paper: Lemma ``lemma:aczel``), scaled by the extreme:
-
-        m > 0:  u = m / S^(1/p),  S = sum_i w_i r_i^p,  r_i = m / x_i,            du/dx_i = w_i (r_i / S^(1/p))^(p+1)
-        m < 0:  u = m S^(1/p),    S = sum_i w_i r_i^p,  r_i = min(x_i, 0) / m,    du/dx_i = w_i (r_i / S^(1/p))^(p-1)
-        m = 0:  u = 0, and 0 for the derivatives, which have no limit there (shaping multiplies them by 0).
-
-    Both branches are one expression: only numerator and denominator of r_i and the outermost factor are chosen.
+    Outputs: distance, separation [m]; from order 1 on the gradient (6) by the twist η of B in A's frame; for order 2
+    the Hessian (6, 6): D(exp(η)·pose) to second order.
     """
-    p = gamma + 1
-    weight = [1.0] * len(values) if weights is None else weights
-    m = reduce(ca.fmin, values)
-    positive, zero = m > TINY, ca.fabs(m) <= TINY
-    above = ca.if_else(positive, m, 0)
-    denominator = ca.if_else(positive, 0, ca.if_else(zero, 1, m))
-    signed = ca.if_else(zero, 0, 1)
-    ratios = [signed * (above + ca.fmin(x, 0)) / (ca.if_else(positive, x, 0) + denominator) for x in values]
-    total = sum((w * integer_power(r, p) for w, r in zip(weight, ratios, strict=True)), ca.SX(0))
-    root = (total + zero) ** (1.0 / p)
-    inverse = 1 / root
-    u = signed * m * ca.if_else(positive, inverse, root)
-    derivatives = []
-    for w, r in zip(weight, ratios, strict=True):
-        q = r * inverse
-        derivatives.append(w * integer_power(q, p - 1) * ca.if_else(positive, q * q, 1))
-    return u, derivatives
+    rotation, position = ca.MX.sym("rotation", 3, 3), ca.MX.sym("position", 3)
+    length, witnesses = ca.MX.sym("shaping_length"), ca.MX.sym("witnesses", 3, witness_count)
+    axes = candidate_normals(normals, body_a, body_b)
+    groups = _groups(axes, body_a, body_b, rotation, position, witnesses)
+    results = combined(groups, gamma, order, length)
+    names = ["distance", "separation", "gradient", "hessian"][: order + 2]
+    return ca.Function(
+        "relative",
+        [rotation, position, length, witnesses],
+        results,
+        ["rotation", "position", "length", "witnesses"],
+        names,
+    )
 
 
-def holder_maximum(
-    values: list[ca.SX], gamma: int, weights: Sequence[Scalar] | None = None
-) -> tuple[ca.SX, list[ca.SX]]:
-    """Return the gamma-Hölder maximum, -min(-x) (paper: Definition ``def:smooth-max-boxplus``), and its derivatives."""
-    u, derivatives = holder_minimum([-x for x in values], gamma, weights)
-    return -u, derivatives
+def _groups(
+    axes: CandidateNormals, body_a: ConvexBody, body_b: ConvexBody, rotation: ca.MX, position: ca.MX, witnesses: ca.MX
+) -> list[Axes]:
+    """Lay out every axis, in groups of equal numbers of projections."""
+    radii = body_a.radius + body_b.radius
+    in_a = rotation @ ca.DM(body_b.vertices.T) + ca.repmat(
+        position, 1, len(body_b.vertices)
+    )  # B's vertices in A's frame
+    in_b = rotation.T @ (ca.DM(body_a.vertices.T) - ca.repmat(position, 1, len(body_a.vertices)))
+    groups = []
+    for motion, directions, counts, own, seen, points in (
+        (fixed_in_a, axes.in_a, axes.counts_a, body_a, in_a, in_a),
+        (fixed_in_b, axes.in_b, axes.counts_b, body_b, in_b, _constant(body_a.vertices.T)),
+    ):
+        levels = [_distinct(own.vertices @ direction) for direction in directions]
+        for size in sorted({len(values) for values, _ in levels}):
+            chosen = [k for k, (values, _) in enumerate(levels) if len(values) == size]
+            normals = ca.DM(directions[chosen].T)
+            groups.append(
+                Axes(
+                    motion,
+                    [ca.MX(normals) if motion is fixed_in_a else rotation @ normals],
+                    _constant([levels[k][0] for k in chosen]).T,
+                    _constant([levels[k][1] for k in chosen]).T,
+                    seen.T @ normals,
+                    ca.MX.ones(seen.shape[1], len(chosen)),
+                    radii * ca.MX.ones(1, len(chosen)),
+                    counts[chosen],
+                    ca.repmat(points, 1, len(chosen)),
+                )
+            )
+    if (count := witnesses.shape[1]) > 0:
+        groups.append(
+            Axes(
+                fixed_in_b,
+                [rotation @ witnesses],
+                ca.DM(body_b.vertices) @ witnesses,
+                ca.MX.ones(len(body_b.vertices), count),
+                in_b.T @ witnesses,
+                ca.MX.ones(len(body_a.vertices), count),
+                radii * ca.MX.ones(1, count),
+                np.ones(count),
+                ca.repmat(_constant(body_a.vertices.T), 1, count),
+            )
+        )
+    if (centre := axes.centre) is not None:
+        points_a, centre_b = ca.DM(body_a.vertices.T), rotation @ ca.DM(centre.point_b) + position
+        t = ca.DM(centre.point_a) - centre_b
+        w = t / ca.sqrt(ca.dot(t, t) + centre.softness**2)
+        groups.append(
+            Axes(
+                between_centres,
+                [_constant(centre.point_a), centre_b, ca.MX(centre.softness)],
+                points_a.T @ w,
+                ca.MX.ones(len(body_a.vertices)),
+                in_a.T @ w,
+                ca.MX.ones(len(body_b.vertices)),
+                ca.MX(radii),
+                np.ones(1),
+                in_a,
+                ca.MX(points_a),
+            )
+        )
+    return groups + _edge_groups(axes, body_a, body_b, rotation, in_a)
 
 
-def shaping(u: ca.SX, gamma: int, shaping_length: Scalar) -> tuple[ca.SX, ca.SX]:
-    """Return Phi(u) = u t^gamma / (t^gamma + 1) with t = |u| / shaping_length, and dPhi/du (paper: eq. ``eq:phi``).
+def _edge_groups(
+    axes: CandidateNormals, body_a: ConvexBody, body_b: ConvexBody, rotation: ca.MX, in_a: ca.MX
+) -> list[Axes]:
+    """Lay out the axes across edges, every edge of A with every one of B."""
+    if axes.edges is None or not len(axes.edges.along_a) or not len(axes.edges.along_b):
+        return []
+    edges = axes.edges
+    classes_a = [_classes(body_a.vertices, u) for u in edges.along_a]
+    classes_b = [_classes(body_b.vertices, v) for v in edges.along_b]
+    groups = []
+    for size_a in sorted({len(kept) for kept, _ in classes_a}):
+        for size_b in sorted({len(kept) for kept, _ in classes_b}):
+            us = [k for k, (kept, _) in enumerate(classes_a) if len(kept) == size_a]
+            vs = [k for k, (kept, _) in enumerate(classes_b) if len(kept) == size_b]
+            pairs = [(i, j) for i in us for j in vs]
+            count = len(pairs)
+            edge_a = _constant(edges.along_a[[i for i, _ in pairs]].T)
+            edge_b = (rotation @ ca.DM(edges.along_b[vs].T))[:, [k for _ in us for k in range(len(vs))]]
+            points_a = _constant(np.vstack([body_a.vertices[classes_a[i][0]] for i, _ in pairs]).T)
+            points_b = in_a[:, np.concatenate([classes_b[j][0] for _, j in pairs]).tolist()]
+            sine, fade = (value * ca.MX.ones(1, count) for value in (edges.sine, edges.fade))
+            levels, along, drop = _across(size_a, size_b).map(count)(edge_a, edge_b, sine, fade, points_a, points_b)
+            groups.append(
+                Axes(
+                    across_edges,
+                    [edge_a, edge_b, sine, fade],
+                    levels,
+                    _constant([classes_a[i][1] for i, _ in pairs]).T,
+                    along,
+                    _constant([classes_b[j][1] for _, j in pairs]).T,
+                    drop + body_a.radius + body_b.radius,
+                    np.ones(count),
+                    points_b,
+                    points_a,
+                )
+            )
+    return groups
 
-    epsilon = shaping_length^gamma. With s = t^gamma / (t^gamma + 1): Phi = u s and dPhi/du = s (1 + gamma (1 - s)); the
-    power is that of min(t, 1/t), which never overflows.
-    """
-    size = ca.fabs(u)
-    power = integer_power(ca.fmin(size, shaping_length) / ca.fmax(size, shaping_length), gamma)
-    far = size > shaping_length
-    s = ca.if_else(far, 1, power) / (1 + power)
-    rest = ca.if_else(far, power, 1) / (1 + power)
-    return u * s, s * (1 + gamma * rest)
+
+def _across(size_a: int, size_b: int) -> ca.Function:
+    """Return the function of one axis across edges: projections of A's and B's points on it, and its fade."""
+    edge_a, edge_b, sine, fade = ca.SX.sym("u", 3), ca.SX.sym("v", 3), ca.SX.sym("sine"), ca.SX.sym("fade")
+    points_a, points_b = ca.SX.sym("a", 3, size_a), ca.SX.sym("b", 3, size_b)
+    w, drop = edge_axis(edge_a, edge_b, sine, fade)
+    return ca.Function(
+        "across", [edge_a, edge_b, sine, fade, points_a, points_b], [points_a.T @ w, points_b.T @ w, drop]
+    )
+
+
+def _distinct(values: Array) -> tuple[Array, Array]:
+    """Return the distinct numbers among ``values``, to rounding, and how often each occurs."""
+    ordered = np.sort(values)
+    starts = np.flatnonzero(np.diff(ordered, prepend=-np.inf) > SAME_PROJECTION * np.abs(ordered).max())
+    groups = np.split(ordered, starts[1:])
+    return np.array([group.mean() for group in groups]), np.array([float(len(group)) for group in groups])
+
+
+def _classes(points: Array, direction: Array) -> tuple[list[int], list[float]]:
+    """Return one of each set of points (n, 3) that differ along ``direction`` only, and how many each set has."""
+    across = points - np.outer(points @ direction, direction)
+    kept: list[int] = []
+    counts: list[float] = []
+    for k, point in enumerate(across):
+        gaps = np.abs(across[kept] - point).max(axis=1) if kept else np.empty(0)
+        same = np.flatnonzero(gaps <= SAME_PROJECTION * np.abs(points).max())
+        if len(same):
+            counts[same[0]] += 1.0
+        else:
+            kept.append(k)
+            counts.append(1.0)
+    return kept, counts
+
+
+def _constant(rows: Any) -> ca.MX:
+    return ca.MX(ca.DM(np.array(rows)))

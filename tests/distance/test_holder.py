@@ -1,13 +1,11 @@
-"""The paper's properties of the Hölder minimum and maximum and of the shaping function, in NumPy and in CasADi."""
+"""The paper's properties of the Hölder minimum and maximum and of the shaping function."""
 
 from __future__ import annotations
 
-import casadi as ca
 import numpy as np
 import pytest
 
-from hdplan.distance import symbolic
-from hdplan.distance.holder import holder_maximum, holder_minimum, resolve_shaping_length, shaping
+from hdplan.distance.holder import holder_maximum, holder_minimum, resolve_shaping_length, shaped_minimum, shaping
 from hdplan.scenes.errors import InputError
 
 GAMMAS = (1, 2, 3, 4, 8, 16, 32)
@@ -96,46 +94,29 @@ def test_gamma_is_a_positive_integer(gamma):
         holder_minimum([1.0, 2.0], gamma)
 
 
-@pytest.fixture(scope="module", params=GAMMAS)
-def blocks(request):
-    """Return gamma and a Function of the symbolic blocks: values, derivatives by hand and by CasADi, and Hessian."""
-    gamma = request.param
-    x = ca.SX.sym("x", 4)
-    u, by_hand = symbolic.holder_minimum(ca.vertsplit(x), gamma, [1.0, 2.0, 3.0, 4.0])
-    phi, slope = symbolic.shaping(u, gamma, LENGTH)
-    gradient = slope * ca.vertcat(*by_hand)
-    outputs = [u, ca.vertcat(*by_hand), ca.jacobian(u, x).T, phi, slope, gradient, ca.jacobian(gradient, x)]
-    return gamma, ca.Function("blocks", [x], outputs)
-
-
+@pytest.mark.parametrize("gamma", GAMMAS)
 @pytest.mark.parametrize("x", HARD, ids=str)
-def test_symbolic_blocks_are_finite_and_right_at_hard_values(blocks, x, tolerance):
-    gamma, function = blocks
-    u, by_hand, automatic, phi, slope, gradient, hessian = (np.array(value) for value in function(x))
-    for value in (u, by_hand, automatic, phi, slope, gradient, hessian):
-        assert np.all(np.isfinite(value))
-    truth = holder_minimum(x, gamma, [1, 2, 3, 4])
-    np.testing.assert_allclose(u.item(), truth, rtol=tolerance["witness"], atol=symbolic.TINY)
-    np.testing.assert_allclose(phi.item(), shaping(truth, gamma, LENGTH), rtol=tolerance["witness"], atol=symbolic.TINY)
-    np.testing.assert_allclose(by_hand, automatic, rtol=tolerance["witness"], atol=tolerance["exact"])
-    if u != 0:  # Euler's theorem: u is homogeneous of degree 1
-        np.testing.assert_allclose(by_hand.T @ (np.array(x) / u.item()), 1.0, rtol=tolerance["witness"])
+def test_shaped_minimum_is_finite_and_the_derivative_of_itself(x, gamma, tolerance):
+    """At hard values, by Euler's theorem: u is homogeneous of degree 1, and its gradient of degree 0."""
+    counts = [1, 2, 3, 4]
+    value, gradient, hessian = shaped_minimum(x, gamma, LENGTH, counts)
+    u = holder_minimum(x, gamma, counts)
+    np.testing.assert_allclose(value, shaping(u, gamma, LENGTH), rtol=tolerance["witness"])
+    assert np.all(np.isfinite(gradient))
+    assert np.all(np.isfinite(hessian))
+    np.testing.assert_array_equal(hessian, hessian.T)
+    near = min(abs(float(u)), LENGTH) / max(abs(float(u)), LENGTH)
+    s = (near**gamma if abs(u) < LENGTH else 1.0) / (1.0 + near**gamma)
+    np.testing.assert_allclose(gradient @ x, s * (1 + gamma * (1 - s)) * u, rtol=tolerance["witness"], atol=1e-300)
 
 
-def test_symbolic_blocks_equal_numpy_at_random_values(blocks, tolerance):
-    gamma, function = blocks
-    for x in _random(50):
-        u, _, _, phi, *_ = (np.array(value) for value in function(x))
-        truth = holder_minimum(x, gamma, [1, 2, 3, 4])
-        np.testing.assert_allclose(u.item(), truth, rtol=tolerance["witness"])
-        np.testing.assert_allclose(phi.item(), shaping(truth, gamma, LENGTH), rtol=tolerance["witness"])
-
-
-def test_symbolic_maximum_mirrors_the_minimum():
-    x = ca.SX.sym("x", 3)
-    value, derivatives = symbolic.holder_maximum(ca.vertsplit(x), 2)
-    function = ca.Function("maximum", [x], [value, ca.vertcat(*derivatives) - ca.jacobian(value, x).T])
-    for point in ([1.0, -2.0, 3.0], [-1.0, -2.0, -3.0]):
-        found, difference = function(point)
-        assert float(found) == pytest.approx(float(holder_maximum(point, 2)))
-        np.testing.assert_allclose(np.array(difference), 0, atol=1e-14)
+@pytest.mark.parametrize("gamma", [1, 2, 3, 4, 8])
+def test_shaped_minimum_against_differences(gamma):
+    rng = np.random.default_rng(3)
+    for x in np.vstack([rng.uniform(0.5, 3, (5, 4)), rng.uniform(-3, 1, (5, 4))]) * LENGTH:
+        _, gradient, hessian = shaped_minimum(x, gamma, LENGTH, [1, 2, 3, 4])
+        h = 1e-5 * LENGTH
+        ahead, behind = (shaped_minimum(x + s * np.eye(4), gamma, LENGTH, [1, 2, 3, 4]) for s in (h, -h))
+        np.testing.assert_allclose((ahead[0] - behind[0]) / (2 * h), gradient, atol=1e-7)
+        if gamma > 1:  # else the second derivatives jump where an x crosses 0
+            np.testing.assert_allclose((ahead[1] - behind[1]) / (2 * h), hessian, atol=1e-5 / LENGTH)
