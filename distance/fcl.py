@@ -1,9 +1,10 @@
 """The FCL baseline: its exact signed distance, in a process of its own because it may take that process down.
 
 In: two bodies and their poses, world from body [m]. Out: what python-fcl answers, positive = separated, nothing
-repaired. It is right to rounding at random poses; but within about 1e-6 of contact, and at exactly parallel contacts,
-it calls std::terminate now and then, which no Python can catch. ``fcl_distances`` marks such poses and goes on;
-``FclPair`` is for timing. The package is optional (``hdplan[bench]``) and loaded where it is used.
+repaired. It is right to rounding at random poses. Where bodies just touch, it calls std::terminate in 0.1 % of poses
+(Platonic solids; 2 % with thin plates), which no Python can catch, and in 0.2 % it is wrong, by up to metres.
+``fcl_distances`` marks the former and goes on; ``FclPair`` is for timing. The package is optional (``hdplan[bench]``)
+and loaded where it is used.
 
 Every body is a ``fcl.Convex`` of its vertices, and the radii come off the distance, as in ``signed_distance``. FCL's
 own round shapes are no match: with Sphere and Capsule its iteration stops up to 0.6 mm away from the distance. Nor is a
@@ -52,7 +53,7 @@ class FclAnswers:
 class FclPair:
     """Two bodies for FCL's signed distance in this process, as fast as Python reaches it. For timing only.
 
-    Beware: FCL ends the whole process, uncatchably, in 0.2 to 1.4 % of poses with a gap below about 1e-6 m.
+    Beware: FCL ends the whole process, uncatchably, in some poses with a gap below about 1e-6 m.
     Raises InputError if python-fcl is not installed.
     """
 
