@@ -64,6 +64,8 @@ def signed_distances(body_a: ConvexBody, poses_a: ArrayLike, body_b: ConvexBody,
     """Return the exact signed distances (N,) [m] of A and B at N poses (N, 4, 4) each, world from body [m].
 
     The same as ``signed_distance`` pose by pose, several times faster: only coal's own call is made one by one.
+    Overlaps take longest, as their proof looks across every pair of edges.
+
     Raises InputError for poses of another shape or not finite, and for lists of unequal length.
     """
     world_a, world_b = check_pose_lists(poses_a, poses_b)
