@@ -252,7 +252,7 @@ def test_crossing_edges_are_seen_by_the_edges_rung(witness):
 # --- any bodies -------------------------------------------------------------------------------------------------------
 
 GRID = st.integers(-4, 4).map(lambda k: k / 4)  # aligned and degenerate now and then
-COORDINATE = st.one_of(GRID, st.floats(-1.0, 1.0, allow_subnormal=False))
+COORDINATE = st.one_of(GRID, st.floats(-1.0, 1.0).map(lambda x: round(x, 12)))
 POINT = st.tuples(COORDINATE, COORDINATE, COORDINATE)
 BODY = st.builds(ConvexBody.from_points, st.lists(POINT, min_size=1, max_size=6), st.sampled_from([0.0, 0.1, 1.0]))
 TURN = st.one_of(
