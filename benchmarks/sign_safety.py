@@ -2,10 +2,10 @@
 
     python benchmarks/sign_safety.py [--count 10000000] [--seed S] [--processes P]
 
-`--count` poses over pairs of Platonic solids, box, capsule, cylinder and link bodies of the Panda and the UR5. Nine tenths share a
-point by construction, which needs no oracle: touching, aligned to the last digit or nearly, or overlapping. One tenth
-is random, of which those in contact by the exact distance count. Every pose is evaluated by every rung as generated C,
-with gamma and shaping length varying.
+`--count` poses over pairs of Platonic solids, box, capsule, cylinder and link bodies of the Panda and the UR5. Nine
+tenths share a point by construction, which needs no oracle: touching, aligned to the last digit or nearly, or
+overlapping. One tenth is random, of which those in contact by the exact distance count. Every pose is evaluated by
+every rung as generated C, with gamma and shaping length varying.
 
 A violation is a separation D-tilde or a distance D of more than TOLERANCE times the size, that is the bodies' extents
 and their distance from the origin, or a D that is positive where D-tilde is not. Prints a Markdown table: violations
