@@ -16,6 +16,16 @@ FIXED = "#5A5A5A"
 GREY = "#E9E9E9"
 FRAME = "#BBBBBB"
 
+# Sets of normals, from cheap to tight: colour and marker of each.
+RUNG_STYLES = (
+    (INK, "o"),
+    (GOAL, "D"),
+    (DEPTH, "^"),
+    (BETWEEN, "s"),
+    (GOOD, "*"),
+    (BETWEEN_LINKS, "P"),
+)
+
 RC = {
     "font.size": 8.5,
     "axes.titlesize": 9.5,

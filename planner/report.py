@@ -8,7 +8,8 @@ from __future__ import annotations
 import csv
 import importlib.util
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,19 @@ from hdplan.scenes.errors import InputError
 
 Cell = str | int | float | None  # None: not measured
 Rows = Sequence[Mapping[str, Cell]]
+Reporter = Callable[[int, int, str], None]  # is called with (steps done, all of them, what comes next)
+Stopper = Callable[[], bool]  # says whether to end with what there is
+
+
+@dataclass(frozen=True)
+class Report:
+    """What was found, for reading."""
+
+    tables: Mapping[str, Rows]  # by title
+    notes: Sequence[tuple[str, str]]  # what it is about, and what is to be said of it
+    files: Sequence[Path]  # written
+    complete: bool  # False after an interruption: tables and files hold what there was
+
 
 ENDINGS = (".csv", ".md", ".png")
 
