@@ -24,6 +24,7 @@ from typing import IO, TYPE_CHECKING, Annotated, Any
 import typer
 from rich.cells import cell_len
 from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
 from hdplan.scenes.errors import HdplanError, InputError, naming
@@ -31,6 +32,7 @@ from hdplan.scenes.errors import HdplanError, InputError, naming
 if TYPE_CHECKING:
     from hdplan.planner.certificate import Certificate, Place
     from hdplan.planner.plan import Event
+    from hdplan.planner.report import Report
     from hdplan.planner.result import PlanResult
     from hdplan.scenes.model import PlannerSettings, Scene
 
@@ -46,16 +48,25 @@ Examples:
   hdplan check panda_cage motion.json
   hdplan explain my_scene.yaml
   hdplan robots panda
+  hdplan study distance --quick
+  hdplan reproduce conservativeness
 
 Shipped scenes go by their bare names: empty, kinova_shelf, panda_bookshelf, panda_cage, panda_corridor,
 panda_table_pick, planar_arm, ur5_table, xarm7_post.
 
-Exit codes: 0 certified; 1 nothing certified was found (plan still writes its best attempt, marked as such); 2 bad
-input.""",
+Exit codes: 0 certified; 1 nothing certified was found (plan still writes its best attempt, marked as such), or a study
+was interrupted (what it had found is written, marked as such); 2 bad input.""",
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+studies = typer.Typer(help="Measure what a setting gives and what it costs.", rich_markup_mode=None)
+figures = typer.Typer(
+    help="Make the figures of the HD-SDF's paper again, and set what is found beside what it says.",
+    rich_markup_mode=None,
+)
+app.add_typer(studies, name="study")
+app.add_typer(figures, name="reproduce")
 
 
 def _whole_number(text: str) -> int:
@@ -89,6 +100,12 @@ RobotFile = Annotated[
         "section.",
     ),
 ]
+Folder = Annotated[
+    Path,
+    typer.Option("--output", "-o", metavar="FOLDER", help="Where the files go; made if it is not there."),
+]
+Quick = Annotated[bool, typer.Option("--quick", help="Measure less of it, in about a minute.")]
+OUT = Path("out")
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
 
 
@@ -257,6 +274,63 @@ def robots(
                 show(_columns(rows))
 
 
+@studies.command()
+def distance(output: Folder = OUT, quick: Quick = False) -> None:
+    """Show what accuracy of the distance costs in time.
+
+    For every set of normals, order, shaping length and precision: how often a gap is taken for contact, the error
+    against the exact distance, and the time per value, gradient and Hessian. Writes distance_study.csv, .md and .png,
+    and says which setting to take. Takes a good while; Ctrl-C ends with what was found so far.
+    """
+    from hdplan.planner.study import study_distance
+
+    with _measuring() as (report, stop):
+        found = study_distance(output, quick, report, stop)
+    _show_report(found)
+
+
+@figures.command()
+def time(output: Folder = OUT, quick: Quick = False) -> None:
+    """Time exact distances, GDF and the HD-SDF.
+
+    Over all pairs of Platonic solids: exact by FCL and by coal; the HD-SDF by the interpreter, compiled, and in
+    batches. Writes time.csv and time.png.
+    """
+    from hdplan.planner.reproduce import reproduce_time
+
+    with _measuring() as (report, stop):
+        found = reproduce_time(output, quick, report, stop)
+    _show_report(found)
+
+
+@figures.command()
+def conservativeness(output: Folder = OUT, quick: Quick = False) -> None:
+    """Count how often a gap is taken for contact.
+
+    Over 500,000 random configurations of Platonic solids, for the paper's set of normals and all the others. Writes
+    conservativeness.csv and conservativeness.png.
+    """
+    from hdplan.planner.reproduce import reproduce_conservativeness
+
+    with _measuring() as (report, stop):
+        found = reproduce_conservativeness(output, quick, report, stop)
+    _show_report(found)
+
+
+@figures.command()
+def kinks(output: Folder = OUT) -> None:
+    """Follow two squares past each other.
+
+    The Euclidean distance has kinks there and the HD-SDF has none. Writes kinks.csv and kinks.png: both over time with
+    their derivatives.
+    """
+    from hdplan.planner.reproduce import reproduce_kinks
+
+    with _waiting("following the squares"):
+        found = reproduce_kinks(output)
+    _show_report(found)
+
+
 def main() -> None:
     """Run the command line; every error that a user can cause becomes one line and exit code 2."""
     for name in ("stdout", "stderr"):
@@ -315,22 +389,15 @@ def _waiting(text: str, shown: bool = True) -> Iterator[Any]:
 def _progress(settings: PlannerSettings, shown: bool) -> Iterator[Any]:
     """Follow the solver in one line; gives the function that takes the events, and one that says whether to stop.
 
-    From the first step on, Ctrl-C is noted and ends the search with the best motion so far; a second one ends at once.
+    From the first step on, Ctrl-C is noted and ends the search with the best motion so far.
     """
-    verdict, pressed = "", threading.Event()
-    before = signal.getsignal(signal.SIGINT) or signal.SIG_DFL
-
-    def note(*_: object) -> None:
-        pressed.set()
-        signal.signal(signal.SIGINT, before)
-
+    verdict = ""
     margin = settings.clearance + settings.activation
-    with _waiting("building the problem (the first time with a robot takes minutes)", shown) as line:
+    with _waiting("building the problem (the first time with a robot takes minutes)", shown) as line, _noting() as note:
 
         def report(event: Event) -> None:
             nonlocal verdict
-            if not pressed.is_set() and signal.getsignal(signal.SIGINT) is before:
-                signal.signal(signal.SIGINT, note)
+            note()
             if event.certificate is not None:
                 verdict = f" · last {event.certificate.status.value.replace('_', ' ')}"
             if event.step is not None and line is not None:
@@ -343,10 +410,60 @@ def _progress(settings: PlannerSettings, shown: bool) -> Iterator[Any]:
                     )
                 )
 
-        try:
-            yield report, pressed.is_set
-        finally:
-            signal.signal(signal.SIGINT, before)
+        yield report, note.pressed
+
+
+@contextlib.contextmanager
+def _measuring() -> Iterator[Any]:
+    """Show how far a measurement has come, on a terminal only; gives the function that takes the steps, and one that
+    says whether to stop. Ctrl-C is noted as in `_progress`."""
+    with contextlib.ExitStack() as stack:
+        note = stack.enter_context(_noting())
+        bar = None
+        if sys.stderr.isatty():
+            columns = (
+                BarColumn(),
+                TaskProgressColumn(),
+                TimeRemainingColumn(),
+                TextColumn("{task.description}", markup=False),
+            )
+            bar = stack.enter_context(Progress(*columns, console=_Console(sys.stderr), transient=True))
+            task = bar.add_task("starting", total=None)
+
+        def report(done: int, of: int, what: str) -> None:
+            note()
+            if bar is not None:
+                bar.update(task, completed=done, total=of, description=what)
+
+        yield report, note.pressed
+
+
+class _Note:
+    """Notes Ctrl-C from the first call on; a second one ends at once."""
+
+    def __init__(self) -> None:
+        self._event = threading.Event()
+        self.pressed = self._event.is_set
+        self.before = signal.getsignal(signal.SIGINT) or signal.SIG_DFL
+
+    def __call__(self) -> None:
+        """Begin to note, or begin again where a library has taken the signal for itself."""
+        if not self._event.is_set() and signal.getsignal(signal.SIGINT) is self.before:
+            signal.signal(signal.SIGINT, self._note)
+
+    def _note(self, *_: object) -> None:
+        self._event.set()
+        signal.signal(signal.SIGINT, self.before)
+
+
+@contextlib.contextmanager
+def _noting() -> Iterator[_Note]:
+    """Note Ctrl-C, and leave the signal as it was."""
+    note = _Note()
+    try:
+        yield note
+    finally:
+        signal.signal(signal.SIGINT, note.before)
 
 
 # --- the output stream -------------------------------------------------------------------------------------
@@ -378,6 +495,17 @@ class _Console(Console):
 
 def _verdict(certificate: Certificate) -> Text:
     return Text(certificate.text, style="green" if certificate.certified else "red")
+
+
+def _show_report(report: Report) -> None:
+    """Print what was measured. Exit code 1 if it was interrupted."""
+    with _printing() as show:
+        for title, rows in report.tables.items():
+            show(Text(title, style="bold"))
+            show(_columns(rows))
+        partial = [] if report.complete else [("partial", "interrupted: tables and files hold what was found so far")]
+        show(_table([*partial, *report.notes, *(("written", str(file)) for file in report.files)]))
+    raise typer.Exit(0 if report.complete else 1)
 
 
 def _result_rows(result: PlanResult, files: list[str]) -> list[tuple[str, str]]:

@@ -90,11 +90,11 @@ def reproduce_kinks(folder: Path) -> Report:
     found = kinks()
     from hdplan.planner.plot_kinks import kinks_sheet
 
-    names = ("euclidean", *(f"hdsdf_{length:g}m" for length in SHAPING_LENGTHS))
+    names = ("euclidean", *(f"hdsdf_{length * 100:g}cm" for length in SHAPING_LENGTHS))
     columns = {
         f"{name}_{unit}": column
         for name, curve in zip(names, (found.euclidean, *found.smooth), strict=True)
-        for unit, column in (("m", curve.value), ("m_per_s", curve.rate), ("m_per_s2", curve.second))
+        for unit, column in (("m", curve.value), ("rate_m_per_s", curve.rate), ("second_m_per_s2", curve.second))
     }
     lines: list[dict[str, Cell]] = [
         {"time_s": float(time), **{name: _number(column[k]) for name, column in columns.items()}}

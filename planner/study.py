@@ -1,0 +1,176 @@
+"""The study of accuracy against time: measured, written as CSV, Markdown and PNG, and summed up in a few lines."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+from hdplan.planner.report import (
+    Cell,
+    Report,
+    Reporter,
+    Stopper,
+    check_report,
+    csv_text,
+    markdown_text,
+    png,
+    short,
+    write_report,
+)
+from hdplan.scenes.model import PlannerSettings
+
+if TYPE_CHECKING:
+    from hdplan.distance.study import Entry, Study
+
+FILES = ("distance_study.csv", "distance_study.md", "distance_study.png")
+GAP = 1e-2  # [m] at which settings are compared
+SMOOTH_ENOUGH = 2  # least gamma to take: the optimizer wants second derivatives
+DEFAULTS = PlannerSettings()
+LEGEND = """\
+Times are per query [µs], the geometric mean over the pairs of bodies; everything else is the mean. float64 runs as
+generated C on one core, float32 as a JAX batch on whatever JAX finds. False positives: D <= 0 although the bodies are
+at least so far apart, in % of the random poses that are. Errors: the median and the 95th percentile of |D - d| [mm],
+d the exact distance: apart (d > 5 cm), near (|d| <= 5 cm), deep (d < -5 cm). Sign lost: D <= 0 although D̃ > 0, in % of
+all poses: there D is too small for a number.
+"""
+
+
+def study_distance(folder: Path, quick: bool, report: Reporter, stop: Stopper) -> Report:
+    """Measure, and write FILES into ``folder``; for ``quick`` one pair of bodies, two orders, and no Hessians.
+
+    Raises InputError for a folder that cannot be written and a missing matplotlib, KeyboardInterrupt if it is stopped
+    before there is anything to show.
+    """
+    from hdplan.distance.study import FULL, QUICK, best_buy, study
+
+    paths = check_report(folder, FILES)
+    begin = perf_counter()
+    found = study(QUICK if quick else FULL, report=report, stop=stop)
+    if not found.entries:
+        raise KeyboardInterrupt
+    from hdplan.planner.plot_study import study_sheet
+
+    means = found.means()
+    choice = best_buy(
+        [e for e in means if e.setting.gamma >= SMOOTH_ENOUGH and e.setting.precision == "float64"],
+        GAP, "gradient", found.plan.random * len(found.plan.bodies),
+    )  # fmt: skip
+    notes = [*_about(found), *_advice(means, choice)]
+    title = "# What accuracy of the distance costs in time\n"
+    told = "".join(f"- **{what}**: {words}\n" for what, words in notes)
+    minutes = f"- **measured** in {(perf_counter() - begin) / 60.0:.0f} min on {os.cpu_count()} processors\n"
+    markdown = "\n".join([title, told + minutes, LEGEND, markdown_text([_short_row(e) for e in means])])
+    every = [_row(entry) for entry in (*found.entries, *means)]
+    write_report(paths, [csv_text(every), markdown, png(study_sheet(found, choice))])
+    rungs = [_summary(e) for e in means if _is_default(e)]
+    words = f"gamma {DEFAULTS.gamma}, shaping length {_length(DEFAULTS.shaping_length)}, float64"
+    return Report({f"sets of normals at {words}": rungs} if rungs else {}, notes, paths, found.complete)
+
+
+def _about(found: Study) -> list[tuple[str, str]]:
+    plan = found.plan
+    bodies = ", ".join(plan.bodies)
+    return [("bodies", f"{bodies}; {plan.random} random poses each and {plan.near} close to contact")]
+
+
+def _advice(means: Sequence[Entry], choice: Entry) -> list[tuple[str, str]]:
+    """Say in words what the numbers say."""
+    setting = choice.setting
+    cheap = min((e for e in means if e.setting.precision == "float64"), key=lambda e: e.seconds["gradient"])
+    lengths = [
+        e for e in means
+        if (e.setting.normals, e.setting.gamma, e.setting.precision) == (setting.normals, setting.gamma, "float64")
+    ]  # fmt: skip
+    reads = ", ".join(f"{_mm(e.median_error['near'])} at {_length(e.setting.shaping_length)}" for e in lengths)
+    lost = [e for e in means if e.sign_lost > 0]
+    signs = "is that of D̃ at every pose and setting"
+    if lost:
+        worst = max(lost, key=lambda e: e.sign_lost)
+        signs = (
+            f"is lost by underflow at up to {_percent(worst.sign_lost)} of the poses ({describe(worst)}): then ask D̃"
+        )
+    return [
+        ("take", f"{describe(choice)}: {_percent(choice.false_positives[GAP])} of the gaps over {_length(GAP)} are "
+         f"taken for contact, at {_us(choice.seconds['gradient'])} for value and gradient"),
+        ("because", f"the least product of the two; the cheapest, {describe(cheap)}, takes "
+         f"{_percent(cheap.false_positives[GAP])} of them for contact at {_us(cheap.seconds['gradient'])}"),
+        ("near contact", f"it misses the exact distance by {reads} of shaping length (median)"),
+        ("the sign of D", signs),
+    ]  # fmt: skip
+
+
+def describe(entry: Entry) -> str:
+    """Return a setting in words."""
+    s = entry.setting
+    return f"{s.normals}, gamma {s.gamma}, {_length(s.shaping_length)}, {s.precision}"
+
+
+def _is_default(entry: Entry) -> bool:
+    s = entry.setting
+    return (s.gamma, s.shaping_length, s.precision) == (DEFAULTS.gamma, DEFAULTS.shaping_length, "float64")
+
+
+def _summary(entry: Entry) -> dict[str, Cell]:
+    orders = {"gradient": "+gradient", "hessian": "+Hessian"}
+    return {
+        "normals": entry.setting.normals,
+        **{f"> {_length(gap)} [%]": short(100.0 * entry.false_positives[gap]) for gap in (1e-3, 1e-2, 1e-1)},
+        "near [mm]": short(1e3 * entry.median_error["near"]),
+        **{f"{orders.get(order, order)} [µs]": short(1e6 * time) for order, time in entry.seconds.items()},
+    }
+
+
+def _row(entry: Entry) -> dict[str, Cell]:
+    """Return an entry with full precision, for the CSV."""
+    from hdplan.distance.study import ORDERS, RUNS_IN
+
+    return {
+        "bodies": entry.bodies,
+        "normals": entry.setting.normals,
+        "gamma": entry.setting.gamma,
+        "shaping_length_m": entry.setting.shaping_length,
+        "precision": entry.setting.precision,
+        "runs_in": RUNS_IN[entry.setting.precision],
+        **{f"false_positives_at_{gap:g}_m_percent": 100.0 * rate for gap, rate in entry.false_positives.items()},
+        "sign_lost_percent": 100.0 * entry.sign_lost,
+        **{f"{band}_bias_m": value for band, value in entry.bias.items()},
+        **{f"{band}_median_error_m": value for band, value in entry.median_error.items()},
+        **{f"{band}_95_percent_error_m": value for band, value in entry.high_error.items()},
+        **{f"{order}_us": 1e6 * entry.seconds[order] if order in entry.seconds else None for order in ORDERS},
+    }
+
+
+def _short_row(entry: Entry) -> dict[str, Cell]:
+    """Return an entry for reading, for the Markdown table."""
+    return {
+        "normals": entry.setting.normals,
+        "gamma": entry.setting.gamma,
+        "shaping length": _length(entry.setting.shaping_length),
+        "precision": entry.setting.precision,
+        **{f"> {_length(gap)} [%]": 100.0 * rate for gap, rate in entry.false_positives.items()},
+        "sign lost [%]": 100.0 * entry.sign_lost,
+        **{
+            f"{band} [mm]": f"{short(1e3 * entry.median_error[band])} / {short(1e3 * entry.high_error[band])}"
+            for band in entry.median_error
+        },
+        **{f"{order} [µs]": 1e6 * time for order, time in entry.seconds.items()},
+    }
+
+
+def _length(metres: float) -> str:
+    return f"{metres * 1e3:g} mm" if metres < 0.01 else f"{metres * 1e2:g} cm"
+
+
+def _mm(metres: float) -> str:
+    return f"{metres * 1e3:.3g} mm"
+
+
+def _us(seconds: float) -> str:
+    return f"{seconds * 1e6:.3g} µs"
+
+
+def _percent(part: float) -> str:
+    return f"{100.0 * part:.2g} %"
