@@ -49,7 +49,8 @@ class Axes:
         """Find the least separations."""
         low_a, high_a = _spans(self.levels)
         low_b, high_b = _spans(self.along)
-        gaps = {1: low_a - high_b - self.drop, -1: low_b - high_a - self.drop}
+        # rounded as the axis function rounds each x: the least of them must be one of them
+        gaps = {1: (low_a - self.drop) - high_b, -1: (-high_a - self.drop) + low_b}
         object.__setattr__(self, "least", ca.vertcat(*(gaps[sign] for sign in self.signs)))
 
     def shape(self, gamma: int, order: int) -> AxisShape:

@@ -27,7 +27,7 @@ SKIPPED, APART, CONTACT = range(3)
 # A minimum smaller than this is taken as zero: one over its square stays finite. The sign stays safe, as 0 is not free.
 TINY = 1e-150
 
-BLOCK = 64  # vertex pairs written out as straight-line code; more of them run in a loop, which compiles in no time
+FEW = 32  # vertex pairs written out as straight-line code; more of them run in loops, which compilers vectorize
 
 
 @dataclass(frozen=True)
@@ -62,9 +62,8 @@ def axis_function(shape: AxisShape) -> ca.Function:
     skip = ca.Function("skip", inputs, [ca.SX.zeros(*size) for size in _output_sizes(shape)])
     cases = []
     for apart in (True, False):
-        kind, sums = (ca.SX, _sums) if shape.levels * shape.along <= BLOCK else (ca.MX, _sums_in_a_loop)
-        inputs = _inputs(shape, kind)
-        cases.append(ca.Function("apart" if apart else "contact", inputs, _outputs(shape, inputs, apart, sums)))
+        inputs = _inputs(shape, ca.SX if shape.levels * shape.along <= FEW else ca.MX)
+        cases.append(ca.Function("apart" if apart else "contact", inputs, _outputs(shape, inputs, apart)))
     return ca.Function.conditional("axis", [skip, cases[0]], cases[1])
 
 
@@ -144,25 +143,28 @@ def _output_sizes(shape: AxisShape) -> list[tuple[int, int]]:
     return [(1, s), (1, s), (n, s), (1, s), (n, s * n)][: (1, 3, 5)[shape.order]]
 
 
-def _outputs(shape: AxisShape, inputs: list[Expression], apart: bool, sums: Any) -> list[Expression]:
+def _outputs(shape: AxisShape, inputs: list[Expression], apart: bool) -> list[Expression]:
     least = inputs[5]
     if apart and len(shape.signs) == 2:  # one of them separates: compute that alone
         sign, extreme = ca.if_else(least[0] > 0, 1, -1), ca.fmax(least[0], least[1])
-        column = _column(shape, inputs, sums, sign, extreme, True)
+        column = _column(shape, inputs, sign, extreme, True)
         columns = [[part * (sign == s) for part in column] for s in shape.signs]
     else:
-        columns = [_column(shape, inputs, sums, s, least[k], apart) for k, s in enumerate(shape.signs)]
+        columns = [_column(shape, inputs, s, least[k], apart) for k, s in enumerate(shape.signs)]
     return [ca.horzcat(*parts) for parts in zip(*columns, strict=True)]
 
 
 def _column(
-    shape: AxisShape, inputs: list[Expression], sums: Any, sign: Any, extreme: Expression, apart: bool
+    shape: AxisShape, inputs: list[Expression], sign: Any, extreme: Expression, apart: bool
 ) -> list[Expression]:
     """Return the outputs for one sign."""
     length = inputs[6]
     # x/m below contact, m/x above: the factor that is the same for all pairs
-    scale = extreme if apart else ca.if_else(extreme < -TINY, 1 / ca.fmin(extreme, -TINY), 0)
-    total, *moments = sums(shape, inputs, sign, scale, apart)
+    if apart:  # always so; said for graphs that evaluate all cases and choose afterwards
+        scale = ca.if_else(extreme > TINY, extreme, 1)
+    else:
+        scale = ca.if_else(extreme < -TINY, 1 / ca.fmin(extreme, -TINY), 0)
+    total, *moments = _sums(shape, inputs, sign, scale, apart)
     g = shaped(extreme, total, length, shape.gamma, apart)
     parts = [g.value]
     if shape.order >= 1:
@@ -176,7 +178,7 @@ def _sums(shape: AxisShape, inputs: list[Expression], sign: Any, scale: Expressi
     """Return Σ w r^p, Σ w r^(p-1) ψ and Σ w r^(p-2) ψψᵀ (p+1 and p+2 where apart) over all pairs of vertices."""
     levels, level_counts, along, along_counts, drop, _, _, points_b, *points_a = inputs
     p = shape.gamma + 1
-    x = sign * (ca.repmat(levels, 1, along.numel()) - ca.repmat(along.T, levels.numel(), 1)) - drop
+    x = ca.repmat(sign * levels - drop, 1, along.numel()) - ca.repmat(sign * along.T, levels.numel(), 1)
     if apart:
         r = scale / ca.fmax(x, scale)
         full = integer_power(r, p)
@@ -189,46 +191,19 @@ def _sums(shape: AxisShape, inputs: list[Expression], sign: Any, scale: Expressi
         full = pull * r
     results = [level_counts.T @ full @ along_counts]
     for weights, square in ((pull, False), (sharp, True))[: shape.order]:
-        weights = weights * (level_counts @ along_counts.T)
-        by_b, by_a = ca.sum1(weights).T, ca.sum2(weights)
-        psi_b = ca.vertcat(ca.SX.ones(1, by_b.numel()), points_b)
+        weighted = weights * (level_counts @ along_counts.T)
+        by_b, by_a = ca.sum1(weighted).T, ca.sum2(weighted)
+        psi_b = ca.vertcat(type(by_b).ones(1, by_b.numel()), points_b)
         if not square:
             results.append(ca.vertcat(psi_b @ by_b, *(a @ by_a for a in points_a)))
             continue
         block = psi_b @ (ca.repmat(by_b, 1, 4) * psi_b.T)
         if points_a:
             (a,) = points_a
-            mixed = a @ weights @ psi_b.T
+            mixed = a @ weighted @ psi_b.T
             block = ca.blockcat([[block, mixed.T], [mixed, a @ (ca.repmat(by_a, 1, 3) * a.T)]])
         results.append(block)
     return results
-
-
-def _sums_in_a_loop(
-    shape: AxisShape, inputs: list[Expression], sign: Any, scale: Expression, apart: bool
-) -> list[Expression]:
-    """Return ``_sums`` by blocks of ``along``."""
-    width = max(b for b in range(1, shape.along + 1) if shape.along % b == 0 and (b == 1 or shape.levels * b <= BLOCK))
-    count = shape.along // width
-    block = _block(shape, width, apart)
-    levels, level_counts, along, along_counts, drop, _, _, points_b, *points_a = inputs
-    same = [ca.repmat(part, 1, count) for part in (levels, level_counts, drop, ca.MX(sign), scale, *points_a)]
-    parts = block.map(count)(*same, ca.reshape(along, width, count), ca.reshape(along_counts, width, count), points_b)
-    n = shape.moments
-    return [
-        ca.reshape(ca.sum2(ca.reshape(part, -1, count)), *size)
-        for part, size in zip(parts if shape.order else [parts], ((1, 1), (n, 1), (n, n)), strict=False)
-    ]
-
-
-@functools.cache
-def _block(shape: AxisShape, width: int, apart: bool) -> ca.Function:
-    inputs = _inputs(AxisShape(shape.levels, width, shape.gamma, shape.order, shape.both_move), ca.SX)
-    levels, level_counts, along, along_counts, drop, _, _, points_b, *points_a = inputs
-    sign, scale = ca.SX.sym("sign"), ca.SX.sym("scale")
-    sums = _sums(shape, inputs, sign, scale, apart)
-    arguments = [levels, level_counts, drop, sign, scale, *points_a, along, along_counts, points_b]
-    return ca.Function("block", arguments, sums)
 
 
 def _root(x: Expression, p: int) -> Expression:

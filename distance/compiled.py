@@ -13,6 +13,7 @@ import functools
 import importlib.util
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -31,7 +32,8 @@ from hdplan.distance.cache import cache_dir, content_key, write_whole
 Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
-# None of them changes a value: without the last, machines with a fused multiply-add would round differently.
+# None of them changes a value: without the last, machines with a fused multiply-add would round differently. The second
+# and third let the smallest helpers of the generated code (fmin, a square) be inlined, which halves the time.
 FLAGS = (
     "-O3",
     "-std=gnu89",
@@ -178,6 +180,16 @@ def compiler() -> tuple[str, ...] | None:
     return None
 
 
+@functools.cache
+def _instructions() -> tuple[str, ...]:
+    """Return the flags for vectors as wide as this processor's, where Linux tells: loops run up to half faster."""
+    try:
+        found = set(re.findall(r"\bavx2\b|\bavx512vl\b", Path("/proc/cpuinfo").read_text(encoding="utf-8")))
+    except OSError:
+        return ()
+    return tuple(f"-m{name}" for name in sorted(found))
+
+
 def _library(function: ca.Function) -> ctypes.CDLL | None:
     """The loaded library of a function, from the disk cache (keyed by the C source and the compiler) or compiled now.
 
@@ -189,7 +201,8 @@ def _library(function: ca.Function) -> ctypes.CDLL | None:
     generator = ca.CodeGenerator(f"{function.name()}.c")
     generator.add(function)
     source = generator.dump() + LOOP.format(name=function.name(), n_in=function.n_in(), n_out=function.n_out())
-    key = content_key(source, *command, *FLAGS, platform.machine(), sys.platform)
+    flags = (*FLAGS, *_instructions())
+    key = content_key(source, *command, *flags, platform.machine(), sys.platform)
     home, stem = cache_dir() / "compiled", f"{function.name()}-{key}"
     for found in home.glob(f"{stem}-*.so"):
         try:
@@ -200,7 +213,7 @@ def _library(function: ca.Function) -> ctypes.CDLL | None:
     with tempfile.TemporaryDirectory() as folder:
         text, built = Path(folder) / "function.c", Path(folder) / "function.so"
         text.write_text(source)
-        outcome = subprocess.run([*command, *FLAGS, str(text), "-o", str(built), "-lm"], capture_output=True, text=True)
+        outcome = subprocess.run([*command, *flags, str(text), "-o", str(built), "-lm"], capture_output=True, text=True)
         if outcome.returncode:
             warnings.warn(
                 f"{command[0]} failed on {function.name()}: {outcome.stderr.strip().splitlines()[-1:]}; interpreting",
