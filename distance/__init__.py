@@ -18,13 +18,15 @@ from hdplan.distance.sat import Proximity
 
 if TYPE_CHECKING:
     from hdplan.distance.batch import hdsdf_batch
-    from hdplan.distance.oracle import signed_distance
+    from hdplan.distance.fcl import fcl_distances
+    from hdplan.distance.oracle import signed_distance, signed_distances
     from hdplan.distance.pair_distance import hdsdf_compiled, hdsdf_function
 
 __all__ = [
     "RUNGS",
     "ConvexBody",
     "Proximity",
+    "fcl_distances",
     "hdsdf",
     "hdsdf_batch",
     "hdsdf_compiled",
@@ -36,13 +38,16 @@ __all__ = [
     "separation",
     "shaping",
     "signed_distance",
+    "signed_distances",
 ]
 
 _HEAVY = {
     "hdsdf_batch": "batch",
     "hdsdf_compiled": "pair_distance",
     "hdsdf_function": "pair_distance",
+    "fcl_distances": "fcl",
     "signed_distance": "oracle",
+    "signed_distances": "oracle",
 }
 
 

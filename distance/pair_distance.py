@@ -17,6 +17,7 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.compiled import RowFunction
 from hdplan.distance.holder import check_gamma, resolve_shaping_length
 from hdplan.distance.normals import candidate_normals, check_witnesses
+from hdplan.distance.poses import check_poses
 from hdplan.distance.symbolic import relative_function
 from hdplan.scenes.errors import InputError
 
@@ -72,7 +73,7 @@ class CompiledDistance:
         units = check_witnesses(witnesses)
         if units.shape[-2] != self._witness_count:
             raise InputError(f"witnesses: found {units.shape[-2]} at each pose, allowed are {self._witness_count}")
-        a, b = _pose("pose_a", pose_a), _pose("pose_b", pose_b)
+        a, b = check_poses("pose_a", pose_a), check_poses("pose_b", pose_b)
         if a.ndim == b.ndim == units.ndim == 2:
             once = self.function(order).once(a.ravel(), b.ravel(), self._length[0], units.ravel())
             return [once[0].reshape(()), once[1].reshape(()), *once[2:]]
@@ -194,10 +195,3 @@ def _relative(pose_a: ca.MX, pose_b: ca.MX) -> tuple[ca.MX, ca.MX]:
     """Return rotation and position of B in A's frame; the positions are subtracted first."""
     turned = pose_a[:3, :3].T
     return turned @ pose_b[:3, :3], turned @ (pose_b[:3, 3] - pose_a[:3, 3])
-
-
-def _pose(name: str, pose: ArrayLike) -> Array:
-    matrix = np.asarray(pose, dtype=float)
-    if matrix.shape[-2:] != (4, 4) or not np.all(np.isfinite(matrix)):
-        raise InputError(f"{name}: found an array of shape {matrix.shape}, allowed are finite arrays (..., 4, 4)")
-    return matrix

@@ -10,6 +10,11 @@ from hdplan.scenes.errors import InputError
 Array = NDArray[np.float64]
 
 
+def check_poses(name: str, poses: ArrayLike) -> Array:
+    """Return poses (..., 4, 4); raises InputError for another shape and for numbers that are not finite."""
+    return _check(name, poses, None, "(..., 4, 4)")
+
+
 def check_pose(name: str, pose: ArrayLike) -> Array:
     """Return one pose (4, 4); raises InputError for another shape and for numbers that are not finite."""
     return _check(name, pose, 2, "(4, 4)")
@@ -24,8 +29,8 @@ def check_pose_lists(poses_a: ArrayLike, poses_b: ArrayLike) -> tuple[Array, Arr
     return lists
 
 
-def _check(name: str, poses: ArrayLike, axes: int, allowed: str) -> Array:
+def _check(name: str, poses: ArrayLike, axes: int | None, allowed: str) -> Array:
     array = np.asarray(poses, dtype=float)
-    if array.ndim != axes or array.shape[-2:] != (4, 4) or not np.isfinite(array).all():
+    if array.ndim != (axes or array.ndim) or array.shape[-2:] != (4, 4) or not np.isfinite(array).all():
         raise InputError(f"{name}: found an array of shape {array.shape}, allowed is a finite array {allowed}")
     return array

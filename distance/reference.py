@@ -25,8 +25,8 @@ from hdplan.distance.holder import (
 )
 from hdplan.distance.jets import Jet, fixed, moving, stack
 from hdplan.distance.normals import candidate_normals, check_witnesses, separating_axes
+from hdplan.distance.poses import check_poses
 from hdplan.distance.projections import separations
-from hdplan.scenes.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -131,7 +131,7 @@ def separating_axis_distance(body_a: ConvexBody, pose_a: ArrayLike, body_b: Conv
     D = max over n in N(A, B) of min n·(a - b) - r_A - r_B. Where the polytopes touch or overlap it is the exact signed
     distance; where they are apart a lower bound of it, positive before the radii are taken off.
     """
-    a, b = _pose("pose_a", pose_a), _pose("pose_b", pose_b)
+    a, b = check_poses("pose_a", pose_a), check_poses("pose_b", pose_b)
     axes = separating_axes(body_a, a[:3, :3], body_b, b[:3, :3])
     along_a = axes @ (body_a.vertices @ a[:3, :3].T + (a[:3, 3] - b[:3, 3])).T
     along_b = axes @ (body_b.vertices @ b[:3, :3].T).T
@@ -149,7 +149,7 @@ def _separations(
     moved: bool = False,
 ) -> Iterator[tuple[Jet, float]]:
     """Yield the separations along every axis and sign, with derivatives by the twists if ``moved``, and the counts."""
-    a, b = np.broadcast_arrays(_pose("pose_a", pose_a), _pose("pose_b", pose_b))
+    a, b = np.broadcast_arrays(check_poses("pose_a", pose_a), check_poses("pose_b", pose_b))
     jets = (moving(a, 0), moving(b, 6)) if moved else (fixed(a), fixed(b))
     axes = candidate_normals(normals, body_a, body_b)
     return separations(axes, body_a, jets[0], body_b, jets[1], check_witnesses(witnesses))
@@ -164,10 +164,3 @@ def _shaped(x: Jet, gamma: int, length: float, counts: list[float] | None) -> Je
         np.einsum("...i,...iPQ->...PQ", by_x, x.second)
         + np.einsum("...iP,...ij,...jQ->...PQ", x.first, by_xx, x.first, optimize=True),
     )
-
-
-def _pose(name: str, pose: ArrayLike) -> Array:
-    matrix = np.asarray(pose, dtype=float)
-    if matrix.shape[-2:] != (4, 4) or not np.all(np.isfinite(matrix)):
-        raise InputError(f"{name}: found an array of shape {matrix.shape}, allowed are finite arrays (..., 4, 4)")
-    return matrix
