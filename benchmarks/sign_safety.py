@@ -35,7 +35,7 @@ from hdplan.scenes.model import RobotSpec
 Array = NDArray[np.float64]
 
 ULP = float(np.finfo(float).eps)
-TOLERANCE = 8 * ULP
+TOLERANCE = 16 * ULP
 BATCH = 20_000  # poses at once
 RANDOM = 0.1  # share of poses that are not in contact by construction
 SETTINGS = {
