@@ -7,7 +7,7 @@ fastest way of each on a processor.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import product
 from types import MappingProxyType
@@ -27,6 +27,7 @@ Precision = Literal["float64", "float32"]
 
 GAPS = (1e-4, 1e-3, 1e-2, 3e-2, 1e-1, 3e-1)  # [m] at which false positives are counted
 NEAR = 0.05  # [m] depth or gap up to which a pose is near contact
+BENT = 2000  # poses near contact, at most, at which second derivatives are taken
 BANDS = ("apart", "near", "deep")  # d > NEAR, |d| <= NEAR, d < -NEAR
 ORDERS = ("value", "gradient", "hessian")
 RUNS_IN = MappingProxyType({"float64": "C", "float32": "JAX"})
@@ -53,6 +54,7 @@ class Entry:
     bias: Mapping[str, float]  # [m] per band: median of D - d
     median_error: Mapping[str, float]  # [m] per band: median of |D - d|
     high_error: Mapping[str, float]  # [m] per band: 95th percentile of |D - d|
+    bend: float | None  # [1/m] near contact: how fast the gradient turns; None if no Hessians were asked for
     seconds: Mapping[str, float]  # per query, by order: value; value + gradient; value + gradient + Hessian
 
 
@@ -128,7 +130,8 @@ def study(
             setting = Setting(normals, gamma, length, precision)
             distance = _distance(setting, body_a, body_b)
             seconds = seconds or _seconds(distance, poses, plan)
-            found.append(_entry(setting, name, distance, poses, seconds))
+            bend = _bend(distance, poses) if "hessian" in plan.orders else None
+            found.append(_entry(setting, name, distance, poses, bend, seconds))
         if stop():  # Ctrl-C reaches a compiler at work, too: what this step measured may be something else
             return Study(plan, tuple(entries), complete=False)
         entries += found
@@ -146,14 +149,14 @@ def pareto_front(costs: Sequence[float], losses: Sequence[float]) -> list[int]:
 
 
 def best_buy(entries: Sequence[Entry], gap: float, order: str, poses: int) -> Entry:
-    """Return the setting to take: where fewer false positives begin to cost more than they are worth.
+    """Return the entry to take of these, which differ in normals and shaping length alone.
 
-    The least product of time and false positives at ``gap``: from there on, half of the one costs more than twice the
-    other. None in ``poses`` counts as one. Of the shaping lengths then the largest, as it bends the least, that reads
-    near contact within a tenth as well as the best.
+    The normals with the least product of time and false positives at ``gap``: from there on, half of the one costs more
+    than twice the other. None in ``poses`` counts as one. Of the shaping lengths the largest, which bends the least,
+    that reads near contact within a tenth as well as the best.
     """
     rung = min(entries, key=lambda e: e.seconds[order] * max(e.false_positives[gap], 1.0 / poses)).setting
-    alike = [e for e in entries if replace(e.setting, shaping_length=rung.shaping_length) == rung]
+    alike = [e for e in entries if e.setting.normals == rung.normals]
     best = min(entry.median_error["near"] for entry in alike)
     good = [entry for entry in alike if entry.median_error["near"] <= 1.1 * best]
     return max(good, key=lambda entry: entry.setting.shaping_length)
@@ -184,7 +187,16 @@ def _seconds(distance: Any, poses: Poses, plan: Plan) -> dict[str, float]:
     return {order: seconds_per_query(partial(run, order), len(poses_a)) for order in plan.orders}
 
 
-def _entry(setting: Setting, bodies: str, distance: Any, poses: Poses, seconds: Mapping[str, float]) -> Entry:
+def _bend(distance: Any, poses: Poses) -> float:
+    """Return the root mean square [1/m] of the largest curvature of D along a translation, over poses near contact."""
+    near = np.flatnonzero(np.abs(poses.distances) <= NEAR)[-BENT:]
+    hessians = np.asarray(distance.hessian(poses.poses_a[near], poses.poses_b[near])[3], dtype=float)
+    return float(np.sqrt(np.mean(np.linalg.norm(hessians[:, :3, :3], ord=2, axis=(1, 2)) ** 2)))
+
+
+def _entry(
+    setting: Setting, bodies: str, distance: Any, poses: Poses, bend: float | None, seconds: Mapping[str, float]
+) -> Entry:
     value, separation = (np.asarray(array, dtype=float) for array in distance.value(poses.poses_a, poses.poses_b))
     drawn, exact = value[: poses.drawn], poses.distances[: poses.drawn]
     error = value - poses.distances
@@ -201,6 +213,7 @@ def _entry(setting: Setting, bodies: str, distance: Any, poses: Poses, seconds: 
         {band: float(np.median(error[some])) for band, some in bands.items()},
         {band: float(np.median(np.abs(error[some]))) for band, some in bands.items()},
         {band: float(np.percentile(np.abs(error[some]), 95)) for band, some in bands.items()},
+        bend,
         dict(seconds),
     )
 
@@ -220,5 +233,6 @@ def _mean(*entries: Entry) -> Entry:
         mean("bias"),
         mean("median_error"),
         mean("high_error"),
+        None if entries[0].bend is None else float(np.mean([e.bend for e in entries if e.bend is not None])),
         {key: float(np.exp(np.mean(np.log(values)))) for key, values in times.items()},
     )

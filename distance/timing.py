@@ -1,11 +1,9 @@
-"""How long a query takes: warm, repeated, the median. Seconds of this machine: read them as ratios."""
+"""How long a query takes: warm, repeated, the fastest round. Seconds of this machine: read them as ratios."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from time import perf_counter
-
-import numpy as np
 
 ROUNDS = 5  # at least so many are timed
 ENOUGH = 0.05  # [s] and at least for so long
@@ -14,7 +12,8 @@ ENOUGH = 0.05  # [s] and at least for so long
 def seconds_per_query(run: Callable[[], object], queries: int) -> float:
     """Return the time of one query [s], where ``run()`` answers ``queries`` of them.
 
-    The median over rounds of ``run``, after one that does not count: it compiles, fills caches and builds lazily.
+    The fastest of several rounds of ``run``: what other processes take does not count, nor does a first round, which
+    compiles, fills caches and builds lazily.
     """
     run()
     rounds: list[float] = []
@@ -22,4 +21,4 @@ def seconds_per_query(run: Callable[[], object], queries: int) -> float:
         begin = perf_counter()
         run()
         rounds.append(perf_counter() - begin)
-    return float(np.median(rounds)) / queries
+    return min(rounds) / queries

@@ -7,12 +7,13 @@ off is the distance near contact. Below, what each of the three knobs does by it
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from hdplan.distance.study import BANDS, Entry, Study, pareto_front
 from hdplan.planner.plot_style import CONTACT, FIXED, FRAME, GOOD, GREY, INK, RC, RUNG_STYLES
@@ -36,11 +37,11 @@ def study_sheet(found: Study, choice: Entry) -> Figure:
         below = figure.add_gridspec(1, 3, left=0.06, right=0.985, bottom=0.065, top=0.32, wspace=0.24)
         _against_time(
             figure.add_subplot(above[0]), entries, choice, lambda e: 100.0 * e.false_positives[GAP],
-            "Is it free?", f"gaps over {GAP * 100:g} cm taken for contact [%]", lengths=False,
+            "Is it free?", f"gaps over {_length(GAP)} taken for contact [%]",
         )  # fmt: skip
         _against_time(
             figure.add_subplot(above[1]), entries, choice, lambda e: 1e3 * e.median_error["near"],
-            "How far is it, near contact?", "median |D − d| within 5 cm of contact [mm]", lengths=True,
+            "How far is it, near contact?", "median |D − d| within 5 cm of contact [mm]",
         )  # fmt: skip
         _by_gap(figure.add_subplot(below[0]), entries)
         _by_gamma(figure.add_subplot(below[1]), entries, choice)
@@ -51,71 +52,81 @@ def study_sheet(found: Study, choice: Entry) -> Figure:
 
 def _title(figure: Figure, found: Study, choice: Entry) -> None:
     figure.text(0.02, 0.968, "What accuracy of the distance costs in time", fontsize=15, weight="bold", va="center")
-    s = choice.setting
+    s, rate = choice.setting, 100.0 * choice.false_positives[GAP]
     take = (
-        f"take {s.normals}, gamma {s.gamma}, shaping length {_length(s.shaping_length)}: "
-        f"{100 * choice.false_positives[GAP]:.2g} % at {1e6 * choice.seconds['gradient']:.2g} µs"
+        f"take {s.normals}, gamma {s.gamma}, shaping length {_length(s.shaping_length)}: {rate:.2g} % of gaps over "
+        f"{_length(GAP)} taken for contact, value and gradient in {1e6 * choice.seconds['gradient']:.2g} µs"
     )
     figure.text(0.02, 0.932, take, color=GOOD, fontsize=11, weight="bold", va="center")
-    about = f"{len(found.plan.bodies)} pairs of bodies" if len(found.plan.bodies) > 1 else found.plan.bodies[0]
-    part = "" if found.complete else ", interrupted: of what was measured"
+    pairs = len(found.plan.bodies)
+    about = f"mean of {pairs} pairs of bodies" if pairs > 1 else found.plan.bodies[0]
+    part = "" if found.complete else ", interrupted: what was measured till then"
     figure.text(0.985, 0.968, about + part, ha="right", va="center", color=FIXED)
 
 
 def _against_time(
-    axis: Any, entries: Sequence[Entry], choice: Entry, loss: Callable[[Entry], float], title: str, label: str,
-    *, lengths: bool,
-) -> None:  # fmt: skip
+    axis: Any, entries: Sequence[Entry], choice: Entry, loss: Callable[[Entry], float], title: str, label: str
+) -> None:
     """Draw every set of normals and gamma at its time and loss; whiskers are the range over the shaping length."""
-    floor = min((loss(e) for e in entries if loss(e) > 0), default=1e-3) / 2.0
-    shown = [e for e in entries if e.setting.shaping_length == DEFAULTS.shaping_length]
+    floor = min((loss(e) for e in entries if loss(e) > 0), default=1e-3) / 2.5
     rungs = _rungs(entries)
+
+    def place(entry: Entry) -> tuple[float, float]:
+        return 1e6 * entry.seconds["gradient"], max(loss(entry), floor)
+
+    shown = [e for e in entries if e.setting.shaping_length == DEFAULTS.shaping_length]
     for entry in shown:
-        time = 1e6 * entry.seconds["gradient"]
-        if lengths:
-            range_ = [loss(e) for e in entries if _but_length(e) == _but_length(entry)]
-            axis.plot([time] * 2, [min(range_), max(range_)], color=FRAME, linewidth=1.0, zorder=2)
-        color, marker = GAMMAS.get(entry.setting.gamma, INK), RUNG_STYLES[rungs.index(entry.setting.normals)][1]
-        double = entry.setting.precision == "float64"
+        s = entry.setting
+        reach = [place(e)[1] for e in entries if replace(e.setting, shaping_length=s.shaping_length) == s]
+        axis.plot([place(entry)[0]] * 2, [min(reach), max(reach)], color=FRAME, linewidth=1.0, zorder=2)
+        color, marker, double = (
+            GAMMAS.get(s.gamma, INK),
+            RUNG_STYLES[rungs.index(s.normals)][1],
+            s.precision == "float64",
+        )
         axis.plot(
-            time, max(loss(entry), floor), marker, markersize=8 if marker == "*" else 6.5, zorder=4 if double else 3,
+            *place(entry), marker, markersize=10 if marker == "*" else 6.5, zorder=4 if double else 3,
             mfc=color if double else "white", mec=INK if double else color, mew=0.6 if double else 1.2,
         )  # fmt: skip
     exact = [e for e in shown if e.setting.precision == "float64"]
     front = [exact[k] for k in pareto_front([e.seconds["gradient"] for e in exact], [loss(e) for e in exact])]
     axis.step(
-        [1e6 * e.seconds["gradient"] for e in front], [max(loss(e), floor) for e in front], where="post",
-        color=GOOD, linewidth=5, alpha=0.3, zorder=1, solid_capstyle="round",
+        *zip(*map(place, front), strict=True), where="post", color=GOOD, linewidth=6, alpha=0.25, zorder=1,
+        solid_capstyle="round",
     )  # fmt: skip
-    for entry, words, color, place in _marks(entries, choice):
-        axis.annotate(
-            words, (1e6 * entry.seconds["gradient"], max(loss(entry), floor)), place, textcoords="offset points",
-            color=color, weight="bold", ha="center", arrowprops={"arrowstyle": "-", "color": color, "shrinkB": 6},
-            zorder=6,
-        )  # fmt: skip
-        axis.plot(
-            1e6 * entry.seconds["gradient"], max(loss(entry), floor), "o", markersize=15, mfc="none", mec=color,
-            mew=1.6, zorder=5,
-        )  # fmt: skip
     axis.set_xscale("log")
     axis.set_yscale("log")
+    low, high = axis.get_ylim()
+    axis.set_ylim(low * (low / high) ** 0.16, high * (high / low) ** 0.16)  # room for words
+    for entry, words, color, offset, align in _marks(entries, choice):
+        axis.plot(*place(entry), "o", markersize=15, mfc="none", mec=color, mew=1.6, zorder=5)
+        axis.annotate(
+            words, place(entry), offset, textcoords="offset points", color=color, weight="bold", ha=align,
+            arrowprops={"arrowstyle": "-", "color": color, "shrinkB": 8, "shrinkA": 0}, zorder=6,
+        )  # fmt: skip
     axis.set_title(title)
     axis.set_xlabel("time of value and gradient, per query [µs]")
     axis.set_ylabel(label)
     _plain(axis)
+    if any(loss(entry) == 0 for entry in shown):
+        axis.text(
+            0.995, floor, "none at all ", transform=axis.get_yaxis_transform(), ha="right", va="center", color=FIXED
+        )
 
 
-def _marks(entries: Sequence[Entry], choice: Entry) -> list[tuple[Entry, str, str, tuple[int, int]]]:
-    """Return the settings that are named: the one to take, the product's default, and the paper's."""
-    marks = [(choice, "take this", GOOD, (0, -38))]
-    for length, words, color, place in (
-        (PAPER_LENGTH, "the paper's", CONTACT, (-26, 30)),
-        (DEFAULTS.shaping_length, "hdsdf's default", INK, (40, 34)),
+def _marks(entries: Sequence[Entry], choice: Entry) -> list[tuple[Entry, str, str, tuple[int, int], str]]:
+    """Return the settings that are named, with words, colour and where these stand: the one to take, and the defaults
+    of hdsdf and of the paper."""
+    marks = [(choice, "take this", GOOD, (-16, -24), "right")]
+    for length, words, color, offset, align in (
+        (PAPER_LENGTH, "the paper's", CONTACT, (-10, 18), "right"),
+        (DEFAULTS.shaping_length, "hdsdf's default", INK, (16, 18), "left"),
     ):
-        for e in entries:
-            s = e.setting
-            if (s.normals, s.gamma, s.shaping_length, s.precision) == ("paper", 2, length, "float64"):
-                marks.append((e, words, color, place))
+        marks += [
+            (e, words, color, offset, align)
+            for e in entries
+            if _is(e, normals="paper", gamma=DEFAULTS.gamma, shaping_length=length)
+        ]
     return marks
 
 
@@ -124,14 +135,13 @@ def _by_gap(axis: Any, entries: Sequence[Entry]) -> None:
     at_default = [e for e in entries if _is(e, gamma=2, shaping_length=DEFAULTS.shaping_length)]
     for k, entry in enumerate(at_default):
         color, marker = RUNG_STYLES[k % len(RUNG_STYLES)]
-        gaps, rates = zip(
-            *((gap, 100.0 * rate) for gap, rate in entry.false_positives.items() if rate > 0), strict=True
-        )
+        known = [(100.0 * gap, 100.0 * rate) for gap, rate in entry.false_positives.items() if rate > 0]
+        gaps, rates = [gap for gap, _ in known], [rate for _, rate in known]
         axis.plot(gaps, rates, color=color, marker=marker, markersize=4.5, linewidth=1.3)
     axis.set_xscale("log")
     axis.set_yscale("log")
-    axis.set_title("Normals decide how often")
-    axis.set_xlabel("gap [m]")
+    axis.set_title("Normals: how often a gap is missed")
+    axis.set_xlabel("gap [cm]")
     axis.set_ylabel("larger gaps taken for contact [%]")
     _plain(axis)
 
@@ -145,11 +155,12 @@ def _by_gamma(axis: Any, entries: Sequence[Entry], choice: Entry) -> None:
         axis.plot([e.setting.gamma for e in rung], error, color=color, marker=marker, markersize=4.5, label=band)
     axis.set_xscale("log", base=2)
     axis.set_yscale("log")
-    axis.set_title("Gamma decides how far off")
+    axis.set_title("Gamma: how far off")
     axis.set_xlabel("gamma")
     axis.set_ylabel("median |D − d| [mm]")
     axis.legend(loc="best")
     _plain(axis)
+    axis.set_xticks([e.setting.gamma for e in rung])
 
 
 def _by_length(axis: Any, entries: Sequence[Entry], choice: Entry) -> None:
@@ -162,7 +173,7 @@ def _by_length(axis: Any, entries: Sequence[Entry], choice: Entry) -> None:
             color=GAMMAS.get(gamma, INK), marker="o", markersize=4.5, mec=INK, mew=0.5,
         )  # fmt: skip
     axis.set_xscale("log")
-    axis.set_title("The shaping length decides how flat contact is")
+    axis.set_title("Shaping length: how flat at contact")
     axis.set_xlabel("shaping length [mm]")
     axis.set_ylabel("median |D − d| near contact [mm]")
     _plain(axis)
@@ -174,15 +185,17 @@ def _keys(figure: Figure, entries: Sequence[Entry]) -> None:
         Line2D([], [], linestyle="", marker=RUNG_STYLES[k][1], markersize=7, mfc="white", mec=INK, label=name)
         for k, name in enumerate(_rungs(entries))
     ]
-    handles += [
-        Line2D(
-            [], [], linestyle="", marker="o", markersize=7, mfc=GAMMAS.get(gamma, INK), mec=INK, label=f"gamma {gamma}"
-        )
-        for gamma in sorted({e.setting.gamma for e in entries})
-    ]
+    for gamma in sorted({e.setting.gamma for e in entries}):
+        handles.append(_dot(GAMMAS.get(gamma, INK), INK, f"gamma {gamma}"))
+    if len({e.setting.precision for e in entries}) > 1:
+        handles.append(_dot("white", GAMMAS[4], "in float32 (JAX)"))
     figure.legend(
         handles=handles, loc="upper left", bbox_to_anchor=(0.012, 0.915), ncols=len(handles), columnspacing=1.2
     )
+
+
+def _dot(fill: str, edge: str, words: str) -> Line2D:
+    return Line2D([], [], linestyle="", marker="o", markersize=7, mfc=fill, mec=edge, label=words)
 
 
 def _rungs(entries: Sequence[Entry]) -> list[str]:
@@ -194,16 +207,13 @@ def _is(entry: Entry, **wanted: object) -> bool:
     return all(getattr(entry.setting, name) == value for name, value in wanted.items())
 
 
-def _but_length(entry: Entry) -> tuple[object, ...]:
-    s = entry.setting
-    return s.normals, s.gamma, s.precision
-
-
 def _plain(axis: Any) -> None:
     """Numbers as numbers, a light grid."""
     for one in (axis.xaxis, axis.yaxis):
         one.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         one.set_minor_formatter(NullFormatter())
+        if one.get_scale() == "log" and isinstance(one.get_major_locator(), LogLocator):
+            one.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axis.grid(color=GREY, linewidth=0.6)
     axis.set_axisbelow(True)
 

@@ -27,14 +27,15 @@ if TYPE_CHECKING:
 
 FILES = ("distance_study.csv", "distance_study.md", "distance_study.png")
 GAP = 1e-2  # [m] at which settings are compared
-SMOOTH_ENOUGH = 2  # least gamma to take: the optimizer wants second derivatives
+GAMMA = 2  # to take: the least with second derivatives, which the optimizer wants
 DEFAULTS = PlannerSettings()
 LEGEND = """\
 Times are per query [µs], the geometric mean over the pairs of bodies; everything else is the mean. float64 runs as
 generated C on one core, float32 as a JAX batch on whatever JAX finds. False positives: D <= 0 although the bodies are
 at least so far apart, in % of the random poses that are. Errors: the median and the 95th percentile of |D - d| [mm],
 d the exact distance: apart (d > 5 cm), near (|d| <= 5 cm), deep (d < -5 cm). Sign lost: D <= 0 although D̃ > 0, in % of
-all poses: there D is too small for a number.
+all poses: there D is too small for a number. Bend: how fast the gradient turns near contact, the root mean square of
+D's largest curvature along a translation. The shaping length is an argument: time is taken at the first of them.
 """
 
 
@@ -49,20 +50,19 @@ def study_distance(folder: Path, quick: bool, report: Reporter, stop: Stopper) -
     paths = check_report(folder, FILES)
     begin = perf_counter()
     found = study(QUICK if quick else FULL, report=report, stop=stop)
-    if not found.entries:
+    means = found.means()
+    eligible = [e for e in means if e.setting.gamma == GAMMA and e.setting.precision == "float64"]
+    if not eligible:
         raise KeyboardInterrupt
     from hdplan.planner.plot_study import study_sheet
 
-    means = found.means()
-    choice = best_buy(
-        [e for e in means if e.setting.gamma >= SMOOTH_ENOUGH and e.setting.precision == "float64"],
-        GAP, "gradient", found.plan.random * len(found.plan.bodies),
-    )  # fmt: skip
+    choice = best_buy(eligible, GAP, "gradient", found.plan.random * len(found.plan.bodies))
     notes = [*_about(found), *_advice(means, choice)]
     title = "# What accuracy of the distance costs in time\n"
     told = "".join(f"- **{what}**: {words}\n" for what, words in notes)
-    minutes = f"- **measured** in {(perf_counter() - begin) / 60.0:.0f} min on {os.cpu_count()} processors\n"
-    markdown = "\n".join([title, told + minutes, LEGEND, markdown_text([_short_row(e) for e in means])])
+    minutes = f"{(perf_counter() - begin) / 60.0:.0f} min on {os.cpu_count()} processors"
+    measured = f"- **measured** in {minutes}{'' if found.complete else ', interrupted: what there was till then'}\n"
+    markdown = "\n".join([title, told + measured, LEGEND, markdown_text([_short_row(e) for e in means])])
     every = [_row(entry) for entry in (*found.entries, *means)]
     write_report(paths, [csv_text(every), markdown, png(study_sheet(found, choice))])
     rungs = [_summary(e) for e in means if _is_default(e)]
@@ -78,28 +78,41 @@ def _about(found: Study) -> list[tuple[str, str]]:
 
 def _advice(means: Sequence[Entry], choice: Entry) -> list[tuple[str, str]]:
     """Say in words what the numbers say."""
-    setting = choice.setting
-    cheap = min((e for e in means if e.setting.precision == "float64"), key=lambda e: e.seconds["gradient"])
-    lengths = [
-        e for e in means
-        if (e.setting.normals, e.setting.gamma, e.setting.precision) == (setting.normals, setting.gamma, "float64")
-    ]  # fmt: skip
-    reads = ", ".join(f"{_mm(e.median_error['near'])} at {_length(e.setting.shaping_length)}" for e in lengths)
-    lost = [e for e in means if e.sign_lost > 0]
-    signs = "is that of D̃ at every pose and setting"
-    if lost:
-        worst = max(lost, key=lambda e: e.sign_lost)
-        signs = (
-            f"is lost by underflow at up to {_percent(worst.sign_lost)} of the poses ({describe(worst)}): then ask D̃"
+    double = [e for e in means if e.setting.precision == "float64"]
+    paper = [e for e in double if (e.setting.gamma, e.setting.normals) == (GAMMA, "paper")]
+    others = [e for e in double if e.setting.normals == choice.setting.normals]
+    advice = [
+        ("take", f"{describe(choice)}: {_rate(choice)}, {_us(choice.seconds['gradient'])} for value and gradient")
+    ]
+    if paper and choice.setting.normals != "paper":
+        time = _us(paper[0].seconds["gradient"])
+        advice.append(("normals", f"the least product of the two; the paper's own set: {_rate(paper[0])}, {time}"))
+    for what, some in (
+        ("gamma", [e for e in others if e.setting.shaping_length == choice.setting.shaping_length]),
+        ("shaping length", [e for e in others if e.setting.gamma == GAMMA]),
+    ):
+        reads = ", ".join(_near(e, what) for e in some)
+        why = (
+            "the least with second derivatives" if what == "gamma" else "the largest that reads as well as smaller ones"
         )
-    return [
-        ("take", f"{describe(choice)}: {_percent(choice.false_positives[GAP])} of the gaps over {_length(GAP)} are "
-         f"taken for contact, at {_us(choice.seconds['gradient'])} for value and gradient"),
-        ("because", f"the least product of the two; the cheapest, {describe(cheap)}, takes "
-         f"{_percent(cheap.false_positives[GAP])} of them for contact at {_us(cheap.seconds['gradient'])}"),
-        ("near contact", f"it misses the exact distance by {reads} of shaping length (median)"),
-        ("the sign of D", signs),
-    ]  # fmt: skip
+        advice.append((what, f"{why}; error near contact{', bend' * (choice.bend is not None)}: {reads}"))
+    worst = max(means, key=lambda e: e.sign_lost)
+    kept = "is that of D̃ at every pose and setting"
+    lost = (
+        f"is lost by underflow at up to {_percent(worst.sign_lost)} of the poses ({describe(worst)}): there ask for D̃"
+    )
+    return [*advice, ("sign of D", lost if worst.sign_lost else kept)]
+
+
+def _rate(entry: Entry) -> str:
+    return f"{_percent(entry.false_positives[GAP])} of gaps over {_length(GAP)} taken for contact"
+
+
+def _near(entry: Entry, what: str) -> str:
+    """Return error and bend near contact at one gamma or shaping length."""
+    at = str(entry.setting.gamma) if what == "gamma" else _length(entry.setting.shaping_length)
+    bend = "" if entry.bend is None else f" and {entry.bend:.2g}/m"
+    return f"{entry.median_error['near'] * 1e3:.3g} mm{bend} at {at}"
 
 
 def describe(entry: Entry) -> str:
@@ -139,6 +152,7 @@ def _row(entry: Entry) -> dict[str, Cell]:
         **{f"{band}_bias_m": value for band, value in entry.bias.items()},
         **{f"{band}_median_error_m": value for band, value in entry.median_error.items()},
         **{f"{band}_95_percent_error_m": value for band, value in entry.high_error.items()},
+        "near_bend_per_m": entry.bend,
         **{f"{order}_us": 1e6 * entry.seconds[order] if order in entry.seconds else None for order in ORDERS},
     }
 
@@ -156,6 +170,7 @@ def _short_row(entry: Entry) -> dict[str, Cell]:
             f"{band} [mm]": f"{short(1e3 * entry.median_error[band])} / {short(1e3 * entry.high_error[band])}"
             for band in entry.median_error
         },
+        **({} if entry.bend is None else {"bend [1/m]": entry.bend}),
         **{f"{order} [µs]": 1e6 * time for order, time in entry.seconds.items()},
     }
 
@@ -164,13 +179,9 @@ def _length(metres: float) -> str:
     return f"{metres * 1e3:g} mm" if metres < 0.01 else f"{metres * 1e2:g} cm"
 
 
-def _mm(metres: float) -> str:
-    return f"{metres * 1e3:.3g} mm"
-
-
 def _us(seconds: float) -> str:
     return f"{seconds * 1e6:.3g} µs"
 
 
 def _percent(part: float) -> str:
-    return f"{100.0 * part:.2g} %"
+    return f"{100.0 * part:.2g} %" if part else "none"
