@@ -103,7 +103,10 @@ def fcl_distances(body_a: ConvexBody, poses_a: ArrayLike, body_b: ConvexBody, po
         np.save(Path(folder, "answers.npy"), answers)
         one_thread = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # a process with threads must not fork
         command = [sys.executable, "-P", "-c", CHILD, folder]
-        child = subprocess.run(command, env=os.environ | one_thread, capture_output=True, text=True, check=False)
+        child = subprocess.run(
+            command, env=os.environ | one_thread, capture_output=True, text=True, check=False,
+            start_new_session=True,  # Ctrl-C is the caller's to hear: it may want to end with what it has
+        )  # fmt: skip
         if child.returncode != 0:
             raise RuntimeError(f"FCL's process ended with {child.returncode}: {child.stderr.strip()}")
         answers = np.load(Path(folder, "answers.npy"))

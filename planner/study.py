@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -49,7 +51,10 @@ def study_distance(folder: Path, quick: bool, report: Reporter, stop: Stopper) -
 
     paths = check_report(folder, FILES)
     begin = perf_counter()
-    found = study(QUICK if quick else FULL, report=report, stop=stop)
+    plan = QUICK if quick else FULL
+    if importlib.util.find_spec("jax") is None:
+        plan = replace(plan, precisions=("float64",))
+    found = study(plan, report=report, stop=stop)
     means = found.means()
     eligible = [e for e in means if e.setting.gamma == GAMMA and e.setting.precision == "float64"]
     if not eligible:
@@ -73,7 +78,10 @@ def study_distance(folder: Path, quick: bool, report: Reporter, stop: Stopper) -
 def _about(found: Study) -> list[tuple[str, str]]:
     plan = found.plan
     bodies = ", ".join(plan.bodies)
-    return [("bodies", f"{bodies}; {plan.random} random poses each and {plan.near} close to contact")]
+    about = [("bodies", f"{bodies}; {plan.random} random poses each and {plan.near} close to contact")]
+    if "float32" not in plan.precisions:
+        about.append(("not measured", "float32: it runs in JAX, which is not installed: pip install hdplan[jax]"))
+    return about
 
 
 def _advice(means: Sequence[Entry], choice: Entry) -> list[tuple[str, str]]:
