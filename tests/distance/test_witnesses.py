@@ -38,7 +38,7 @@ FAMILY = {  # where each witness begins; what it may share with the others
     "casadi": {"pair_distance", "symbolic"},
     "jax": {"batch"},
 }
-SHARED = {"bodies", "normals"}
+SHARED = {"bodies", "normals", "poses"}  # what bodies, sets and poses are
 SHARED_OF_HOLDER = {"check_gamma", "resolve_shaping_length"}
 
 
@@ -135,7 +135,7 @@ def _names(path):
 
 
 def test_the_witnesses_share_no_formula():
-    """Each one's modules, down to what the shared ones are: bodies, candidate normals, two checks of parameters."""
+    """Each one's modules, down to what is shared: bodies, candidate normals, the checks of poses and parameters."""
     folder = Path(hdplan.distance.__file__).parent
     imports = {path.stem: _names(path) for path in folder.glob("*.py") if path.stem != "__init__"}
     modules = {}
