@@ -59,10 +59,10 @@ def test_the_scene_in_the_readme_works(tmp_path: Path, monkeypatch: pytest.Monke
     assert run("hdplan check scene.yaml motion.csv", monkeypatch) == 0
 
 
-def test_the_library_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (code,) = blocks("python")
+def test_the_library_examples_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    exec(compile(code, "README.md", "exec"), {})
+    for code in blocks("python"):
+        exec(compile(code, "README.md", "exec"), {})
     assert (tmp_path / "motion.json").is_file()
 
 
