@@ -27,7 +27,7 @@ Precision = Literal["float64", "float32"]
 
 GAPS = (1e-4, 1e-3, 1e-2, 3e-2, 1e-1, 3e-1)  # [m] at which false positives are counted
 NEAR = 0.05  # [m] depth or gap up to which a pose is near contact
-BENT = 2000  # poses near contact, at most, at which second derivatives are taken
+BLOCK = 2048  # poses at once, always: JAX compiles anew for every other number
 BANDS = ("apart", "near", "deep")  # d > NEAR, |d| <= NEAR, d < -NEAR
 ORDERS = ("value", "gradient", "hessian")
 RUNS_IN = MappingProxyType({"float64": "C", "float32": "JAX"})
@@ -62,24 +62,31 @@ class Entry:
 class Plan:
     """How much is measured."""
 
-    bodies: tuple[str, ...]
-    normals: tuple[str, ...] = RUNGS
-    gammas: tuple[int, ...] = (1, 2, 4, 8)
-    shaping_lengths: tuple[float, ...] = (1e-4, 1e-3, 1e-2)
-    precisions: tuple[Precision, ...] = ("float64", "float32")
+    bodies: tuple[str, ...]  # of study_bodies
+    kernels: tuple[tuple[str, int, Precision], ...]  # normals, gamma, precision: what is compiled for each pair
+    shaping_lengths: tuple[float, ...] = (1e-4, 1e-3, 1e-2)  # [m] arguments: another one costs next to nothing
     orders: tuple[str, ...] = ORDERS
-    random: int = 20_000  # poses of each pair drawn at random
-    near: int = 5_000  # and close to contact
-    timed: int = 4096  # poses at once, half of them near contact, when time is taken
-
-    @property
-    def kernels(self) -> list[tuple[str, int, Precision]]:
-        """What is built for each pair: the shaping length is an argument, and costs nothing."""
-        return list(product(self.normals, self.gammas, self.precisions))
+    random: int = 8 * BLOCK  # poses of each pair drawn at random, a multiple of BLOCK
+    near: int = 2 * BLOCK  # and moved close to contact, likewise
 
 
-FULL = Plan(tuple(study_bodies()))
-QUICK = Plan(("capsule - box",), gammas=(2, 4), orders=ORDERS[:2], random=5000, near=2000, timed=1024)
+DOUBLE: tuple[Precision, ...] = ("float64",)
+SINGLE: tuple[Precision, ...] = ("float32",)
+NORMALS = (*RUNGS, "paper+centre+edges")
+FULL = Plan(
+    ("box - board", "capsule - box", "link - cylinder"),
+    tuple(product(NORMALS, (1, 2, 4, 8), DOUBLE + SINGLE)),
+)
+QUICK = Plan(
+    ("capsule - box",),
+    (
+        *product(("paper", "paper+centre", "paper+sphere-26", "paper+edges"), (2, 4), DOUBLE),
+        *product(("paper", "paper+edges"), (2,), SINGLE),
+    ),
+    orders=ORDERS[:2],
+    random=4 * BLOCK,
+    near=BLOCK,
+)
 
 
 @dataclass(frozen=True)
@@ -96,8 +103,8 @@ class Study:
         After an interruption over the pairs that have all settings, or what there is of the first one.
         """
         by_pair = {name: [e for e in self.entries if e.bodies == name] for name in self.plan.bodies}
-        whole = len(self.plan.kernels) * len(self.plan.shaping_lengths)
-        ready = [found for found in by_pair.values() if len(found) == whole] or [by_pair[self.plan.bodies[0]]]
+        settings = len(self.plan.kernels) * len(self.plan.shaping_lengths)
+        ready = [found for found in by_pair.values() if len(found) == settings] or [by_pair[self.plan.bodies[0]]]
         return tuple(map(_mean, *ready)) if len(ready) > 1 else tuple(ready[0])
 
 
@@ -129,7 +136,7 @@ def study(
         for length in plan.shaping_lengths:
             setting = Setting(normals, gamma, length, precision)
             distance = _distance(setting, body_a, body_b)
-            seconds = seconds or _seconds(distance, poses, plan)
+            seconds = seconds or _seconds(distance, poses, plan.orders)
             bend = _bend(distance, poses) if "hessian" in plan.orders else None
             found.append(_entry(setting, name, distance, poses, bend, seconds))
         if stop():  # Ctrl-C reaches a compiler at work, too: what this step measured may be something else
@@ -176,28 +183,35 @@ def _distance(setting: Setting, body_a: ConvexBody, body_b: ConvexBody) -> Any:
     return hdsdf_batch(body_a, body_b, dtype="float32", **options)
 
 
-def _seconds(distance: Any, poses: Poses, plan: Plan) -> dict[str, float]:
-    """Return the time per query [s], by order."""
-    poses_a, poses_b = poses.of(slice(poses.drawn - plan.timed // 2, poses.drawn + plan.timed // 2))
+def _seconds(distance: Any, poses: Poses, orders: Sequence[str]) -> dict[str, float]:
+    """Return the time per query [s], by order, over a block of poses, half of them near contact."""
+    block = poses.of(_mixed(poses))
 
     def run(order: str) -> None:
-        for array in getattr(distance, order)(poses_a, poses_b):
+        for array in getattr(distance, order)(*block):
             np.asarray(array)  # waits for what runs in the background
 
-    return {order: seconds_per_query(partial(run, order), len(poses_a)) for order in plan.orders}
+    return {order: seconds_per_query(partial(run, order), BLOCK) for order in orders}
 
 
 def _bend(distance: Any, poses: Poses) -> float:
     """Return the root mean square [1/m] of the largest curvature of D along a translation, over poses near contact."""
-    near = np.flatnonzero(np.abs(poses.distances) <= NEAR)[-BENT:]
-    hessians = np.asarray(distance.hessian(poses.poses_a[near], poses.poses_b[near])[3], dtype=float)
-    return float(np.sqrt(np.mean(np.linalg.norm(hessians[:, :3, :3], ord=2, axis=(1, 2)) ** 2)))
+    near = np.abs(poses.distances[_mixed(poses)]) <= NEAR
+    curved = np.asarray(distance.hessian(*poses.of(_mixed(poses)))[3], dtype=float)[near, :3, :3]
+    return float(np.sqrt(np.mean(np.linalg.norm(curved, ord=2, axis=(1, 2)) ** 2)))
+
+
+def _mixed(poses: Poses) -> slice:
+    """Return a block of poses, half of them drawn at random."""
+    return slice(poses.drawn - BLOCK // 2, poses.drawn + BLOCK // 2)
 
 
 def _entry(
     setting: Setting, bodies: str, distance: Any, poses: Poses, bend: float | None, seconds: Mapping[str, float]
 ) -> Entry:
-    value, separation = (np.asarray(array, dtype=float) for array in distance.value(poses.poses_a, poses.poses_b))
+    starts = range(0, len(poses.distances), BLOCK)
+    found = [np.asarray(distance.value(*poses.of(slice(start, start + BLOCK))), dtype=float) for start in starts]
+    value, separation = np.concatenate(found, axis=1)
     drawn, exact = value[: poses.drawn], poses.distances[: poses.drawn]
     error = value - poses.distances
     bands = {

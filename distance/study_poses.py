@@ -1,4 +1,4 @@
-"""The body pairs and poses that distances are studied on: like those a planner meets, and as many near contact as not.
+"""The body pairs and poses that distances are studied on: like those a planner meets, and some moved close to contact.
 
 Poses are pairs of arrays (N, 4, 4), world from body [m], with the exact signed distances (N,) [m].
 """
@@ -23,7 +23,7 @@ HALVINGS = 12  # of the way between the bodies' centres, to about a millimetre
 
 
 def study_bodies() -> Mapping[str, tuple[ConvexBody, ConvexBody]]:
-    """Return the body pairs by name: what links and obstacles look like to the planner, and two solids of the paper.
+    """Return the body pairs by name: what links and obstacles look like to a planner.
 
     The link is a hull of six points swept by 4 cm, as those fitted around real links are; the cylinder a prism of 16
     sides.
@@ -35,9 +35,7 @@ def study_bodies() -> Mapping[str, tuple[ConvexBody, ConvexBody]]:
         {
             "box - board": (box, board),
             "capsule - box": (ConvexBody.capsule(0.06, 0.3), box),
-            "link - board": (link, board),
-            "capsule - cylinder": (ConvexBody.capsule(0.06, 0.3), ConvexBody.cylinder(0.05, 0.2)),
-            "octahedron - icosahedron": (ConvexBody.platonic("octahedron"), ConvexBody.platonic("icosahedron")),
+            "link - cylinder": (link, ConvexBody.cylinder(0.05, 0.2)),
         }
     )
 

@@ -53,7 +53,7 @@ def study_distance(folder: Path, quick: bool, report: Reporter, stop: Stopper) -
     begin = perf_counter()
     plan = QUICK if quick else FULL
     if importlib.util.find_spec("jax") is None:
-        plan = replace(plan, precisions=("float64",))
+        plan = replace(plan, kernels=tuple(kernel for kernel in plan.kernels if kernel[2] != "float32"))
     found = study(plan, report=report, stop=stop)
     means = found.means()
     eligible = [e for e in means if e.setting.gamma == GAMMA and e.setting.precision == "float64"]
@@ -79,7 +79,7 @@ def _about(found: Study) -> list[tuple[str, str]]:
     plan = found.plan
     bodies = ", ".join(plan.bodies)
     about = [("bodies", f"{bodies}; {plan.random} random poses each and {plan.near} close to contact")]
-    if "float32" not in plan.precisions:
+    if all(precision != "float32" for *_, precision in plan.kernels):
         about.append(("not measured", "float32: it runs in JAX, which is not installed: pip install hdplan[jax]"))
     return about
 

@@ -43,8 +43,8 @@ def hdplan(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], 
     monkeypatch.setattr(conservativeness, "PLATONIC_PAIRS", LIGHT)
     monkeypatch.setattr(reproduce, "QUICK_CONFIGURATIONS", 3000)
     monkeypatch.setattr(reproduce, "QUICK_PAIRS", LIGHT)
-    tiny = replace(study.QUICK, normals=("paper", "paper+centre"), gammas=(2,), random=500, near=200, timed=64)
-    monkeypatch.setattr(study, "QUICK", replace(tiny, precisions=("float64",)))
+    kernels = (("paper", 2, "float64"), ("paper+centre", 2, "float64"))
+    monkeypatch.setattr(study, "QUICK", replace(study.QUICK, kernels=kernels, random=study.BLOCK))
     methods = {name: query_time.METHODS[name] for name in ("coal", "interpreter", "compiled")}
     monkeypatch.setattr(query_time, "METHODS", methods)
 

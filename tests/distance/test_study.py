@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from hdplan.distance.oracle import signed_distances
-from hdplan.distance.study import BANDS, GAPS, QUICK, Entry, Plan, Setting, Study, best_buy, pareto_front, study
+from hdplan.distance.study import BANDS, BLOCK, GAPS, ORDERS, Entry, Plan, Setting, Study, best_buy, pareto_front, study
 from hdplan.distance.study_poses import NEAR, study_bodies, study_poses
 
 TINY = Plan(
-    ("capsule - box", "link - board"), ("paper", "paper+centre"), (2,), (1e-3, 1e-2), ("float64",),
-    ("value", "gradient"), random=1500, near=400, timed=64,
+    ("capsule - box", "box - board"), (("paper", 2, "float64"), ("paper+centre", 2, "float64")), (1e-3, 1e-2),
+    ("value", "gradient"), random=BLOCK, near=BLOCK,
 )  # fmt: skip
 Steps = list[tuple[int, int, str]]
 
@@ -62,7 +62,7 @@ def test_the_sign_depends_on_the_normals_alone_and_more_of_them_see_more(tiny: t
                 for e in tiny[0].entries
                 if (e.bodies, e.setting.normals) == (bodies, name)
             }
-            for name in TINY.normals
+            for name, _, _ in TINY.kernels
         }
         assert all(len(found) == 1 for found in rates.values())
         (paper,), (centre,) = rates["paper"], rates["paper+centre"]
@@ -85,15 +85,14 @@ def test_means_are_over_whole_pairs(tiny: tuple[Study, Steps]) -> None:
 
 def test_stopped_it_keeps_whole_steps() -> None:
     answers = iter([False, True])
-    plan = replace(TINY, normals=("paper",), random=200, near=200)
-    found = study(plan, stop=lambda: next(answers))
+    found = study(TINY, stop=lambda: next(answers))
     assert not found.complete
     assert [(e.bodies, e.setting.shaping_length) for e in found.entries] == [(TINY.bodies[0], x) for x in (1e-3, 1e-2)]
 
 
 def test_hessians_give_the_bend_which_grows_with_gamma() -> None:
-    plan = replace(QUICK, normals=("paper",), gammas=(1, 8), precisions=("float64",), shaping_lengths=(1e-2,))
-    found = study(replace(plan, orders=("value", "gradient", "hessian"), random=200, near=400, timed=16))
+    kernels = (("paper", 1, "float64"), ("paper", 8, "float64"))
+    found = study(replace(TINY, bodies=TINY.bodies[:1], kernels=kernels, shaping_lengths=(1e-2,), orders=ORDERS))
     low, high = (e.bend for e in found.entries)
     assert low is not None
     assert high is not None

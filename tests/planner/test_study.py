@@ -15,7 +15,7 @@ import pytest
 from hdplan.distance import study as measuring
 from hdplan.distance.conservativeness import Conservativeness, RungAlarms
 from hdplan.distance.query_time import METHODS, PairTimes, QueryTimes
-from hdplan.distance.study import BANDS, FULL, GAPS, Entry, Plan, Setting, Study
+from hdplan.distance.study import BANDS, FULL, GAPS, NORMALS, Entry, Plan, Setting, Study
 from hdplan.planner.report import check_report, csv_text, markdown_text, png, short, write_report
 from hdplan.planner.study import FILES, study_distance
 from hdplan.scenes.errors import InputError
@@ -25,14 +25,14 @@ pytest.importorskip("matplotlib")
 
 def made_up(plan: Plan) -> Iterator[Entry]:
     """Numbers like those that are measured."""
-    for bodies, rung, gamma, length, precision in product(
-        plan.bodies, range(len(plan.normals)), plan.gammas, plan.shaping_lengths, plan.precisions
-    ):
+    rungs = list(dict.fromkeys(normals for normals, _, _ in plan.kernels))
+    for bodies, (normals, gamma, precision), length in product(plan.bodies, plan.kernels, plan.shaping_lengths):
+        rung = rungs.index(normals)
         rates = {gap: max(0.01 / 4**rung - 0.1 * gap, 0.0) for gap in GAPS}
         error = {band: 0.02 / gamma + length for band in BANDS}
         time = 1e-6 * (1 + rung**2) * gamma**0.3
         yield Entry(
-            Setting(plan.normals[rung], gamma, length, precision), bodies, rates, 1e-3 * (precision == "float32"),
+            Setting(normals, gamma, length, precision), bodies, rates, 1e-3 * (precision == "float32"),
             error, error, {band: 3 * value for band, value in error.items()}, gamma / length,
             {order: time * factor for order, factor in zip(plan.orders, (1, 2, 6), strict=False)},
         )  # fmt: skip
@@ -77,7 +77,7 @@ def test_three_files_hold_the_whole_study(measured: Study, tmp_path: Path) -> No
 def test_the_summary_has_a_line_per_rung_and_the_advice(measured: Study, tmp_path: Path) -> None:
     report = study_distance(tmp_path, False, nothing, nothing)
     (rows,) = report.tables.values()
-    assert [row["normals"] for row in rows] == list(FULL.normals)
+    assert [row["normals"] for row in rows] == list(NORMALS)
     notes = dict(report.notes)
     assert notes["take"].startswith("paper+")
     assert "gamma 2" in notes["take"]
@@ -100,7 +100,7 @@ def test_an_interrupted_study_is_written_and_says_so(
 def test_a_study_stopped_before_the_first_gamma_to_take_has_nothing_to_show(
     measured: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    partial = replace(measured, entries=measured.entries[:2], complete=False)
+    partial = replace(measured, entries=measured.entries[:6], complete=False)
     monkeypatch.setattr(measuring, "study", lambda plan, **_: partial)
     with pytest.raises(KeyboardInterrupt):
         study_distance(tmp_path, False, nothing, nothing)
