@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from hdplan.distance.conservativeness import EPSILON, GAMMA, Conservativeness
-from hdplan.planner.plot_style import CONTACT, GREY, RC, RUNG_STYLES
+from hdplan.planner.plot_style import CONTACT, GREY, OTHER_RUNG, RC, RUNG_STYLES
 
 PAPER = (  # gap [m], false positives [%], words and where they stand
     (1e-4, 0.7, "the paper: around 0.7 % at 0.1 mm", (3, 22), "left"),
@@ -30,7 +30,8 @@ def conservativeness_sheet(found: Conservativeness, tolerances: np.ndarray) -> F
         )  # fmt: skip
         axis = figure.add_axes((0.085, 0.095, 0.895, 0.775))
         floor = 100.0 / len(found.distances)
-        for rung, (color, marker) in zip(found.rungs, RUNG_STYLES, strict=False):
+        for rung in found.rungs:
+            color, marker = RUNG_STYLES.get(rung.normals, OTHER_RUNG)
             percent = 100.0 * found.rates(rung, tolerances)
             percent[percent < floor] = np.nan
             worst = f"up to {rung.gaps[-1] * 100:.1f} cm" if len(rung.gaps) else "none"

@@ -16,12 +16,15 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from hdplan.distance.study import BANDS, Entry, Study, pareto_front
-from hdplan.planner.plot_style import CONTACT, FIXED, FRAME, GOOD, GREY, INK, RC, RUNG_STYLES
+from hdplan.planner.plot_style import CONTACT, FIXED, FRAME, GOOD, GREY, INK, OTHER_RUNG, RC, RUNG_STYLES
 from hdplan.scenes.model import PlannerSettings
 
 GAP = 1e-2  # [m] at which false positives are compared
 GAMMAS = {1: "#CFE3F2", 2: "#7FB2D9", 4: "#2F78B7", 8: "#0B3A6B"}  # light to dark: told apart in grey, too
-LENGTH_DASHES = {1e-4: (0, (1, 1.5)), 1e-3: "-", 1e-2: (0, (5, 2))}
+FRONTS: dict[str, dict[str, Any]] = {
+    "float64": {"linewidth": 6, "alpha": 0.25, "solid_capstyle": "round"},
+    "float32": {"linewidth": 1.2, "linestyle": (0, (4, 2))},
+}
 BAND_STYLES = {"apart": (INK, "o"), "near": (CONTACT, "s"), "deep": (FIXED, "D")}
 DEFAULTS = PlannerSettings()
 PAPER_LENGTH = 1e-2  # [m] the paper's epsilon, 1e-4, at gamma 2
@@ -33,15 +36,18 @@ def study_sheet(found: Study, choice: Entry) -> Figure:
     with rc_context(RC):
         figure = Figure(figsize=(11.7, 8.3), dpi=150, facecolor="white")
         _title(figure, found, choice)
-        above = figure.add_gridspec(1, 2, left=0.06, right=0.985, bottom=0.435, top=0.83, wspace=0.17)
+        above = figure.add_gridspec(1, 2, left=0.06, right=0.985, bottom=0.435, top=0.815, wspace=0.17)
         below = figure.add_gridspec(1, 3, left=0.06, right=0.985, bottom=0.065, top=0.32, wspace=0.24)
+        none = any(e.false_positives[GAP] == 0 for e in entries)
+        lengths = sorted(e.setting.shaping_length for e in entries)
         _against_time(
             figure.add_subplot(above[0]), entries, choice, lambda e: 100.0 * e.false_positives[GAP],
-            "Is it free?", f"gaps over {_length(GAP)} taken for contact [%]",
+            "Is it free?", f"gaps over {_length(GAP)} taken for contact [%]", "lowest row: none at all" if none else "",
         )  # fmt: skip
         _against_time(
             figure.add_subplot(above[1]), entries, choice, lambda e: 1e3 * e.median_error["near"],
             "How far is it, near contact?", "median |D − d| within 5 cm of contact [mm]",
+            f"whiskers: shaping lengths of {_length(lengths[0])} to {_length(lengths[-1])}",
         )  # fmt: skip
         _by_gap(figure.add_subplot(below[0]), entries)
         _by_gamma(figure.add_subplot(below[1]), entries, choice)
@@ -65,11 +71,11 @@ def _title(figure: Figure, found: Study, choice: Entry) -> None:
 
 
 def _against_time(
-    axis: Any, entries: Sequence[Entry], choice: Entry, loss: Callable[[Entry], float], title: str, label: str
-) -> None:
+    axis: Any, entries: Sequence[Entry], choice: Entry, loss: Callable[[Entry], float],
+    title: str, label: str, footnote: str,
+) -> None:  # fmt: skip
     """Draw every set of normals and gamma at its time and loss; whiskers are the range over the shaping length."""
     floor = min((loss(e) for e in entries if loss(e) > 0), default=1e-3) / 2.5
-    rungs = _rungs(entries)
 
     def place(entry: Entry) -> tuple[float, float]:
         return 1e6 * entry.seconds["gradient"], max(loss(entry), floor)
@@ -81,23 +87,24 @@ def _against_time(
         axis.plot([place(entry)[0]] * 2, [min(reach), max(reach)], color=FRAME, linewidth=1.0, zorder=2)
         color, marker, double = (
             GAMMAS.get(s.gamma, INK),
-            RUNG_STYLES[rungs.index(s.normals)][1],
+            RUNG_STYLES.get(s.normals, OTHER_RUNG)[1],
             s.precision == "float64",
         )
         axis.plot(
             *place(entry), marker, markersize=10 if marker == "*" else 6.5, zorder=4 if double else 3,
             mfc=color if double else "white", mec=INK if double else color, mew=0.6 if double else 1.2,
         )  # fmt: skip
-    exact = [e for e in shown if e.setting.precision == "float64"]
-    front = [exact[k] for k in pareto_front([e.seconds["gradient"] for e in exact], [loss(e) for e in exact])]
-    axis.step(
-        *zip(*map(place, front), strict=True), where="post", color=GOOD, linewidth=6, alpha=0.25, zorder=1,
-        solid_capstyle="round",
-    )  # fmt: skip
+    for precision, style in FRONTS.items():
+        some = [e for e in shown if e.setting.precision == precision]
+        front = [some[k] for k in pareto_front([e.seconds["gradient"] for e in some], [loss(e) for e in some])]
+        if front:
+            axis.step(*zip(*map(place, front), strict=True), where="post", color=GOOD, zorder=1, **style)
     axis.set_xscale("log")
     axis.set_yscale("log")
-    low, high = axis.get_ylim()
-    axis.set_ylim(low * (low / high) ** 0.16, high * (high / low) ** 0.16)  # room for words
+    low, high = axis.get_ylim()  # room for words
+    axis.set_ylim(low * (low / high) ** 0.16, high * (high / low) ** 0.16)
+    left, right = axis.get_xlim()
+    axis.set_xlim(left * (left / right) ** 0.07)
     for entry, words, color, offset, align in _marks(entries, choice):
         axis.plot(*place(entry), "o", markersize=15, mfc="none", mec=color, mew=1.6, zorder=5)
         axis.annotate(
@@ -108,10 +115,7 @@ def _against_time(
     axis.set_xlabel("time of value and gradient, per query [µs]")
     axis.set_ylabel(label)
     _plain(axis)
-    if any(loss(entry) == 0 for entry in shown):
-        axis.text(
-            0.995, floor, "none at all ", transform=axis.get_yaxis_transform(), ha="right", va="center", color=FIXED
-        )
+    axis.text(0.985, 0.025, footnote, transform=axis.transAxes, ha="right", color=FIXED, fontsize=7.5)
 
 
 def _marks(entries: Sequence[Entry], choice: Entry) -> list[tuple[Entry, str, str, tuple[int, int], str]]:
@@ -133,8 +137,8 @@ def _marks(entries: Sequence[Entry], choice: Entry) -> list[tuple[Entry, str, st
 def _by_gap(axis: Any, entries: Sequence[Entry]) -> None:
     """How false positives fall with the gap, for every set of normals."""
     at_default = [e for e in entries if _is(e, gamma=2, shaping_length=DEFAULTS.shaping_length)]
-    for k, entry in enumerate(at_default):
-        color, marker = RUNG_STYLES[k % len(RUNG_STYLES)]
+    for entry in at_default:
+        color, marker = RUNG_STYLES.get(entry.setting.normals, OTHER_RUNG)
         known = [(100.0 * gap, 100.0 * rate) for gap, rate in entry.false_positives.items() if rate > 0]
         gaps, rates = [gap for gap, _ in known], [rate for _, rate in known]
         axis.plot(gaps, rates, color=color, marker=marker, markersize=4.5, linewidth=1.3)
@@ -181,25 +185,23 @@ def _by_length(axis: Any, entries: Sequence[Entry], choice: Entry) -> None:
 
 def _keys(figure: Figure, entries: Sequence[Entry]) -> None:
     """One key for the two panels above."""
-    handles = [
-        Line2D([], [], linestyle="", marker=RUNG_STYLES[k][1], markersize=7, mfc="white", mec=INK, label=name)
-        for k, name in enumerate(_rungs(entries))
-    ]
+    handles = []
+    for name in dict.fromkeys(e.setting.normals for e in entries):
+        marker = RUNG_STYLES.get(name, OTHER_RUNG)[1]
+        handles.append(Line2D([], [], linestyle="", marker=marker, markersize=7, mfc="white", mec=INK, label=name))
     for gamma in sorted({e.setting.gamma for e in entries}):
         handles.append(_dot(GAMMAS.get(gamma, INK), INK, f"gamma {gamma}"))
     if len({e.setting.precision for e in entries}) > 1:
-        handles.append(_dot("white", GAMMAS[4], "in float32 (JAX)"))
+        handles.append(_dot("white", GAMMAS[4], "float32 (JAX)"))
+    handles.append(Line2D([], [], color=GOOD, label="Pareto front", **FRONTS["float64"]))
     figure.legend(
-        handles=handles, loc="upper left", bbox_to_anchor=(0.012, 0.915), ncols=len(handles), columnspacing=1.2
-    )
+        handles=handles, loc="upper left", bbox_to_anchor=(0.012, 0.918), ncols=(len(handles) + 1) // 2,
+        columnspacing=1.4, handletextpad=0.4,
+    )  # fmt: skip
 
 
 def _dot(fill: str, edge: str, words: str) -> Line2D:
     return Line2D([], [], linestyle="", marker="o", markersize=7, mfc=fill, mec=edge, label=words)
-
-
-def _rungs(entries: Sequence[Entry]) -> list[str]:
-    return list(dict.fromkeys(entry.setting.normals for entry in entries))
 
 
 def _is(entry: Entry, **wanted: object) -> bool:

@@ -17,14 +17,15 @@ GREY = "#E9E9E9"
 FRAME = "#BBBBBB"
 
 # Sets of normals, from cheap to tight: colour and marker of each.
-RUNG_STYLES = (
-    (INK, "o"),
-    (GOAL, "D"),
-    (DEPTH, "^"),
-    (BETWEEN, "s"),
-    (GOOD, "*"),
-    (BETWEEN_LINKS, "P"),
-)
+RUNG_STYLES = {
+    "paper": (INK, "o"),
+    "paper+centre": (GOAL, "D"),
+    "paper+sphere-26": (DEPTH, "^"),
+    "paper+sphere-256": (BETWEEN, "s"),
+    "paper+edges": (GOOD, "*"),
+    "paper+centre+edges": (BETWEEN_LINKS, "P"),
+}
+OTHER_RUNG = (OBSTACLE, "X")
 
 RC = {
     "font.size": 8.5,

@@ -18,7 +18,7 @@ from hdplan.planner.report import Cell, Report, Reporter, Stopper, check_report,
 if TYPE_CHECKING:
     from hdplan.distance.query_time import PairTimes
 
-QUICK_CONFIGURATIONS = 15_000
+QUICK_CONFIGURATIONS, QUICK_NORMALS = 15_000, ("paper", "paper+edges")
 QUICK_PAIRS = (("tetrahedron", "tetrahedron"), ("cube", "cube"), ("octahedron", "icosahedron"))
 TOLERANCES = np.geomspace(1e-4, 0.3, 70)  # [m] of the curve
 SHOWN = {"0.1 mm": 1e-4, "1 cm": 1e-2, "10 cm": 0.1, "30 cm": 0.3}  # gaps of the printed table [m]
@@ -32,13 +32,14 @@ HEADS = {"GDF uaibot": "uaibot", "interpreter": "interp.", "compiled, one pose a
 
 
 def reproduce_conservativeness(folder: Path, quick: bool, report: Reporter, stop: Stopper) -> Report:
-    """Count false positives over random configurations; for ``quick`` over fewer of them."""
+    """Count false positives over random configurations; for ``quick`` over fewer of them, and for fewer sets."""
     from hdplan.distance.conservativeness import CONFIGURATIONS, conservativeness
+    from hdplan.distance.normals import RUNGS
 
     paths = check_report(folder, ("conservativeness.csv", "conservativeness.png"))
     has_fcl = importlib.util.find_spec("fcl") is not None
-    number = QUICK_CONFIGURATIONS if quick else CONFIGURATIONS
-    found = conservativeness(number, with_fcl=has_fcl, report=report, stop=stop)
+    number, normals = (QUICK_CONFIGURATIONS, QUICK_NORMALS) if quick else (CONFIGURATIONS, RUNGS)
+    found = conservativeness(number, normals, with_fcl=has_fcl, report=report, stop=stop)
     if not len(found.distances):
         raise KeyboardInterrupt
     from hdplan.planner.plot_conservativeness import conservativeness_sheet

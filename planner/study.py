@@ -32,12 +32,12 @@ GAP = 1e-2  # [m] at which settings are compared
 GAMMA = 2  # to take: the least with second derivatives, which the optimizer wants
 DEFAULTS = PlannerSettings()
 LEGEND = """\
-Times are per query [µs], the geometric mean over the pairs of bodies; everything else is the mean. float64 runs as
-generated C on one core, float32 as a JAX batch on whatever JAX finds. False positives: D <= 0 although the bodies are
-at least so far apart, in % of the random poses that are. Errors: the median and the 95th percentile of |D - d| [mm],
-d the exact distance: apart (d > 5 cm), near (|d| <= 5 cm), deep (d < -5 cm). Sign lost: D <= 0 although D̃ > 0, in % of
-all poses: there D is too small for a number. Bend: how fast the gradient turns near contact, the root mean square of
-D's largest curvature along a translation. The shaping length is an argument: time is taken at the first of them.
+Times are per query [µs], on {block} poses at once, half of them near contact; the geometric mean over the pairs of
+bodies. Everything else is the mean. float64 runs as generated C on one core, float32 as a JAX batch on whatever JAX
+finds. False positives: D <= 0 although the bodies are at least so far apart, in % of the random poses that are. Errors:
+the median and the 95th percentile of |D - d| [mm], d the exact distance: apart (d > 5 cm), near (|d| <= 5 cm), deep
+(d < -5 cm). Sign lost: D <= 0 although D̃ > 0, in % of all poses: there D is too small for a number. Bend: how fast the
+gradient turns near contact, the root mean square of D's largest curvature along a translation.
 """
 
 
@@ -47,7 +47,7 @@ def study_distance(folder: Path, quick: bool, report: Reporter, stop: Stopper) -
     Raises InputError for a folder that cannot be written and a missing matplotlib, KeyboardInterrupt if it is stopped
     before there is anything to show.
     """
-    from hdplan.distance.study import FULL, QUICK, best_buy, study
+    from hdplan.distance.study import BLOCK, FULL, QUICK, best_buy, study
 
     paths = check_report(folder, FILES)
     begin = perf_counter()
@@ -65,9 +65,11 @@ def study_distance(folder: Path, quick: bool, report: Reporter, stop: Stopper) -
     notes = [*_about(found), *_advice(means, choice)]
     title = "# What accuracy of the distance costs in time\n"
     told = "".join(f"- **{what}**: {words}\n" for what, words in notes)
-    minutes = f"{(perf_counter() - begin) / 60.0:.0f} min on {os.cpu_count()} processors"
-    measured = f"- **measured** in {minutes}{'' if found.complete else ', interrupted: what there was till then'}\n"
-    markdown = "\n".join([title, told + measured, LEGEND, markdown_text([_short_row(e) for e in means])])
+    took = f"{perf_counter() - begin:.0f} s on {os.cpu_count()} processors"
+    measured = f"- **measured** in {took}{'' if found.complete else ', interrupted: what there was till then'}\n"
+    markdown = "\n".join(
+        [title, told + measured, LEGEND.format(block=BLOCK), markdown_text([_short_row(e) for e in means])]
+    )
     every = [_row(entry) for entry in (*found.entries, *means)]
     write_report(paths, [csv_text(every), markdown, png(study_sheet(found, choice))])
     rungs = [_summary(e) for e in means if _is_default(e)]
@@ -94,7 +96,9 @@ def _advice(means: Sequence[Entry], choice: Entry) -> list[tuple[str, str]]:
     ]
     if paper and choice.setting.normals != "paper":
         time = _us(paper[0].seconds["gradient"])
-        advice.append(("normals", f"the least product of the two; the paper's own set: {_rate(paper[0])}, {time}"))
+        advice.append(
+            ("normals", f"the least product of time and false positives; paper alone: {_rate(paper[0])}, {time}")
+        )
     for what, some in (
         ("gamma", [e for e in others if e.setting.shaping_length == choice.setting.shaping_length]),
         ("shaping length", [e for e in others if e.setting.gamma == GAMMA]),
