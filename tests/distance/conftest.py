@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 
 from hdplan.distance.bodies import ConvexBody
 from tests.distance.hard_cases import HARD, Case, place
-from tests.distance.witnesses import NAMES
 
 Array = NDArray[np.float64]
 
@@ -67,13 +66,6 @@ def hard(request: pytest.FixtureRequest) -> Case:
     """Return every hard case."""
     case: Case = request.param
     return case
-
-
-@pytest.fixture(params=NAMES)
-def witness(request: pytest.FixtureRequest) -> str:
-    """Return every witness's name for ``witnesses.evaluator``."""
-    name: str = request.param
-    return name
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
+from hypothesis import settings as trials
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -189,27 +190,29 @@ def test_no_jump_where_edges_and_faces_align(rung):
 
 MOVED = [("box", "box"), ("box", "capsule"), ("sphere", "tetrahedron"), ("cylinder", "swept triangle")]
 SETTINGS = {"gamma": 3, "shaping_length": 0.01, "normals": "paper+centre+edges"}
+BATCH = {"gamma": 2, "shaping_length": 0.01, "normals": "paper+edges"}  # JAX compiles for seconds: always the same
+EACH = [(names, name, SETTINGS) for names in MOVED for name in ("numpy", "casadi")] + [(("box", "box"), "jax", BATCH)]
 
 
-@pytest.mark.parametrize("names", MOVED, ids="-".join)
-def test_moving_both_changes_nothing(names, witness, bodies, random_poses):
+@pytest.mark.parametrize(("names", "name", "settings"), EACH)
+def test_moving_both_changes_nothing(names, name, settings, bodies, random_poses):
     """D(TA, TB) = D(A, B), with gradient and Hessian, by twists in the bodies' own frames."""
     pair = [bodies[name] for name in names]
     a, b, motion = random_poses(8, 6, 0.8), random_poses(9, 6, 0.8), random_poses(10, 6, 3.0)
-    evaluate = evaluator(witness, *pair, **SETTINGS)
-    agree(evaluate(a, b), evaluate(motion @ a, motion @ b), (motion @ a, motion @ b), pair, SETTINGS["gamma"])
+    evaluate = evaluator(name, *pair, **settings)
+    agree(evaluate(a, b), evaluate(motion @ a, motion @ b), (motion @ a, motion @ b), pair, settings["gamma"])
 
 
-@pytest.mark.parametrize("names", MOVED, ids="-".join)
-def test_symmetric(names, witness, bodies, random_poses):
+@pytest.mark.parametrize(("names", "name", "settings"), EACH)
+def test_symmetric(names, name, settings, bodies, random_poses):
     """D(A, B) = D(B, A), with gradient and Hessian."""
     pair = [bodies[name] for name in names]
     a, b = random_poses(11, 6, 0.8), random_poses(12, 6, 0.8)
-    there = evaluator(witness, *pair, **SETTINGS)(a, b)
-    back = evaluator(witness, *pair[::-1], **SETTINGS)(b, a)
+    there = evaluator(name, *pair, **settings)(a, b)
+    back = evaluator(name, *pair[::-1], **settings)(b, a)
     swap = np.roll(np.arange(12), 6)
     back = back._replace(gradient=back.gradient[:, swap], hessian=back.hessian[:, swap][:, :, swap])
-    agree(there, back, (a, b), pair, SETTINGS["gamma"])
+    agree(there, back, (a, b), pair, settings["gamma"])
 
 
 @pytest.mark.parametrize("rung", RUNGS[:3] + RUNGS[4:])
@@ -238,11 +241,12 @@ def test_set_and_multiset_read_as_measured():
         assert float(found) == pytest.approx(value, rel=2e-3)
 
 
-def test_crossing_edges_are_seen_by_the_edges_rung(witness):
+@pytest.mark.parametrize("name", ["numpy", "casadi", "jax"])
+def test_crossing_edges_are_seen_by_the_edges_rung(name):
     """Boxes turned by 45° about different axes, edge to edge: a tenth of a metre apart."""
     pose_a = place(np.sqrt(2) + 0.1, 0, 0, Rotation.from_euler("z", 45, degrees=True))
     pose_b = place(0, 0, 0, Rotation.from_euler("y", 45, degrees=True))
-    seen = evaluator(witness, CUBE, CUBE, normals="paper+edges")(pose_a, pose_b)
+    seen = evaluator(name, CUBE, CUBE, normals="paper+edges")(pose_a, pose_b)
     assert seen.value > 0.05
     assert 0.09 < seen.separation <= 0.1
     assert float(hdsdf(CUBE, pose_a, CUBE, pose_b)) == pytest.approx(-0.282, abs=1e-3)
@@ -270,7 +274,7 @@ CHOICES = st.fixed_dictionaries(
 
 
 @pytest.mark.parametrize("name", ["numpy", "casadi"])
-@settings(max_examples=40, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+@trials(max_examples=40, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 @given(body_a=BODY, pose_a=POSE, body_b=BODY, pose_b=POSE, choices=CHOICES)
 def test_any_bodies_at_any_pose(name, body_a, pose_a, body_b, pose_b, choices):
     """Finite, safe, below the exact distance, symmetric."""

@@ -25,14 +25,17 @@ LENGTHS = (1e-9, 1e-3, 0.1, 1.0)  # [m]
 BRANCHES = ("deep", "near", "apart", "touching")
 COUNT = 6  # poses at once: one number, so that nothing is built anew for another
 
-FEW = [  # for what takes seconds to build: a flat body, a swept one, a point, a segment, aligned boxes, larger sets
-    ("box", "box"),
-    ("box", "capsule"),
-    ("sphere", "tetrahedron"),
-    ("segment", "swept triangle"),
-    ("plate", "point"),
-    ("swept octahedron", "cylinder"),
+EDGES = {"gamma": 2, "normals": "paper+edges"}
+BATCH = [  # JAX compiles for seconds each: aligned boxes, a flat body and a segment; a point, larger sets, large gammas
+    (("box", "box"), EDGES),
+    (("segment", "swept triangle"), {"gamma": 1, "shaping_length": 0.1}),
+    (("box", "capsule"), {"gamma": 3, "normals": "paper+centre+edges"}),
+    (("sphere", "tetrahedron"), {"gamma": 32, "normals": "paper-multiset"}),
+    (("plate", "point"), {"gamma": 4, "shaping_length": 1.0, "normals": "paper+centre"}),
+    (("swept octahedron", "cylinder"), {"gamma": 8, "normals": "paper+sphere-26"}),
 ]
+BATCH = [pytest.param(*row, id="-".join(row[0]), marks=[pytest.mark.slow] * (k > 1)) for k, row in enumerate(BATCH)]
+
 FAMILY = {  # where each witness begins; what it may share with the others
     "numpy": {"reference"},
     "casadi": {"pair_distance", "symbolic"},
@@ -67,10 +70,9 @@ def test_casadi_agrees_with_numpy(number, branch, random_poses):
     agree(*found, poses, bodies, settings["gamma"], smooth=branch != "touching")
 
 
-@pytest.mark.parametrize("number", range(len(FEW)), ids=lambda k: "-".join(FEW[k]))
-def test_batch_agrees_with_numpy(number, random_poses):
-    bodies = [BODIES[name] for name in FEW[number]]
-    settings = _settings(7 * number + 1)
+@pytest.mark.parametrize(("names", "settings"), BATCH)
+def test_batch_agrees_with_numpy(names, settings, random_poses):
+    bodies = [BODIES[name] for name in names]
     for branch in BRANCHES:
         poses = _poses(branch, *bodies, random_poses)
         found = [evaluator(name, *bodies, **settings)(*poses) for name in ("numpy", "jax")]
@@ -78,7 +80,7 @@ def test_batch_agrees_with_numpy(number, random_poses):
 
 
 @pytest.mark.parametrize("name", ["casadi", "jax"])
-def test_witness_normalsagree(name, random_poses):
+def test_witness_normals_agree(name, random_poses):
     bodies = BODIES["box"], BODIES["capsule"]
     poses = random_poses(3, COUNT, 0.7), random_poses(4, COUNT, 0.7)
     normals = np.random.default_rng(6).normal(size=(COUNT, 2, 3))
@@ -102,7 +104,7 @@ def test_value_and_gradient_are_those_that_come_with_the_hessian(name, random_po
     else:
         pytest.importorskip("jax")
         build = pytest.importorskip("hdplan.distance.batch").hdsdf_batch
-    distance = build(BODIES["segment"], BODIES["triangle"])
+    distance = build(BODIES["segment"], BODIES["swept triangle"], gamma=1, shaping_length=0.1)
     poses = random_poses(7, COUNT, 0.7), random_poses(8, COUNT, 0.7)
     whole = distance.hessian(*poses)
     for part in (distance.value(*poses), distance.gradient(*poses)):

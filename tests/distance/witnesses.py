@@ -18,8 +18,6 @@ Array = NDArray[np.float64]
 
 ROUNDING = 32 * float(np.finfo(float).eps)
 
-NAMES = ("numpy", "casadi", "jax")  # and "compiled": the second as C, which takes seconds a pair
-
 
 class Evaluation(NamedTuple):
     """D, D-tilde, and D's derivatives by twists of both bodies."""
@@ -45,7 +43,10 @@ def evaluator(
     witness_count: int = 0,
     dtype: str = "float64",
 ) -> Evaluate:
-    """Return the distance of a pair by the witness ``name``, built once for each pair and settings."""
+    """Return the distance of a pair by a witness, built once for each pair and settings.
+
+    ``name``: numpy, casadi, compiled (casadi's as C, which takes seconds a pair) or jax (seconds for each new shape).
+    """
     if name == "numpy":
         return _numpy(body_a, body_b, gamma, shaping_length, normals)
     if name == "casadi":
