@@ -1,0 +1,225 @@
+"""The HD-SDF in JAX: value, gradient and Hessian of a pair of bodies, at as many poses at once as an array has lanes.
+
+Every array has the poses last (N), so that one instruction works on many of them. The derivatives are closed forms: the
+shaped Hölder minimum gives its derivatives as sums over the vertices (moments), and ``batch_axes`` turns moments into
+wrenches. Automatic ones would come from branches not taken, where they are 0/0.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from hdplan.distance.batch_axes import Axes, blocks, cross, dot, moving_axes, own_axes, skew, sum_halves
+from hdplan.distance.batch_tables import OwnAxes, Pair
+
+Array = jax.Array
+
+
+class Sums(NamedTuple):
+    """Sums over all pairs of vertices for each axis of a group."""
+
+    least: Array  # (n, N) min x
+    total: Array  # (n, N) Σ w r^p
+    pull: Array | None = None  # (m, n, N) Σ pull ψ
+    sharp: Array | None = None  # (m, m, n, N) Σ sharp ψψᵀ
+
+
+class Shaped(NamedTuple):
+    """g = Phi(u) of a Hölder minimum u, and the factors of its derivatives.
+
+    du = scale_pull Σ pull dx;  d²g = outer du² + scale_sharp Σ sharp dx² + slope du(d²x)
+    """
+
+    value: Array
+    slope: Array  # dg/du
+    outer: Array
+    scale_pull: Array
+    scale_sharp: Array
+
+
+@partial(jax.jit, static_argnames=("gamma", "order", "lanes"))
+def evaluate(
+    pair: Pair, length: Array, pose_a: Array, pose_b: Array, witnesses: Array, *, gamma: int, order: int, lanes: int
+) -> tuple[Array, ...]:
+    """Return D and D̃ (N,) [m]; from order 1 on the gradient (N, 12), for order 2 the Hessian (N, 12, 12).
+
+    Poses (N, 4, 4), witnesses (N, W, 3), unit, in B's frame; N a multiple of ``lanes``. So many poses are worked on at
+    a time: few enough for the processor's cache, and memory does not grow with N.
+    """
+
+    def some(inputs: tuple[Array, ...]) -> tuple[Array, ...]:
+        return _evaluate(pair, length, *(jnp.moveaxis(part, 0, -1) for part in inputs), gamma=gamma, order=order)
+
+    inputs = pose_a, pose_b, witnesses
+    results = lax.map(some, tuple(part.reshape(len(part) // lanes, lanes, *part.shape[1:]) for part in inputs))
+    return tuple(jnp.moveaxis(part, -1, 1).reshape(-1, *part.shape[1:-1]) for part in results)
+
+
+def _evaluate(
+    pair: Pair, length: Array, pose_a: Array, pose_b: Array, witnesses: Array, *, gamma: int, order: int
+) -> tuple[Array, ...]:
+    """Return the results of ``evaluate``; the poses come last, in and out."""
+    offset = pose_b[:3, 3] - pose_a[:3, 3]
+    rotation = dot(pose_a[:3, :3, None], pose_b[:3, None, :3])
+    b_in_a = rotation, dot(pose_a[:3, :3], offset[:, None])
+    a_in_b = rotation.swapaxes(0, 1), -dot(pose_b[:3, :3], offset[:, None])
+    by_b = [own_axes(pair.in_a, *b_in_a, pair.radii, pair.vertices_b)]  # groups differentiated by B's twist
+    by_b += [moving_axes(axes, *b_in_a, pair.radii) for axes in pair.moving]
+    by_a = [own_axes(pair.in_b, *a_in_b, pair.radii, pair.vertices_a)]
+    if len(witnesses):
+        normals = jnp.concatenate([witnesses, -witnesses]).swapaxes(0, 1)  # (3, n, N)
+        levels = dot(pair.vertices_b.swapaxes(0, 1)[:, :, None], normals[:, None])
+        ones = jnp.ones_like(levels[..., :1])
+        by_a.append(own_axes(OwnAxes(normals, levels, ones, ones[0]), *a_in_b, pair.radii, pair.vertices_a))
+
+    groups = by_b + by_a
+    sums = [_sums(axes, gamma, order) for axes in groups]
+    least, counts = jnp.concatenate([s.least for s in sums]), jnp.concatenate([axes.counts for axes in groups])
+    inner = _shaped(_not_zero(least), jnp.concatenate([s.total for s in sums]), gamma, length)
+    # the maximum is minus the minimum of the opposites
+    m = _not_zero(-jnp.max(inner.value, axis=0))
+    total, pull, sharp = _weights(-inner.value, counts, m, gamma)
+    outer = _shaped(m, sum_halves(total, 0), gamma, length)
+    results = [-outer.value, jnp.max(least, axis=0)]
+    if order == 0:
+        return tuple(results)
+
+    share = pull * outer.scale_pull * inner.slope  # dU/du of each axis, U the maximum
+    spread = outer.slope * pull * outer.scale_pull * inner.outer - sharp * outer.scale_sharp * inner.slope * inner.slope
+    sharpness = outer.slope * pull * outer.scale_pull * inner.scale_sharp
+    wrenches, hessians, start = [], [], 0
+    for axes, s in zip(groups, sums, strict=True):
+        rows = slice(start, start := start + len(axes.counts))
+        moments = s.pull * inner.scale_pull[rows]
+        wrenches.append(sum_halves(axes.slopes((moments * share[rows])[:, None])[:, 0], 1))
+        if order == 2:
+            squares = sharpness[rows] * s.sharp + spread[rows] * moments[:, None] * moments
+            twice = axes.slopes(axes.slopes(squares).swapaxes(0, 1))
+            hessians.append(sum_halves(twice, 2) + axes.bend(moments * (outer.slope * share[rows])))
+    # all by B's twist: a twist of A moves B, seen from A, by its opposite
+    to_a, to_b = partial(_moved, *b_in_a), partial(_moved, *a_in_b)
+    wrench = sum(wrenches[: len(by_b)]) - to_b(sum(wrenches[len(by_b) :])[:, None])[:, 0]
+    gradient = outer.slope * wrench
+    results.append(jnp.concatenate([-to_a(gradient[:, None])[:, 0], gradient]))
+    if order == 2:
+        turned = to_b(to_b(sum(hessians[len(by_b) :])).swapaxes(0, 1))
+        hessian = sum(hessians[: len(by_b)]) + turned - outer.outer * wrench[:, None] * wrench
+        # A exp(ξ_a) and B exp(ξ_b) move relatively by exp(ξ_b - X ξ_a - ½[X ξ_a, ξ_b] + …), X the adjoint to B's frame
+        force, torque = skew(gradient[:3]), skew(gradient[3:])
+        mixed = to_a(0.5 * blocks(jnp.zeros_like(force), force, force, torque) - hessian)
+        results.append(blocks(to_a(to_a(hessian).swapaxes(0, 1)), mixed, mixed.swapaxes(0, 1), hessian))
+    return tuple(results)
+
+
+def _sums(axes: Axes, gamma: int, order: int) -> Sums:
+    """Return the sums over all pairs of vertices, in two loops over the other body's points.
+
+    Loops stay loops: they compile in no time, and what they work on stays in the processor's cache.
+    """
+    moving, levels = axes.level_points is not None, len(axes.levels)
+
+    def find(highest: Array, point: Array) -> tuple[Array, Array]:
+        along = dot(axes.directions, point) + axes.base
+        return jnp.maximum(highest, along), along
+
+    highest, along = lax.scan(find, jnp.full_like(axes.base, -jnp.inf), axes.points)
+    least = jnp.min(axes.levels, axis=0) - highest
+    m = _not_zero(least)
+
+    def add(sums: list[Array], vertex: tuple[Array, ...]) -> tuple[list[Array], None]:
+        along, count, psi, products = vertex
+        total, pull, sharp = _weights(axes.levels - along, axes.level_counts * count, m, gamma)
+        terms = [sum_halves(total, 0), sum_halves(pull, 0) * psi, sum_halves(sharp, 0) * products][: order + 1]
+        if moving:
+            terms += [pull, sharp * psi[:, None]][:order]
+        return [so_far + term for so_far, term in zip(sums, terms, strict=True)], None
+
+    psi = jnp.concatenate([jnp.ones_like(axes.points[:, :1]), axes.points], axis=1)
+    products = jnp.stack([psi[:, i] * psi[:, j] for i in range(4) for j in range(i, 4)], axis=1)
+    shapes = [(), (4,), (10,)][: order + 1] + moving * [(levels,), (4, levels)][:order]
+    start = [jnp.zeros((*shape, *m.shape), m.dtype) for shape in shapes]
+    (total, *moments), _ = lax.scan(add, start, (along, axes.point_counts, psi, products))
+    if order == 0:
+        return Sums(least, total)
+    pull, sharp, by_level = moments[0], None, moments[order:]
+    if order == 2:
+        rows = (0, 1, 2, 3), (1, 4, 5, 6), (2, 5, 7, 8), (3, 6, 8, 9)
+        sharp = jnp.stack([jnp.stack([moments[1][k] for k in row]) for row in rows])
+    if moving:
+        of_level = axes.level_points
+        pull = jnp.concatenate([pull, sum_halves(by_level[0] * of_level, 1)])
+        if order == 2:
+            mixed = sum_halves(by_level[1][:, None] * of_level, 2)
+            square = sum_halves(by_level[1][0] * of_level[:, None] * of_level, 2)
+            sharp = blocks(sharp, mixed, mixed.swapaxes(0, 1), square)
+    return Sums(least, total, pull, sharp)
+
+
+def _not_zero(least: Array) -> Array:
+    """Return the minimum m; one too small to divide by counts as the largest number below 0, of which Phi is 0."""
+    smallest = jnp.finfo(least.dtype).tiny
+    return jnp.where(jnp.abs(least) <= smallest, -smallest, least)
+
+
+def _weights(x: Array, counts: Array, m: Array, gamma: int) -> tuple[Array, Array, Array]:
+    """Return the terms of S = Σ w r^p, of du (pull) and of d²u (sharp) for x_i, counted w_i times, whose minimum is m.
+
+    With p = gamma + 1 (paper: Lemma ``lemma:aczel``), every ratio r_i in [0, 1]:
+
+        m > 0:  r_i = m/x_i,          u = m S^(-1/p),  du/dx_i = w_i (r_i u/m)^(p+1),  sharp_i = w_i r_i^(p+2)
+        m < 0:  r_i = min(x_i, 0)/m,  u = m S^(1/p),   du/dx_i = w_i (r_i m/u)^(p-1),  sharp_i = w_i r_i^(p-2)
+    """
+    above = m > 0
+    x = jnp.maximum(x, m)  # where a compiler computes x again it may round it in another way
+    r = jnp.minimum(x, jnp.where(above, m, 0)) / jnp.where(above, x, m)
+    low = counts * (_power(r, gamma - 1) if gamma > 1 else (r > 0).astype(x.dtype))
+    more = jnp.where(above, r * r, 1)
+    return low * r * r, low * r * more, low * more * more
+
+
+def _shaped(m: Array, total: Array, gamma: int, length: Array) -> Shaped:
+    """Return Phi(u) = u s, s = t^gamma/(1 + t^gamma), t = |u|/delta (eq. ``eq:phi``), for the minimum m and S of
+    ``_weights``, with its factors. s/u is bounded, by 1/delta, also where u is too small to divide by.
+    """
+    p = gamma + 1
+    above = m > 0
+    inverse = jnp.exp(jnp.log(jnp.maximum(total, 1)) / -p)  # the least x alone counts 1
+    square = inverse * inverse
+    u = m * jnp.where(above, inverse, 1 / inverse)
+    size = jnp.abs(u)
+    near = size < length
+    ratio = jnp.minimum(size, length) / jnp.maximum(size, length)
+    lower = _power(ratio, gamma - 1)
+    power = lower * ratio
+    s, rest = jnp.where(near, power, 1) / (1 + power), jnp.where(near, 1, power) / (1 + power)
+    s_by_u = jnp.sign(m) * jnp.where(near, lower, 1) / (jnp.maximum(size, length) * (1 + power))
+    steep = 1 + gamma * rest
+    bend = s_by_u * steep * jnp.where(above, p + 1, 1 - p)
+    scale_sharp = _power(inverse, p - 2)
+    return Shaped(
+        value=u * s,
+        slope=s * steep,
+        outer=s_by_u * gamma * rest * (1 + gamma * (rest - s)) + bend,
+        scale_pull=scale_sharp * inverse * jnp.where(above, square, 1),
+        scale_sharp=-bend * scale_sharp * jnp.where(above, square * square, 1),
+    )
+
+
+def _moved(rotation: Array, position: Array, wrench: Array) -> Array:
+    """Return wrenches (6, K, N) in a frame of that rotation and position, about its origin, in the outer frame."""
+    rows = rotation.swapaxes(0, 1)[:, :, None]
+    force, torque = dot(rows, wrench[:3, None]), dot(rows, wrench[3:, None])
+    return jnp.concatenate([force, torque + cross(position[:, None], force)])
+
+
+def _power(base: Array, exponent: int) -> Array:
+    """Return base^exponent by squaring, exponent >= 0."""
+    if exponent == 0:
+        return jnp.ones_like(base)
+    half = _power(base, exponent // 2)
+    return half * half * base if exponent % 2 else half * half
