@@ -104,6 +104,13 @@ def available_methods() -> tuple[str, ...]:
     return tuple(name for name in METHODS if importlib.util.find_spec(PACKAGES.get(name, "hdplan")))
 
 
+def batch_device() -> str:
+    """Return what the JAX batch runs on."""
+    from hdplan.distance.batch import hdsdf_batch
+
+    return hdsdf_batch(ConvexBody.sphere(1.0), ConvexBody.sphere(1.0)).device
+
+
 def _complexity(body_a: ConvexBody, body_b: ConvexBody) -> int:
     a, b = len(body_a.vertices), len(body_b.vertices)
     return a * a * b + a * b * b

@@ -104,7 +104,7 @@ def _against_time(
     low, high = axis.get_ylim()  # room for words
     axis.set_ylim(low * (low / high) ** 0.16, high * (high / low) ** 0.16)
     left, right = axis.get_xlim()
-    axis.set_xlim(left * (left / right) ** 0.07)
+    axis.set_xlim(left * (left / right) ** 0.12)
     for entry, words, color, offset, align in _marks(entries, choice):
         axis.plot(*place(entry), "o", markersize=15, mfc="none", mec=color, mew=1.6, zorder=5)
         axis.annotate(
@@ -196,7 +196,7 @@ def _keys(figure: Figure, entries: Sequence[Entry]) -> None:
     handles.append(Line2D([], [], color=GOOD, label="Pareto front", **FRONTS["float64"]))
     figure.legend(
         handles=handles, loc="upper left", bbox_to_anchor=(0.012, 0.918), ncols=(len(handles) + 1) // 2,
-        columnspacing=1.4, handletextpad=0.4,
+        columnspacing=1.4, handletextpad=0.7,
     )  # fmt: skip
 
 

@@ -8,7 +8,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from hdplan.distance.query_time import EPSILON, GAMMA, POSES, QueryTimes
+from hdplan.distance.query_time import BATCH, EPSILON, GAMMA, POSES, QueryTimes
 from hdplan.planner.plot_style import BETWEEN, BETWEEN_LINKS, CONTACT, FIXED, GOOD, GREY, INK, RC, START
 
 # name of the method: words, colour, marker, dashes
@@ -38,8 +38,8 @@ def time_sheet(found: QueryTimes) -> Figure:
         figure.text(0.02, 0.962, "What a distance costs", fontsize=15, weight="bold", va="center")
         pairs = f"{len(found.pairs)} pairs of Platonic solids" + ("" if found.complete else " (interrupted)")
         figure.text(
-            0.02, 0.92, f"{pairs}, {POSES} random poses each, gamma {GAMMA}, epsilon {EPSILON:g}, the paper's set of "
-            "normals.", va="center",
+            0.02, 0.92, f"{pairs}; {POSES} random poses of each, {BATCH} in tables and batches. Gamma {GAMMA}, epsilon "
+            f"{EPSILON:g}, the paper's normals.", va="center",
         )  # fmt: skip
         axis = figure.add_axes((0.085, 0.09, 0.625, 0.79))
         complexity = [pair.complexity for pair in found.pairs]
