@@ -85,7 +85,7 @@ def _check(case, found, gamma, rounding=ROUNDING, underflow=UNDERFLOW, **setting
         assert np.all(np.isfinite(part))
     np.testing.assert_allclose(found.hessian, found.hessian.T, atol=rounding * np.abs(found.hessian).max())
     right, twist, size = _truth(case, gamma=gamma, **settings), _twist(case), _size(case)
-    noise = rounding * size
+    noise = rounding * size + underflow
     assert abs(found.separation - right.separation) <= noise
     if case.held or abs(right.separation) > noise:
         assert np.sign(found.separation) == np.sign(right.separation)
