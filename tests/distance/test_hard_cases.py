@@ -105,9 +105,9 @@ def _check(case, found, gamma, rounding=ROUNDING, underflow=UNDERFLOW, **setting
         assert abs(curvatures.sum() - right.curvature) <= relative * curvature_scale + underflow * size**2
 
 
-def _check_sign(case, found, normals, rounding=ROUNDING):
+def _check_sign(case, found, normals, rounding=ROUNDING, underflow=UNDERFLOW):
     """Positive exactly where the bodies are apart, if a plane of the set tells; never where they share a point."""
-    noise = 0.0 if case.held else rounding * _size(case)
+    noise = 0.0 if case.held else rounding * _size(case) + underflow
     if case.distance <= 0:
         assert found.separation <= noise
     elif case.distance > noise and (case.name not in BLIND or BLIND[case.name] in normals):
@@ -133,7 +133,7 @@ def test_batch_is_finite_and_right(case, dtype):
         case = replace(case, held=False)  # not in so few digits
     limits = {"rounding": ROUNDING32, "underflow": UNDERFLOW32} if dtype == "float32" else {}
     _check(case, found, **limits, **settings)
-    _check_sign(case, found, settings["normals"], limits.get("rounding", ROUNDING))
+    _check_sign(case, found, settings["normals"], **limits)
 
 
 def test_exact_normal_makes_separation_exact(hard):
