@@ -33,7 +33,7 @@ HOMES = {
         "planner/nlp.py",
         "planner/solvers/ipopt.py",
     },
-    "jax": {"distance/batch.py", "distance/batch_kernel.py", "distance/batch_tables.py"},
+    "jax": {"distance/batch.py", "distance/batch_axes.py", "distance/batch_kernel.py"},
     "fcl": {"distance/fcl.py"},
     "coacd": {"planner/convex_pieces.py"},
     "yaml": {"scenes/fields.py"},
