@@ -34,7 +34,7 @@ GAMMAS = (2, 1, 4, 32, 3, 8, 16)
 LENGTHS = (1e-3, 1.0, 1e-9, 1e-6)  # [m]
 SETS = ("paper", "paper+edges", "paper+centre", "paper+sphere-26", "paper-multiset")
 BATCH = {"numpy": 250}  # poses at once; one number, so that nothing is compiled anew for another
-LARGEST_BATCH = 2500
+LARGEST_BATCH = 4096
 NUMPY_SHARE = 20  # the reference gets one of so many poses
 
 
