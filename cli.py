@@ -62,7 +62,7 @@ was interrupted (what it had found is written, marked as such); 2 bad input.""",
 )
 studies = typer.Typer(help="Measure what a setting gives and what it costs.", rich_markup_mode=None)
 figures = typer.Typer(
-    help="Make the figures of the HD-SDF's paper again, and set what is found beside what it says.",
+    help="Make the paper's figures again, beside what it says.",
     rich_markup_mode=None,
 )
 app.add_typer(studies, name="study")
