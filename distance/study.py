@@ -97,15 +97,17 @@ class Study:
     entries: tuple[Entry, ...]  # one per setting and pair of bodies
     complete: bool  # whether it ran to its end
 
-    def means(self) -> tuple[Entry, ...]:
-        """Return one entry per setting: the mean over the pairs, geometric for times.
-
-        After an interruption over the pairs that have all settings, or what there is of the first one.
-        """
-        by_pair = {name: [e for e in self.entries if e.bodies == name] for name in self.plan.bodies}
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The pairs that ``means`` are over: those that have all settings, or the first one with what there is."""
         settings = len(self.plan.kernels) * len(self.plan.shaping_lengths)
-        ready = [found for found in by_pair.values() if len(found) == settings] or [by_pair[self.plan.bodies[0]]]
-        return tuple(map(_mean, *ready)) if len(ready) > 1 else tuple(ready[0])
+        measured = [entry.bodies for entry in self.entries]
+        return tuple(name for name in self.plan.bodies if measured.count(name) == settings) or self.plan.bodies[:1]
+
+    def means(self) -> tuple[Entry, ...]:
+        """Return one entry per setting: the mean over ``bodies``, geometric for times."""
+        pairs = [[entry for entry in self.entries if entry.bodies == name] for name in self.bodies]
+        return tuple(map(_mean, *pairs)) if len(pairs) > 1 else tuple(pairs[0])
 
 
 def study(
@@ -142,6 +144,8 @@ def study(
         if stop():  # Ctrl-C reaches a compiler at work, too: what this step measured may be something else
             return Study(plan, tuple(entries), complete=False)
         entries += found
+        if precision == "float32":
+            _forget()
     report(len(steps), len(steps), "")
     return Study(plan, tuple(entries), complete=True)
 
@@ -181,6 +185,13 @@ def _distance(setting: Setting, body_a: ConvexBody, body_b: ConvexBody) -> Any:
     from hdplan.distance.batch import hdsdf_batch
 
     return hdsdf_batch(body_a, body_b, dtype="float32", **options)
+
+
+def _forget() -> None:
+    """Drop what JAX has compiled: it is not needed again, and would grow to gigabytes."""
+    from hdplan.distance.batch_kernel import evaluate
+
+    evaluate.clear_cache()
 
 
 def _seconds(distance: Any, poses: Poses, orders: Sequence[str]) -> dict[str, float]:

@@ -64,8 +64,8 @@ def _title(figure: Figure, found: Study, choice: Entry) -> None:
         f"{_length(GAP)} taken for contact, value and gradient in {1e6 * choice.seconds['gradient']:.2g} µs"
     )
     figure.text(0.02, 0.932, take, color=GOOD, fontsize=11, weight="bold", va="center")
-    pairs = len(found.plan.bodies)
-    about = f"mean of {pairs} pairs of bodies" if pairs > 1 else found.plan.bodies[0]
+    pairs = len(found.bodies)
+    about = f"mean of {pairs} pairs of bodies" if pairs > 1 else found.bodies[0]
     part = "" if found.complete else ", interrupted: what was measured till then"
     figure.text(0.985, 0.968, about + part, ha="right", va="center", color=FIXED)
 
@@ -81,7 +81,8 @@ def _against_time(
         return 1e6 * entry.seconds["gradient"], max(loss(entry), floor)
 
     shown = [e for e in entries if e.setting.shaping_length == DEFAULTS.shaping_length]
-    for entry in shown:
+    marks = _marks(entries, choice)
+    for entry in [*shown, *(entry for entry, *_ in marks if entry not in shown)]:
         s = entry.setting
         reach = [place(e)[1] for e in entries if replace(e.setting, shaping_length=s.shaping_length) == s]
         axis.plot([place(entry)[0]] * 2, [min(reach), max(reach)], color=FRAME, linewidth=1.0, zorder=2)
@@ -105,7 +106,7 @@ def _against_time(
     axis.set_ylim(low * (low / high) ** 0.16, high * (high / low) ** 0.16)
     left, right = axis.get_xlim()
     axis.set_xlim(left * (left / right) ** 0.12)
-    for entry, words, color, offset, align in _marks(entries, choice):
+    for entry, words, color, offset, align in marks:
         axis.plot(*place(entry), "o", markersize=15, mfc="none", mec=color, mew=1.6, zorder=5)
         axis.annotate(
             words, place(entry), offset, textcoords="offset points", color=color, weight="bold", ha=align,

@@ -61,7 +61,7 @@ def study_distance(folder: Path, quick: bool, report: Reporter, stop: Stopper) -
         raise KeyboardInterrupt
     from hdplan.planner.plot_study import study_sheet
 
-    choice = best_buy(eligible, GAP, "gradient", found.plan.random * len(found.plan.bodies))
+    choice = best_buy(eligible, GAP, "gradient", found.plan.random * len(found.bodies))
     notes = [*_about(found), *_advice(means, choice)]
     title = "# What accuracy of the distance costs in time\n"
     told = "".join(f"- **{what}**: {words}\n" for what, words in notes)
@@ -79,7 +79,7 @@ def study_distance(folder: Path, quick: bool, report: Reporter, stop: Stopper) -
 
 def _about(found: Study) -> list[tuple[str, str]]:
     plan = found.plan
-    bodies = ", ".join(plan.bodies)
+    bodies = ", ".join(found.bodies)
     about = [("bodies", f"{bodies}; {plan.random} random poses each and {plan.near} close to contact")]
     if all(precision != "float32" for *_, precision in plan.kernels):
         about.append(("not measured", "float32: it runs in JAX, which is not installed: pip install hdplan[jax]"))
@@ -104,9 +104,7 @@ def _advice(means: Sequence[Entry], choice: Entry) -> list[tuple[str, str]]:
         ("shaping length", [e for e in others if e.setting.gamma == GAMMA]),
     ):
         reads = ", ".join(_near(e, what) for e in some)
-        why = (
-            "the least with second derivatives" if what == "gamma" else "the largest that reads as well as smaller ones"
-        )
+        why = "the least with second derivatives" if what == "gamma" else "the largest that reads as well as smaller"
         advice.append((what, f"{why}; error near contact{', bend' * (choice.bend is not None)}: {reads}"))
     worst = max(means, key=lambda e: e.sign_lost)
     kept = "is that of D̃ at every pose and setting"
@@ -123,7 +121,7 @@ def _rate(entry: Entry) -> str:
 def _near(entry: Entry, what: str) -> str:
     """Return error and bend near contact at one gamma or shaping length."""
     at = str(entry.setting.gamma) if what == "gamma" else _length(entry.setting.shaping_length)
-    bend = "" if entry.bend is None else f" and {entry.bend:.2g}/m"
+    bend = "" if entry.bend is None else f" and {entry.bend:.0f}/m"
     return f"{entry.median_error['near'] * 1e3:.3g} mm{bend} at {at}"
 
 
