@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from itertools import product
 from types import MappingProxyType
 from typing import Any, Literal
@@ -189,9 +190,8 @@ def _distance(setting: Setting, body_a: ConvexBody, body_b: ConvexBody) -> Any:
 
 def _forget() -> None:
     """Drop what JAX has compiled: it is not needed again, and would grow to gigabytes."""
-    from hdplan.distance.batch_kernel import evaluate
-
-    evaluate.clear_cache()
+    kernel: Any = import_module("hdplan.distance.batch_kernel")
+    kernel.evaluate.clear_cache()
 
 
 def _seconds(distance: Any, poses: Poses, orders: Sequence[str]) -> dict[str, float]:
