@@ -1,4 +1,4 @@
-"""The HD-SDF of two bodies for thousands of poses at once, in JAX: value, and gradient and Hessian by both bodies' twists.
+"""The HD-SDF of two bodies for thousands of poses at once, in JAX: value, gradient and Hessian by both bodies' twists.
 
 Runs on whatever device JAX finds. JAX is optional: it is imported when a distance is asked for.
 """
@@ -140,6 +140,8 @@ def hdsdf_batch(
     length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
     if dtype not in DTYPES:
         raise InputError(f"dtype: unknown '{dtype}'{nearest(dtype, DTYPES)}, allowed are {', '.join(DTYPES)}")
+    if not isinstance(witness_count, int) or witness_count < 0:
+        raise InputError(f"witness_count: found {witness_count!r}, allowed is an integer >= 0")
     tables = pair_tables(normals, body_a, body_b)
     try:
         jax = importlib.import_module("jax")

@@ -7,11 +7,13 @@ wrenches. Automatic ones would come from branches not taken, where they are 0/0.
 
 from __future__ import annotations
 
-from functools import partial
+from functools import partial, reduce
+from operator import add
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from hdplan.distance.batch_axes import Axes, blocks, cross, dot, moving_axes, own_axes, skew, sum_halves
@@ -25,8 +27,7 @@ class Sums(NamedTuple):
 
     least: Array  # (n, N) min x
     total: Array  # (n, N) Σ w r^p
-    pull: Array | None = None  # (m, n, N) Σ pull ψ
-    sharp: Array | None = None  # (m, m, n, N) Σ sharp ψψᵀ
+    moments: tuple[Array, ...]  # by order of derivatives: Σ pull ψ (m, n, N) and Σ sharp ψψᵀ (m, m, n, N)
 
 
 class Shaped(NamedTuple):
@@ -40,6 +41,14 @@ class Shaped(NamedTuple):
     outer: Array
     scale_pull: Array
     scale_sharp: Array
+
+
+class Factors(NamedTuple):
+    """How every axis takes part, shapes (axes, N): dU = Σ slope du, U = ⊞ g; d²D has terms outer du² and sharp dx²."""
+
+    slope: Array
+    outer: Array
+    sharp: Array
 
 
 @partial(jax.jit, static_argnames=("gamma", "order", "lanes"))
@@ -77,38 +86,42 @@ def _evaluate(
         ones = jnp.ones_like(levels[..., :1])
         by_a.append(own_axes(OwnAxes(normals, levels, ones, ones[0]), *a_in_b, pair.radii, pair.vertices_a))
 
-    groups = by_b + by_a
-    sums = [_sums(axes, gamma, order) for axes in groups]
-    least, counts = jnp.concatenate([s.least for s in sums]), jnp.concatenate([axes.counts for axes in groups])
+    sums = [_sums(axes, gamma, order) for axes in by_b + by_a]
+    least = jnp.concatenate([s.least for s in sums])
     inner = _shaped(_not_zero(least), jnp.concatenate([s.total for s in sums]), gamma, length)
     # the maximum is minus the minimum of the opposites
     m = _not_zero(-jnp.max(inner.value, axis=0))
+    counts = jnp.concatenate([axes.counts for axes in by_b + by_a])
     total, pull, sharp = _weights(-inner.value, counts, m, gamma)
     outer = _shaped(m, sum_halves(total, 0), gamma, length)
     results = [-outer.value, jnp.max(least, axis=0)]
     if order == 0:
         return tuple(results)
 
-    share = pull * outer.scale_pull * inner.slope  # dU/du of each axis, U the maximum
-    spread = outer.slope * pull * outer.scale_pull * inner.outer - sharp * outer.scale_sharp * inner.slope * inner.slope
-    sharpness = outer.slope * pull * outer.scale_pull * inner.scale_sharp
+    share = pull * outer.scale_pull  # dU/dg of each axis, U the maximum
+    factors = Factors(
+        share * inner.slope,
+        outer.slope * share * inner.outer - sharp * outer.scale_sharp * inner.slope * inner.slope,
+        outer.slope * share * inner.scale_sharp,
+    )
     wrenches, hessians, start = [], [], 0
-    for axes, s in zip(groups, sums, strict=True):
+    for axes, s in zip(by_b + by_a, sums, strict=True):
         rows = slice(start, start := start + len(axes.counts))
-        moments = s.pull * inner.scale_pull[rows]
-        wrenches.append(sum_halves(axes.slopes((moments * share[rows])[:, None])[:, 0], 1))
+        mine = Factors(*(part[rows] for part in factors))
+        pulls = s.moments[0] * inner.scale_pull[rows]
+        wrenches.append(sum_halves(axes.slopes((pulls * mine.slope)[:, None])[:, 0], 1))
         if order == 2:
-            squares = sharpness[rows] * s.sharp + spread[rows] * moments[:, None] * moments
+            squares = mine.sharp * s.moments[1] + mine.outer * pulls[:, None] * pulls
             twice = axes.slopes(axes.slopes(squares).swapaxes(0, 1))
-            hessians.append(sum_halves(twice, 2) + axes.bend(moments * (outer.slope * share[rows])))
+            hessians.append(sum_halves(twice, 2) + axes.bend(pulls * (outer.slope * mine.slope)))
     # all by B's twist: a twist of A moves B, seen from A, by its opposite
     to_a, to_b = partial(_moved, *b_in_a), partial(_moved, *a_in_b)
-    wrench = sum(wrenches[: len(by_b)]) - to_b(sum(wrenches[len(by_b) :])[:, None])[:, 0]
+    wrench = reduce(add, wrenches[: len(by_b)]) - to_b(reduce(add, wrenches[len(by_b) :])[:, None])[:, 0]
     gradient = outer.slope * wrench
     results.append(jnp.concatenate([-to_a(gradient[:, None])[:, 0], gradient]))
     if order == 2:
-        turned = to_b(to_b(sum(hessians[len(by_b) :])).swapaxes(0, 1))
-        hessian = sum(hessians[: len(by_b)]) + turned - outer.outer * wrench[:, None] * wrench
+        turned = to_b(to_b(reduce(add, hessians[len(by_b) :])).swapaxes(0, 1))
+        hessian = reduce(add, hessians[: len(by_b)]) + turned - outer.outer * wrench[:, None] * wrench
         # A exp(ξ_a) and B exp(ξ_b) move relatively by exp(ξ_b - X ξ_a - ½[X ξ_a, ξ_b] + …), X the adjoint to B's frame
         force, torque = skew(gradient[:3]), skew(gradient[3:])
         mixed = to_a(0.5 * blocks(jnp.zeros_like(force), force, force, torque) - hessian)
@@ -121,7 +134,6 @@ def _sums(axes: Axes, gamma: int, order: int) -> Sums:
 
     Loops stay loops: they compile in no time, and what they work on stays in the processor's cache.
     """
-    moving, levels = axes.level_points is not None, len(axes.levels)
 
     def find(highest: Array, point: Array) -> tuple[Array, Array]:
         along = dot(axes.directions, point) + axes.base
@@ -131,38 +143,57 @@ def _sums(axes: Axes, gamma: int, order: int) -> Sums:
     least = jnp.min(axes.levels, axis=0) - highest
     m = _not_zero(least)
 
+    psi, products = _powers(axes.points, 1)
+    moving = axes.level_points is not None
+    level_psi = level_products = jnp.ones((1, 1, 1, 1), m.dtype)
+    if axes.level_points is not None:
+        level_psi, level_products = _powers(axes.level_points, 0)
+
     def add(sums: list[Array], vertex: tuple[Array, ...]) -> tuple[list[Array], None]:
         along, count, psi, products = vertex
         total, pull, sharp = _weights(axes.levels - along, axes.level_counts * count, m, gamma)
-        terms = [sum_halves(total, 0), sum_halves(pull, 0) * psi, sum_halves(sharp, 0) * products][: order + 1]
-        if moving:
-            terms += [pull, sharp * psi[:, None]][:order]
+        terms = [sum_halves(total, 0)]
+        if order >= 1:
+            pulls = sum_halves(pull * level_psi, 1)
+            terms += [pulls[0] * psi, pulls[1:]]
+        if order == 2:
+            sharps = sum_halves(sharp * level_products, 1)
+            terms += [sharps[0] * products, sharps[1:4, None] * psi, sharps[4:]]
         return [so_far + term for so_far, term in zip(sums, terms, strict=True)], None
 
-    psi = jnp.concatenate([jnp.ones_like(axes.points[:, :1]), axes.points], axis=1)
-    products = jnp.stack([psi[:, i] * psi[:, j] for i in range(4) for j in range(i, 4)], axis=1)
-    shapes = [(), (4,), (10,)][: order + 1] + moving * [(levels,), (4, levels)][:order]
-    start = [jnp.zeros((*shape, *m.shape), m.dtype) for shape in shapes]
-    (total, *moments), _ = lax.scan(add, start, (along, axes.point_counts, psi, products))
-    if order == 0:
-        return Sums(least, total)
-    pull, sharp, by_level = moments[0], None, moments[order:]
+    inputs = along, axes.point_counts, psi, products
+    shapes = [(), (4,), (3 * moving,), (10,), (3 * moving, 4), (6 * moving,)]
+    start = [jnp.zeros((*shape, *m.shape), m.dtype) for shape in shapes[: (1, 3, 6)[order]]]
+    (total, *parts), _ = lax.scan(add, start, inputs)
+    moments = []
+    if order >= 1:
+        moments.append(jnp.concatenate(parts[:2]))
     if order == 2:
-        rows = (0, 1, 2, 3), (1, 4, 5, 6), (2, 5, 7, 8), (3, 6, 8, 9)
-        sharp = jnp.stack([jnp.stack([moments[1][k] for k in row]) for row in rows])
-    if moving:
-        of_level = axes.level_points
-        pull = jnp.concatenate([pull, sum_halves(by_level[0] * of_level, 1)])
-        if order == 2:
-            mixed = sum_halves(by_level[1][:, None] * of_level, 2)
-            square = sum_halves(by_level[1][0] * of_level[:, None] * of_level, 2)
-            sharp = blocks(sharp, mixed, mixed.swapaxes(0, 1), square)
-    return Sums(least, total, pull, sharp)
+        of_points, mixed, of_levels = parts[2:]
+        square = _symmetric(of_points, ((0, 1, 2, 3), (1, 4, 5, 6), (2, 5, 7, 8), (3, 6, 8, 9)))
+        if moving:
+            of_levels = _symmetric(of_levels, ((0, 1, 2), (1, 3, 4), (2, 4, 5)))
+            square = blocks(square, mixed.swapaxes(0, 1), mixed, of_levels)
+        moments.append(square)
+    return Sums(least, total, tuple(moments))
+
+
+def _powers(points: Array, axis: int) -> tuple[Array, Array]:
+    """Return ψ = (1, point) and the ten different products of its numbers, along the axis that the points have."""
+    one, x, y, z = jnp.ones_like(jnp.take(points, 0, axis)), *(jnp.take(points, k, axis) for k in range(3))
+    psi = one, x, y, z
+    products = [psi[i] * psi[j] for i in range(4) for j in range(i, 4)]
+    return jnp.stack(psi, axis), jnp.stack(products, axis)
+
+
+def _symmetric(entries: Array, rows: tuple[tuple[int, ...], ...]) -> Array:
+    """Return a symmetric matrix from its different entries, along the first axis."""
+    return jnp.stack([jnp.stack([entries[k] for k in row]) for row in rows])
 
 
 def _not_zero(least: Array) -> Array:
     """Return the minimum m; one too small to divide by counts as the largest number below 0, of which Phi is 0."""
-    smallest = jnp.finfo(least.dtype).tiny
+    smallest = np.finfo(least.dtype).tiny
     return jnp.where(jnp.abs(least) <= smallest, -smallest, least)
 
 

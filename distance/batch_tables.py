@@ -63,7 +63,7 @@ class Pair(NamedTuple):
         vertices = max(len(self.vertices_a), len(self.vertices_b))
         groups = [own.counts.size * max(len(own.levels), vertices) for own in (self.in_a, self.in_b)]
         groups += [max(moving.counts_a.size, moving.counts_b.size) for moving in self.moving]
-        return max(*groups, 2 * witness_count * vertices)
+        return int(max(*groups, 2 * witness_count * vertices))
 
 
 def pair_tables(normals: str, body_a: ConvexBody, body_b: ConvexBody) -> Pair:
@@ -137,10 +137,10 @@ def _seen_along(vertices: Floats, directions: Floats) -> tuple[Floats, Floats]:
         shadow = vertices - np.outer(vertices @ direction, direction)
         gaps = np.abs(shadow[:, None] - shadow).max(axis=-1)
         first = np.argmax(gaps <= SAME * np.abs(vertices).max(), axis=1)
-        kept, counts = np.unique(first, return_counts=True)
-        found.append((kept.astype(float), counts.astype(float)))
+        kept, times = np.unique(first, return_counts=True)
+        found.append((kept.astype(float), times.astype(float)))
     chosen, counts = _filled(found)
-    return vertices[chosen.astype(int)].swapaxes(1, 2), counts
+    return np.swapaxes(vertices[chosen.astype(int)], 1, 2), counts
 
 
 def _filled(rows: Sequence[tuple[Floats, Floats]]) -> tuple[Floats, Floats]:
