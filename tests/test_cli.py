@@ -579,7 +579,7 @@ def test_a_terminal_sees_progress() -> None:
     os.close(ours)
     assert child.returncode == 0
     assert "\x1b" not in out
-    assert "building the problem" in shown
+    assert "building the problem" in shown or "iteration" in shown  # whichever is on when the line is drawn
 
 
 @pytest.mark.parametrize("solver", ["gauss_newton", "chomp", "ipopt"])
