@@ -151,7 +151,7 @@ def plan(
     from hdplan.planner.output import check_writable
     from hdplan.planner.plan import plan as find
     from hdplan.planner.plot import check_picture, plot_result
-    from hdplan.planner.robot import load_scene_robot
+    from hdplan.planner.scene_robot import load_scene_robot
     from hdplan.planner.solvers import solver_named
     from hdplan.planner.trajectory import FORMATS
 
@@ -195,7 +195,7 @@ def check(
     """
     from hdplan.planner.certificate import Certifier
     from hdplan.planner.result import verdict
-    from hdplan.planner.robot import load_scene_robot
+    from hdplan.planner.scene_robot import load_scene_robot
     from hdplan.planner.trajectory import Trajectory
 
     problem = _load(scene, request, robot)

@@ -18,10 +18,11 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -70,8 +71,11 @@ class RowFunction:
     matrix.
     """
 
+    seconds: ClassVar[float] = 0.0  # spent on compiling by this process, or on finding what was compiled
+
     def __init__(self, function: ca.Function) -> None:
         """Compile the function, or find it in the cache."""
+        began = time.perf_counter()
         self.function = function
         self.widths = [function.numel_in(i) for i in range(function.n_in())]
         self.result_widths = [function.numel_out(i) for i in range(function.n_out())]
@@ -84,6 +88,7 @@ class RowFunction:
             self._arg, self._res = ((ctypes.c_void_p * max(size, 1))() for size in sizes[:2])
             self._iw, self._w = np.zeros(max(sizes[2], 1), np.int64), np.zeros(max(sizes[3], 1))
         self._prepare_once(library)
+        RowFunction.seconds += time.perf_counter() - began
 
     def __call__(self, tables: Sequence[Floats], rows: Sequence[Rows]) -> list[Floats]:
         """Evaluate for k = 0 … count-1 with input i taken from `tables[i][rows[i][k]]`.

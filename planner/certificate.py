@@ -8,6 +8,7 @@ robot's base and the floor on which it stands) are no part of a motion and are n
 
 from __future__ import annotations
 
+import functools
 import time
 from collections import Counter
 from collections.abc import Mapping
@@ -20,7 +21,8 @@ from numpy.typing import ArrayLike, NDArray
 from hdplan.planner.intervals import Bodies, Body, Pairs
 from hdplan.planner.motion_bounds import Chain
 from hdplan.planner.proximity import link_pieces, obstacle_pieces
-from hdplan.planner.robot import Robot, load_scene_robot, resolve_query
+from hdplan.planner.robot import Robot
+from hdplan.planner.scene_robot import load_scene_robot, resolve_query
 from hdplan.planner.sweep import Spot, Sweep
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError, naming, nearest
@@ -131,14 +133,10 @@ class Certifier:
     def __init__(self, scene: Scene, robot: Robot) -> None:
         """Gather links, obstacles and the pairs to be kept apart."""
         self.scene, self.robot = scene, robot
-        links: dict[str, list[int]] = {}
-        bodies: list[Body] = []
-        for link, geometries in robot.link_geometry.items():
-            for index in geometries:
-                item = robot.collision.geometryObjects[index]
-                for piece in link_pieces(item.geometry, item.name):
-                    links.setdefault(link, []).append(len(bodies))
-                    bodies.append(Body(link, piece, int(item.parentJoint), item.placement.homogeneous))
+        bodies = list(_link_bodies(robot))
+        links: dict[str, list[int]] = {link: [] for link in robot.links}
+        for row, body in enumerate(bodies):
+            links[body.name].append(row)
         count = len(bodies)
         for obstacle in scene.obstacles:
             with naming(scene.source):
@@ -197,7 +195,7 @@ class Certifier:
     def contacts(self, q: ArrayLike) -> tuple[Contact, ...]:
         """Return the contacts of one configuration; see `check_configuration`."""
         depths: dict[tuple[str, str], float] = {}
-        for spot in self.sweep.distances(np.asarray(q, dtype=np.float64)):
+        for spot in self.sweep.distances(np.asarray(q, dtype=np.float64), within=0.0):
             if spot.touching:
                 names = self._names(spot.pair)
                 depths[names] = max(depths.get(names, 0.0), -spot.distance)
@@ -209,9 +207,11 @@ class Certifier:
         to_obstacle, between_links = (self._place(spot, 2) if spot else None for spot in spots)
         return to_obstacle, between_links
 
-    def closest_obstacle(self, q: ArrayLike) -> Place | None:
-        """Return the obstacle closest to the robot in one configuration, exactly; None without obstacles."""
-        return self.nearest(q)[0]
+    def obstacle_within(self, q: ArrayLike, distance: float) -> Place | None:
+        """Return the obstacle closest to the robot in one configuration, exactly; None if it is farther away than
+        `distance` [m]."""
+        spot = self.sweep.nearest(np.asarray(q, dtype=np.float64), distance)[0]
+        return self._place(spot, 2) if spot else None
 
     def _names(self, pair: int) -> tuple[str, str]:
         pairs, names = self.sweep.pairs, self.sweep.bodies.names
@@ -249,6 +249,17 @@ class Certifier:
             f"waypoint {row} has joint '{self.robot.joint_names[joint]}' at {waypoints[row, joint]:g}, "
             f"its limits are [{low:g}, {high:g}]"
         )
+
+
+@functools.lru_cache(maxsize=8)
+def _link_bodies(robot: Robot) -> tuple[Body, ...]:
+    """Return the pieces of the links' collision geometry; once per robot, as meshes take their time."""
+    items = [(link, robot.collision.geometryObjects[i]) for link, own in robot.link_geometry.items() for i in own]
+    return tuple(
+        Body(link, piece, int(item.parentJoint), item.placement.homogeneous)
+        for link, item in items
+        for piece in link_pieces(item.geometry, item.name)
+    )
 
 
 def waypoints_of(robot: Robot, trajectory: Trajectory) -> Array:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -47,12 +48,20 @@ class Bodies:
 
     def reach(self, waypoints: Array) -> Array:
         """Return ρ (g, n) for all configurations between the waypoints (N, n)."""
-        travel = np.stack([waypoints.min(axis=0), waypoints.max(axis=0)], axis=1)
+        if self.chain.revolute.all():  # where nothing slides, it is the same for every motion
+            return self._reach_of_turns
+        return self._reach(np.stack([waypoints.min(axis=0), waypoints.max(axis=0)], axis=1))
+
+    @cached_property
+    def _reach_of_turns(self) -> Array:
+        return self._reach(np.zeros((len(self.chain.axes), 2)))
+
+    def _reach(self, travel: Array) -> Array:
         rows = [
             self.chain.reach(int(joint), piece.vertices @ turn.T + shift, piece.ball + piece.disc, travel)
             for joint, piece, turn, shift in zip(self.joint, self.pieces, self.rotation, self.origin, strict=True)
         ]
-        return np.array(rows).reshape(-1, waypoints.shape[1])
+        return np.array(rows).reshape(-1, len(travel))
 
 
 @dataclass(frozen=True, eq=False)

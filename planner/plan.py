@@ -14,7 +14,8 @@ from typing import NamedTuple
 from hdplan.planner.certificate import Certificate, Certifier
 from hdplan.planner.problem import Floats, Problem, build
 from hdplan.planner.result import PlanResult, Times
-from hdplan.planner.robot import Robot, load_scene_robot, resolve_query
+from hdplan.planner.robot import Robot
+from hdplan.planner.scene_robot import load_scene_robot, resolve_query
 from hdplan.planner.seeds import seeds
 from hdplan.planner.solvers import Solver, solver_named
 from hdplan.planner.solvers.solution import FIRST_WEIGHT, RAISE, Budget, Solution, Status, Step
@@ -191,11 +192,10 @@ def _reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tu
                 for c in contacts[:3]
             )
             raise InputError(f"{scene.source}: {field}: in collision: {said}")
-        nearest_obstacle = certifier.closest_obstacle(q)
-        if nearest_obstacle is not None and nearest_obstacle.distance <= required:
-            required = ENDS_KEEP * nearest_obstacle.distance
+        if (obstacle := certifier.obstacle_within(q, required)) is not None:
+            required = ENDS_KEEP * obstacle.distance
             words.append(
-                f"{field} is {nearest_obstacle.distance * 1e3:.3g} mm from {nearest_obstacle.other}: "
+                f"{field} is {obstacle.distance * 1e3:.3g} mm from {obstacle.other}: "
                 f"{required * 1e3:.3g} mm are proven for the whole motion instead of planner.clearance"
             )
     return required, tuple(words)

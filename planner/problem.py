@@ -11,34 +11,29 @@ exist.
 
 from __future__ import annotations
 
-import functools
-import itertools
-import time
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.distance.compiled import RowFunction
-from hdplan.distance.halfspaces import halfspace_distance
 from hdplan.planner.kinematics import Kinematics
-from hdplan.planner.link_bodies import LinkBody, link_bodies
-from hdplan.planner.pairs import BodyPairs, body_pairs
-from hdplan.planner.plane_bodies import PlaneBody, from_link_body, from_obstacle
-from hdplan.planner.reach import reach_of
-from hdplan.planner.robot import Robot, load_scene_robot, resolve_query
+from hdplan.planner.link_bodies import LinkBody
+from hdplan.planner.outline import outline_of
+from hdplan.planner.pairs import body_pairs
+from hdplan.planner.plane_bodies import PlaneBody, from_obstacle
+from hdplan.planner.robot import Robot
 from hdplan.planner.samples import Samples
+from hdplan.planner.scene_robot import load_scene_robot, resolve_query
 from hdplan.planner.terms import Clearance, Smoothness
 from hdplan.scenes.errors import naming
-from hdplan.scenes.model import PlannerSettings, Scene
+from hdplan.scenes.model import Scene
 
 Floats = NDArray[np.float64]
 
 SAMPLES_PER_INTERVAL = 4  # at least
 SPACING = 0.02  # [m] farthest that a body's centre may move between two samples
 SELF_ACTIVATION = 0.005  # [m] links of one arm are close by design: their penalty sets in late
-TRIALS = 200  # random configurations for the following
-OFTEN = 0.5  # share of them in which a link pair's outer bodies may overlap before it is left to the certificate
 
 
 @dataclass(frozen=True)
@@ -145,8 +140,9 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
     robot = robot or load_scene_robot(scene)
     query = resolve_query(robot, scene)
     settings = scene.planner
-    kinematics = Kinematics(robot.model)
-    bodies = link_bodies(robot)
+    compiled_before = RowFunction.seconds
+    outline = outline_of(robot)
+    kinematics, bodies = outline.kinematics, outline.bodies
     with naming(scene.source):
         enclosed = [from_obstacle(obstacle) for obstacle in scene.obstacles]
     plane_bodies = tuple(body for pieces, _ in enclosed for body in pieces)
@@ -154,24 +150,19 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
 
     terms: list[Clearance] = []
     margin = settings.clearance + settings.activation
-    reach = [reach_of(robot.model, body.joint, body.body) for body in bodies]
     pairs = [
         (a, b)
         for a, body in enumerate(bodies)
         for b, other in enumerate(plane_bodies)
-        if body.joint > 0 and reach[a].meets(other, margin)
+        if body.joint > 0 and outline.reach[a].meets(other, margin)
     ]
-    started = time.perf_counter()
     if pairs:
         laid_out = body_pairs(bodies, plane_bodies, pairs, margin, kinematics.supports)
-        terms.append(Clearance("obstacles", laid_out, _kernels(laid_out, settings)))
-    link_planes = tuple(from_link_body(body.link, body.joint, body.body) for body in bodies)
-    link_pairs, unresolved = _separable_pairs(robot, kinematics, bodies, link_planes, settings)
-    if link_pairs:
+        terms.append(Clearance.of("obstacles", laid_out, settings))
+    if outline.self_pairs:
         margin = settings.clearance + SELF_ACTIVATION
-        laid_out = body_pairs(bodies, link_planes, link_pairs, margin, kinematics.supports)
-        terms.append(Clearance("self-collision", laid_out, _kernels(laid_out, settings)))
-    compile_seconds = time.perf_counter() - started
+        laid_out = body_pairs(bodies, outline.planes, outline.self_pairs, margin, kinematics.supports)
+        terms.append(Clearance.of("self-collision", laid_out, settings))
 
     return Problem(
         scene=scene,
@@ -184,47 +175,7 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
         smoothness=Smoothness(settings.waypoints),
         terms=tuple(terms),
         samples=Samples((SAMPLES_PER_INTERVAL,) * (settings.waypoints - 1)),
-        unresolved=tuple(unresolved),
+        unresolved=outline.unresolved,
         notes=tuple(notes),
-        compile_seconds=compile_seconds,
+        compile_seconds=RowFunction.seconds - compiled_before,
     )
-
-
-def _separable_pairs(
-    robot: Robot,
-    kinematics: Kinematics,
-    bodies: tuple[LinkBody, ...],
-    planes: tuple[PlaneBody, ...],
-    settings: PlannerSettings,
-) -> tuple[list[tuple[int, int]], list[tuple[str, str]]]:
-    """Body pairs of the robot's self pairs, and the link pairs whose outer bodies overlap so often that they would
-    mislead."""
-    of_link: dict[str, list[int]] = {}
-    for index, body in enumerate(bodies):
-        of_link.setdefault(body.link, []).append(index)
-    pairs = []
-    for a, b in robot.self_pairs:
-        for i, j in itertools.product(of_link.get(a, []), of_link.get(b, [])):
-            # the one with fewer vertices gives them: vertices cost, planes do not
-            fewer, more = sorted((i, j), key=lambda index: len(bodies[index].body.vertices))
-            pairs.append((fewer, more, a, b))
-    if not pairs:
-        return [], []
-    laid_out = body_pairs(bodies, planes, [(i, j) for i, j, _, _ in pairs], 0.0, kinematics.supports)
-    configurations = robot.draw(np.random.default_rng(0), TRIALS)
-    trial = Clearance("trial", laid_out, _kernels(laid_out, settings)).inside(kinematics.evaluate(configurations))
-    overlaps: dict[tuple[str, str], set[int]] = {}
-    for s, p in zip(trial.sample.tolist(), trial.pair.tolist(), strict=True):
-        overlaps.setdefault(pairs[p][2:], set()).add(s)
-    unresolved = [names for names, seen in overlaps.items() if len(seen) > OFTEN * TRIALS]
-    return [(i, j) for i, j, a, b in pairs if (a, b) not in unresolved], unresolved
-
-
-def _kernels(pairs: BodyPairs, settings: PlannerSettings) -> dict[int, RowFunction]:
-    slots, counts = (pairs.body_table.shape[1] - 1) // 4, sorted(set(pairs.plane_slots.tolist()))
-    return {count: _kernel(slots, count, settings.gamma, settings.shaping_length) for count in counts}
-
-
-@functools.cache
-def _kernel(vertices: int, planes: int, gamma: int, shaping_length: float) -> RowFunction:
-    return RowFunction(halfspace_distance(vertices, planes, gamma, shaping_length))

@@ -22,8 +22,8 @@ from numpy.typing import ArrayLike, NDArray
 from hdplan.planner.description import LinkPair, Semantics, Tree, link_pair, read_semantics, read_tree
 from hdplan.planner.pin_model import move_base, read_model, without_joints
 from hdplan.planner.robot_library import find_robot, library_package_dirs
-from hdplan.scenes.errors import InputError, naming, nearest
-from hdplan.scenes.model import JointTarget, RobotSpec, Scene
+from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.model import JointTarget, RobotSpec
 
 Array = NDArray[np.float64]
 
@@ -119,44 +119,6 @@ class Robot:
         return q
 
 
-@dataclass(frozen=True)
-class Query:
-    """The two ends of a plan, as joint values."""
-
-    start: Array  # (n,)
-    goal: Array  # (n,)
-    notes: tuple[str, ...]  # names that were left out, in words
-
-
-# --- from a scene ----------------------------------------------------------------------------------------
-
-
-def load_scene_robot(scene: Scene) -> Robot:
-    """Load a scene's robot, with a MoveIt request's values for the joints that it has and does not plan.
-
-    Raises InputError, naming the file that speaks of the robot.
-    """
-    spec = scene.robot
-    with naming(spec.source or scene.source):
-        if scene.from_request and scene.start.by_name is not None:
-            robot = load_robot(spec)
-            requested = {joint: value for joint, value in scene.start.by_name.items() if joint in robot.locked}
-            spec = replace(spec, locked={**requested, **spec.locked})
-            if spec.locked == robot.locked:
-                return robot
-        return load_robot(spec)
-
-
-def resolve_query(robot: Robot, scene: Scene) -> Query:
-    """Return the scene's start and goal for this robot. Raises InputError, naming the scene's file."""
-    with naming(scene.source):
-        start, goal = (robot.configuration(target, scene.from_request) for target in (scene.start, scene.goal))
-    named = {**(scene.start.by_name or {}), **(scene.goal.by_name or {})}
-    unknown = [joint for joint in named if joint not in robot.joint_names and joint not in robot.locked]
-    notes = (f"left out, as {robot.name} has no such joints: {', '.join(unknown)}",) if unknown else ()
-    return Query(start, goal, notes)
-
-
 # --- loading ---------------------------------------------------------------------------------------------
 
 
@@ -228,6 +190,12 @@ def load_robot(spec: RobotSpec) -> Robot:
         named = ", ".join(f"{a}-{b}" for a, b in touching)
         notes.append(f"link pairs in contact at every sampled configuration, not checked: {named}")
     return replace(robot, self_pairs=tuple(pair for pair in pairs if pair not in touching), notes=tuple(notes))
+
+
+def robot_files(spec: RobotSpec) -> tuple[Path, ...]:
+    """Return the URDF and, if there is one, the SRDF that a robot is read from."""
+    _, urdf, srdf, _ = _files(spec)
+    return (urdf,) if srdf is None else (urdf, srdf)
 
 
 def _files(spec: RobotSpec) -> tuple[str, Path, Path | None, tuple[Path, ...]]:

@@ -98,13 +98,19 @@ class Sweep:
         self.bodies, self.pairs = bodies, pairs
         self.hollow = bodies.hollow[pairs.a] | bodies.hollow[pairs.b]  # (P,)
 
-    def distances(self, q: Array) -> tuple[Spot, ...]:
-        """Return the signed distance of every pair at one configuration q (n,): negative in contact."""
-        return _Run(self, np.stack([q, q]), 0.0).at_start()
+    def distances(self, q: Array, within: float = np.inf) -> tuple[Spot, ...]:
+        """Return the signed distance of every pair at one configuration q (n,): negative in contact.
 
-    def nearest(self, q: Array) -> tuple[Spot | None, Spot | None]:
-        """Return the closest pair of each group at one configuration q (n,), exactly: by surfaces, not their hulls."""
-        return _Run(self, np.stack([q, q]), 0.0).nearest_at_start()
+        Pairs that are certainly farther apart than `within` [m] are left out.
+        """
+        return _Run(self, np.stack([q, q]), 0.0).at_start(within=within)
+
+    def nearest(self, q: Array, within: float = np.inf) -> tuple[Spot | None, Spot | None]:
+        """Return the closest pair of each group at one configuration q (n,), exactly: by surfaces, not their hulls.
+
+        None for a group of which no pair is `within` [m], or none at all.
+        """
+        return _Run(self, np.stack([q, q]), 0.0).nearest_at_start(within)
 
     def prove(self, waypoints: Array, required: float = 0.0) -> Proof:
         """Prove a motion through `waypoints` (N, n), or find where it cannot be proven.
@@ -146,12 +152,16 @@ class _Run:
             self.exact_calls,
         )
 
-    def at_start(self, only: Mask | None = None) -> tuple[Spot, ...]:
-        """Return the signed distances of all pairs (or some) at the first waypoint."""
+    def at_start(self, only: Mask | None = None, within: float = np.inf) -> tuple[Spot, ...]:
+        """Return the signed distances of all pairs (or some) at the first waypoint, but for those that balls tell to be
+        farther apart than `within`."""
         nodes = self._place(np.zeros(1, dtype=np.int64), np.zeros(1), np.zeros(1))
         items = self._all_pairs(1)
         if only is not None:
             items = items[only]
+        if within < np.inf:
+            bound, _ = self._ball_bound(nodes, items, nodes.centers(items.node, self.pairs.a[items.pair]))
+            items = items[bound <= within + ROUNDING]
         if not len(items):
             return ()
         values, _, _ = self._exact(nodes, items)
@@ -164,18 +174,20 @@ class _Run:
             spots.append(Spot(0, 0.0, pair, value, value <= 0.0))
         return tuple(spots)
 
-    def nearest_at_start(self) -> tuple[Spot | None, Spot | None]:
-        """Return the closest pair of each group at the first waypoint."""
+    def nearest_at_start(self, within: float) -> tuple[Spot | None, Spot | None]:
+        """Return the closest pair of each group at the first waypoint, if it is `within`."""
         nodes = self._place(np.zeros(1, dtype=np.int64), np.zeros(1), np.zeros(1))
         best: list[Spot | None] = [None, None]
-        for spot in sorted(self.at_start(), key=lambda spot: spot.distance):  # a surface is no closer than its hull
+        for spot in sorted(
+            self.at_start(within=within), key=lambda spot: spot.distance
+        ):  # a surface is no closer than its hull
             group = int(self.pairs.group[spot.pair])
             least = best[group]
             if least is not None and least.distance <= spot.distance:
                 continue
             if self.hollow[spot.pair] and not spot.touching:
                 spot = replace(spot, distance=max(spot.distance, self._surface(nodes, 0, spot.pair)))
-            if least is None or spot.distance < least.distance:
+            if spot.distance <= within and (least is None or spot.distance < least.distance):
                 best[group] = spot
         return best[0], best[1]
 

@@ -7,6 +7,7 @@ geometric Jacobian.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.distance.compiled import RowFunction
+from hdplan.distance.halfspaces import halfspace_distance
 from hdplan.planner.kinematics import KinematicsBatch
 from hdplan.planner.pairs import BodyPairs
+from hdplan.scenes.model import PlannerSettings
 
 Floats = NDArray[np.float64]
 
@@ -82,6 +85,13 @@ class Clearance:
         self.pairs = pairs
         self.kernels = kernels
 
+    @classmethod
+    def of(cls, name: str, pairs: BodyPairs, settings: PlannerSettings) -> Clearance:
+        """Take the pairs with the distance that the settings ask for, compiled or from the cache."""
+        slots, counts = (pairs.body_table.shape[1] - 1) // 4, sorted(set(pairs.plane_slots.tolist()))
+        kernels = {count: _kernel(slots, count, settings.gamma, settings.shaping_length) for count in counts}
+        return cls(name, pairs, kernels)
+
     def inside(self, kinematics: KinematicsBatch) -> Inside:
         """Every pair with D < 0 at every sample."""
         batch, joints = kinematics.translations.shape[:2]
@@ -125,3 +135,8 @@ class Clearance:
             curvature[seen] = np.add.reduceat(outer, starts)
             depth[seen] = np.maximum.reduceat(-inside.separation, starts)
         return Penalty(float(0.5 * np.sum(scale * inside.distance)), gradient, curvature, depth)
+
+
+@functools.cache
+def _kernel(vertices: int, planes: int, gamma: int, shaping_length: float) -> RowFunction:
+    return RowFunction(halfspace_distance(vertices, planes, gamma, shaping_length))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hdplan.planner.certificate import Certifier
-from hdplan.planner.robot import load_scene_robot
+from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.scenes.reader import load_scene
 
 

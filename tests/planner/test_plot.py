@@ -15,7 +15,8 @@ from hdplan.planner import plot
 from hdplan.planner.certificate import Certifier, Status
 from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
-from hdplan.planner.robot import Robot, load_scene_robot
+from hdplan.planner.robot import Robot
+from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, Pose, Scene, Sphere

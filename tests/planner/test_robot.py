@@ -9,8 +9,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hdplan.planner.robot import Robot, load_robot, load_scene_robot, resolve_query
+from hdplan.planner.robot import Robot, load_robot
 from hdplan.planner.robot_library import robot_names
+from hdplan.planner.scene_robot import load_scene_robot, resolve_query
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import JointTarget, Pose, RobotSpec, Scene
 

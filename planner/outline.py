@@ -1,0 +1,75 @@
+"""A robot as the problem sees it, whatever the scene: kinematics, outer bodies, and which of them to keep apart.
+
+Robot -> `Outline`, made once per robot in a process: a second plan with the same robot starts from it.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdplan.planner.kinematics import Kinematics
+from hdplan.planner.link_bodies import LinkBody, link_bodies
+from hdplan.planner.pairs import body_pairs
+from hdplan.planner.plane_bodies import PlaneBody, from_link_body
+from hdplan.planner.reach import Reach, reach_of
+from hdplan.planner.robot import Robot
+from hdplan.planner.terms import Clearance
+from hdplan.scenes.model import PlannerSettings
+
+TRIALS = 200  # random configurations for the following
+OFTEN = 0.5  # share of them in which a link pair's outer bodies may overlap before it is left to the certificate
+
+BodyPair = tuple[int, int]  # rows of Outline.bodies: the one that gives vertices, the one that gives planes
+LinkPair = tuple[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """Everything about a robot that does not depend on the scene around it."""
+
+    kinematics: Kinematics
+    bodies: tuple[LinkBody, ...]  # the links' outer bodies, from base to tip
+    planes: tuple[PlaneBody, ...]  # the same bodies by planes, for the second side of a pair
+    reach: tuple[Reach, ...]  # balls that they never leave
+    self_pairs: tuple[BodyPair, ...]  # to be kept apart
+    unresolved: tuple[LinkPair, ...]  # link pairs left to the certificate, as their outer bodies overlap anyway
+
+
+@functools.lru_cache(maxsize=8)
+def outline_of(robot: Robot) -> Outline:
+    """Return the outline of a robot, the same object for the same robot."""
+    kinematics, bodies = Kinematics(robot.model), link_bodies(robot)
+    planes = tuple(from_link_body(body.link, body.joint, body.body) for body in bodies)
+    reach = tuple(reach_of(robot.model, body.joint, body.body) for body in bodies)
+    pairs, unresolved = _separable_pairs(robot, kinematics, bodies, planes)
+    return Outline(kinematics, bodies, planes, reach, pairs, unresolved)
+
+
+def _separable_pairs(
+    robot: Robot, kinematics: Kinematics, bodies: tuple[LinkBody, ...], planes: tuple[PlaneBody, ...]
+) -> tuple[tuple[BodyPair, ...], tuple[LinkPair, ...]]:
+    """Body pairs of the robot's self pairs, and the link pairs whose outer bodies overlap so often that they would
+    mislead."""
+    of_link: dict[str, list[int]] = {}
+    for index, body in enumerate(bodies):
+        of_link.setdefault(body.link, []).append(index)
+    pairs = []
+    for a, b in robot.self_pairs:
+        for i, j in itertools.product(of_link.get(a, []), of_link.get(b, [])):
+            # the one with fewer vertices gives them: vertices cost, planes do not
+            fewer, more = sorted((i, j), key=lambda index: len(bodies[index].body.vertices))
+            pairs.append((fewer, more, a, b))
+    if not pairs:
+        return (), ()
+    laid_out = body_pairs(bodies, planes, [(i, j) for i, j, _, _ in pairs], 0.0, kinematics.supports)
+    configurations = robot.draw(np.random.default_rng(0), TRIALS)
+    trial = Clearance.of("trial", laid_out, PlannerSettings()).inside(kinematics.evaluate(configurations))
+    overlaps: dict[LinkPair, set[int]] = {}
+    for s, p in zip(trial.sample.tolist(), trial.pair.tolist(), strict=True):
+        overlaps.setdefault(pairs[p][2:], set()).add(s)
+    unresolved = tuple(names for names, seen in overlaps.items() if len(seen) > OFTEN * TRIALS)
+    return tuple((i, j) for i, j, a, b in pairs if (a, b) not in unresolved), unresolved

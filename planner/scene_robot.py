@@ -1,0 +1,99 @@
+"""A scene's robot, loaded once in a process however many scenes ask for it, and the ends of a plan as its joint values.
+
+Reading a URDF and its meshes takes longer than many a plan; a robot is kept until one of its files changes.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import OrderedDict
+from collections.abc import Hashable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.robot import Robot, load_robot, robot_files
+from hdplan.scenes.errors import naming
+from hdplan.scenes.model import RobotSpec, Scene
+
+Array = NDArray[np.float64]
+Stamps = tuple[tuple[str, int, int], ...]  # file, time of change [ns], size [bytes]
+
+MOST = 8  # robots kept
+_kept: OrderedDict[Hashable, tuple[Robot, Stamps]] = OrderedDict()
+
+
+@dataclass(frozen=True)
+class Query:
+    """The two ends of a plan, as joint values."""
+
+    start: Array  # (n,)
+    goal: Array  # (n,)
+    notes: tuple[str, ...]  # names that were left out, in words
+
+
+def load_scene_robot(scene: Scene) -> Robot:
+    """Load a scene's robot, with a MoveIt request's values for the joints that it has and does not plan.
+
+    The same object for the same specification, as long as its files stay as they are. Raises InputError, naming the
+    file that speaks of the robot.
+    """
+    spec = scene.robot
+    with naming(spec.source or scene.source):
+        if scene.from_request and scene.start.by_name is not None:
+            robot = _load_once(spec)
+            requested = {joint: value for joint, value in scene.start.by_name.items() if joint in robot.locked}
+            spec = replace(spec, locked={**requested, **spec.locked})
+            if spec.locked == robot.locked:
+                return robot
+        return _load_once(spec)
+
+
+def resolve_query(robot: Robot, scene: Scene) -> Query:
+    """Return the scene's start and goal for this robot. Raises InputError, naming the scene's file."""
+    with naming(scene.source):
+        start, goal = (robot.configuration(target, scene.from_request) for target in (scene.start, scene.goal))
+    named = {**(scene.start.by_name or {}), **(scene.goal.by_name or {})}
+    unknown = [joint for joint in named if joint not in robot.joint_names and joint not in robot.locked]
+    notes = (f"left out, as {robot.name} has no such joints: {', '.join(unknown)}",) if unknown else ()
+    return Query(start, goal, notes)
+
+
+def _load_once(spec: RobotSpec) -> Robot:
+    key = (
+        spec.name,
+        spec.urdf,
+        spec.srdf,
+        spec.package_dirs,
+        spec.base.matrix.tobytes(),
+        tuple(sorted(spec.locked.items())),
+        spec.ignore_pairs,
+    )
+    if key in _kept and _stamps([file for file, _, _ in _kept[key][1]]) == _kept[key][1]:
+        _kept.move_to_end(key)
+        return _kept[key][0]
+    robot = load_robot(spec)
+    _kept[key] = robot, _stamps(_files(robot, spec))
+    while len(_kept) > MOST:
+        _kept.popitem(last=False)
+    return robot
+
+
+def _files(robot: Robot, spec: RobotSpec) -> list[str]:
+    """Every file that the robot was read from."""
+    meshes = {str(item.meshPath) for item in robot.collision.geometryObjects if Path(item.meshPath).is_file()}
+    return [*map(str, robot_files(spec)), *sorted(meshes)]
+
+
+def _stamps(files: list[str]) -> Stamps:
+    """When the files were changed and how long they are; a file that is gone has no stamp."""
+    found = []
+    for file in files:
+        try:
+            about = os.stat(file)
+        except OSError:
+            continue
+        found.append((file, about.st_mtime_ns, about.st_size))
+    return tuple(found)
