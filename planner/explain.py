@@ -139,10 +139,7 @@ def _pairs(problem: Problem) -> Rows:
 
 def _size(problem: Problem) -> Rows:
     unknowns = (problem.waypoints - 2) * problem.robot.n
-    compiled = {kernel.is_compiled for term in problem.terms for kernel in term.kernels.values()}
-    how = (
-        "not needed" if not compiled else "compiled C" if compiled == {True} else "CasADi's interpreter: no C compiler"
-    )
+    how = ", ".join(sorted({term.distance.how for term in problem.terms})) or "not needed"
     return [
         ("unknowns", f"{unknowns}: {problem.waypoints - 2} free waypoints × {_count(problem.robot.n, 'joint')}"),
         ("looked at", f"{len(problem.samples.weight)} configurations between the waypoints"),

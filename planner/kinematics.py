@@ -25,10 +25,28 @@ class KinematicsBatch:
     A point p (world frame) carried by joint i has velocity sum_j supports[i, j] (linear[j] + angular[j] x p) dq_j.
     """
 
-    rotations: Array  # (B, nj, 3, 3) world from joint
-    translations: Array  # (B, nj, 3) joint origins [m]
-    linear: Array  # (B, n, 3) velocity of the world origin per unit of each joint's speed
-    angular: Array  # (B, n, 3) angular velocity per unit of each joint's speed
+    placements: Array  # (B, nj, 12) world from joint: the rotation row by row, then the joint's origin [m]
+    columns: Array  # (B, n, 6) per unit of each joint's speed: velocity of the world's origin, angular velocity
+
+    @property
+    def rotations(self) -> Array:
+        """World from joint (B, nj, 3, 3)."""
+        return self.placements[..., :9].reshape(*self.placements.shape[:2], 3, 3)
+
+    @property
+    def translations(self) -> Array:
+        """Joint origins (B, nj, 3) [m]."""
+        return self.placements[..., 9:]
+
+    @property
+    def linear(self) -> Array:
+        """Velocity of the world's origin (B, n, 3) per unit of each joint's speed."""
+        return self.columns[..., :3]
+
+    @property
+    def angular(self) -> Array:
+        """Angular velocity (B, n, 3) per unit of each joint's speed."""
+        return self.columns[..., 3:]
 
 
 class Kinematics:
@@ -38,7 +56,8 @@ class Kinematics:
         n: number of coordinates. nj: number of joints, world included.
         supports: (nj, n) True where coordinate j moves joint i.
         function: CasADi Function q (n,) -> R (3, 3 nj), the rotations side by side, and t (3, nj).
-        state: CasADi Function q (n,) -> one vector: all R, all t, linear (n, 3), angular (n, 3), row by row.
+        state: CasADi Function q (n,) -> one vector: placements (nj, 12) and columns (n, 6), row by row, as in
+            KinematicsBatch.
     """
 
     def __init__(self, model: pin.Model) -> None:
@@ -70,10 +89,13 @@ class Kinematics:
             translations.append(translation)
         side_by_side, origins = ca.densify(ca.horzcat(*rotations)), ca.densify(ca.horzcat(*translations))
         self.function = ca.Function("placements", [q], [side_by_side, origins], ["q"], ["R", "t"])
-        rows = [ca.vec(rotation.T) for rotation in rotations]
-        self.state = ca.Function(
-            "state", [q], [ca.densify(ca.vertcat(*rows, *translations, *linear, *angular))], ["q"], ["state"]
-        )
+        placements = [
+            part
+            for rotation, origin in zip(rotations, translations, strict=True)
+            for part in (ca.vec(rotation.T), origin)
+        ]
+        columns = [part for pair in zip(linear, angular, strict=True) for part in pair]
+        self.state = ca.Function("state", [q], [ca.densify(ca.vertcat(*placements, *columns))], ["q"], ["state"])
         self._maps: dict[int, _MappedState] = {}
 
     def evaluate(self, q: ArrayLike) -> KinematicsBatch:
@@ -84,15 +106,8 @@ class Kinematics:
         if capacity not in self._maps:
             self._maps[capacity] = _MappedState(self.state, capacity)
         flat = self._maps[capacity](values)
-        rotations, translations, linear, angular = np.split(
-            flat, np.cumsum([9 * self.nj, 3 * self.nj, 3 * self.n]), axis=1
-        )
-        return KinematicsBatch(
-            rotations.reshape(count, self.nj, 3, 3),
-            translations.reshape(count, self.nj, 3),
-            linear.reshape(count, self.n, 3),
-            angular.reshape(count, self.n, 3),
-        )
+        placements, columns = flat[:, : 12 * self.nj], flat[:, 12 * self.nj :]
+        return KinematicsBatch(placements.reshape(count, self.nj, 12), columns.reshape(count, self.n, 6))
 
 
 class _MappedState:

@@ -13,8 +13,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.planner.hdsdf_pairs import HdsdfPairs
 from hdplan.planner.problem import Problem
 from hdplan.planner.terms import Clearance
+from hdplan.scenes.errors import InputError
 
 Floats = NDArray[np.float64]
 
@@ -73,16 +75,11 @@ def _sample_functions(problem: Problem, term: Clearance) -> tuple[ca.Function, c
     n, pairs, nj = len(problem.start), term.pairs, problem.kinematics.nj
     q = ca.MX.sym("q", n)
     state = problem.kinematics.state(q)
-    rotations, translations, linear, angular = (
-        ca.reshape(part, width, -1)
-        for part, width in zip(
-            ca.vertsplit(state, np.cumsum([0, 9 * nj, 3 * nj, 3 * n, 3 * n]).tolist()), (9, 3, 3, 3), strict=True
-        )
-    )
-    placements = ca.vertcat(rotations, translations)  # (12, nj)
-    columns = ca.vertcat(linear, angular)  # (6, n)
+    placements, columns = ca.reshape(state[: 12 * nj], 12, nj), ca.reshape(state[12 * nj :], 6, n)
     value, gradient = ca.MX(0), ca.MX.zeros(n)
-    for slots, kernel in term.kernels.items():
+    if not isinstance(term.distance, HdsdfPairs):
+        raise InputError(f"solver ipopt: needs exact second derivatives, which {term.distance.how} does not have")
+    for slots, kernel in term.distance.kernels.items():
         chosen = np.flatnonzero(pairs.plane_slots == slots)
         # straight-line code: the interpreter differentiates it faster than loops
         distance, wrench, _ = kernel.function.expand().map(len(chosen))(

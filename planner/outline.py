@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hdplan.planner.hdsdf_pairs import HdsdfPairs
 from hdplan.planner.kinematics import Kinematics
 from hdplan.planner.link_bodies import LinkBody, link_bodies
 from hdplan.planner.pairs import body_pairs
@@ -18,9 +19,9 @@ from hdplan.planner.plane_bodies import PlaneBody, from_link_body
 from hdplan.planner.reach import Reach, reach_of
 from hdplan.planner.robot import Robot
 from hdplan.planner.terms import Clearance
-from hdplan.scenes.model import PlannerSettings
 
 TRIALS = 200  # random configurations for the following
+GAMMA, LENGTH = 2, 1e-3  # of the distance that tells; its sign, which alone counts here, depends on neither
 OFTEN = 0.5  # share of them in which a link pair's outer bodies may overlap before it is left to the certificate
 
 BodyPair = tuple[int, int]  # rows of Outline.bodies: the one that gives vertices, the one that gives planes
@@ -67,7 +68,9 @@ def _separable_pairs(
         return (), ()
     laid_out = body_pairs(bodies, planes, [(i, j) for i, j, _, _ in pairs], 0.0, kinematics.supports)
     configurations = robot.draw(np.random.default_rng(0), TRIALS)
-    trial = Clearance.of("trial", laid_out, PlannerSettings()).inside(kinematics.evaluate(configurations))
+    trial = Clearance("trial", laid_out, HdsdfPairs(laid_out, GAMMA, LENGTH)).inside(
+        kinematics.evaluate(configurations)
+    )
     overlaps: dict[LinkPair, set[int]] = {}
     for s, p in zip(trial.sample.tolist(), trial.pair.tolist(), strict=True):
         overlaps.setdefault(pairs[p][2:], set()).add(s)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,23 +52,60 @@ class BodyPairs:
     def close(self, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
         """Sample and pair indices (S,), samples ascending, whose bounding sphere reaches the enlarged box. Drops no D
         < 0."""
-        rotations, translations = kinematics.rotations, kinematics.translations
         joint = np.zeros(len(self.centres), dtype=np.int64)
         joint[self.body] = self.joint_a
-        centres = np.einsum("bjrc,jc->bjr", rotations[:, joint], self.centres) + translations[:, joint]  # (batch, A, 3)
-        box_joint = np.zeros(len(self.boxes), dtype=np.int64)
-        box_joint[self.plane_body] = self.joint_b
-        origins = np.einsum("bjrc,jc->bjr", rotations[:, box_joint], self.boxes[:, :3, 3]) + translations[:, box_joint]
-        reach = WIDEST * self.radii[self.body] + np.linalg.norm(self.half_sizes, axis=1)[self.plane_body]
-        gap = centres[:, self.body] - origins[:, self.plane_body]  # (batch, P, 3)
-        sample, pair = np.nonzero(np.einsum("bpi,bpi->bp", gap, gap) < reach**2)
-        turned = np.einsum(
-            "srk,skc->src", rotations[sample, self.joint_b[pair]], self.boxes[self.plane_body[pair], :3, :3]
-        )
-        local = np.einsum("si,sij->sj", gap[sample, pair], turned)
-        outside = np.maximum(np.abs(local) - self.half_sizes[self.plane_body[pair]], 0.0)
-        near = np.einsum("si,si->s", outside, outside) < (WIDEST * self.radii[self.body[pair]]) ** 2
-        return sample[near], pair[near]
+        rotations, translations = kinematics.rotations[:, joint], kinematics.translations[:, joint]
+        centres = (rotations @ self.centres[:, :, None])[..., 0] + translations  # (batch, A, 3)
+        reach = WIDEST * self.radii
+        found = self._close_to_standing(centres, reach), self._close_to_moving(centres, reach, kinematics)
+        sample, pair = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        order = np.argsort(sample, kind="stable")
+        return sample[order], pair[order]
+
+    @cached_property
+    def _standing(self) -> Rows:
+        """The pairs with a body that stands in the world."""
+        return np.flatnonzero(self.joint_b == 0)
+
+    @cached_property
+    def _moving(self) -> Rows:
+        return np.flatnonzero(self.joint_b > 0)
+
+    def _close_to_standing(self, centres: Floats, reach: Floats) -> tuple[Rows, Rows]:
+        """The same for the standing boxes; first all samples at once, by a ball around each body's whole motion."""
+        pair = self._standing
+        if not len(pair) or not len(centres):
+            return np.empty(0, np.int64), np.empty(0, np.int64)
+        middle = (centres.min(axis=0) + centres.max(axis=0)) / 2  # (A, 3)
+        travel = np.linalg.norm(centres - middle, axis=2).max(axis=0)
+        body, box = self.body[pair], self.plane_body[pair]
+        local = ((middle[body] - self.boxes[box, :3, 3])[:, None] @ self.boxes[box, :3, :3])[:, 0]
+        outside = np.maximum(np.abs(local) - self.half_sizes[box], 0.0)
+        pair = pair[np.einsum("pi,pi->p", outside, outside) < (reach + travel)[body] ** 2]
+        body, box = self.body[pair], self.plane_body[pair]
+        gaps = centres.transpose(1, 0, 2)[body] - self.boxes[box, None, :3, 3]  # (P, batch, 3)
+        outside = np.abs(gaps @ self.boxes[box, :3, :3])
+        outside -= self.half_sizes[box, None]
+        np.maximum(outside, 0.0, out=outside)
+        row, sample = np.nonzero(np.einsum("pbi,pbi->pb", outside, outside) < reach[body, None] ** 2)
+        return sample, pair[row]
+
+    def _close_to_moving(self, centres: Floats, reach: Floats, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
+        """The same for the boxes on links; first by the balls around the boxes."""
+        pair = self._moving
+        if not len(pair):
+            return np.empty(0, np.int64), np.empty(0, np.int64)
+        body, box, joint = self.body[pair], self.plane_body[pair], self.joint_b[pair]
+        rotations, translations = kinematics.rotations, kinematics.translations
+        origins = (rotations[:, joint] @ self.boxes[box, :3, 3, None])[..., 0] + translations[:, joint]
+        gaps = centres[:, body] - origins  # (batch, P, 3)
+        apart = reach[body] + np.linalg.norm(self.half_sizes[box], axis=1)
+        sample, row = np.nonzero(np.einsum("bpi,bpi->bp", gaps, gaps) < apart**2)
+        body, box, joint = body[row], box[row], joint[row]
+        local = (gaps[sample, row, None] @ rotations[sample, joint] @ self.boxes[box, :3, :3])[:, 0]
+        outside = np.maximum(np.abs(local) - self.half_sizes[box], 0.0)
+        near = np.einsum("si,si->s", outside, outside) < reach[body] ** 2
+        return sample[near], pair[row[near]]
 
 
 def body_pairs(

@@ -139,15 +139,13 @@ class _Search:
                 return True
             guess, weight = solution.trajectory.positions, solution.weight
             finer = problem.resampled(guess)
-            if certificate.certified and (finer.samples == problem.samples or solution.status is Status.STALLED):
+            if certificate.certified:
                 return True
-            if not certificate.certified:
-                if solution.status is Status.STALLED:
-                    break
-                finer = finer.refined(sorted({place.interval for place in certificate.failures}))
-                weight *= RAISE
-            problem = finer
-        return self.best is not None and self.best.certificate.certified
+            if solution.status is Status.STALLED:
+                break
+            problem = finer.refined(sorted({place.interval for place in certificate.failures}))
+            weight *= RAISE
+        return False
 
     def _report_step(self, step: Step) -> None:
         self.report(Event(self.attempts, step=self._numbered(step)))

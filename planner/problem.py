@@ -17,22 +17,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.distance.compiled import RowFunction
+from hdplan.planner.hdsdf_pairs import HdsdfPairs
 from hdplan.planner.kinematics import Kinematics
 from hdplan.planner.link_bodies import LinkBody
 from hdplan.planner.outline import outline_of
-from hdplan.planner.pairs import body_pairs
+from hdplan.planner.pairs import BodyPairs, body_pairs
 from hdplan.planner.plane_bodies import PlaneBody, from_obstacle
 from hdplan.planner.robot import Robot
 from hdplan.planner.samples import Samples
 from hdplan.planner.scene_robot import load_scene_robot, resolve_query
-from hdplan.planner.terms import Clearance, Smoothness
+from hdplan.planner.terms import Clearance, PairDistance, Smoothness
 from hdplan.scenes.errors import naming
-from hdplan.scenes.model import Scene
+from hdplan.scenes.model import PlannerSettings, Scene
 
 Floats = NDArray[np.float64]
 
-SAMPLES_PER_INTERVAL = 4  # at least
-SPACING = 0.02  # [m] farthest that a body's centre may move between two samples
+SAMPLES_PER_INTERVAL = 2  # at least
+SPACING = 0.03  # [m] farthest that a body's centre may move between two samples
 SELF_ACTIVATION = 0.005  # [m] links of one arm are close by design: their penalty sets in late
 
 
@@ -158,11 +159,11 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
     ]
     if pairs:
         laid_out = body_pairs(bodies, plane_bodies, pairs, margin, kinematics.supports)
-        terms.append(Clearance.of("obstacles", laid_out, settings))
+        terms.append(Clearance("obstacles", laid_out, _distance(laid_out, settings)))
     if outline.self_pairs:
         margin = settings.clearance + SELF_ACTIVATION
         laid_out = body_pairs(bodies, outline.planes, outline.self_pairs, margin, kinematics.supports)
-        terms.append(Clearance.of("self-collision", laid_out, settings))
+        terms.append(Clearance("self-collision", laid_out, _distance(laid_out, settings)))
 
     return Problem(
         scene=scene,
@@ -179,3 +180,7 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
         notes=tuple(notes),
         compile_seconds=RowFunction.seconds - compiled_before,
     )
+
+
+def _distance(pairs: BodyPairs, settings: PlannerSettings) -> PairDistance:
+    return HdsdfPairs(pairs, settings.gamma, settings.shaping_length)

@@ -46,21 +46,28 @@ class Samples:
 
     def to_waypoints(self, gradient: Floats) -> Floats:
         """Carry a gradient with respect to the samples (B, n) back to the waypoints (N, n)."""
+        fraction = self.fraction[:, None]
         result = np.zeros((len(self.counts) + 1, gradient.shape[1]))
-        np.add.at(result, self.interval, (1 - self.fraction)[:, None] * gradient)
-        np.add.at(result, self.interval + 1, self.fraction[:, None] * gradient)
+        result[:-1] = self._sums((1 - fraction) * gradient)
+        result[1:] += self._sums(fraction * gradient)
         return result
 
     def curvature_to_waypoints(self, curvature: Floats) -> tuple[Floats, Floats]:
         """Carry second derivatives (B, n, n) to the waypoints: diagonal blocks (N, n, n), blocks between k and k+1
         (N−1, n, n)."""
-        n = curvature.shape[1]
-        diagonal, coupling = np.zeros((len(self.counts) + 1, n, n)), np.zeros((len(self.counts), n, n))
-        fraction = self.fraction[:, None, None]
-        np.add.at(diagonal, self.interval, (1 - fraction) ** 2 * curvature)
-        np.add.at(diagonal, self.interval + 1, fraction**2 * curvature)
-        np.add.at(coupling, self.interval, fraction * (1 - fraction) * curvature)
+        n, fraction = curvature.shape[1], self.fraction[:, None, None]
+        diagonal = np.zeros((len(self.counts) + 1, n, n))
+        ahead = fraction * curvature
+        both = fraction * ahead
+        coupling = self._sums(ahead - both)
+        diagonal[1:] = self._sums(both)
+        diagonal[:-1] += self._sums(curvature - 2 * ahead + both)
         return diagonal, coupling
+
+    def _sums(self, values: Floats) -> Floats:
+        """Sum over the samples of each interval (N−1, …)."""
+        result: Floats = np.add.reduceat(values, np.cumsum((0, *self.counts[:-1])))
+        return result
 
     def raised(self, counts: NDArray[np.int64]) -> Samples:
         """At least `counts` (N − 1,) samples on the intervals, at most MOST; never fewer than now."""

@@ -7,18 +7,15 @@ geometric Jacobian.
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.distance.compiled import RowFunction
-from hdplan.distance.halfspaces import halfspace_distance
 from hdplan.planner.kinematics import KinematicsBatch
-from hdplan.planner.pairs import BodyPairs
-from hdplan.scenes.model import PlannerSettings
+from hdplan.planner.pairs import BodyPairs, Rows
 
 Floats = NDArray[np.float64]
 
@@ -72,57 +69,44 @@ class Inside:
     gradient: Floats  # (S, n) dD/dq
 
 
-class Clearance:
-    """Squared hinge on the HD-SDF of body pairs: Σ_samples w_s Σ_pairs ½ min(D, 0)².
+class PairDistance(Protocol):
+    """The distance of body pairs at samples, as a penalty needs it."""
 
-    D is taken to bodies enlarged by clearance + activation, so that the penalty sets in that far away and D's flat
-    spot, where its gradient fades, lies at the outer rim, where the penalty fades as well.
+    @property
+    def how(self) -> str:
+        """What computes it, in words."""
+        ...
+
+    def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Floats, Floats, Floats]:
+        """Return, for S pairs (rows of the term's pairs) at samples, less the margin: the distance D (S,) [m] whose
+        hinge is taken; its derivative under a motion of the first body, as a wrench (S, 6), force and torque about the
+        world's origin; and a lower bound of the true distance (S,) [m]."""
+        ...
+
+
+class Clearance:
+    """Squared hinge on the distance of body pairs: Σ_samples w_s Σ_pairs ½ min(D, 0)².
+
+    D is taken to bodies enlarged by clearance + activation, so that the penalty sets in that far away and the HD-SDF's
+    flat spot, where its gradient fades, lies at the outer rim, where the penalty fades as well.
     """
 
-    def __init__(self, name: str, pairs: BodyPairs, kernels: dict[int, RowFunction]) -> None:
-        """Take the pairs and, for each number of plane slots among them, the distance."""
-        self.name = name
-        self.pairs = pairs
-        self.kernels = kernels
-
-    @classmethod
-    def of(cls, name: str, pairs: BodyPairs, settings: PlannerSettings) -> Clearance:
-        """Take the pairs with the distance that the settings ask for, compiled or from the cache."""
-        slots, counts = (pairs.body_table.shape[1] - 1) // 4, sorted(set(pairs.plane_slots.tolist()))
-        kernels = {count: _kernel(slots, count, settings.gamma, settings.shaping_length) for count in counts}
-        return cls(name, pairs, kernels)
+    def __init__(self, name: str, pairs: BodyPairs, distance: PairDistance) -> None:
+        """Take the pairs and their distance."""
+        self.name, self.pairs, self.distance = name, pairs, distance
 
     def inside(self, kinematics: KinematicsBatch) -> Inside:
         """Every pair with D < 0 at every sample."""
-        batch, joints = kinematics.translations.shape[:2]
         sample, pair = self.pairs.close(kinematics)
-        placements = np.concatenate([kinematics.rotations.reshape(batch, joints, 9), kinematics.translations], axis=2)
-        placements = placements.reshape(batch * joints, 12)  # row of sample s and joint j: s·joints + j
-        distance, separation, wrench = np.zeros(len(pair)), np.zeros(len(pair)), np.zeros((len(pair), 6))
-        slots = self.pairs.plane_slots[pair]
-        for count, kernel in self.kernels.items():
-            chosen = np.flatnonzero(slots == count)
-            if len(chosen) == 0:
-                continue
-            s, p = sample[chosen], pair[chosen]
-            values, wrenches, separations = kernel(
-                [placements, placements, self.pairs.body_table, self.pairs.plane_tables[count]],
-                [
-                    s * joints + self.pairs.joint_a[p],
-                    s * joints + self.pairs.joint_b[p],
-                    self.pairs.body[p],
-                    self.pairs.plane_row[p],
-                ],
-            )
-            distance[chosen], wrench[chosen], separation[chosen] = values[:, 0], wrenches, separations[:, 0]
+        distance, wrench, separation = self.distance(kinematics, sample, pair)
         kept = np.flatnonzero(distance < 0)
-        columns = np.concatenate([kinematics.linear, kinematics.angular], axis=2)[sample[kept]]  # (S, n, 6)
-        gradient = np.einsum("snw,sw->sn", columns, wrench[kept]) * self.pairs.moves[pair[kept]]
-        return Inside(sample[kept], pair[kept], distance[kept], separation[kept], gradient)
+        sample, pair = sample[kept], pair[kept]
+        gradient = (kinematics.columns[sample] @ wrench[kept, :, None])[:, :, 0] * self.pairs.moves[pair]
+        return Inside(sample, pair, distance[kept], separation[kept], gradient)
 
     def value(self, kinematics: KinematicsBatch, weight: Floats) -> Penalty:
         """The penalty at samples of weight (B,)."""
-        batch, n = kinematics.linear.shape[:2]
+        batch, n = kinematics.columns.shape[:2]
         inside = self.inside(kinematics)
         sample, slope = inside.sample, inside.gradient
         scale = weight[sample] * inside.distance
@@ -135,8 +119,3 @@ class Clearance:
             curvature[seen] = np.add.reduceat(outer, starts)
             depth[seen] = np.maximum.reduceat(-inside.separation, starts)
         return Penalty(float(0.5 * np.sum(scale * inside.distance)), gradient, curvature, depth)
-
-
-@functools.cache
-def _kernel(vertices: int, planes: int, gamma: int, shaping_length: float) -> RowFunction:
-    return RowFunction(halfspace_distance(vertices, planes, gamma, shaping_length))

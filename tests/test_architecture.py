@@ -42,6 +42,8 @@ HOMES = {
 SOLVER_SIDE = (
     "planner.problem",
     "planner.terms",
+    "planner.hdsdf_pairs",
+    "planner.outline",
     "planner.pairs",
     "planner.plane_bodies",
     "planner.link_bodies",

@@ -9,6 +9,8 @@ Projected Newton Methods, 1982).
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
@@ -17,9 +19,10 @@ from hdplan.planner.problem import Evaluation, Problem
 from hdplan.planner.solvers.solution import Budget, Progress, Solution
 
 Floats = NDArray[np.float64]
+Rows = NDArray[np.int64]
 
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-6, 1e6  # λ
-PATIENCE = 3
+PATIENCE = 1  # a step of Newton that brings little has arrived
 REST = 1e15  # stiffness that keeps a coordinate at its limit for one step
 
 
@@ -66,11 +69,21 @@ def _band(smoothness: Floats, state: Evaluation, damping: float) -> Floats:
     band = np.zeros((2 * n + 1, count * n))
     for offset in range(min(3, count)):
         band[offset * n, : (count - offset) * n] = np.repeat(np.diagonal(smoothness, offset), n)
-    columns = np.arange(count) * n
-    for row in range(n):
-        for column in range(n):
-            if row >= column:
-                band[row - column, columns + column] += state.diagonal[:, row, column]
-            band[n + row - column, columns[:-1] + column] += state.coupling[:, row, column]
+    within, between, (row, column) = _places(count, n)
+    band.ravel()[within] += state.diagonal[:, row, column]
+    band.ravel()[between] += state.coupling.reshape(-1, n * n)
     band[0] *= 1 + damping
     return band
+
+
+@functools.lru_cache(maxsize=8)
+def _places(count: int, n: int) -> tuple[Rows, Rows, tuple[Rows, Rows]]:
+    """Where a waypoint's block and the block towards the next one go in the flat band: of the former, which is
+    symmetric, the lower triangle (M, n (n + 1) / 2), of the latter all of it (M − 1, n²); and that triangle's rows and
+    columns."""
+    width, first = count * n, np.arange(count)[:, None] * n
+    row, column = np.tril_indices(n)
+    within = (row - column) * width + first + column
+    below, beside = (index.ravel() for index in np.indices((n, n)))
+    between = (n + below - beside) * width + first[:-1] + beside
+    return within, between, (row, column)

@@ -32,8 +32,9 @@ class Status(enum.Enum):
     INTERRUPTED = "interrupted: this is the best motion so far"
 
 
-FIRST_WEIGHT, LAST_WEIGHT, RAISE = 1e3, 3e8, 6.0  # of the penalty [1/m²]
+FIRST_WEIGHT, LAST_WEIGHT, RAISE = 6e3, 3e8, 6.0  # of the penalty [1/m²]
 SLOW = 0.01  # relative decrease below which a step counts as stalled
+REFUSED = 1 / 3  # of a stalled step: what a refused one counts, as the next is another try at the same
 ENOUGH = 0.5  # share of the activation band that may be used up when the motion counts as clear
 ENDS = 0.2  # share of the duration over which an end that is itself too close excuses the motion beside it
 
@@ -95,7 +96,7 @@ class Progress:
         self.budget = budget
         self.status: Status | None = None
         self.steps: list[Step] = []
-        self.stalled = 0
+        self.stalled = 0.0
 
     def goes_on(self) -> bool:
         """Whether another step may be taken."""
@@ -112,7 +113,8 @@ class Progress:
         depth = float(state.depth.max(initial=0.0))
         self.steps.append(Step(len(self.steps) + 1, state.cost, state.smoothness, depth, self.weight))
         self.budget.report(self.steps[-1])
-        self.stalled = self.stalled + 1 if before - state.cost <= SLOW * before else 0
+        gain = before - state.cost
+        self.stalled = 0.0 if gain > SLOW * before else self.stalled + (1.0 if gain > 0.0 else REFUSED)
         if self.stalled < self.patience:
             return False
         if np.all(state.depth <= self.allowed):
@@ -120,7 +122,7 @@ class Progress:
         elif self.weight >= LAST_WEIGHT:
             self.status = Status.STALLED
         else:
-            self.weight, self.stalled = self.weight * RAISE, 0
+            self.weight, self.stalled = self.weight * RAISE, 0.0
             return True
         return False
 

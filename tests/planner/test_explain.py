@@ -96,7 +96,7 @@ def test_size_counts_the_unknowns(planar: Problem) -> None:
     size = rows(planar, "size")
     assert size["unknowns"].startswith(f"{(planar.waypoints - 2) * planar.robot.n}: ")
     assert size["looked at"].startswith(f"{len(planar.samples.weight)} configurations")
-    assert size["distance"].startswith(("compiled C", "CasADi's interpreter"))
+    assert size["distance"].startswith(("HD-SDF, compiled C", "HD-SDF, by CasADi’s interpreter"))
     assert rows(build(arm(ignore=True)), "size")["distance"] == "not needed"
 
 

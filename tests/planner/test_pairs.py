@@ -10,8 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.compiled import RowFunction
-from hdplan.distance.halfspaces import halfspace_distance
+from hdplan.planner.hdsdf_pairs import HdsdfPairs
 from hdplan.planner.kinematics import Kinematics, KinematicsBatch
 from hdplan.planner.link_bodies import LinkBody, link_bodies
 from hdplan.planner.pairs import BodyPairs, body_pairs
@@ -54,9 +53,8 @@ def clutter(count: int, seed: int, spread: float = 1.0) -> tuple[PlaneBody, ...]
     return tuple(from_shape(f"body {k}", random_shape(rng), random_pose(rng, spread).matrix) for k in range(count))
 
 
-def kernels(pairs: BodyPairs) -> dict[int, RowFunction]:
-    slots = (pairs.body_table.shape[1] - 1) // 4
-    return {count: RowFunction(halfspace_distance(slots, count, 2, 1e-3)) for count in pairs.plane_tables}
+def hdsdf(pairs: BodyPairs) -> HdsdfPairs:
+    return HdsdfPairs(pairs, 2, 1e-3)
 
 
 def open_wide(pairs: BodyPairs) -> BodyPairs:
@@ -71,9 +69,8 @@ def configurations(robot: Robot, count: int, seed: int) -> Array:
 
 def assert_nothing_dropped(pairs: BodyPairs, kinematics: KinematicsBatch) -> int:
     """Compare with the evaluation of all pairs at all samples; return how many of them are inside their margin."""
-    functions = kernels(pairs)
-    quick = Clearance("quick", pairs, functions).inside(kinematics)
-    whole = Clearance("whole", open_wide(pairs), functions).inside(kinematics)
+    quick = Clearance("quick", pairs, hdsdf(pairs)).inside(kinematics)
+    whole = Clearance("whole", open_wide(pairs), hdsdf(pairs)).inside(kinematics)
     for name in ("sample", "pair", "distance", "separation", "gradient"):
         np.testing.assert_array_equal(getattr(quick, name), getattr(whole, name))
     assert np.all(np.diff(quick.sample) >= 0)
@@ -109,9 +106,7 @@ def test_nothing_dropped_between_links(panda: Robot) -> None:
 
 def still(count: int) -> KinematicsBatch:
     """Nothing but the world, `count` times."""
-    return KinematicsBatch(
-        np.tile(np.eye(3), (count, 1, 1, 1)), np.zeros((count, 1, 3)), np.zeros((count, 1, 3)), np.zeros((count, 1, 3))
-    )
+    return KinematicsBatch(np.tile(np.append(np.eye(3), np.zeros(3)), (count, 1, 1)), np.zeros((count, 1, 6)))
 
 
 def small_bodies(places: Array, radius: float) -> list[LinkBody]:
@@ -240,5 +235,5 @@ def test_no_pair_is_ruled_out_that_comes_near(arm: Robot) -> None:
     ]
     assert len(out) > 10
     pairs = open_wide(body_pairs(bodies, planes, out, MARGIN, kinematics.supports))
-    inside = Clearance("ruled out", pairs, kernels(pairs)).inside(kinematics.evaluate(extremes(arm, 40, 18)))
+    inside = Clearance("ruled out", pairs, hdsdf(pairs)).inside(kinematics.evaluate(extremes(arm, 40, 18)))
     assert len(inside.sample) == 0

@@ -99,13 +99,6 @@ def test_without_penalty_the_minimum_is_the_straight_line(free: Problem, solver:
         np.testing.assert_allclose(solution.trajectory.positions, line(free), rtol=0, atol=tolerance)
 
 
-def test_an_empty_scene_of_a_panda_is_solved_by_the_straight_line() -> None:
-    problem = build(load_scene("empty"))
-    solution = solve(problem)
-    assert solution.status is Status.CLEAR
-    np.testing.assert_allclose(solution.trajectory.positions, line(problem), rtol=0, atol=MINIMUM)
-
-
 @every_solver
 def test_cost_falls(problem: Problem, solver: str) -> None:
     """At every step under one weight, and over the whole."""
