@@ -1,0 +1,71 @@
+"""OMPL's sampling planners for `peers`, in joint space, with straight lines between the states of a path.
+
+A state is valid if no pair of bodies is within the task's margin: coal's collision test, all pairs in one call of
+Pinocchio's in C++, with a broad phase. OMPL asks by a Python function, a few microseconds of the ten or so that an
+answer takes. Edges are checked at steps of `resolution` (OMPL's DiscreteMotionValidator); what is found is simplified
+as OMPL's SimpleSetup does it, in the time that is left.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pinocchio as pin
+from ompl import base, geometric, util
+from peer_task import Answer, Task
+
+util.setLogLevel(util.LOG_ERROR)
+
+
+def solve(task: Task, planner: str, resolution: float | None, margin: float, seed: int, time_limit: float) -> Answer:
+    """Plan with OMPL's geometric planner of that name, edges checked at steps of `resolution` [rad] (OMPL's default
+    without), bodies kept `margin` [m] apart. A planner that goes on for better paths uses the whole time limit."""
+    began = time.perf_counter()
+    util.RNG.setSeed(seed)
+    space = base.RealVectorStateSpace(task.robot.n)
+    bounds = base.RealVectorBounds(task.robot.n)
+    for joint, (low, high) in enumerate(zip(task.lower.tolist(), task.upper.tolist(), strict=True)):
+        bounds.setLow(joint, low)
+        bounds.setHigh(joint, high)
+    space.setBounds(bounds)
+    setup = geometric.SimpleSetup(space)
+    information = setup.getSpaceInformation()
+    setup.setStateValidityChecker(_Validity(task, margin))
+    if resolution is not None:
+        information.setStateValidityCheckingResolution(resolution / space.getMaximumExtent())
+    start, goal = space.allocState(), space.allocState()
+    for state, q in ((start, task.start), (goal, task.goal)):
+        for joint, value in enumerate(q.tolist()):
+            state[joint] = value
+    setup.setStartAndGoalStates(start, goal)
+    setup.setPlanner(getattr(geometric, planner)(information))
+    setup.setup()
+    ready = time.perf_counter()
+    setup.solve(time_limit)
+    found = setup.haveExactSolutionPath()
+    left = time_limit - (time.perf_counter() - ready)
+    if found and left > 0.0:
+        setup.simplifySolution(left)
+    done = time.perf_counter()
+    states = setup.getSolutionPath().getStates() if found else []
+    path = np.array([[state[joint] for joint in range(task.robot.n)] for state in states])
+    return Answer(path if found else None, ready - began, done - ready)
+
+
+class _Validity:
+    """Whether a state keeps the margin; holds what the broad phase points to."""
+
+    def __init__(self, task: Task, margin: float) -> None:
+        robot = task.robot
+        self.model, self.joints = robot.model, range(robot.n)
+        self.configuration = robot.pin_q if robot.model.nq > robot.n else np.asarray  # the same numbers, mostly
+        self.data, self.geometry = robot.model.createData(), task.geometry()
+        self.found = pin.GeometryData(self.geometry)
+        for request in self.found.collisionRequests:
+            request.security_margin = margin
+        self.broad = pin.BroadPhaseManager_NaiveCollisionManager(self.model, self.geometry, self.found)
+
+    def __call__(self, state: base.State) -> bool:
+        q = self.configuration(np.array([state[joint] for joint in self.joints]))
+        return not pin.computeCollisions(self.model, self.data, self.broad, q, True)

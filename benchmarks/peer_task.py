@@ -1,0 +1,141 @@
+"""What every planner of `peers` is given and gives back, and how long and how smooth a path is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from hdplan.planner.certificate import Certifier
+from hdplan.planner.proximity import Piece, link_pieces, obstacle_pieces
+from hdplan.planner.robot import Robot
+from hdplan.planner.scene_robot import load_scene_robot, resolve_query
+from hdplan.scenes.model import Scene
+
+Array = NDArray[np.float64]
+
+MARGIN = 0.005  # [m] that the peers keep, since they look at samples alone
+ENDS_KEEP = 0.5  # share of the ends' distance that they keep where that is less
+STEPS = 31  # equal joint-space steps of a path whose smoothness is measured: as many as hdplan's own by default
+
+
+@dataclass(frozen=True)
+class Body:
+    """A convex body: a piece of a link or of an obstacle."""
+
+    name: str  # unique
+    piece: Piece
+    joint: int  # index of the joint of the robot's model that carries it, 0: fixed to the world
+    pose: Array  # (4, 4) in that joint's frame, or in the world
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """One problem, the same for all planners."""
+
+    scene: Scene
+    robot: Robot
+    start: Array  # (n,) joint values
+    goal: Array  # (n,)
+    bodies: tuple[Body, ...]  # convex hulls of the links' and the obstacles' pieces
+    pairs: tuple[
+        tuple[int, int], ...
+    ]  # indices of the bodies that must stay apart: those that the certificate compares
+
+    @classmethod
+    def of(cls, scene: Scene) -> Task:
+        """Load the scene's robot and list the bodies. Raises InputError."""
+        robot = load_scene_robot(scene)
+        query = resolve_query(robot, scene)
+        bodies: list[Body] = []
+        links: dict[str, list[int]] = {}
+        for link, geometries in robot.link_geometry.items():
+            for item in (robot.collision.geometryObjects[index] for index in geometries):
+                for piece in link_pieces(item.geometry, item.name):
+                    links.setdefault(link, []).append(len(bodies))
+                    name = f"{item.name}/{len(bodies)}"
+                    bodies.append(Body(name, piece, int(item.parentJoint), item.placement.homogeneous))
+        own = len(bodies)
+        for obstacle in scene.obstacles:
+            for piece in obstacle_pieces(obstacle):
+                bodies.append(Body(f"{obstacle.name}/{len(bodies)}", piece, 0, obstacle.pose.matrix))
+        pairs = [(a, b) for a, b in product(range(own), range(own, len(bodies))) if bodies[a].joint]
+        pairs += [pair for a, b in robot.self_pairs for pair in product(links[a], links[b])]
+        return cls(scene, robot, query.start, query.goal, tuple(bodies), tuple(pairs))
+
+    @cached_property
+    def certifier(self) -> Certifier:
+        """The judge: the continuous certificate, with the real meshes."""
+        return Certifier(self.scene, self.robot)
+
+    @cached_property
+    def margin(self) -> float:
+        """Distance [m] that the peers keep between the bodies of every pair."""
+        model, data = self.robot.model, self.robot.model.createData()
+        geometry = self.geometry()
+        found = pin.GeometryData(geometry)
+        closest = MARGIN / ENDS_KEEP
+        for q in self.robot.pin_q(np.stack([self.start, self.goal])):
+            pin.computeDistances(model, data, geometry, found, q)
+            closest = min(closest, *(result.min_distance for result in found.distanceResults))
+        return max(0.0, ENDS_KEEP * closest)
+
+    @property
+    def lower(self) -> Array:
+        """Lower joint limits (n,), widened to the ends, which may lie beyond by rounding."""
+        return np.minimum(self.robot.lower, np.minimum(self.start, self.goal))
+
+    @property
+    def upper(self) -> Array:
+        """Upper joint limits (n,), likewise."""
+        return np.maximum(self.robot.upper, np.maximum(self.start, self.goal))
+
+    def geometry(self) -> pin.GeometryModel:
+        """Return bodies and pairs as Pinocchio's geometry, the robot's links and the world in one."""
+        model = pin.GeometryModel()
+        for body in self.bodies:
+            model.addGeometryObject(pin.GeometryObject(body.name, body.joint, 0, pin.SE3(body.pose), body.piece.shape))
+        for pair in self.pairs:
+            model.addCollisionPair(pin.CollisionPair(*pair))
+        return model
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What a planner gives back."""
+
+    path: Array | None  # (N, n) configurations joined by straight lines; None if it claims no solution
+    setup: float  # [s] to make robot and obstacles known to the planner
+    seconds: float  # [s] from then on
+
+
+@dataclass(frozen=True)
+class Shape:
+    """How long and how smooth a path is, whatever its time law: see `measure`."""
+
+    length: float  # Σ |q_(i+1) − q_i| [rad]
+    acceleration: float  # ∫ |q''|² ds [rad²]
+    jerk: float  # ∫ |q'''|² ds [rad²]
+
+
+def measure(path: Array) -> Shape:
+    """Measure a path (N, n): its own length; and its smoothness once it is run through in unit time at equal speed.
+
+    For the latter it is cut into STEPS steps of equal joint-space length, h = 1 / STEPS; with q_i at the cuts,
+
+        ∫ |q''|² ds ≈ h Σ |(q_(i+1) − 2 q_i + q_(i−1)) / h²|²,   ∫ |q'''|² ds ≈ h Σ |(third difference) / h³|².
+
+    A corner has no finite acceleration: how much one counts depends on STEPS, so figures compare paths, no more.
+    A path that does not move has zeros.
+    """
+    steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    travelled = np.concatenate([[0.0], np.cumsum(steps)])
+    at = np.linspace(0.0, travelled[-1], STEPS + 1)
+    even = np.stack([np.interp(at, travelled, column) for column in path.T], axis=1)
+    h = 1.0 / STEPS
+    acceleration, jerk = (h * float(np.sum((np.diff(even, n, axis=0) / h**n) ** 2)) for n in (2, 3))
+    return Shape(float(travelled[-1]), acceleration, jerk)
