@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from hdplan.planner.problem import Evaluation, Problem
-from hdplan.planner.solvers.solution import Budget, Progress, Solution
+from hdplan.planner.solvers.solution import Budget, Progress, Solution, Status
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -43,6 +43,12 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
                 damping = min(damping * 6, MOST_DAMPING)
             if progress.step(before, state):
                 state, damping = problem.evaluate(positions, progress.weight), FIRST_DAMPING
+        if progress.status is Status.CLEAR:  # without damping: where nothing bends the motion, this is its minimum
+            trial = problem.clip(positions + _step(problem, positions, state, LEAST_DAMPING))
+            after = problem.evaluate(trial, progress.weight)
+            if after.cost < state.cost and progress.is_clear(after):
+                progress.step(state.cost, after)
+                positions = trial
     return progress.solution(positions)
 
 

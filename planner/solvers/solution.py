@@ -117,7 +117,7 @@ class Progress:
         self.stalled = 0.0 if gain > SLOW * before else self.stalled + (1.0 if gain > 0.0 else REFUSED)
         if self.stalled < self.patience:
             return False
-        if np.all(state.depth <= self.allowed):
+        if self.is_clear(state):
             self.status = Status.CLEAR
         elif self.weight >= LAST_WEIGHT:
             self.status = Status.STALLED
@@ -125,6 +125,10 @@ class Progress:
             self.weight, self.stalled = self.weight * RAISE, 0.0
             return True
         return False
+
+    def is_clear(self, state: Evaluation) -> bool:
+        """Whether every sample keeps its distance."""
+        return bool(np.all(state.depth <= self.allowed))
 
     @contextlib.contextmanager
     def until_interrupted(self) -> Iterator[None]:
