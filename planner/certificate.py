@@ -147,11 +147,19 @@ class Certifier:
         gathered = Bodies(Chain.of(robot.model), bodies, robot.pin_q)
         self.sweep = Sweep(gathered, Pairs.of(gathered, rows))
 
-    def certify(self, trajectory: Trajectory, *, required: float = 0.0, check_ends: bool = True) -> Certificate:
-        """Certify one trajectory; see `certify`."""
+    def certify(
+        self,
+        trajectory: Trajectory,
+        *,
+        required: float = 0.0,
+        check_ends: bool = True,
+        stop_at_contact: bool = False,
+    ) -> Certificate:
+        """Certify one trajectory; see `certify`. With `stop_at_contact` the first contact found ends the search, and
+        there may be more than the failures tell."""
         began = time.perf_counter()
         waypoints = waypoints_of(self.robot, trajectory)
-        proof = self.sweep.prove(waypoints, required)
+        proof = self.sweep.prove(waypoints, required, stop_at_contact)
         failures = tuple(self._place(spot, len(waypoints)) for spot in proof.failures)
         worst, self_worst = (self._place(spot, len(waypoints)) if spot else None for spot in proof.closest)
         unproven = {int(self.sweep.pairs.group[spot.pair]) for spot in proof.failures}

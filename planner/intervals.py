@@ -95,6 +95,7 @@ class Intervals:
     delta: Array  # (k, n) half of the joints' motion, signed
     rotation: Array  # (k, bodies, 3, 3) of the bodies
     origin: Array  # (k, bodies, 3)
+    center: Array  # (k, bodies, 3) of their bounding balls and boxes
     axes: Array  # (k, n, 3) of the joints
     points: Array  # (k, n, 3) on the axes
     reach: Array  # (k, bodies, n) ρ
@@ -112,17 +113,18 @@ class Intervals:
         center = np.einsum("kgij,gj->kgi", rotation, bodies.center) + origin
         axes, points = np.einsum("knij,nj->kni", turned[:, 1:], chain.axes), moved[:, 1:]
         reach = chain.local_reach(rho, bodies.joint, center, bodies.radius, axes, points, np.abs(delta))
-        return cls(bodies, interval, start, width, delta, rotation, origin, axes, points, reach)
+        return cls(bodies, interval, start, width, delta, rotation, origin, center, axes, points, reach)
 
     def motion(self, row: Index, body: Index, moves: Mask) -> Motion:
         """Return what bodies (i,) do on intervals (i,) by the joints `moves` (i, n) alone."""
         delta = self.delta[row] * moves
         return Motion.of(self.bodies.chain, delta, self.axes[row], self.points[row], self.reach[row, body])
 
-    def centers(self, row: Index, body: Index) -> Array:
-        """Return the centres (i, 3) of the bodies' bounding balls and boxes at the midpoints."""
-        local = self.bodies.center[body]
-        return np.asarray(np.einsum("iab,ib->ia", self.rotation[row, body], local) + self.origin[row, body])
+    @cached_property
+    def speed(self) -> Array:
+        """How far each joint alone moves each body at most, |δ| ρ (k, bodies, n) [m]."""
+        result: Array = np.abs(self.delta)[:, None] * self.reach
+        return result
 
     def transform(self, row: int, body: int) -> Any:
         """Return one body's placement for coal."""

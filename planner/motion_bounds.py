@@ -38,6 +38,13 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
+def cross(a: Array, b: Array) -> Array:
+    """Return a × b along the last axis; NumPy's own takes four times as long."""
+    x, y, z = a[..., 0], a[..., 1], a[..., 2]
+    u, v, w = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
+
+
 @dataclass(frozen=True, eq=False)
 class Motion:
     """What bodies do on intervals of the motion, one row each: Ω, U and the two bounds of the module's head."""
@@ -55,15 +62,10 @@ class Motion:
         before = np.cumsum(turn, axis=1) - turn
         return cls(
             np.einsum("in,inc->ic", turning, axes),
-            np.einsum("in,inc->ic", turning, np.cross(points, axes)) + np.einsum("in,inc->ic", delta - turning, axes),
+            np.einsum("in,inc->ic", turning, cross(points, axes)) + np.einsum("in,inc->ic", delta - turning, axes),
             speed.sum(axis=1),
             0.5 * (speed * (turn + 2.0 * before)).sum(axis=1),
         )
-
-    @classmethod
-    def none(cls, count: int) -> Motion:
-        """Return no motion, for `count` bodies."""
-        return cls(np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count), np.zeros(count))
 
     def __getitem__(self, rows: Mask | NDArray[np.int64]) -> Motion:
         """Return some of the rows."""
@@ -159,7 +161,7 @@ class Chain:
         for j in reversed(range(rho.shape[1])):
             carried = self.carried_by[joints, j]
             if self.revolute[j]:
-                away = np.linalg.norm(np.cross(centers - origins[:, j, None], axes[:, None, j]), axis=2)
+                away = np.linalg.norm(cross(centers - origins[:, j, None], axes[:, None, j]), axis=2)
                 local[:, :, j] = np.where(carried, np.minimum(rho[:, j], away + radii + after), 0.0)
             else:
                 local[:, :, j] = np.where(carried, 1.0, 0.0)

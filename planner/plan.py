@@ -80,6 +80,9 @@ def plan(
             raise
     assert search.best is not None  # an attempt ends with a certificate
     best = search.best
+    if not (best.certificate.certified or best.whole):
+        best = best._replace(certificate=certifier.certify(best.solution.trajectory, required=required))
+        search.certify_seconds += best.certificate.seconds
     load, build_, compile_ = loaded - began, built - loaded - problem.compile_seconds, problem.compile_seconds
     return PlanResult(
         scene=scene.name,
@@ -102,6 +105,7 @@ class _Best(NamedTuple):
     solution: Solution
     certificate: Certificate
     steps: tuple[Step, ...]
+    whole: bool  # whether the certificate names every failure
 
 
 class _Search:
@@ -162,14 +166,15 @@ class _Search:
 
     def _certify(self, solution: Solution) -> Certificate:
         """Certify a motion, and keep it if it is the best so far."""
-        certificate = self.certifier.certify(solution.trajectory, required=self.required)
+        hopeless = solution.status is Status.STALLED  # seldom certified: the first contact found settles it
+        certificate = self.certifier.certify(solution.trajectory, required=self.required, stop_at_contact=hopeless)
         self.last = None
         self.iterations += solution.iterations
         self.solve_seconds += solution.seconds
         self.certify_seconds += certificate.seconds
         self.steps += tuple(self._numbered(step) for step in solution.steps)
         if self.best is None or _rank(certificate) < _rank(self.best.certificate):
-            self.best = _Best(solution, certificate, self.steps)
+            self.best = _Best(solution, certificate, self.steps, whole=not hopeless)
         self.report(Event(self.attempts, certificate=certificate))
         return certificate
 
@@ -200,9 +205,8 @@ def _reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tu
 
 
 def _rank(certificate: Certificate) -> tuple[float, ...]:
-    """Order of motions, best first: certified with most clearance, then fewest failing intervals, then the shallowest
-    contact."""
+    """Order of motions, best first: certified with most clearance, then with the shallowest contact."""
     if certificate.certified:
         return (0.0, -(certificate.clearance or 0.0))
     deepest = min((place.distance for place in certificate.failures), default=0.0)
-    return (1.0, len({place.interval for place in certificate.failures}), -deepest)
+    return (1.0, -deepest)
