@@ -78,11 +78,7 @@ def plan(
     except KeyboardInterrupt:
         if search.best is None and not search.certify_last():
             raise
-    assert search.best is not None  # an attempt ends with a certificate
-    best = search.best
-    if not (best.certificate.certified or best.whole):
-        best = best._replace(certificate=certifier.certify(best.solution.trajectory, required=required))
-        search.certify_seconds += best.certificate.seconds
+    best = search.conclude()
     load, build_, compile_ = loaded - began, built - loaded - problem.compile_seconds, problem.compile_seconds
     return PlanResult(
         scene=scene.name,
@@ -163,6 +159,16 @@ class _Search:
         if self.last is not None:
             self._certify(self.last)
         return self.best is not None
+
+    def conclude(self) -> _Best:
+        """Return the best motion, with every failure named if it is not certified."""
+        assert self.best is not None  # an attempt ends with a certificate
+        if not self.best.whole and not self.best.certificate.certified:
+            certificate = self.certifier.certify(self.best.solution.trajectory, required=self.required)
+            self.certify_seconds += certificate.seconds
+            self.report(Event(self.attempts, certificate=certificate))
+            self.best = self.best._replace(certificate=certificate, whole=True)
+        return self.best
 
     def _certify(self, solution: Solution) -> Certificate:
         """Certify a motion, and keep it if it is the best so far."""
