@@ -223,7 +223,8 @@ def test_a_robot_is_loaded_once_until_its_files_change(tmp_path: Path) -> None:
     file = tmp_path / "arm.urdf"
     text = (
         '<robot name="arm"><link name="base"/><link name="arm"><collision><geometry>'
-        '<box size="0.1 0.1 0.4"/></geometry></collision></link><joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>'
+        '<box size="0.1 0.1 0.4"/></geometry></collision></link>'
+        '<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>'
         '<axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>'
     )
     file.write_text(text)
