@@ -79,6 +79,7 @@ def plan(
         if search.best is None and not search.certify_last():
             raise
     best = search.conclude()
+    solved = time.perf_counter() - built - search.certify_seconds  # guesses included
     load, build_, compile_ = loaded - began, built - loaded - problem.compile_seconds, problem.compile_seconds
     return PlanResult(
         scene=scene.name,
@@ -90,7 +91,7 @@ def plan(
         attempts=search.attempts,
         iterations=search.iterations,
         steps=best.steps,
-        times=Times(load, build_, compile_, search.solve_seconds, search.certify_seconds),
+        times=Times(load, build_, compile_, solved, search.certify_seconds),
         notes=(*problem.notes, *words),
     )
 
@@ -123,7 +124,7 @@ class _Search:
         self.best: _Best | None = None
         self.steps: tuple[Step, ...] = ()  # of the attempt under way
         self.attempts = self.iterations = 0
-        self.solve_seconds = self.certify_seconds = 0.0
+        self.certify_seconds = 0.0
 
     def attempt(self, guess: Floats) -> bool:
         """Solve from one guess, and solve on where the certificate fails or the samples turn out too far apart; True if
@@ -176,7 +177,6 @@ class _Search:
         certificate = self.certifier.certify(solution.trajectory, required=self.required, stop_at_contact=hopeless)
         self.last = None
         self.iterations += solution.iterations
-        self.solve_seconds += solution.seconds
         self.certify_seconds += certificate.seconds
         self.steps += tuple(self._numbered(step) for step in solution.steps)
         if self.best is None or _rank(certificate) < _rank(self.best.certificate):
