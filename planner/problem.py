@@ -142,10 +142,10 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
     query = resolve_query(robot, scene)
     settings = scene.planner
     compiled_before = RowFunction.seconds
-    outline = outline_of(robot)
+    outline = outline_of(robot, settings.link_bodies, settings.normals)
     kinematics, bodies = outline.kinematics, outline.bodies
     with naming(scene.source):
-        enclosed = [from_obstacle(obstacle) for obstacle in scene.obstacles]
+        enclosed = [from_obstacle(obstacle, settings.normals) for obstacle in scene.obstacles]
     plane_bodies = tuple(body for pieces, _ in enclosed for body in pieces)
     notes = [*scene.notes, *robot.notes, *query.notes, *(word for _, words in enclosed for word in words)]
 
