@@ -18,6 +18,7 @@ import textwrap
 import threading
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Annotated, Any
 
@@ -126,6 +127,13 @@ def plan(
             "point, exact Hessians).",
         ),
     ] = "gauss_newton",
+    distance: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Distance that the penalty takes: hdsdf, or fcl (exact, Euclidean); by default what the scene says.",
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(metavar="N", help="Seed of the random first guesses.", parser=_whole_number)] = 0,
     time_limit: Annotated[
         float,
@@ -151,16 +159,21 @@ def plan(
     from hdplan.planner.output import check_writable
     from hdplan.planner.plan import plan as find
     from hdplan.planner.plot import check_picture, plot_result
+    from hdplan.planner.problem import check_distance
     from hdplan.planner.scene_robot import load_scene_robot
     from hdplan.planner.solvers import solver_named
     from hdplan.planner.trajectory import FORMATS
 
     solver_named(solver)
+    if distance is not None:
+        check_distance(distance)
     if output is not None:
         check_writable(output, FORMATS)
     if plot is not None:
         check_picture(plot)
     problem = _load(scene, request, robot)
+    if distance is not None:
+        problem = replace(problem, planner=replace(problem.planner, distance=distance))
     with _progress(problem.planner, shown=not quiet and not as_json) as (report, stop):
         result = find(problem, solver=solver, seed=seed, time_limit=time_limit, report=report, stop=stop)
     if output is not None:

@@ -152,7 +152,8 @@ def _settings(problem: Problem) -> Rows:
     for field in dataclasses.fields(PlannerSettings):
         value = getattr(problem.scene.planner, field.name)
         origin = "default" if value == field.default else "scene"
-        rows.append((field.name, f"{value:g}{UNITS.get(field.name, '')} ({origin})"))
+        shown = value if isinstance(value, str) else f"{value:g}"
+        rows.append((field.name, f"{shown}{UNITS.get(field.name, '')} ({origin})"))
     return rows
 
 

@@ -3,6 +3,9 @@
 Robot -> `LinkBody`s whose union contains the link's collision geometry. The geometry, as triangles, is cut into slabs
 along an axis of its oriented bounding box; the corners of a slab's triangles lie within a sphere-swept polytope, which
 is convex and so contains the slab. Fitted once, kept on disk by the content of the geometry. In the joint's frame, [m].
+
+Which bodies is a setting, `link_bodies`: "fitted" takes the cheapest that is good. The others are there to compare
+with: one capsule, one box, polytopes of a fixed number of vertices in all, or the link's convex hull itself.
 """
 
 from __future__ import annotations
@@ -23,7 +26,7 @@ from threadpoolctl import threadpool_limits
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.cache import content_key, load, store
 from hdplan.planner.robot import Robot
-from hdplan.planner.swept_fit import Reference, Swept, distance_to_hull, fit_swept, outside, spread
+from hdplan.planner.swept_fit import MARGIN, Reference, Swept, distance_to_hull, fit_swept, outside, spread
 from hdplan.scenes.errors import InputError
 
 Array = NDArray[np.float64]
@@ -43,6 +46,7 @@ CANDIDATES = (
     (2, 6),
     (3, 6),
 )  # (slabs, vertices), cheapest first
+FIXED = {"capsule": (1, 2), "outer-4": (1, 4), "outer-12": (3, 4)}  # the one candidate of the settings named so
 ROUND_SIDES = 16  # sides of the prism around a cylinder
 
 
@@ -68,21 +72,24 @@ class FitRow:
     contained: bool  # every corner of the cut geometry lies in its body
 
 
-def link_bodies(robot: Robot) -> tuple[LinkBody, ...]:
-    """Return the outer bodies of all links, from base to tip; from the cache, or fitted now (seconds)."""
+def link_bodies(robot: Robot, geometry: str = "fitted") -> tuple[LinkBody, ...]:
+    """Return the outer bodies of all links, from base to tip; from the cache, or fitted now (seconds).
+
+    geometry: "fitted", "capsule", "outer-4", "outer-12", "box" (the oriented bounding box) or "hull" (all its corners).
+    """
     return tuple(
         LinkBody(link, robot.link_joint[link], ConvexBody.from_points(_moved(swept.vertices, frame), swept.radius))
         for link in robot.links
         for frame in [_link_frame(robot, link)]
-        for swept in _fitted(robot, link)
+        for swept in _enclosed(robot, link, geometry)
     )
 
 
 def fit_report(robot: Robot) -> tuple[FitRow, ...]:
-    """Return one row per link: how many bodies, how tight, and whether they contain the link's geometry."""
+    """Return one row per link: how many fitted bodies, how tight, and whether they contain the link's geometry."""
     rows = []
     for link in robot.links:
-        bodies = _fitted(robot, link)
+        bodies = _enclosed(robot, link, "fitted")
         triangles = _link_triangles(robot, link)
         points = _hull_points(triangles)
         mean, p95 = outside(bodies, points, samples=2000)
@@ -121,27 +128,46 @@ def contains(bodies: tuple[Swept, ...], triangles: Array, depth: int = 60) -> bo
 # --- fitting ----------------------------------------------------------------------------------------------------------
 
 
-def _fitted(robot: Robot, link: str) -> tuple[Swept, ...]:
+def _enclosed(robot: Robot, link: str, geometry: str) -> tuple[Swept, ...]:
     """Return the bodies of a link in the link's own frame (which no locked joint moves)."""
-    key = content_key(FIT_VERSION, *(part for item in _items(robot, link) for part in _content(robot, link, item)))
+    key = content_key(
+        FIT_VERSION, geometry, *(part for item in _items(robot, link) for part in _content(robot, link, item))
+    )
     known = load("link_bodies", key)
     if known is not None:
         return tuple(Swept(np.array(vertices), radius) for vertices, radius in known)
     with threadpool_limits(1):  # thousands of tiny products: threads would only wait for each other, 5 s become 20
-        bodies = _fit(_link_triangles(robot, link))
+        bodies = _around(_link_triangles(robot, link), geometry)
     store("link_bodies", key, [[body.vertices.tolist(), body.radius] for body in bodies])
     return bodies
 
 
-def _fit(triangles: Array) -> tuple[Swept, ...]:
-    """Return the cheapest candidate that is good, or else the tightest."""
+def _around(triangles: Array, geometry: str) -> tuple[Swept, ...]:
+    """Return bodies of the wanted kind around triangles (T, 3, 3)."""
+    points = _hull_points(triangles)
+    match geometry:
+        case "hull":
+            return (Swept(points, MARGIN),)
+        case "box":
+            axes = _box_axes(points)
+            heights = points @ axes.T
+            corners = itertools.product(*np.stack([heights.min(axis=0), heights.max(axis=0)], axis=1).tolist())
+            return (Swept(np.array(list(corners)) @ axes, MARGIN),)
+        case "fitted":
+            return _fit(triangles, CANDIDATES)
+        case _:
+            return _fit(triangles, (FIXED[geometry],))
+
+
+def _fit(triangles: Array, candidates: tuple[tuple[int, int], ...]) -> tuple[Swept, ...]:
+    """Return the cheapest of the candidates (slabs, vertices) that is good, or else the tightest."""
     points = _hull_points(triangles)
     axes = _box_axes(points)
     slack = max(1.0, float(np.linalg.norm(np.ptp(points, axis=0))) / LARGE)
     cut: dict[tuple[int, int], list[tuple[Array, Reference]]] = {}
     found: list[tuple[float, tuple[Swept, ...]]] = []
     tried: tuple[int, ...] = (0, 1, 2)  # axes; when all have been tried once, only the best goes on
-    for slabs, vertices in CANDIDATES:
+    for slabs, vertices in candidates:
         scores = []
         for axis in tried if slabs > 1 else (0,):
             if (slabs, axis) not in cut:

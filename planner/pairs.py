@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 
 from hdplan.planner.kinematics import KinematicsBatch
 from hdplan.planner.link_bodies import LinkBody
-from hdplan.planner.plane_bodies import FEW, MANY, PlaneBody
+from hdplan.planner.plane_bodies import FEW, PlaneBody
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 # Every direction is within 27.6 degrees of one of a box's 26 directions whose support is attained at the same place of
 # the box. So where a sphere of radius r is farther than r / cos(27.6°) from the box, one of the planes separates it for
-# certain: D > 0.
-WIDEST = 1.13
+# certain: D > 0. Of its 6 faces alone, every direction is within acos(1/√3).
+WIDEST, WIDEST_OF_FACES = 1.13, 3**0.5
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class BodyPairs:
 
     body: Rows  # (P,) row of the link body in body_table
     plane_body: Rows  # (P,) index of the plane body
-    plane_slots: Rows  # (P,) its number of plane slots: FEW or MANY
+    plane_slots: Rows  # (P,) its number of plane slots: all that have as many share a table
     plane_row: Rows  # (P,) its row in the plane table of that many slots
     joint_a: Rows  # (P,) joint that carries the link body
     joint_b: Rows  # (P,) joint that carries the plane body, 0 for the world
@@ -42,6 +42,7 @@ class BodyPairs:
     plane_tables: dict[int, Floats]  # slots -> (·, 4 slots) normals and supports enlarged by the margin
     centres: Floats  # (A, 3) of the link bodies' bounding spheres, in their joints' frames [m]
     radii: Floats  # (A,) of those spheres [m]
+    widest: float  # how much farther than its radius from a box a sphere is separated by one of the planes for certain
     boxes: Floats  # (B, 4, 4) the plane bodies' boxes, in their joints' frames
     half_sizes: Floats  # (B, 3) of those boxes, enlarged by the margin [m]
 
@@ -50,13 +51,16 @@ class BodyPairs:
         return len(self.body)
 
     def close(self, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
-        """Sample and pair indices (S,), samples ascending, whose bounding sphere reaches the enlarged box. Drops no D
-        < 0."""
+        """Sample and pair indices (S,), samples ascending, whose bounding sphere reaches the enlarged box.
+
+        Drops no HD-SDF D < 0, by WIDEST; nor a Euclidean distance below the margin: the sphere holds the link body, and
+        the box, enlarged by the margin along its axes, holds every point within the margin of the other body.
+        """
         joint = np.zeros(len(self.centres), dtype=np.int64)
         joint[self.body] = self.joint_a
         rotations, translations = kinematics.rotations[:, joint], kinematics.translations[:, joint]
         centres = (rotations @ self.centres[:, :, None])[..., 0] + translations  # (batch, A, 3)
-        reach = WIDEST * self.radii
+        reach = self.widest * self.radii
         found = self._close_to_standing(centres, reach), self._close_to_moving(centres, reach, kinematics)
         sample, pair = (np.concatenate(parts) for parts in zip(*found, strict=True))
         order = np.argsort(sample, kind="stable")
@@ -125,13 +129,12 @@ def body_pairs(
     plane_slots = np.array([len(body.supports) for body in plane_bodies], dtype=np.int64)
     rows = np.zeros(len(plane_bodies), dtype=np.int64)
     tables = {}
-    for count in (FEW, MANY):
+    for count in sorted(set(plane_slots.tolist())):
         chosen = np.flatnonzero(plane_slots == count)
         rows[chosen] = np.arange(len(chosen))
-        if len(chosen):
-            tables[count] = np.array(
-                [np.append(plane_bodies[b].normals.ravel(), plane_bodies[b].supports + margin) for b in chosen.tolist()]
-            )
+        tables[count] = np.array(
+            [np.append(plane_bodies[b].normals.ravel(), plane_bodies[b].supports + margin) for b in chosen.tolist()]
+        )
     joint_a = np.array([body.joint for body in bodies], dtype=np.int64)[first]
     joint_b = np.array([body.joint for body in plane_bodies], dtype=np.int64)[second]
     middles = [(body.body.vertices.min(axis=0) + body.body.vertices.max(axis=0)) / 2 for body in bodies]
@@ -148,6 +151,7 @@ def body_pairs(
         plane_tables=tables,
         centres=np.array(middles),
         radii=np.array([span + body.body.radius for span, body in zip(spans, bodies, strict=True)]),
+        widest=WIDEST if plane_slots.min() >= FEW else WIDEST_OF_FACES,
         boxes=np.array([body.box for body in plane_bodies]),
         half_sizes=np.array([body.half_size for body in plane_bodies]) + margin,
     )

@@ -59,9 +59,12 @@ def plan(
             KeyboardInterrupt does the same, except in the moments in which a C++ library swallows it.
 
     Raises:
-        InputError: for what scene or robot get wrong, among it a start or goal in collision.
+        InputError: for what scene or robot get wrong, among it a start or goal in collision, and for ipopt with the
+            distance fcl.
     """
     run = solver_named(solver)
+    if solver == "ipopt" and scene.planner.distance == "fcl":
+        raise InputError("solver ipopt: needs exact second derivatives, which the distance fcl does not have")
     began = time.perf_counter()
     robot = robot or load_scene_robot(scene)
     loaded = time.perf_counter()

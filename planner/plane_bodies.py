@@ -4,6 +4,9 @@ phase.
 In: scene shapes or outer link bodies. Out: PlaneBody: unit normals n_k and supports h(n_k) = max_{b in B} n_k·b,
 exact for the shape itself (a true cylinder, not a polygon). What the planes enclose is slightly more than the shape
 (an outer body).
+
+How many planes is a setting, `normals`: "box" gives a box or a link the 26 directions of its box, anything else 48;
+"faces" gives the former the 6 of its faces alone; "sphere" gives all of them 96 more, spread evenly.
 """
 
 from __future__ import annotations
@@ -22,7 +25,8 @@ from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, 
 
 Floats = NDArray[np.float64]
 
-FEW, MANY = 26, 48  # plane slots: box-like bodies and everything else; one compiled kernel each
+FEW, MANY = 26, 48  # planes of box-like bodies and of everything else; one compiled kernel each
+SPREAD = 96  # more of them for normals "sphere"
 
 
 @dataclass(frozen=True)
@@ -31,19 +35,21 @@ class PlaneBody:
 
     name: str  # of the obstacle or link
     joint: int  # the joint that carries it; 0, the universe, if it stands in the world
-    normals: Floats  # (K, 3) unit normals, K = FEW or MANY; the 26 directions of its box come first
+    normals: Floats  # (K, 3) unit normals, the directions of its box first; K is the same for all bodies alike
     supports: Floats  # (K,) [m]
     box: Floats  # (4, 4) the frame of a tight box around the body
     half_size: Floats  # (3,) of that box [m]
+    shape: Shape | ConvexBody  # the body itself, no mesh
+    placement: Floats  # (4, 4) the frame in which `shape` is given
 
 
-def from_obstacle(obstacle: Obstacle) -> tuple[tuple[PlaneBody, ...], tuple[str, ...]]:
+def from_obstacle(obstacle: Obstacle, normals: str = "box") -> tuple[tuple[PlaneBody, ...], tuple[str, ...]]:
     """Enclose an obstacle: one body, or one for each convex piece of its mesh; and words on what was made of it."""
     placement = obstacle.pose.matrix
     if not isinstance(obstacle.shape, Mesh):
-        return (from_shape(obstacle.name, obstacle.shape, placement),), ()
+        return (from_shape(obstacle.name, obstacle.shape, placement, normals),), ()
     pieces = convex_pieces(load_mesh(obstacle.shape, f"obstacles.{obstacle.name}"))
-    bodies = tuple(from_shape(obstacle.name, Points(tuple(map(tuple, piece))), placement) for piece in pieces)
+    bodies = tuple(from_shape(obstacle.name, Points(tuple(map(tuple, piece))), placement, normals) for piece in pieces)
     file = obstacle.shape.file.name
     words = (
         (f"obstacle '{obstacle.name}': mesh {file} split into {len(pieces)} convex pieces",) if len(pieces) > 1 else ()
@@ -51,54 +57,80 @@ def from_obstacle(obstacle: Obstacle) -> tuple[tuple[PlaneBody, ...], tuple[str,
     return bodies, words
 
 
-def from_shape(name: str, shape: Shape, placement: Floats) -> PlaneBody:
+def from_shape(name: str, shape: Shape, placement: Floats, normals: str = "box") -> PlaneBody:
     """Enclose a scene shape that stands at `placement` in the world. Meshes come as the convex Points of their
     pieces."""
     match shape:
         case Box(size):
             half = np.array(size) / 2
-            return _placed(name, 0, placement, box_directions(), np.abs(box_directions()) @ half, half)
+            directions = _few(normals)
+            return _placed(name, 0, placement, shape, directions, np.abs(directions) @ half, half)
         case Sphere(radius):
-            normals = np.vstack([box_directions(), _fibonacci(MANY - FEW)])
-            return _placed(name, 0, placement, normals, np.full(MANY, radius), np.full(3, radius))
+            directions = _many(np.vstack([box_directions(), _fibonacci(MANY - FEW)]), normals)
+            return _placed(name, 0, placement, shape, directions, np.full(len(directions), radius), np.full(3, radius))
         case Cylinder(radius, length):
-            normals = _round_directions()
-            supports = radius * np.hypot(normals[:, 0], normals[:, 1]) + length / 2 * np.abs(normals[:, 2])
-            return _placed(name, 0, placement, normals, supports, np.array([radius, radius, length / 2]))
+            directions = _many(_round_directions(), normals)
+            supports = radius * np.hypot(directions[:, 0], directions[:, 1]) + length / 2 * np.abs(directions[:, 2])
+            return _placed(name, 0, placement, shape, directions, supports, np.array([radius, radius, length / 2]))
         case Capsule(radius, length):
-            normals = _round_directions()
-            supports = radius + length / 2 * np.abs(normals[:, 2])
-            return _placed(name, 0, placement, normals, supports, np.array([radius, radius, length / 2 + radius]))
+            directions = _many(_round_directions(), normals)
+            supports = radius + length / 2 * np.abs(directions[:, 2])
+            return _placed(
+                name, 0, placement, shape, directions, supports, np.array([radius, radius, length / 2 + radius])
+            )
         case Points(points):
             vertices = np.array(points)
             frame = _box_frame(vertices)
             local = (vertices - frame[:3, 3]) @ frame[:3, :3]
-            normals = np.vstack([box_directions(), _face_normals(local)])
-            slots = FEW if len(normals) <= FEW else MANY
-            normals = normals[:slots]
-            supports = (normals @ local.T).max(axis=1)
-            normals, supports = _fill(normals, supports, slots)
-            return _placed(name, 0, placement @ frame, normals, supports, np.abs(local).max(axis=0))
+            faces = _face_normals(local)
+            directions = _many(np.vstack([box_directions(), faces]), normals) if len(faces) else _few(normals)
+            spare = MANY - FEW - len(faces) if len(faces) else 0
+            directions, supports = _fill(directions, (directions @ local.T).max(axis=1), spare)
+            half = np.abs(local).max(axis=0)
+            return _placed(name, 0, placement, shape, directions, supports, half, frame)
     raise TypeError(f"{name}: a {type(shape).__name__} has to be split into convex pieces first")
 
 
-def from_link_body(link: str, joint: int, body: ConvexBody) -> PlaneBody:
-    """Enclose an outer link body by the 26 directions of its box; it moves with `joint`."""
-    frame = _box_frame(body.vertices)
+def from_link_body(link: str, joint: int, body: ConvexBody, normals: str = "box") -> PlaneBody:
+    """Enclose an outer link body by the directions of its box; it moves with `joint`."""
+    frame, directions = _box_frame(body.vertices), _few(normals)
     local = (body.vertices - frame[:3, 3]) @ frame[:3, :3]
-    supports = (box_directions() @ local.T).max(axis=1) + body.radius
-    return _placed(link, joint, frame, box_directions(), supports, np.abs(local).max(axis=0) + body.radius)
+    supports = (directions @ local.T).max(axis=1) + body.radius
+    half = np.abs(local).max(axis=0) + body.radius
+    return _placed(link, joint, np.eye(4), body, directions, supports, half, frame)
 
 
-def _placed(name: str, joint: int, frame: Floats, normals: Floats, supports: Floats, half_size: Floats) -> PlaneBody:
-    """Express planes given in a body's own frame in the frame in which `frame` is: h' = h + n'·t."""
-    turned = normals @ frame[:3, :3].T
-    return PlaneBody(name, joint, turned, supports + turned @ frame[:3, 3], frame, half_size)
+def _few(normals: str) -> Floats:
+    """The directions of a box-like body."""
+    if normals == "faces":
+        return np.vstack([np.eye(3), -np.eye(3)])
+    return _many(box_directions(), normals)
 
 
-def _fill(normals: Floats, supports: Floats, slots: int) -> tuple[Floats, Floats]:
+def _many(directions: Floats, normals: str) -> Floats:
+    """These directions, and more of them for normals "sphere"."""
+    return np.vstack([directions, _fibonacci(SPREAD)]) if normals == "sphere" else directions
+
+
+def _placed(
+    name: str,
+    joint: int,
+    placement: Floats,
+    shape: Shape | ConvexBody,
+    normals: Floats,
+    supports: Floats,
+    half_size: Floats,
+    frame: Floats | None = None,
+) -> PlaneBody:
+    """Express planes given in the frame of the body's box, the shape's own frame if none is given, in that of what
+    carries the body: h' = h + n'·t."""
+    box = placement if frame is None else placement @ frame
+    turned = normals @ box[:3, :3].T
+    return PlaneBody(name, joint, turned, supports + turned @ box[:3, 3], box, half_size, shape, placement)
+
+
+def _fill(normals: Floats, supports: Floats, spare: int) -> tuple[Floats, Floats]:
     """Fill unused slots with a plane so far behind that it never decides."""
-    spare = slots - len(normals)
     far = FAR + supports.max()
     return np.vstack([normals, np.tile([0.0, 0.0, 1.0], (spare, 1))]), np.append(supports, np.full(spare, far))
 

@@ -5,8 +5,8 @@ q_{N−1} with both ends fixed is
 
     smoothness(q) + w Σ_samples w_s Σ_pairs ½ min(D, 0)²
 
-(CHOMP, Ratliff et al. 2009, with the HD-SDF in place of a distance field). Only the terms that the scene calls for
-exist.
+(CHOMP, Ratliff et al. 2009, with the HD-SDF in place of a distance field; the exact distance may stand in for it). Only
+the terms that the scene calls for exist.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.distance.compiled import RowFunction
+from hdplan.planner.fcl_pairs import FclPairs
 from hdplan.planner.hdsdf_pairs import HdsdfPairs
 from hdplan.planner.kinematics import Kinematics
 from hdplan.planner.link_bodies import LinkBody
@@ -27,11 +28,12 @@ from hdplan.planner.robot import Robot
 from hdplan.planner.samples import Samples
 from hdplan.planner.scene_robot import load_scene_robot, resolve_query
 from hdplan.planner.terms import Clearance, PairDistance, Smoothness
-from hdplan.scenes.errors import naming
+from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.model import PlannerSettings, Scene
 
 Floats = NDArray[np.float64]
 
+DISTANCES = ("hdsdf", "fcl")
 SAMPLES_PER_INTERVAL = 2  # at least
 SPACING = 0.03  # [m] farthest that a body's centre may move between two samples
 SELF_ACTIVATION = 0.005  # [m] links of one arm are close by design: their penalty sets in late
@@ -136,16 +138,22 @@ class Problem:
         return replace(self, samples=self.samples.raised(np.ceil(moved / SPACING).astype(np.int64)))
 
 
+def check_distance(name: str) -> None:
+    """Raise InputError for an unknown distance."""
+    if name not in DISTANCES:
+        raise InputError(f"distance: unknown '{name}'{nearest(name, DISTANCES)}")
+
+
 def build(scene: Scene, robot: Robot | None = None) -> Problem:
     """Lay out the problem of a scene. Raises InputError for what the scene or its robot gets wrong."""
     robot = robot or load_scene_robot(scene)
     query = resolve_query(robot, scene)
     settings = scene.planner
     compiled_before = RowFunction.seconds
-    outline = outline_of(robot)
+    outline = outline_of(robot, settings.link_bodies, settings.normals)
     kinematics, bodies = outline.kinematics, outline.bodies
     with naming(scene.source):
-        enclosed = [from_obstacle(obstacle) for obstacle in scene.obstacles]
+        enclosed = [from_obstacle(obstacle, settings.normals) for obstacle in scene.obstacles]
     plane_bodies = tuple(body for pieces, _ in enclosed for body in pieces)
     notes = [*scene.notes, *robot.notes, *query.notes, *(word for _, words in enclosed for word in words)]
 
@@ -159,11 +167,13 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
     ]
     if pairs:
         laid_out = body_pairs(bodies, plane_bodies, pairs, margin, kinematics.supports)
-        terms.append(Clearance("obstacles", laid_out, _distance(laid_out, settings)))
+        distance = _distance(laid_out, bodies, plane_bodies, margin, settings)
+        terms.append(Clearance("obstacles", laid_out, distance))
     if outline.self_pairs:
         margin = settings.clearance + SELF_ACTIVATION
         laid_out = body_pairs(bodies, outline.planes, outline.self_pairs, margin, kinematics.supports)
-        terms.append(Clearance("self-collision", laid_out, _distance(laid_out, settings)))
+        distance = _distance(laid_out, bodies, outline.planes, margin, settings)
+        terms.append(Clearance("self-collision", laid_out, distance))
 
     return Problem(
         scene=scene,
@@ -182,5 +192,14 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
     )
 
 
-def _distance(pairs: BodyPairs, settings: PlannerSettings) -> PairDistance:
+def _distance(
+    pairs: BodyPairs,
+    bodies: tuple[LinkBody, ...],
+    plane_bodies: tuple[PlaneBody, ...],
+    margin: float,
+    settings: PlannerSettings,
+) -> PairDistance:
+    check_distance(settings.distance)
+    if settings.distance == "fcl":
+        return FclPairs(pairs, bodies, plane_bodies, margin)
     return HdsdfPairs(pairs, settings.gamma, settings.shaping_length)

@@ -129,6 +129,9 @@ class PlannerSettings:
     activation: float = 0.02  # beyond the clearance, where the obstacle penalty sets in [m] (0 to 1)
     gamma: int = 2  # order of differentiability of the distance (1 to 32)
     shaping_length: float = 1e-3  # width of the distance's flat spot at contact [m] (1e-9 to 1)
+    distance: str = "hdsdf"  # of the obstacle penalty: hdsdf, or fcl, the exact Euclidean one
+    link_bodies: str = "fitted"  # what encloses a link: fitted, capsule, outer-4, outer-12, box, hull
+    normals: str = "box"  # planes of an obstacle: faces (6 of a box), box (26) or sphere (122)
 
 
 @dataclass(frozen=True)

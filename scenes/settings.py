@@ -16,6 +16,9 @@ ALLOWED: Mapping[str, tuple[float, float] | tuple[str, ...]] = {
     "activation": (0.0, 1.0),  # [m]
     "gamma": (1, 32),
     "shaping_length": (1e-9, 1.0),  # [m]
+    "distance": ("hdsdf", "fcl"),
+    "link_bodies": ("fitted", "capsule", "outer-4", "outer-12", "box", "hull"),
+    "normals": ("faces", "box", "sphere"),
 }
 
 

@@ -10,12 +10,16 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.optimize import nnls
+from scipy.spatial import ConvexHull
 
 from hdplan.distance import cache
-from hdplan.planner.link_bodies import LinkBody, contains, fit_report, link_bodies
+from hdplan.planner.link_bodies import LinkBody, _enclosed, _link_triangles, contains, fit_report, link_bodies
 from hdplan.planner.robot import Robot, load_robot
+from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.swept_fit import Reference, Swept, distance_to_hull, fit_swept, outside
 from hdplan.scenes.model import Pose, RobotSpec
+from hdplan.scenes.reader import load_scene
+from hdplan.scenes.settings import ALLOWED
 
 ARMS = ["panda", "ur3_gripper", "ur5", "ur5_gripper", "ur10", "xarm7", "kinova", "z1"]
 MEAN, P95 = 0.010, 0.020  # how far Panda's bodies may stand out of its links' hulls [m]
@@ -74,6 +78,33 @@ def test_bodies_contain_the_collision_geometry(name: str) -> None:
     assert all(row.contained for row in fit_report(robot))  # the proof, triangle by triangle
 
 
+@pytest.mark.parametrize("geometry", [word for word in ALLOWED["link_bodies"] if word not in ("fitted", "hull")])
+@pytest.mark.parametrize("name", ["panda", "planar_arm"])
+def test_every_other_geometry_contains_the_links_too(name: str, geometry: str) -> None:
+    robot = load_scene_robot(load_scene("planar_arm")) if name == "planar_arm" else load_robot(RobotSpec(name=name))
+    for link in robot.links:
+        bodies = _enclosed(robot, link, geometry)
+        assert (
+            sum(len(body.vertices) for body in bodies)
+            == {"capsule": 2, "outer-4": 4, "outer-12": 12, "box": 8}[geometry]
+        )
+        assert contains(bodies, _link_triangles(robot, link)), (link, geometry)
+
+
+def test_the_hull_is_the_links_own(panda: Robot) -> None:
+    """Every corner of the mesh lies behind the planes of the hull, and every corner of the hull is one of the mesh."""
+    bodies = {body.link: body for body in link_bodies(panda, "hull")}
+    random = np.random.default_rng(0)
+    for link in panda.links:
+        points = np.concatenate(
+            [_surface(panda.collision.geometryObjects[i], 10, random) for i in panda.link_geometry[link]]
+        )
+        hull = bodies[link].body
+        planes = ConvexHull(hull.vertices).equations
+        assert np.all(planes[:, :3] @ points.T + planes[:, 3:] <= hull.radius)
+        assert np.linalg.norm(hull.vertices[:, None] - points, axis=2).min(axis=1).max() < ROUNDING
+
+
 def test_pandas_bodies_are_few_and_stand_out_little(panda: Robot) -> None:
     rows = fit_report(panda)
     for row in rows:
@@ -87,7 +118,7 @@ def test_bodies_come_back_from_the_cache_bit_by_bit_and_move_with_locked_joints(
     panda: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = link_bodies(panda)
-    monkeypatch.setattr("hdplan.planner.link_bodies._fit", None)  # a fit would now fail
+    monkeypatch.setattr("hdplan.planner.link_bodies._around", None)  # a fit would now fail
     for a, b in zip(first, link_bodies(panda), strict=True):
         np.testing.assert_array_equal(a.body.vertices, b.body.vertices)
         assert a.body.radius == b.body.radius

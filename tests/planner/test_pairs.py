@@ -48,9 +48,11 @@ def random_pose(rng: np.random.Generator, spread: float) -> Pose:
     )
 
 
-def clutter(count: int, seed: int, spread: float = 1.0) -> tuple[PlaneBody, ...]:
+def clutter(count: int, seed: int, spread: float = 1.0, normals: str = "box") -> tuple[PlaneBody, ...]:
     rng = np.random.default_rng(seed)
-    return tuple(from_shape(f"body {k}", random_shape(rng), random_pose(rng, spread).matrix) for k in range(count))
+    return tuple(
+        from_shape(f"body {k}", random_shape(rng), random_pose(rng, spread).matrix, normals) for k in range(count)
+    )
 
 
 def hdsdf(pairs: BodyPairs) -> HdsdfPairs:
@@ -118,20 +120,25 @@ def assert_probes_kept(bodies: Sequence[LinkBody], plane: PlaneBody, margin: flo
     return assert_nothing_dropped(body_pairs(bodies, [plane], every, margin, np.zeros((1, 1), np.bool_)), still(1))
 
 
+@pytest.mark.parametrize("normals", ["faces", "box", "sphere"])
 @pytest.mark.parametrize("radius", [1e-4, 0.01, 0.3])
 @pytest.mark.parametrize("margin", [0.0, 0.02])
-def test_nothing_dropped_near_corners_and_edges(radius: float, margin: float) -> None:
+def test_nothing_dropped_near_corners_and_edges(radius: float, margin: float, normals: str) -> None:
     """Small balls around a box at the distance where D changes its sign: in the directions farthest from all planes."""
     half = np.array([0.2, 0.1, 0.3])
-    plane = from_shape("box", Box(tuple((2 * half).tolist())), random_pose(np.random.default_rng(14), 0.5).matrix)
+    placement = random_pose(np.random.default_rng(14), 0.5).matrix
+    plane = from_shape("box", Box(tuple((2 * half).tolist())), placement, normals)
     between = np.array([1, np.sqrt(2) - 1, np.sqrt(3) - np.sqrt(2)])  # equally far from face, edge and corner: 27.6°
     directions = np.array(
         [np.roll(between[list(order)], shift) for order in ([0, 1, 2], [0, 2, 1]) for shift in range(3)]
     )
-    directions = np.vstack([directions, np.sqrt([[1, 1, 0]]) @ np.diag([1, np.tan(np.pi / 8), 1]), np.eye(3)])
+    directions = np.vstack(
+        [directions, np.sqrt([[1, 1, 0]]) @ np.diag([1, np.tan(np.pi / 8), 1]), np.eye(3), np.ones((1, 3))]
+    )
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    shares = np.concatenate([np.linspace(0.8, 1.2, 81), 1 / np.cos(np.radians(27.6)) + np.linspace(-1e-3, 1e-3, 21)])
+    edges = np.array([1 / np.cos(np.radians(27.6)), np.sqrt(3)])[:, None]  # where box and faces alone begin to separate
+    shares = np.concatenate([np.linspace(0.8, 1.8, 121), (edges + np.linspace(-1e-3, 1e-3, 21)).ravel()])
     reach = (radius + margin) * shares
     corners = half * signs[:, None, None] + signs[:, None, None] * directions[:, None] * reach[:, None]
     middles = corners.copy()
@@ -142,12 +149,13 @@ def test_nothing_dropped_near_corners_and_edges(radius: float, margin: float) ->
     assert 0 < inside < len(places)
 
 
+@pytest.mark.parametrize("normals", ["faces", "box", "sphere"])
 @pytest.mark.parametrize("seed", range(4))
-def test_nothing_dropped_around_any_shape(seed: int) -> None:
+def test_nothing_dropped_around_any_shape(seed: int, normals: str) -> None:
     """Small bodies scattered over the rim of bodies of all shapes, where the decision is close."""
     rng = np.random.default_rng(20 + seed)
     found = 0
-    for plane in clutter(6, 30 + seed, spread=0.3):
+    for plane in clutter(6, 30 + seed, 0.3, normals):
         local = rng.uniform(-1.3, 1.3, (400, 3)) * (plane.half_size + 0.02)
         bodies = [
             LinkBody("probe", 0, ConvexBody.from_points(place + rng.uniform(-0.02, 0.02, (2, 3)), 0.005))
