@@ -162,8 +162,8 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
     pairs = [
         (a, b)
         for a, body in enumerate(bodies)
-        for b, other in enumerate(plane_bodies)
-        if body.joint > 0 and outline.reach[a].meets(other, margin)
+        if body.joint > 0
+        for b in np.flatnonzero(outline.reach[a].meets(plane_bodies, margin)).tolist()
     ]
     if pairs:
         laid_out = body_pairs(bodies, plane_bodies, pairs, margin, kinematics.supports)

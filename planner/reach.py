@@ -3,6 +3,7 @@ limits."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,12 +23,14 @@ class Reach:
     centre: Floats  # (3,) [m]
     radius: float  # [m]
 
-    def meets(self, other: PlaneBody, margin: float) -> bool:
-        """Whether the ball touches the box of a standing body enlarged by `margin` [m]; if not, the pair never
-        matters."""
-        local = (self.centre - other.box[:3, 3]) @ other.box[:3, :3]
-        outside = np.maximum(np.abs(local) - other.half_size - margin, 0.0)
-        return bool(np.linalg.norm(outside) <= self.radius)
+    def meets(self, others: Sequence[PlaneBody], margin: float) -> NDArray[np.bool_]:
+        """For each standing body (B,), whether the ball touches its box enlarged by `margin` [m]; if not, the pair
+        never matters."""
+        boxes = np.array([other.box for other in others]).reshape(-1, 4, 4)
+        half_sizes = np.array([other.half_size for other in others]).reshape(-1, 3)
+        local = ((self.centre - boxes[:, :3, 3])[:, None] @ boxes[:, :3, :3])[:, 0]
+        outside = np.maximum(np.abs(local) - half_sizes - margin, 0.0)
+        return np.asarray(np.einsum("bi,bi->b", outside, outside) <= self.radius**2)
 
 
 def reach_of(model: pin.Model, joint: int, body: ConvexBody) -> Reach:

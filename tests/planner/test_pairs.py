@@ -238,8 +238,8 @@ def test_no_pair_is_ruled_out_that_comes_near(arm: Robot) -> None:
     out = [
         (a, b)
         for a, body in enumerate(bodies)
-        for b, plane in enumerate(planes)
-        if body.joint > 0 and not reach_of(arm.model, body.joint, body.body).meets(plane, MARGIN)
+        if body.joint > 0
+        for b in np.flatnonzero(~reach_of(arm.model, body.joint, body.body).meets(planes, MARGIN))
     ]
     assert len(out) > 10
     pairs = open_wide(body_pairs(bodies, planes, out, MARGIN, kinematics.supports))

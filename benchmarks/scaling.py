@@ -1,0 +1,219 @@
+"""How a plan grows with the number of waypoints and of obstacles: times, and the peak of memory.
+
+    python benchmarks/scaling.py [--picture FILE.png] [--csv FILE] [--repeat R]
+
+A Panda moves around a post and between random boxes with edges of 2 to 6 cm, placed 5 cm clear of the straight line,
+which meets the post, of the motion that is found with the post alone, and of all between the two: so the problem stays
+as hard as it is while it grows. Waypoints 20 to 200 among 50 boxes; boxes 10 to 2,000 at the default number of
+waypoints.
+Every point runs in a process of its own, which plans once to warm up; given are medians. Memory is the peak of the
+whole process, libraries included. The slope is that of log time over log size between the ends: 1 is linear.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import dataclasses
+import platform
+import resource
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import hdplan
+from hdplan.planner.problem import build
+from hdplan.scenes.model import Box, JointTarget, Obstacle, Pose, Scene
+
+WAYPOINTS = (20, 32, 50, 100, 200)
+BOXES = (10, 30, 100, 300, 1000, 2000)
+FEW_BOXES = 50  # while waypoints vary
+ROOM = np.array([[-0.9, -0.9, 0.0], [0.9, 0.9, 1.2]])  # [m] where boxes are
+SIDES = (0.02, 0.06)  # [m]
+POST = Obstacle("post", Box((0.08, 0.08, 0.9)), Pose((0.55, 0.0, 0.45)))
+SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the way from the line to the motion found
+APART = 0.05  # [m] of the boxes from either motion, about
+START = (-0.9, 0.2, 0.0, -1.9, 0.0, 2.1, 0.8)
+GOAL = (0.9, 0.2, 0.0, -1.9, 0.0, 2.1, 0.8)
+DRAW = 3000  # boxes drawn at a time
+
+
+@dataclass(frozen=True)
+class Point:
+    """One measurement."""
+
+    waypoints: int
+    boxes: int
+    build: float  # [s] robot known, kernels compiled
+    solve: float  # [s]
+    iterations: int
+    certify: float  # [s]
+    certified: bool
+    peak: float  # [MB]
+
+    @property
+    def total(self) -> float:
+        """Build, solve and certify [s]."""
+        return self.build + self.solve + self.certify
+
+
+def scene_of(waypoints: int, boxes: int) -> Scene:
+    """The Panda among random boxes."""
+    empty = hdplan.load_scene("empty")
+    ends = {"start": JointTarget("start", START), "goal": JointTarget("goal", GOAL)}
+    settings = dataclasses.replace(empty.planner, waypoints=waypoints)
+    scene = dataclasses.replace(empty, **ends, name="clutter", obstacles=(POST,))
+    found = hdplan.plan(scene)
+    line = np.linspace(START, GOAL, len(found.trajectory))
+    motions = np.vstack([_halved(line + share * (found.trajectory.positions - line)) for share in SHARES])
+    rng, kept = np.random.default_rng(0), [POST]
+    while len(kept) < boxes:
+        drawn = [_random_box(f"box {len(kept) + k}", rng) for k in range(DRAW)]
+        apart = dataclasses.replace(empty.planner, clearance=APART - empty.planner.activation)
+        problem = build(dataclasses.replace(scene, obstacles=tuple(drawn), planner=apart))
+        met: set[str] = set()
+        for term in problem.terms:
+            if term.name == "obstacles":
+                inside = term.inside(problem.kinematics.evaluate(motions))
+                met = {problem.plane_bodies[b].name for b in term.pairs.plane_body[inside.pair].tolist()}
+        kept += [box for box in drawn if box.name not in met]
+    settings = dataclasses.replace(empty.planner, waypoints=waypoints)
+    return dataclasses.replace(scene, obstacles=tuple(kept[:boxes]), planner=settings)
+
+
+def _halved(motion: np.ndarray) -> np.ndarray:
+    """The motion with a waypoint in the middle of every interval."""
+    return np.insert(motion, np.arange(1, len(motion)), (motion[1:] + motion[:-1]) / 2, axis=0)
+
+
+def _random_box(name: str, rng: np.random.Generator) -> Obstacle:
+    quaternion = rng.normal(size=4)
+    turn = tuple((quaternion / np.linalg.norm(quaternion)).tolist())
+    return Obstacle(name, Box(tuple(rng.uniform(*SIDES, 3).tolist())), Pose(tuple(rng.uniform(*ROOM).tolist()), turn))
+
+
+def measure(waypoints: int, boxes: int, repeat: int) -> Point:
+    """Plan in this process."""
+    hdplan.plan(scene_of(20, 10))
+    scene = scene_of(waypoints, boxes)
+    results = [hdplan.plan(scene, time_limit=120.0) for _ in range(repeat)]
+    times = [result.times for result in results]
+    build_s, solve_s, certify_s = (
+        float(np.median(values))
+        for values in (
+            [t.build + t.compile for t in times],
+            [t.solve for t in times],
+            [t.certify for t in times],
+        )
+    )
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (
+        1e6 if sys.platform == "darwin" else 1e6 / 1024
+    )  # kB on Linux
+    result = results[0]
+    return Point(waypoints, boxes, build_s, solve_s, result.iterations, certify_s, result.certified, peak)
+
+
+def in_a_process(waypoints: int, boxes: int, repeat: int) -> Point:
+    """Measure in a process of its own, for its own peak of memory."""
+    command = [sys.executable, __file__, "--one", str(waypoints), str(boxes), "--repeat", str(repeat)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(done.stderr)
+    values = done.stdout.split()
+    kinds = [field.type for field in dataclasses.fields(Point)]
+    parse = {"int": int, "float": float, "bool": lambda text: text == "True"}
+    return Point(*(parse[str(kind)](value) for kind, value in zip(kinds, values, strict=True)))
+
+
+def table(title: str, points: list[Point], size: str) -> str:
+    """Markdown, and the slope of each time."""
+    lines = [
+        f"| {title} | build [ms] | solve [ms] | iterations | per iteration [ms] | certify [ms] | certified "
+        "| peak [MB] |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for p in points:
+        lines.append(
+            f"| {getattr(p, size)} | {1e3 * p.build:.0f} | {1e3 * p.solve:.0f} | {p.iterations} "
+            f"| {1e3 * p.solve / max(p.iterations, 1):.1f} | {1e3 * p.certify:.0f} | {'yes' if p.certified else 'no'} "
+            f"| {p.peak:.0f} |"
+        )
+    first, last = points[0], points[-1]
+    span = np.log(getattr(last, size) / getattr(first, size))
+    per = [(p.solve / max(p.iterations, 1)) for p in (first, last)]
+    slopes = {
+        "per iteration": np.log(per[1] / per[0]) / span,
+        "certify": np.log(last.certify / first.certify) / span,
+        "total": np.log(last.total / first.total) / span,
+    }
+    return "\n".join(lines) + "\n\nslopes: " + ", ".join(f"{name} {value:.2f}" for name, value in slopes.items())
+
+
+def draw(by_waypoints: list[Point], by_boxes: list[Point], file: Path) -> None:
+    """Two panels: time over waypoints and over boxes, with the memory beneath."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(2, 2, figsize=(9, 5.5), sharex="col", height_ratios=(3, 1), layout="constrained")
+    for column, (points, size, words) in enumerate(
+        ((by_waypoints, "waypoints", f"waypoints, among {FEW_BOXES} boxes"), (by_boxes, "boxes", "boxes, 32 waypoints"))
+    ):
+        x = [getattr(p, size) for p in points]
+        above, below = axes[0, column], axes[1, column]
+        for name, colour, marker in (
+            ("solve", "#0072b2", "o"),
+            ("certify", "#d55e00", "s"),
+            ("build", "#009e73", "^"),
+        ):
+            above.loglog(x, [1e3 * getattr(p, name) for p in points], color=colour, marker=marker, label=name)
+        above.loglog(x, [1e3 * p.solve / p.iterations for p in points], "o--", color="#0072b2", label="per iteration")
+        reference = 1e3 * points[0].solve / points[0].iterations
+        above.loglog(x, [reference * value / x[0] for value in x], ":", color="0.5", label="linear")
+        above.set_ylabel("time [ms]")
+        above.grid(alpha=0.3, which="both")
+        below.semilogx(x, [p.peak for p in points], "o-", color="#444444")
+        below.axhline(600, color="#cc79a7", linestyle="--", label="600 MB")
+        below.set_ylim(0, 700)
+        below.set_ylabel("peak [MB]")
+        below.set_xlabel(words)
+        below.set_xticks(x, [str(value) for value in x])
+        below.minorticks_off()
+        below.grid(alpha=0.3)
+    axes[0, 0].legend(frameon=False, fontsize=8)
+    axes[1, 0].legend(frameon=False, fontsize=8)
+    figure.savefig(file, dpi=130)
+
+
+def main() -> None:
+    """Run the benchmark from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--repeat", type=int, default=3, help="plans per point; the median counts")
+    parser.add_argument("--picture", type=Path)
+    parser.add_argument("--csv", type=Path)
+    parser.add_argument("--one", type=int, nargs=2, metavar=("WAYPOINTS", "BOXES"), help="one point, in this process")
+    options = parser.parse_args()
+    if options.one:
+        print(*dataclasses.astuple(measure(*options.one, options.repeat)))
+        return
+    default = hdplan.load_scene("empty").planner.waypoints
+    by_waypoints = [in_a_process(count, FEW_BOXES, options.repeat) for count in WAYPOINTS]
+    by_boxes = [in_a_process(default, count, options.repeat) for count in BOXES]
+    print(f"Python {platform.python_version()}, {platform.machine()}, one core used of this machine\n")
+    print(table(f"waypoints, {FEW_BOXES} boxes", by_waypoints, "waypoints"), end="\n\n")
+    print(table(f"boxes, {default} waypoints", by_boxes, "boxes"))
+    if options.picture:
+        draw(by_waypoints, by_boxes, options.picture)
+    if options.csv:
+        with options.csv.open("w", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow([field.name for field in dataclasses.fields(Point)])
+            writer.writerows(dataclasses.astuple(p) for p in by_waypoints + by_boxes)
+
+
+if __name__ == "__main__":
+    main()
