@@ -81,11 +81,8 @@ def plan(
     except KeyboardInterrupt:
         if search.best is None and not search.certify_last():
             raise
-    assert search.best is not None  # an attempt ends with a certificate
-    best = search.best
-    if not (best.certificate.certified or best.whole):
-        best = best._replace(certificate=certifier.certify(best.solution.trajectory, required=required))
-        search.certify_seconds += best.certificate.seconds
+    best = search.conclude()
+    solved = time.perf_counter() - built - search.certify_seconds  # guesses included
     load, build_, compile_ = loaded - began, built - loaded - problem.compile_seconds, problem.compile_seconds
     return PlanResult(
         scene=scene.name,
@@ -97,7 +94,7 @@ def plan(
         attempts=search.attempts,
         iterations=search.iterations,
         steps=best.steps,
-        times=Times(load, build_, compile_, search.solve_seconds, search.certify_seconds),
+        times=Times(load, build_, compile_, solved, search.certify_seconds),
         notes=(*problem.notes, *words),
     )
 
@@ -130,7 +127,7 @@ class _Search:
         self.best: _Best | None = None
         self.steps: tuple[Step, ...] = ()  # of the attempt under way
         self.attempts = self.iterations = 0
-        self.solve_seconds = self.certify_seconds = 0.0
+        self.certify_seconds = 0.0
 
     def attempt(self, guess: Floats) -> bool:
         """Solve from one guess, and solve on where the certificate fails or the samples turn out too far apart; True if
@@ -167,13 +164,22 @@ class _Search:
             self._certify(self.last)
         return self.best is not None
 
+    def conclude(self) -> _Best:
+        """Return the best motion, with every failure named if it is not certified."""
+        assert self.best is not None  # an attempt ends with a certificate
+        if not self.best.whole and not self.best.certificate.certified:
+            certificate = self.certifier.certify(self.best.solution.trajectory, required=self.required)
+            self.certify_seconds += certificate.seconds
+            self.report(Event(self.attempts, certificate=certificate))
+            self.best = self.best._replace(certificate=certificate, whole=True)
+        return self.best
+
     def _certify(self, solution: Solution) -> Certificate:
         """Certify a motion, and keep it if it is the best so far."""
         hopeless = solution.status is Status.STALLED  # seldom certified: the first contact found settles it
         certificate = self.certifier.certify(solution.trajectory, required=self.required, stop_at_contact=hopeless)
         self.last = None
         self.iterations += solution.iterations
-        self.solve_seconds += solution.seconds
         self.certify_seconds += certificate.seconds
         self.steps += tuple(self._numbered(step) for step in solution.steps)
         if self.best is None or _rank(certificate) < _rank(self.best.certificate):

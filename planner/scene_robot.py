@@ -5,6 +5,7 @@ Reading a URDF and its meshes takes longer than many a plan; a robot is kept unt
 
 from __future__ import annotations
 
+import functools
 import os
 from collections import OrderedDict
 from collections.abc import Hashable
@@ -14,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.planner.robot import Robot, load_robot, robot_files
+from hdplan.planner.robot import LIMIT_ROUNDING, Robot, load_robot, robot_files
 from hdplan.scenes.errors import naming
 from hdplan.scenes.model import RobotSpec, Scene
 
@@ -22,6 +23,9 @@ Array = NDArray[np.float64]
 Stamps = tuple[tuple[str, int, int], ...]  # file, time of change [ns], size [bytes]
 
 MOST = 8  # robots kept
+ROOM = (
+    0.1  # how far beyond a limit a MoveIt request may lie [rad or m]: descriptions of one robot differ in their limits
+)
 _kept: OrderedDict[Hashable, tuple[Robot, Stamps]] = OrderedDict()
 
 
@@ -37,8 +41,9 @@ class Query:
 def load_scene_robot(scene: Scene) -> Robot:
     """Load a scene's robot, with a MoveIt request's values for the joints that it has and does not plan.
 
-    The same object for the same specification, as long as its files stay as they are. Raises InputError, naming the
-    file that speaks of the robot.
+    The limits make room for a request's start and goal up to ROOM beyond them, which is noted. The same object for the
+    same specification, as long as its files stay as they are. Raises InputError, naming the file that speaks of the
+    robot.
     """
     spec = scene.robot
     with naming(spec.source or scene.source):
@@ -46,8 +51,9 @@ def load_scene_robot(scene: Scene) -> Robot:
             robot = _load_once(spec)
             requested = {joint: value for joint, value in scene.start.by_name.items() if joint in robot.locked}
             spec = replace(spec, locked={**requested, **spec.locked})
-            if spec.locked == robot.locked:
-                return robot
+            if spec.locked != robot.locked:
+                robot = _load_once(spec)
+            return _with_room(robot, scene)
         return _load_once(spec)
 
 
@@ -59,6 +65,32 @@ def resolve_query(robot: Robot, scene: Scene) -> Query:
     unknown = [joint for joint in named if joint not in robot.joint_names and joint not in robot.locked]
     notes = (f"left out, as {robot.name} has no such joints: {', '.join(unknown)}",) if unknown else ()
     return Query(start, goal, notes)
+
+
+def _with_room(robot: Robot, scene: Scene) -> Robot:
+    """Widen the limits to the request's ends where they lie beyond by more than rounding and at most ROOM."""
+    lower, upper = robot.lower.copy(), robot.upper.copy()
+    for target in (scene.start, scene.goal):
+        for i, joint in enumerate(robot.joint_names):
+            value = (target.by_name or {}).get(joint, robot.lower[i])
+            if LIMIT_ROUNDING < robot.lower[i] - value <= ROOM:
+                lower[i] = min(lower[i], value)
+            if LIMIT_ROUNDING < value - robot.upper[i] <= ROOM:
+                upper[i] = max(upper[i], value)
+    if np.array_equal(lower, robot.lower) and np.array_equal(upper, robot.upper):
+        return robot
+    return _with_limits(robot, tuple(lower.tolist()), tuple(upper.tolist()))
+
+
+@functools.lru_cache(maxsize=MOST)
+def _with_limits(robot: Robot, lower: tuple[float, ...], upper: tuple[float, ...]) -> Robot:
+    words = tuple(
+        f"joint '{joint}': limits [{robot.lower[i]:g}, {robot.upper[i]:g}] widened to [{lower[i]:g}, {upper[i]:g}], "
+        "as the request's start or goal lies there"
+        for i, joint in enumerate(robot.joint_names)
+        if (lower[i], upper[i]) != (robot.lower[i], robot.upper[i])
+    )
+    return replace(robot, lower=np.array(lower), upper=np.array(upper), notes=(*robot.notes, *words))
 
 
 def _load_once(spec: RobotSpec) -> Robot:

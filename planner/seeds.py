@@ -1,6 +1,9 @@
-"""First guesses: the straight line, then lines through via configurations drawn at random and chosen by their penalty.
+"""First guesses: the straight line, then the best ways through a roadmap that grows with every guess.
 
-All draws come from one seeded generator, so the same seed gives the same guesses.
+The roadmap's nodes are random configurations, clear of everything, denser about the straight line; an edge costs its
+length, times more where bodies come too close along it. A way that has been tried costs more the next time. So a guess
+may pass through obstacles, but not far, and no two are alike (a soft form of the probabilistic roadmap, Kavraki et al.
+1996). All draws come from one seeded generator: the same seed gives the same guesses.
 """
 
 from __future__ import annotations
@@ -9,48 +12,87 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
 
 from hdplan.planner.problem import Problem
 
 Floats = NDArray[np.float64]
+Rows = NDArray[np.int64]
 
-CANDIDATES = 24  # via configurations drawn for each guess
-LOOKS = 16  # configurations at which a candidate line is scored
+NODES = 48  # configurations drawn for each guess; the clear ones among them stay
+SPREADS = (0.3, 0.6, 1.0)  # shares of the joints' ranges by which they may lie off the straight line
+NEIGHBOURS = 8  # nearest nodes to which a new one is joined
+LOOKS = 8  # configurations at which an edge is scored
+DEPTH = 0.01  # [m] inside the margin that doubles the cost of a piece of an edge
+WORN = 3.0  # factor on the cost of an edge that has been tried
 
 
 def seeds(problem: Problem, seed: int) -> Iterator[Floats]:
     """Yield guesses (N, n) without end, the straight line first."""
-    yield through(problem, [])
-    rng = np.random.default_rng(seed)
-    attempt = 0
+    yield through(problem, np.empty((0, len(problem.start))))
+    roadmap = Roadmap(problem, np.random.default_rng(seed))
     while True:
-        attempt += 1
-        spread = (0.3, 0.6, 1.0)[attempt % 3]
-        count = 1 if attempt % 4 else 2
-        candidates = [_via(problem, rng, count, spread) for _ in range(CANDIDATES)]
-        looks = np.concatenate([_resample(np.array([problem.start, *via, problem.goal]), LOOKS) for via in candidates])
-        penalty = problem.penalties(looks).reshape(CANDIDATES, LOOKS).sum(axis=1)
-        yield through(problem, candidates[int(np.argmin(penalty))])
+        roadmap.grow()
+        yield through(problem, roadmap.way())
 
 
-def through(problem: Problem, via: list[Floats]) -> Floats:
-    """The polyline start – via – goal as N waypoints at equal steps of joint-space length."""
-    return _resample(np.array([problem.start, *via, problem.goal]), problem.waypoints)
-
-
-def _via(problem: Problem, rng: np.random.Generator, count: int, spread: float) -> list[Floats]:
-    """Via configurations: points on the straight line, moved by up to `spread` of the joints' ranges."""
-    robot, result = problem.robot, []
-    for index, drawn in enumerate(robot.draw(rng, count)):
-        middle = problem.start + (index + 1) / (count + 1) * (problem.goal - problem.start)
-        result.append(np.clip(middle + spread * (drawn - middle), robot.lower, robot.upper))
-    return result
-
-
-def _resample(corners: Floats, count: int) -> Floats:
-    """`count` points at equal steps along a polyline (C, n)."""
+def through(problem: Problem, via: Floats) -> Floats:
+    """The polyline start – via (C, n) – goal as N waypoints at equal steps of joint-space length."""
+    corners = np.vstack([problem.start, via, problem.goal])
     lengths = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1)))
     if lengths[-1] == 0:
-        return np.repeat(corners[:1], count, axis=0)
-    wanted = np.linspace(0, lengths[-1], count)
+        return np.repeat(corners[:1], problem.waypoints, axis=0)
+    wanted = np.linspace(0, lengths[-1], problem.waypoints)
     return np.stack([np.interp(wanted, lengths, column) for column in corners.T], axis=1)
+
+
+class Roadmap:
+    """Configurations joined by straight lines, and what each line costs; nodes 0 and 1 are start and goal."""
+
+    def __init__(self, problem: Problem, rng: np.random.Generator) -> None:
+        """Begin with the straight line alone."""
+        self.problem, self.rng = problem, rng
+        self.nodes = np.stack([problem.start, problem.goal])
+        self.edges = np.array([[0, 1]])
+        self.costs = WORN * self._costs(self.edges)  # it has been tried
+
+    def grow(self) -> None:
+        """Add the clear ones among NODES random configurations, each joined to its nearest neighbours."""
+        along = self.rng.uniform(size=(NODES, 1))
+        middle = self.problem.start + along * (self.problem.goal - self.problem.start)
+        spread = self.rng.choice(SPREADS, size=(NODES, 1))
+        drawn = middle + spread * (self.problem.robot.draw(self.rng, NODES) - middle)
+        drawn = np.clip(drawn, self.problem.robot.lower, self.problem.robot.upper)
+        before = len(self.nodes)
+        self.nodes = np.vstack([self.nodes, drawn[self.problem.depth(drawn) == 0.0]])
+        apart = np.linalg.norm(self.nodes[before:, None] - self.nodes[None], axis=2)
+        apart[np.arange(len(apart)), before + np.arange(len(apart))] = np.inf
+        nearest = np.argsort(apart, axis=1, kind="stable")[:, :NEIGHBOURS]
+        edges = np.stack([np.repeat(before + np.arange(len(apart)), nearest.shape[1]), nearest.ravel()], axis=1)
+        edges = np.unique(np.sort(edges, axis=1), axis=0)
+        if len(edges):
+            self.edges = np.vstack([self.edges, edges])
+            self.costs = np.append(self.costs, self._costs(edges))
+
+    def way(self) -> Floats:
+        """The nodes (C, n) between start and goal on the cheapest way, which costs more from now on."""
+        size = (len(self.nodes), len(self.nodes))
+        graph = coo_array((self.costs, self.edges.T), shape=size).tocsr()
+        _, before = dijkstra(graph, directed=False, indices=0, return_predecessors=True)
+        way = [1]
+        while way[-1] != 0:
+            way.append(int(before[way[-1]]))
+        steps = np.sort(np.stack([way[:-1], way[1:]], axis=1), axis=1)
+        self.costs[(self.edges[:, None] == steps[None]).all(axis=2).any(axis=1)] *= WORN
+        between: Floats = self.nodes[way[-2:0:-1]]
+        return between
+
+    def _costs(self, edges: Rows) -> Floats:
+        """Length of each edge (E, 2), times 1 + the mean squared depth along it, in units of DEPTH."""
+        first, last = self.nodes[edges[:, 0]], self.nodes[edges[:, 1]]
+        fractions = (np.arange(LOOKS)[:, None] + 0.5) / LOOKS
+        looks = first[:, None] + fractions * (last - first)[:, None]
+        depth = self.problem.depth(looks.reshape(-1, first.shape[1])).reshape(-1, LOOKS)
+        costs: Floats = np.linalg.norm(last - first, axis=1) * (1 + np.mean((depth / DEPTH) ** 2, axis=1))
+        return costs

@@ -42,7 +42,7 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
             else:
                 damping = min(damping * 6, MOST_DAMPING)
             if progress.step(before, state):
-                state, damping = problem.evaluate(positions, progress.weight), FIRST_DAMPING
+                state, damping = problem.evaluate(positions, progress.weight), max(damping, FIRST_DAMPING)
         if progress.status is Status.CLEAR:  # without damping: where nothing bends the motion, this is its minimum
             trial = problem.clip(positions + _step(problem, positions, state, LEAST_DAMPING))
             after = problem.evaluate(trial, progress.weight)

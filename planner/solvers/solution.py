@@ -35,6 +35,7 @@ class Status(enum.Enum):
 FIRST_WEIGHT, LAST_WEIGHT, RAISE = 6e3, 3e8, 6.0  # of the penalty [1/m²]
 SLOW = 0.01  # relative decrease below which a step counts as stalled
 REFUSED = 1 / 3  # of a stalled step: what a refused one counts, as the next is another try at the same
+GIVE_UP = 9  # refused steps in a row: three weights in vain
 ENOUGH = 0.5  # share of the activation band that may be used up when the motion counts as clear
 ENDS = 0.2  # share of the duration over which an end that is itself too close excuses the motion beside it
 
@@ -97,6 +98,7 @@ class Progress:
         self.status: Status | None = None
         self.steps: list[Step] = []
         self.stalled = 0.0
+        self.refused = 0  # steps in a row
 
     def goes_on(self) -> bool:
         """Whether another step may be taken."""
@@ -115,11 +117,12 @@ class Progress:
         self.budget.report(self.steps[-1])
         gain = before - state.cost
         self.stalled = 0.0 if gain > SLOW * before else self.stalled + (1.0 if gain > 0.0 else REFUSED)
+        self.refused = 0 if gain > 0.0 else self.refused + 1
         if self.stalled < self.patience:
             return False
         if self.is_clear(state):
             self.status = Status.CLEAR
-        elif self.weight >= LAST_WEIGHT:
+        elif self.weight >= LAST_WEIGHT or self.refused >= GIVE_UP:
             self.status = Status.STALLED
         else:
             self.weight, self.stalled = self.weight * RAISE, 0.0

@@ -198,6 +198,44 @@ def test_a_request_holds_joints_that_are_not_planned_and_drops_unknown_ones() ->
     assert load_scene_robot(told).locked["panda_finger_joint1"] == 0.01
 
 
+def test_limits_make_room_for_a_request_that_lies_a_little_beyond(panda: Robot) -> None:
+    """Other descriptions of a Panda let joint 4 go to 0.0175; too far beyond is refused, as is a hand-written scene."""
+    joint = panda.joint_names.index("panda_joint4")
+    for excess, from_request, allowed in ((0.08, True, True), (0.2, True, False), (0.08, False, False)):
+        goal = dict(zip(panda.joint_names, READY, strict=True)) | {"panda_joint4": panda.upper[joint] + excess}
+        start = JointTarget("start", by_name=dict(zip(panda.joint_names, READY, strict=True)))
+        scene = _scene(RobotSpec(name="panda"), start, JointTarget("goal", by_name=goal), from_request)
+        robot = load_scene_robot(scene)
+        if not allowed:
+            np.testing.assert_array_equal(robot.upper, panda.upper)
+            with pytest.raises(InputError, match=r"panda_joint4.*outside its limits"):
+                resolve_query(robot, scene)
+            continue
+        assert robot.upper[joint] == goal["panda_joint4"]
+        assert np.sum(robot.upper != panda.upper) == 1
+        np.testing.assert_array_equal(robot.lower, panda.lower)
+        assert any("panda_joint4" in note and "widened" in note for note in robot.notes)
+        np.testing.assert_array_equal(resolve_query(robot, scene).goal, list(goal.values()))
+        assert load_scene_robot(scene) is robot
+
+
+def test_a_robot_is_loaded_once_until_its_files_change(tmp_path: Path) -> None:
+    file = tmp_path / "arm.urdf"
+    text = (
+        '<robot name="arm"><link name="base"/><link name="arm"><collision><geometry>'
+        '<box size="0.1 0.1 0.4"/></geometry></collision></link>'
+        '<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>'
+        '<axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>'
+    )
+    file.write_text(text)
+    ends = JointTarget("start", (0.0,)), JointTarget("goal", (0.5,))
+    first = load_scene_robot(_scene(RobotSpec(urdf=file), *ends))
+    assert load_scene_robot(_scene(RobotSpec(urdf=file), *ends)) is first
+    assert load_scene_robot(_scene(RobotSpec(urdf=file, base=Pose((0.0, 0.0, 1.0))), *ends)) is not first
+    file.write_text(text.replace('upper="1"', 'upper="1.25"'))
+    assert load_scene_robot(_scene(RobotSpec(urdf=file), *ends)).upper == 1.25
+
+
 def test_continuous_joints_are_one_angle() -> None:
     kinova = load_robot(RobotSpec(name="kinova"))
     assert kinova.model.nq > kinova.n
