@@ -50,6 +50,7 @@ Examples:
   hdplan explain my_scene.yaml
   hdplan robots panda
   hdplan study distance --quick
+  hdplan study planning --quick
   hdplan reproduce conservativeness
 
 Shipped scenes go by their bare names: empty, kinova_shelf, panda_bookshelf, panda_cage, panda_corridor,
@@ -302,6 +303,36 @@ def distance(output: Folder = OUT, quick: Quick = False) -> None:
     _show_report(found)
 
 
+@studies.command()
+def planning(
+    output: Folder = OUT,
+    quick: Quick = False,
+    problems: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Plan these MoveIt problems as well: every scene*.yaml below DIR, its request*.yaml beside it, and a "
+            "robot.yaml in the nearest folder above it.",
+        ),
+    ] = None,
+    every: Annotated[
+        int, typer.Option(metavar="K", help="Take every K-th of the problems.", parser=_whole_number)
+    ] = 10,
+) -> None:
+    """Show what accuracy costs in time, for planning.
+
+    One setting at a time is changed from the defaults (link bodies, normals, gamma, shaping length, waypoints, solver)
+    on the shipped scenes: what is certified, clearance lost to conservativeness, smoothness, and time. Writes
+    planning_study.csv, .md and .png. Takes a quarter of an hour; Ctrl-C ends with what was found so far.
+    """
+    from hdplan.planner.study_planning import study_planning
+
+    scenes = [*_shipped(quick), *(_problems(problems, every) if problems else [])]
+    with _measuring() as (report, stop):
+        found = study_planning(output, scenes, quick, report, stop)
+    _show_report(found)
+
+
 @figures.command()
 def time(output: Folder = OUT, quick: Quick = False) -> None:
     """Time exact distances, GDF and the HD-SDF.
@@ -371,6 +402,34 @@ def _load(scene: str, request: Path | None, robot: str | None) -> Scene:
     from hdplan.scenes.reader import load_scene
 
     return load_scene(scene, request=request, robot=robot)
+
+
+def _shipped(only_panda: bool) -> list[Scene]:
+    """The shipped scenes that have obstacles."""
+    from hdplan.scenes.reader import load_scene, shipped_scenes
+
+    scenes = [load_scene(file) for file in shipped_scenes().values()]
+    return [scene for scene in scenes if scene.obstacles and (not only_panda or scene.robot.name == "panda")]
+
+
+def _problems(folder: Path, every: int) -> list[Scene]:
+    """Every K-th MoveIt problem below a folder, named by its path in it."""
+    from hdplan.scenes.reader import load_scene
+
+    if every < 1:
+        raise InputError(f"--every: found {every}, allowed is a whole number of at least 1")
+    scenes = []
+    for file in sorted(folder.rglob("scene*.yaml"))[::every]:
+        request = file.with_name(file.name.replace("scene", "request", 1))
+        robots = [above / "robot.yaml" for above in file.parents if above.is_relative_to(folder)]
+        robot = next((robot for robot in robots if robot.is_file()), None)
+        if robot is None:
+            raise InputError(f"{file}: there is no robot.yaml in its folder or in one above it, up to {folder}")
+        scene = load_scene(file, request=request, robot=robot)
+        scenes.append(replace(scene, name=str(file.relative_to(folder).with_suffix(""))))
+    if not scenes:
+        raise InputError(f"{folder}: no scene*.yaml in it or below it")
+    return scenes
 
 
 # --- the error stream --------------------------------------------------------------------------------------

@@ -140,7 +140,8 @@ def load(scene_file: Path) -> Task:
 
 def tables(outcomes: list[Outcome]) -> str:
     """Markdown: all planners over all problems; each beside hdplan on what both proved; proven by set."""
-    return "\n\n".join((_overview(outcomes), _side_by_side(outcomes), _by_set(outcomes)))
+    parts = (_overview(outcomes), _side_by_side(outcomes), _by_set(outcomes))
+    return "\n\n".join(part for part in parts if part)
 
 
 def _overview(outcomes: list[Outcome]) -> str:
@@ -164,12 +165,14 @@ def _overview(outcomes: list[Outcome]) -> str:
 
 
 def _side_by_side(outcomes: list[Outcome]) -> str:
-    """Medians over the problems that both a peer and hdplan proved: the two rows of a pair compare like with like."""
-    rows = [
+    """Medians over the problems that both a peer and hdplan proved, so that the two rows of a pair compare;
+    empty without such a problem."""
+    head = [
         "| proven by both | problems | planner | length median [rad] | ∫ acceleration² median [rad²] "
         "| ∫ jerk² median [rad²] | proven clearance median [mm] |",
         "|---|---|---|---|---|---|---|",
     ]
+    rows: list[str] = []
     proven = {(o.planner, o.robot, o.set, o.problem): o for o in outcomes if o.proven}
     for (robot, planner), group in _grouped(outcomes, lambda o: (o.robot, o.planner)).items():
         pairs = [(o, proven.get(("hdplan", o.robot, o.set, o.problem))) for o in group if o.proven]
@@ -179,7 +182,7 @@ def _side_by_side(outcomes: list[Outcome]) -> str:
         for name, column in ((planner, [o for o, _ in both]), ("hdplan", [ours for _, ours in both])):
             clearance = 1e3 * _quantile([o.clearance for o in column], 0.5)
             rows.append(f"| {robot} {planner} | {len(both)} | {name} | {_shapes(column)} | {clearance:.1f} |")
-    return "\n".join(rows)
+    return "\n".join(head + rows) if rows else ""
 
 
 def _by_set(outcomes: list[Outcome]) -> str:

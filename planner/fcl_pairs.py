@@ -7,7 +7,7 @@ coal proposes the normal n of a pair (from the second body to the first); the nu
 
     D = gap(n) − margin,   gap(n) = min_{a ∈ A} n·a − max_{b ∈ B} n·b  ≤  d(A, B),
 
-exact to about 1e-7 m where n is the witness normal, and a lower bound whatever coal says. The gradient of D is the
+exact to about 2e-7 m where n is the witness normal, and a lower bound whatever coal says. The gradient of D is the
 motion of A's witness point along n (the envelope theorem). It jumps where d has kinks: between faces that are parallel
 the witness points, and in overlaps the normal too, are one choice among many.
 """
@@ -41,10 +41,11 @@ REQUEST.gjk_tolerance = REQUEST.epa_tolerance = 1e-8
 class FclPairs:
     """D of the pairs' bodies, less the margin: exact, apart from the contacts that coal gets wrong.
 
-    That is about one of a thousand exactly parallel contacts, where its distance is not the gap along its own normal
-    (python-fcl, the older binding, ends the whole process in some of them). There coal is asked again with A turned by
-    NUDGE, and the largest gap counts, that along the line of the centres among them: D is finite always, and its wrench
-    fits it, but there it may be a lower bound. No pair is left out.
+    In about one of a thousand exactly parallel contacts (one of a hundred with a cylinder) its distance is not the gap
+    along its own normal; python-fcl, the older binding, ends the whole process in some of them. There coal is asked
+    again with A turned by NUDGE, and the largest gap counts, that along the line of the centres among them. No pair is
+    left out: D is finite always, never more than exact, and the wrench fits it. Where a cylinder and a box aligned with
+    it overlap deeply, coal may give a direction out that is not the shortest: there D is a lower bound only.
     """
 
     def __init__(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import json
 import os
 import pty
 import signal
@@ -18,7 +19,7 @@ import pytest
 
 from hdplan import cli
 from hdplan.distance import conservativeness, query_time, study
-from hdplan.planner import reproduce
+from hdplan.planner import planning_runs, reproduce
 
 pytest.importorskip("matplotlib")
 
@@ -76,6 +77,60 @@ def test_study_distance(hdplan: Callable[..., Done]) -> None:
     assert "| paper+centre | 2 | 1 mm | float64 |" in told
 
 
+def test_study_planning(hdplan: Callable[..., Done], monkeypatch: pytest.MonkeyPatch) -> None:
+    """On one shipped scene and one of MoveIt's, named by its path."""
+    monkeypatch.setattr(planning_runs, "QUICK_VALUES", {"solver": ("gauss_newton", "chomp")})
+    monkeypatch.setattr(planning_runs, "QUICK_WANTED", 10)
+    shipped = cli._shipped(True)
+    assert {scene.robot.name for scene in shipped} == {"panda"}
+    assert {scene.name for scene in cli._shipped(False)} > {scene.name for scene in shipped}
+    monkeypatch.setattr(cli, "_shipped", lambda quick: shipped[:1] if quick else [])
+    folder = Path("problems/a/set")
+    folder.mkdir(parents=True)
+    Path("problems/a/robot.yaml").write_text("robot: {name: panda}")
+    corner = "{type: box, dimensions: [0.1, 0.1, 0.1]}"
+    pose = "{position: [0.6, 0, 0.4], orientation: [0, 0, 0, 1]}"
+    cube = f"{{id: cube, primitives: [{corner}], primitive_poses: [{pose}]}}"
+    for k in range(3):
+        scene = f"name: s\nworld:\n  collision_objects:\n    - {cube}\n"
+        folder.joinpath(f"scene000{k}.yaml").write_text(scene)
+        start, goal = ([side, -0.785, 0, -2.356, 0, 1.571, 0.785] for side in (-0.7, 0.7))
+        names = [f"panda_joint{joint}" for joint in range(1, 8)]
+        wanted = [{"joint_name": name, "position": value} for name, value in zip(names, goal, strict=True)]
+        request = {
+            "start_state": {"joint_state": {"name": names, "position": start}},
+            "goal_constraints": [{"joint_constraints": wanted}],
+        }
+        folder.joinpath(f"request000{k}.yaml").write_text(json.dumps(request))
+    done = hdplan("study", "planning", "--quick", "--problems", "problems", "--every", "2")
+    assert (done.code, done.err) == (0, "")
+    assert "  defaults " in done.out
+    assert {path.name for path in Path("out").iterdir()} == {f"planning_study.{end}" for end in ("csv", "md", "png")}
+    table = rows(Path("out/planning_study.csv"))
+    named = [shipped[0].name, "a/set/scene0000", "a/set/scene0002"]
+    assert [(row["setting"], row["scene"]) for row in table] == [
+        (setting, scene) for setting in ("defaults", "solver") for scene in named
+    ]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--problems", "missing"), "no scene*.yaml"),
+        (("--problems", "lonely"), "no robot.yaml"),
+        (("--problems", "lonely", "--every", "0"), "at least 1"),
+    ],
+)
+def test_bad_problems_are_one_line_before_the_work(
+    hdplan: Callable[..., Done], arguments: tuple[str, ...], words: str
+) -> None:
+    Path("lonely").mkdir()
+    Path("lonely/scene1.yaml").write_text("")
+    done = hdplan("study", "planning", *arguments)
+    assert (done.code, done.out, done.err.count("\n")) == (2, "", 1)
+    assert words in done.err
+
+
 def test_reproduce_time(hdplan: Callable[..., Done]) -> None:
     done = hdplan("reproduce", "time", "--quick", "-o", "here")
     assert (done.code, done.err) == (0, "")
@@ -106,7 +161,9 @@ def test_reproduce_kinks(hdplan: Callable[..., Done]) -> None:
     assert len(rows(Path("out/kinks.csv"))) == 1601
 
 
-@pytest.mark.parametrize("command", [("study", "distance"), ("reproduce", "time"), ("reproduce", "kinks")])
+@pytest.mark.parametrize(
+    "command", [("study", "distance"), ("study", "planning"), ("reproduce", "time"), ("reproduce", "kinks")]
+)
 def test_bad_folders_are_one_line_before_the_work(hdplan: Callable[..., Done], command: tuple[str, ...]) -> None:
     Path("file").write_text("")
     for folder, words in (("file", "cannot be made"), ("missing/folder", "cannot be made")):

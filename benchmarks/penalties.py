@@ -1,0 +1,300 @@
+"""HD-SDF against FCL as the obstacle penalty: same bodies, functional, solver, first guesses and certificate.
+
+    python benchmarks/penalties.py DIR [--robot panda|ur5] [--every K] [--time-limit S] [--picture F] [--csv F]
+
+DIR holds MotionBenchMaker's problems as `mbm` takes them; the shipped scenes come on top. Each problem is planned with
+each of `penalty_variants`, one right after the other, all else at its default. Tables: effort over all problems,
+motions over those that all certify, cost of a pair's distance with and without Python's loop (`penalty_pairs`),
+near-parallel faces (`penalty_faces`); and a picture of the cost against the iteration (`penalty_picture`).
+
+All penalties are ½ min(D, 0)² with the same weights and the same margin of 20 mm, and D is zero about where bodies keep
+it; but deeper inside the HD-SDF is up to 1.6 times the exact depth, and its planes enclose a little more than the
+obstacle. The solver's own constants were chosen with the HD-SDF. "Refused" is a step that leaves the motion as it was,
+since the cost would rise. Length and smoothness as in `peer_task.measure`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import csv
+import dataclasses
+import itertools
+import platform
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+import penalty_faces
+import penalty_pairs
+import penalty_picture
+from peer_task import Shape, measure
+from penalty_variants import VARIANTS, varied
+from threadpoolctl import threadpool_limits
+
+import hdplan
+from hdplan.planner.fcl_pairs import FclPairs
+from hdplan.planner.hdsdf_pairs import HdsdfPairs
+from hdplan.planner.plan import Event
+from hdplan.planner.problem import Problem
+from hdplan.planner.solvers.solution import Step
+from hdplan.scenes.model import Scene
+from hdplan.scenes.reader import shipped_scenes
+
+SHIPPED = "shipped scenes"
+
+
+@dataclass
+class Meter:
+    """Calls and time of one plan."""
+
+    evaluations: int = 0  # of the cost
+    evaluate: float = 0.0  # [s] in them
+    pairs: int = 0  # distances computed, in evaluations and to choose first guesses by
+    distance: float = 0.0  # [s] in them
+
+
+@dataclass(frozen=True)
+class Run:
+    """One problem with one penalty."""
+
+    group: str  # panda, ur5 or the shipped scenes
+    problem: str
+    variant: str
+    certified: bool
+    attempts: int
+    seconds: float  # [s] of the solver, all attempts
+    meter: Meter
+    shape: Shape
+    clearance: float  # [m] proven; NaN without proof
+    words: str
+    steps: tuple[tuple[Step, ...], ...] = field(repr=False)  # of each attempt
+
+    @property
+    def iterations(self) -> int:
+        return sum(len(attempt) for attempt in self.steps)
+
+    @property
+    def refused(self) -> int:
+        """Steps after which the motion is what it was."""
+        return sum(
+            before.smoothness == after.smoothness
+            for attempt in self.steps
+            for before, after in itertools.pairwise(attempt)
+        )
+
+
+@contextlib.contextmanager
+def metered() -> Iterator[Meter]:
+    """Count and time the evaluations and distances made within."""
+    meter = Meter()
+
+    def evaluate(self: Problem, *arguments: Any) -> Any:
+        began = time.perf_counter()
+        result = true_evaluate(self, *arguments)
+        meter.evaluate += time.perf_counter() - began
+        meter.evaluations += 1
+        return result
+
+    def timed(compute: Callable[..., Any]) -> Callable[..., Any]:
+        def call(self: Any, kinematics: Any, sample: Any, pair: Any) -> Any:
+            began = time.perf_counter()
+            result = compute(self, kinematics, sample, pair)
+            meter.distance += time.perf_counter() - began
+            meter.pairs += len(pair)
+            return result
+
+        return call
+
+    true_evaluate = Problem.evaluate
+    with (
+        patch.object(Problem, "evaluate", evaluate),
+        patch.object(HdsdfPairs, "__call__", timed(HdsdfPairs.__call__)),
+        patch.object(FclPairs, "__call__", timed(FclPairs.__call__)),
+    ):
+        yield meter
+
+
+def run(group: str, name: str, scene: Scene, variant: str, time_limit: float) -> Run:
+    """Plan one problem with one penalty. Raises InputError for ends in collision."""
+    steps: dict[int, list[Step]] = {}
+
+    def note(event: Event) -> None:
+        if event.step:
+            steps.setdefault(event.attempt, []).append(event.step)
+
+    with metered() as meter:
+        result = hdplan.plan(varied(scene, variant), time_limit=time_limit, report=note)
+    clearance = result.certificate.clearance
+    return Run(
+        group,
+        name,
+        variant,
+        result.certified,
+        result.attempts,
+        result.times.solve,
+        meter,
+        measure(result.trajectory.positions),
+        np.nan if clearance is None or not result.certified else clearance,
+        result.certificate.text,
+        tuple(map(tuple, steps.values())),
+    )
+
+
+def line(r: Run) -> str:
+    """One line for a person."""
+    return (
+        f"{r.group} {r.problem} {r.variant}: {'certified' if r.certified else 'not certified'}, {r.attempts} "
+        f"attempt(s), {r.iterations} iterations, {1e3 * r.seconds:.0f} ms, {1e3 * r.clearance:.1f} mm"
+    )
+
+
+# --- tables -----------------------------------------------------------------------------------------------------------
+
+
+def effort(runs: list[Run]) -> str:
+    """Markdown: what it took, over all problems."""
+    rows = [
+        "| problems | penalty | certified | with the first guess | attempts mean | iterations median / p95 | refused "
+        "| evaluations median | solve median / p95 [ms] | evaluation [ms] | distance of a pair [µs] |",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for group in dict.fromkeys(r.group for r in runs):
+        for variant in VARIANTS:
+            some = [r for r in runs if (r.group, r.variant) == (group, variant)]
+            rows.append(
+                f"| {group} | {variant} | {sum(r.certified for r in some)} of {len(some)} "
+                f"| {sum(r.certified and r.attempts == 1 for r in some)} | {np.mean([r.attempts for r in some]):.2f} "
+                f"| {_spread([r.iterations for r in some])} "
+                f"| {100 * sum(r.refused for r in some) / sum(r.iterations for r in some):.0f} % "
+                f"| {np.median([r.meter.evaluations for r in some]):.0f} "
+                f"| {_spread([1e3 * r.seconds for r in some])} "
+                f"| {1e3 * sum(r.meter.evaluate for r in some) / sum(r.meter.evaluations for r in some):.2f} "
+                f"| {1e6 * sum(r.meter.distance for r in some) / sum(r.meter.pairs for r in some):.1f} |"
+            )
+    return "\n".join(rows)
+
+
+def motions(runs: list[Run]) -> str:
+    """Markdown: medians over the problems that all certify."""
+    rows = [
+        "| certified by all | penalty | last weight [1/m²] | length [rad] | ∫ acceleration² [rad²] | ∫ jerk² [rad²] "
+        "| proven clearance 5 % / median [mm] |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for group in dict.fromkeys(r.group for r in runs):
+        good = [{r.problem for r in runs if (r.group, r.variant) == (group, v) and r.certified} for v in VARIANTS]
+        shared = set.intersection(*good)
+        for variant in VARIANTS:
+            some = [r for r in runs if (r.group, r.variant) == (group, variant) and r.problem in shared]
+            if not some:
+                continue
+            clearance = [1e3 * r.clearance for r in some if np.isfinite(r.clearance)] or [np.nan]
+            rows.append(
+                f"| {len(shared)} of {group} | {variant} | {np.median([r.steps[-1][-1].weight for r in some]):.1e} "
+                f"| {np.median([r.shape.length for r in some]):.2f} "
+                f"| {np.median([r.shape.acceleration for r in some]):.3g} "
+                f"| {np.median([r.shape.jerk for r in some]):.3g} "
+                f"| {np.quantile(clearance, 0.05):.1f} / {np.median(clearance):.1f} |"
+            )
+    return "\n".join(rows)
+
+
+def one_by_one(runs: list[Run]) -> str:
+    """Markdown: the shipped scenes."""
+    rows = [
+        "| scene | penalty | certified | attempts | iterations (refused) | solve [ms] | length [rad] "
+        "| clearance [mm] |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for r in runs:
+        if r.group == SHIPPED:
+            clearance = f"{1e3 * r.clearance:.1f}" if np.isfinite(r.clearance) else "–"
+            rows.append(
+                f"| {r.problem} | {r.variant} | {'yes' if r.certified else 'no'} | {r.attempts} "
+                f"| {r.iterations} ({r.refused}) | {1e3 * r.seconds:.0f} | {r.shape.length:.2f} | {clearance} |"
+            )
+    return "\n".join(rows)
+
+
+def _spread(values: list[float] | list[int]) -> str:
+    return f"{np.median(values):.0f} / {np.quantile(values, 0.95):.0f}"
+
+
+# --- command line -----------------------------------------------------------------------------------------------------
+
+
+def problems(folder: Path, robots: list[str], every: int) -> Iterator[tuple[str, str, Callable[[], Scene]]]:
+    """Group, name and loader of every problem."""
+    for name in shipped_scenes():
+        yield SHIPPED, name, lambda name=name: hdplan.load_scene(name)  # type: ignore[misc]
+    for robot in robots:
+        for files in (sorted(path.glob("scene*.yaml")) for path in sorted((folder / robot).iterdir())):
+            for file in files[::every]:
+                request = file.with_name(file.name.replace("scene", "request"))
+                load = lambda f=file, r=request: hdplan.load_scene(f, request=r, robot=f.parents[1] / "robot.yaml")  # noqa: E731
+                yield robot, f"{file.parent.name} {file.stem.removeprefix('scene')}", load
+
+
+def main() -> None:
+    """Run the comparison from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--robot", choices=("panda", "ur5"), action="append")
+    parser.add_argument("--every", type=int, default=1, help="take every K-th problem of a set")
+    parser.add_argument("--time-limit", type=float, default=10.0, help="[s] for each plan")
+    parser.add_argument("--picture", type=Path, help="where to draw the cost against the iteration")
+    parser.add_argument("--csv", type=Path)
+    options = parser.parse_args()
+    runs: list[Run] = []
+    timed: list[penalty_pairs.PairTimes] = []
+    warm: set[str] = set()
+    with threadpool_limits(1):
+        for group, name, load in problems(options.folder, options.robot or ["panda", "ur5"], options.every):
+            scene = load()
+            try:
+                if scene.robot.name not in warm:  # fits and compiles what is not in the cache
+                    for variant in VARIANTS:
+                        run(group, name, scene, variant, options.time_limit)
+                    warm.add(scene.robot.name or "")
+                found = [run(group, name, scene, variant, options.time_limit) for variant in VARIANTS]
+            except hdplan.InputError as error:
+                print(f"{group} {name}: left out, {error}", flush=True)
+                continue
+            runs += found
+            print(*map(line, found), sep="\n", flush=True)
+            if group != SHIPPED:
+                timed += penalty_pairs.measure(*(hdplan.build(varied(scene, name)) for name in ("hdsdf", "fcl")))
+        faces = penalty_faces.table()
+    if not runs:
+        sys.exit(f"no problems found below {options.folder}")
+    print(f"\nPython {platform.python_version()}, {platform.machine()}, one core used of this machine\n")
+    print(effort(runs), motions(runs), penalty_pairs.table(timed), one_by_one(runs), faces, sep="\n\n")
+    if options.picture:
+        benchmark = [r for r in runs if r.group != SHIPPED]
+        attempts = {v: [r.steps for r in benchmark if r.variant == v] for v in VARIANTS}
+        certified = {v: [r.certified for r in benchmark if r.variant == v] for v in VARIANTS}
+        penalty_picture.draw(attempts, certified, penalty_faces.tilted(), options.picture)
+    if options.csv:
+        _write(options.csv, runs)
+
+
+def _write(file: Path, runs: list[Run]) -> None:
+    words = ("group", "problem", "penalty", "certified", "attempts", "iterations", "refused", "solve_s", "evaluations")
+    more = ("evaluate_s", "pairs", "distance_s", "length_rad", "acceleration", "jerk", "clearance_m", "verdict")
+    with file.open("w", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow((*words, *more))
+        for r in runs:
+            head = (r.group, r.problem, r.variant, r.certified, r.attempts, r.iterations, r.refused, r.seconds)
+            shape = (r.shape.length, r.shape.acceleration, r.shape.jerk)
+            writer.writerow((*head, *dataclasses.astuple(r.meter), *shape, r.clearance, r.words))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,112 @@
+"""How both penalties behave where faces are nearly parallel: a box above a wall, and the corridor.
+
+Between parallel faces the exact distance has a kink: the witness point jumps from one edge of the face to the other,
+and with it the gradient. The HD-SDF weighs all vertices and normals, so its gradient turns smoothly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from penalty_variants import VARIANTS, varied
+
+import hdplan
+from hdplan.distance.bodies import ConvexBody
+from hdplan.planner.fcl_pairs import FclPairs
+from hdplan.planner.hdsdf_pairs import HdsdfPairs
+from hdplan.planner.kinematics import KinematicsBatch
+from hdplan.planner.link_bodies import LinkBody
+from hdplan.planner.pairs import body_pairs
+from hdplan.planner.plane_bodies import from_shape
+from hdplan.planner.problem import Problem
+from hdplan.planner.seeds import seeds
+from hdplan.planner.terms import PairDistance
+from hdplan.scenes.model import Box, PlannerSettings
+
+Array = NDArray[np.float64]
+
+EDGE, GAP, MARGIN = 0.1, 0.01, 0.02  # [m] of the box, from it to the wall, and of the penalty
+TILTS = np.deg2rad(np.linspace(-3.0, 3.0, 601))
+MOTION = 1e-3  # [rad] length of a small motion in joint space
+MOTIONS = 10  # of them for each configuration
+DEEP = 0.005  # [m] of the 20 that the margin has
+MUCH = 0.2  # relative change that is counted
+ON_THE_WAY = (0.0, 0.25, 0.5, 0.75, 1.0)
+
+
+@dataclass(frozen=True)
+class Tilted:
+    """A box tilted above a wall."""
+
+    tilts: Array  # (T,) [rad]
+    torques: dict[str, Array]  # penalty -> (T,) dD/dtilt about the box's centre [m/rad]
+
+
+def tilted() -> Tilted:
+    """Tilt a box above a wall by up to 3 degrees either way."""
+    bodies = (LinkBody("box", 1, ConvexBody.box((EDGE, EDGE, EDGE))),)
+    walls = (from_shape("wall", Box((4 * EDGE, 4 * EDGE, EDGE)), np.eye(4)),)
+    pairs = body_pairs(bodies, walls, [(0, 0)], MARGIN, np.zeros((2, 0), dtype=np.bool_))
+    rows = np.zeros((len(TILTS), 2, 12))
+    rows[:, :, [0, 4, 8]] = 1.0
+    rows[:, 1, 0], rows[:, 1, 2], rows[:, 1, 6], rows[:, 1, 8] = (
+        np.cos(TILTS),
+        np.sin(TILTS),
+        -np.sin(TILTS),
+        np.cos(TILTS),
+    )
+    rows[:, 1, 11] = EDGE + GAP
+    kinematics = KinematicsBatch(rows, np.zeros((len(TILTS), 0, 6)))
+    settings = PlannerSettings()
+    distances: dict[str, PairDistance] = {
+        "hdsdf": HdsdfPairs(pairs, settings.gamma, settings.shaping_length),
+        "hdsdf, gamma 12": HdsdfPairs(pairs, 12, settings.shaping_length),
+        "fcl": FclPairs(pairs, bodies, walls, MARGIN),
+    }
+    index, none = np.arange(len(TILTS)), np.zeros(len(TILTS), dtype=np.int64)
+    torques = {}
+    for name, distance in distances.items():
+        _, wrench, _ = distance(kinematics, index, none)
+        torques[name] = (wrench[:, 3:] - np.cross(rows[:, 1, 9:], wrench[:, :3]))[:, 1]
+    return Tilted(TILTS, torques)
+
+
+def table() -> str:
+    """Markdown: how much the gradient of the penalty of one configuration, Σ D dD/dq, changes in a small motion, at
+    configurations from the straight line to the penalties' motions whose exact depth is at least DEEP.
+
+    Twice: with the links' outer bodies, and with their boxes, whose faces come to be parallel to the walls.
+    """
+    scene = hdplan.load_scene("panda_corridor")
+    rows = [
+        f"| corridor, links as | penalty | iterations | change of the gradient in {MOTION:g} rad: median | 95 % "
+        f"| largest | above {100 * MUCH:.0f} % |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for bodies in ("fitted", "box"):
+        problems = {name: hdplan.build(varied(scene, name, link_bodies=bodies)) for name in VARIANTS}
+        found = {name: hdplan.plan(problem.scene, robot=problem.robot) for name, problem in problems.items()}
+        straight = next(seeds(problems["fcl"], 0))
+        ends = [result.trajectory.positions for result in found.values()]
+        configurations = np.concatenate([straight + part * (end - straight) for end in ends for part in ON_THE_WAY])
+        configurations = configurations[problems["fcl"].depth(configurations) >= DEEP]
+        shifts = np.random.default_rng(0).normal(size=(MOTIONS, *configurations.shape))
+        shifts *= MOTION / np.linalg.norm(shifts, axis=-1, keepdims=True)
+        for name, problem in problems.items():
+            before = _gradients(problem, configurations)
+            after = np.array([_gradients(problem, configurations + shift) for shift in shifts])
+            changes = 100 * np.linalg.norm(after - before, axis=-1) / np.linalg.norm(before, axis=-1)
+            middle, high, most = np.quantile(changes, [0.5, 0.95, 1.0])
+            rows.append(
+                f"| {bodies} | {name} | {found[name].iterations} | {middle:.1f} % | {high:.1f} % | {most:.0f} % "
+                f"| {100 * np.mean(changes > 100 * MUCH):.2f} % |"
+            )
+    return "\n".join(rows)
+
+
+def _gradients(problem: Problem, configurations: Array) -> Array:
+    """The gradient (B, n) of the penalty of each configuration."""
+    kinematics = problem.kinematics.evaluate(configurations)
+    return np.asarray(sum(term.value(kinematics, np.ones(len(configurations))).gradient for term in problem.terms))

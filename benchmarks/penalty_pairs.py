@@ -1,0 +1,122 @@
+"""What one distance of a pair costs, with Python's loop around it and without.
+
+The pairs are those that the first evaluation of a plan asks for: two problems that differ in the distance alone, the
+straight line as the motion. "Without" is for the HD-SDF its compiled kernel over all rows, for FCL the same coal calls
+made by Pinocchio's loop in C++ (`computeDistances`).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from hdplan.planner.fcl_pairs import REQUEST, FclPairs
+from hdplan.planner.hdsdf_pairs import HdsdfPairs
+from hdplan.planner.kinematics import KinematicsBatch
+from hdplan.planner.pairs import Rows
+from hdplan.planner.problem import Problem
+from hdplan.planner.seeds import seeds
+
+REPEATS = 5  # the quickest counts
+LEAST = 50  # pairs: fewer say little of a batch
+
+
+@dataclass(frozen=True)
+class PairTimes:
+    """The same pairs by both, per pair [s]."""
+
+    count: int
+    hdsdf: float  # as the planner calls it
+    hdsdf_kernel: float  # the compiled loop alone
+    fcl: float  # as the planner calls it
+    fcl_loop: float  # coal in a loop in C++
+
+
+def measure(ours: Problem, exact: Problem) -> list[PairTimes]:
+    """Time the pairs of every term at the samples of the straight line."""
+    guess = next(seeds(ours, 0))
+    kinematics = ours.kinematics.evaluate(ours.resampled(guess).samples.configurations(guess))
+    result = []
+    for mine, other in zip(ours.terms, exact.terms, strict=True):
+        sample, pair = mine.pairs.close(kinematics)
+        if len(pair) < LEAST:
+            continue
+        assert isinstance(mine.distance, HdsdfPairs)
+        assert isinstance(other.distance, FclPairs)
+        result.append(
+            PairTimes(
+                len(pair),
+                _quickest(lambda: mine.distance(kinematics, sample, pair)) / len(pair),  # noqa: B023
+                _kernel_seconds(mine.distance, kinematics, sample, pair) / len(pair),
+                _quickest(lambda: other.distance(kinematics, sample, pair)) / len(pair),  # noqa: B023
+                _loop_seconds(other.distance, kinematics, sample, pair) / len(pair),
+            )
+        )
+    return result
+
+
+def table(times: list[PairTimes]) -> str:
+    """Markdown: means over all pairs."""
+    if not times:
+        return "too few pairs to time"
+    count = np.array([t.count for t in times])
+    means = [
+        1e6 * float(np.average([getattr(t, name) for t in times], weights=count))
+        for name in ("hdsdf", "hdsdf_kernel", "fcl", "fcl_loop")
+    ]
+    return (
+        f"| distance of a pair [µs], mean of {count.sum()} | as the planner calls it | compiled loop alone |\n"
+        "|---|---|---|\n"
+        f"| hdsdf | {means[0]:.2f} | {means[1]:.2f} |\n"
+        f"| fcl | {means[2]:.2f} | {means[3]:.2f} |"
+    )
+
+
+def _quickest(call: Callable[[], object]) -> float:
+    times = []
+    for _ in range(REPEATS):
+        began = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - began)
+    return min(times)
+
+
+def _kernel_seconds(distance: HdsdfPairs, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> float:
+    """The kernels over the rows that `HdsdfPairs` gives them."""
+    batch, joints = kinematics.placements.shape[:2]
+    placements, pairs, total = kinematics.placements.reshape(batch * joints, 12), distance.pairs, 0.0
+    for count, kernel in distance.kernels.items():
+        chosen = pairs.plane_slots[pair] == count
+        if not chosen.any():
+            continue
+        s, p = sample[chosen], pair[chosen]
+        tables = [placements, placements, pairs.body_table, pairs.plane_tables[count]]
+        rows = [s * joints + pairs.joint_a[p], s * joints + pairs.joint_b[p], pairs.body[p], pairs.plane_row[p]]
+        total += _quickest(lambda: kernel(tables, rows))  # noqa: B023
+    return total
+
+
+def _loop_seconds(distance: FclPairs, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> float:
+    """The same shapes at the same placements, as Pinocchio's geometry: two objects for each pair."""
+    model, pairs = pin.GeometryModel(), distance.pairs
+    for k, (s, p) in enumerate(zip(sample.tolist(), pair.tolist(), strict=True)):
+        a, b = _placement(kinematics, s, pairs.joint_a[p]), _placement(kinematics, s, pairs.joint_b[p])
+        b = b * pin.SE3(distance.placements[pairs.plane_body[p]])
+        solids = distance.first[int(pairs.body[p])], distance.second[int(pairs.plane_body[p])]
+        for side, place, solid in zip("ab", (a, b), solids, strict=True):
+            model.addGeometryObject(pin.GeometryObject(f"{k}{side}", 0, 0, place, solid.shape))
+        model.addCollisionPair(pin.CollisionPair(2 * k, 2 * k + 1))
+    data = pin.GeometryData(model)
+    robot = pin.Model()
+    pin.updateGeometryPlacements(robot, robot.createData(), model, data, np.zeros(0))
+    for request in data.distanceRequests:
+        request.gjk_tolerance, request.epa_tolerance = REQUEST.gjk_tolerance, REQUEST.epa_tolerance
+    return _quickest(lambda: pin.computeDistances(model, data))
+
+
+def _placement(kinematics: KinematicsBatch, sample: int, joint: int) -> pin.SE3:
+    return pin.SE3(kinematics.rotations[sample, joint], kinematics.translations[sample, joint])

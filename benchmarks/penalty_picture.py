@@ -1,0 +1,91 @@
+"""The picture of `penalties`: cost against iteration, problems found against iteration, and the kink between faces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from penalty_faces import EDGE, GAP, Tilted
+
+from hdplan.planner.plot_style import GOAL, INK, RC, START
+from hdplan.planner.solvers.solution import Step
+
+Array = NDArray[np.float64]
+
+STYLES = {
+    "hdsdf": ("HD-SDF", START, "-"),
+    "hdsdf, gamma 12": ("HD-SDF, gamma 12: nearly kinked", INK, ":"),
+    "fcl": ("FCL: the exact distance", GOAL, "--"),
+}
+BANDS = ("hdsdf", "fcl")  # whose quartiles are shown
+WEIGHT = 1e6  # [1/m²] of the penalty in the picture, whatever the solver's weight is at that iteration
+SHOWN, FAR = 40, 1000  # iterations: of the cost, and until found
+
+Attempts = Sequence[Sequence[Sequence[Step]]]  # problem, attempt, iteration
+
+
+def draw(attempts: dict[str, Attempts], certified: dict[str, list[bool]], tilted: Tilted, file: Path) -> None:
+    """Draw three panels."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    with plt.rc_context(RC):
+        figure, (left, middle, right) = plt.subplots(1, 3, figsize=(10.5, 3.4), layout="constrained")
+        iterations = np.arange(1, SHOWN + 1)
+        for name, (label, colour, dash) in STYLES.items():
+            costs = np.array([_cost(problem[0]) for problem in attempts[name] if problem and problem[0]])
+            low, half, high = np.quantile(costs, [0.25, 0.5, 0.75], axis=0)
+            if name in BANDS:
+                left.fill_between(iterations, low, high, color=colour, alpha=0.2, linewidth=0)
+            left.plot(iterations, half, dash, color=colour, label=label)
+
+            needed = [
+                sum(map(len, problem)) if found else np.inf
+                for problem, found in zip(attempts[name], certified[name], strict=True)
+            ]
+            shares = 100 * np.mean(np.array(needed)[:, None] <= np.arange(1, FAR + 1), axis=0)
+            middle.plot(np.arange(1, FAR + 1), shares, dash, color=colour, label=label)
+            right.plot(np.rad2deg(tilted.tilts), 1e3 * tilted.torques[name], dash, color=colour, label=label)
+        left.set(
+            title="Cost of the first guess' solve",
+            xlabel="iteration",
+            ylabel="smoothness + 10⁶ m⁻² × own penalty",
+            yscale="log",
+            xlim=(1, SHOWN),
+        )
+        left.text(0.98, 0.68, f"median and quartiles\nof {len(attempts['hdsdf'])} problems", **_words(left, "right"))
+        middle.set(
+            title="Problems certified",
+            xlabel="iteration, all first guesses together",
+            ylabel="of all problems [%]",
+            xscale="log",
+            xlim=(1, FAR),
+            ylim=(0, 102),
+        )
+        right.set(
+            title="A box tilted above a wall",
+            xlabel="tilt [°]",
+            ylabel="derivative of D by the tilt [mm/rad]",
+            xlim=(-3, 3),
+        )
+        right.axhline(0, color=INK, linewidth=0.5)
+        right.text(
+            0.03, 0.05, f"box of {1e3 * EDGE:.0f} mm,\n{1e3 * GAP:.0f} mm above the wall", **_words(right, "left")
+        )
+        left.legend(loc="upper right")
+        figure.savefig(file, dpi=160)
+        plt.close(figure)
+
+
+def _words(axes: object, side: str) -> dict[str, object]:
+    return {"transform": axes.transAxes, "ha": side, "fontsize": 7.5, "color": INK}  # type: ignore[attr-defined]
+
+
+def _cost(steps: Sequence[Step]) -> Array:
+    """Cost (SHOWN,) at one weight, the last one held once the solver has ended."""
+    costs = [step.smoothness + WEIGHT * (step.cost - step.smoothness) / step.weight for step in steps[:SHOWN]]
+    return np.array(costs + [costs[-1]] * (SHOWN - len(costs)))
