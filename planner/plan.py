@@ -60,11 +60,12 @@ def plan(
 
     Raises:
         InputError: for what scene or robot get wrong, among it a start or goal in collision, and for ipopt with the
-            distance fcl.
+            distance fcl or with swept bodies.
     """
     run = solver_named(solver)
-    if solver == "ipopt" and scene.planner.distance == "fcl":
-        raise InputError("solver ipopt: needs exact second derivatives, which the distance fcl does not have")
+    if solver == "ipopt" and (scene.planner.distance == "fcl" or scene.planner.swept):
+        lacking = "planner.swept: true" if scene.planner.swept else "the distance fcl"
+        raise InputError(f"solver ipopt: needs exact second derivatives, which {lacking} does not have")
     began = time.perf_counter()
     robot = robot or load_scene_robot(scene)
     loaded = time.perf_counter()

@@ -35,7 +35,7 @@ DEFAULTS: Mapping[str, Value] = {
     **{
         name: value
         for name, value in asdict(PlannerSettings()).items()
-        if name in ("link_bodies", "normals", "gamma", "shaping_length", "waypoints")
+        if name in ("link_bodies", "normals", "gamma", "shaping_length", "waypoints", "swept")
     },
     "solver": "gauss_newton",
 }
@@ -45,6 +45,7 @@ VALUES: Mapping[str, tuple[Value, ...]] = {
     "gamma": (1, 2, 4, 8),
     "shaping_length": (1e-4, 1e-3, 1e-2),  # [m]
     "waypoints": (16, 32, 64, 128),
+    "swept": (False, True),
     "solver": ("gauss_newton", "chomp", "ipopt"),
 }
 QUICK_VALUES: Mapping[str, tuple[Value, ...]] = {
@@ -53,6 +54,7 @@ QUICK_VALUES: Mapping[str, tuple[Value, ...]] = {
     "gamma": (1, 2, 4),
     "shaping_length": (1e-4, 1e-3, 1e-2),
     "waypoints": (16, 32, 64),
+    "swept": (False, True),
     "solver": ("gauss_newton", "chomp"),  # ipopt spends minutes
 }
 NEAR = 0.05  # [m] how close to contact the configurations are at which clearance is lost

@@ -19,7 +19,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from hdplan.distance.study import pareto_front
 from hdplan.planner.planning_runs import DEFAULTS, VALUES, Value
 from hdplan.planner.plot_labels import name_points
-from hdplan.planner.plot_style import BETWEEN, BETWEEN_LINKS, DEPTH, FIXED, GOAL, GOOD, GREY, INK, RC, START
+from hdplan.planner.plot_style import BETWEEN, BETWEEN_LINKS, DEPTH, FIXED, GOAL, GOOD, GREY, INK, OBSTACLE, RC, START
 from hdplan.planner.study_planning import Summary, label
 
 STYLES = {  # of each setting: colour, marker, name
@@ -28,6 +28,7 @@ STYLES = {  # of each setting: colour, marker, name
     "gamma": (DEPTH, "D", "gamma"),
     "shaping_length": (BETWEEN, "v", "shaping length"),
     "waypoints": (BETWEEN_LINKS, "s", "waypoints"),
+    "swept": (OBSTACLE, "X", "between waypoints"),
     "solver": (GOOD, "P", "solver"),
 }
 Measure = Callable[[Summary], float]
@@ -43,6 +44,7 @@ GIVES: dict[str, tuple[str, Measure]] = {  # what a setting is there for: words 
     "gamma": ("D off from D̃ [mm]", lambda row: 1e3 * row.off),
     "shaping_length": ("D off from D̃ [mm]", lambda row: 1e3 * row.off),
     "waypoints": ("acceleration [%]", _acceleration),
+    "swept": ("acceleration [%]", _acceleration),
     "solver": ("acceleration [%]", _acceleration),
 }
 
@@ -186,6 +188,8 @@ def _short(factor: str, value: Value) -> str:
     """Return a value as it stands under a small panel."""
     if factor == "shaping_length":
         return f"{1e3 * float(value):g} mm"
+    if factor == "swept":
+        return "swept" if value else "sampled"
     return str(value).replace("gauss_newton", "Gauss-N.")
 
 

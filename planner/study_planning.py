@@ -118,6 +118,8 @@ def label(variant: Variant) -> str:
             return f"{value} waypoints"
         case "normals":
             return f"normals: {value}"
+        case "swept":
+            return "swept" if value else "sampled"
     return str(value)
 
 

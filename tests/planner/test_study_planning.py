@@ -103,7 +103,7 @@ def test_length_and_acceleration_of_a_parabola() -> None:
 def planar() -> Runs:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(planning_runs, "QUICK_VALUES", FEW)
-        patch.setattr(planning_runs, "QUICK_WANTED", 40)
+        patch.setattr(planning_runs, "QUICK_WANTED", 20)
         return measure([load_scene("planar_arm")], quick=True)
 
 
@@ -114,7 +114,7 @@ def test_every_variant_is_measured_and_no_clearance_is_invented(planar: Runs) ->
         assert run.certified
         assert run.kernel is not None
         assert run.kernel > 0
-        assert len(run.lost) == 40
+        assert len(run.lost) == 20
         assert np.all(run.lost >= -ROUNDING), "D̃ is a lower bound"
         assert np.all(run.lost < NEAR + 0.2)
         assert np.isfinite(run.off).all()
