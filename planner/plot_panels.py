@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.markers import CARETDOWN
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
@@ -128,7 +129,10 @@ def draw_clearance(axis: Any, subject: Subject) -> None:
     axis.axhline(0.0, color=INK, linewidth=0.8)
     axis.set(ylim=(bottom, top), ylabel="distance [mm]", title="clearance")
     _unproven(axis, subject, (highest - bottom) / (top - bottom))
-    axis.text(0.995, 0.01, "contact", transform=axis.transAxes, color=CONTACT, fontsize=7, ha="right", va="bottom")
+    axis.text(
+        0.995, 0.01, "contact", transform=axis.transAxes, color=CONTACT, fontsize=7, ha="right", va="bottom",
+        path_effects=[withStroke(linewidth=2.6, foreground="white")],
+    )  # fmt: skip
     _along(axis, subject.trajectory)
     if found.closest:
         row = int(found.to_obstacles.argmin())
