@@ -37,6 +37,7 @@ HOMES = {
     "fcl": {"distance/fcl.py"},
     "viser": {
         "planner/view/nodes.py",
+        "planner/view/planning.py",
         "planner/view/player.py",
         "planner/view/plots.py",
         "planner/view/server.py",

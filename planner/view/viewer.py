@@ -24,6 +24,7 @@ from hdplan.planner.view.colors import CONTACT, GOAL, OTHERS, START, clearance_c
 from hdplan.planner.view.layers import Layers
 from hdplan.planner.view.motion import Motion, Tip
 from hdplan.planner.view.nodes import ClosestNodes, ObstacleNode, RobotNodes, draw_path, millimetres
+from hdplan.planner.view.planning import Planning
 from hdplan.planner.view.player import Player
 from hdplan.planner.view.plots import MotionPlots, joint_table
 from hdplan.planner.view.quiet import quiet
@@ -108,6 +109,8 @@ class Viewer:
         self._plot_tab = self.tabs.add_tab("Plots", viser.Icon.CHART_LINE)
         with self.tabs.add_tab("Joints", viser.Icon.ROBOT):
             self._table = server.gui.add_html("")
+        with self.tabs.add_tab("Plan", viser.Icon.ROUTE):
+            self.planning = Planning(self)
         with self.tabs.add_tab("Layers", viser.Icon.STACK_2):
             self.layers = Layers(self)
         self._plots: MotionPlots | None = None
@@ -152,6 +155,13 @@ class Viewer:
         self._show_ends()
         self._show(self.player.time)
 
+    def show_robot(self, name: str, q: Array) -> None:
+        """Show the robot of a motion in a configuration (n,) that is not of this motion, until the time is drawn again;
+        another robot if there is no such motion yet. By the worker's thread."""
+        robot = next((shown.robot for shown in self.shown if shown.motion.name == name), self.at_rest)
+        robot.visible = self.layers.on("robot")
+        robot.show(q)
+
     def measure(self) -> None:
         """Certify and sample the motions again, after obstacles or goal have moved. By the worker's thread."""
         for shown in self.shown:
@@ -171,6 +181,7 @@ class Viewer:
 
     def close(self) -> None:
         """End the threads and the server."""
+        self.planning.end()
         self.player.end()
         self.worker.end()
         with quiet():
