@@ -205,7 +205,7 @@ def _reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tu
                 for c in contacts[:3]
             )
             raise InputError(f"{scene.source}: {field}: in collision: {said}")
-        if (obstacle := certifier.obstacle_within(q, required)) is not None:
+        if required > 0.0 and (obstacle := certifier.obstacle_within(q, required)) is not None:
             required = ENDS_KEEP * obstacle.distance
             words.append(
                 f"{field} is {obstacle.distance * 1e3:.3g} mm from {obstacle.other}: "
