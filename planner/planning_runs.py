@@ -150,8 +150,8 @@ def measure(
         if stop():
             return Runs((), (), tuple(refused), complete=False)
         try:
-            situations.append(_situation(scene, QUICK_WANTED if quick else WANTED))
-        except InputError as error:  # an end in collision, say
+            situations.append(_situation(scene, QUICK_WANTED if quick else WANTED, stop))
+        except InputError as error:
             refused.append(str(error))
     names = tuple(situation.scene.name for situation in situations)
     runs: list[Run] = []
@@ -179,10 +179,16 @@ class _Situation:
     distance: Floats  # (K,) exact, 0 to NEAR [m]
 
 
-def _situation(scene: Scene, wanted: int) -> _Situation:
-    """Draw configurations about the straight line and keep those that are free and near contact."""
+def _situation(scene: Scene, wanted: int, stop: Callable[[], bool]) -> _Situation:
+    """Draw configurations about the straight line and keep those that are free and near contact.
+
+    Raises InputError for a scene that cannot be planned.
+    """
     robot = load_scene_robot(scene)
     query, certifier = resolve_query(robot, scene), Certifier(scene, robot)
+    for end, q in (("start", query.start), ("goal", query.goal)):
+        if touching := certifier.contacts(q):
+            raise InputError(f"{scene.source}: {end}: in collision: {touching[0].link} and {touching[0].other}")
     rng = np.random.default_rng(0)
     near, distance = [], []
     for _ in range(TRIED):
@@ -192,7 +198,7 @@ def _situation(scene: Scene, wanted: int) -> _Situation:
         if place is not None and 0 < place.distance < NEAR:
             near.append(q)
             distance.append(place.distance)
-        if len(near) == wanted:
+        if len(near) == wanted or stop():
             break
     return _Situation(scene, robot, np.array(near).reshape(-1, robot.n), np.array(distance))
 

@@ -26,7 +26,7 @@ from hdplan.planner.planning_runs import (
 from hdplan.planner.study_planning import FILES, label, study_planning, summaries
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import JointTarget, Scene
+from hdplan.scenes.model import Box, JointTarget, Obstacle, Scene
 from hdplan.scenes.reader import load_scene
 
 pytest.importorskip("matplotlib")
@@ -131,11 +131,11 @@ def test_tighter_bodies_and_more_normals_lose_less(planar: Runs) -> None:
 def test_a_scene_that_cannot_be_planned_is_left_out_with_a_word() -> None:
     scene = load_scene("planar_arm")
     wrong = replace(scene, goal=JointTarget("goal", (0.0,)))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(planning_runs, "QUICK_VALUES", {})
-        found = measure([wrong], quick=True)
+    buried = replace(scene, obstacles=(Obstacle("rock", Box((9.0, 9.0, 9.0))),))
+    found = measure([wrong, buried], quick=True)
     assert found.runs == ()
     assert "joint values" in found.refused[0]
+    assert "start: in collision" in found.refused[1]
 
 
 def test_stopping_keeps_whole_variants() -> None:
