@@ -48,7 +48,7 @@ def made_up(scenes: int = 3) -> Runs:
             good = scene > 0 or variant.value != "ipopt"
             run = Run(
                 variant=variant, scene=f"scene {scene}", certified=good, attempts=1 + scene % 2, iterations=30,
-                solve=0.1 * 1.1**k, certify=0.02, kernel=2e-6, clearance=0.01 if good else None,
+                seconds=0.1 * 1.1**k, solve=0.08, certify=0.02, kernel=2e-6, clearance=0.01 if good else None,
                 length=3.0 + 0.01 * k if good else None, acceleration=20.0 + k if good else None,
                 lost=rng.exponential(0.01, 40), off=rng.exponential(1e-3, 9),
             )  # fmt: skip
