@@ -384,9 +384,10 @@ def planning(
 ) -> None:
     """Show what accuracy costs in time, for planning.
 
-    One setting at a time is changed from the defaults (link bodies, normals, gamma, shaping length, waypoints, solver)
-    on the shipped scenes: what is certified, clearance lost to conservativeness, smoothness, and time. Writes
-    planning_study.csv, .md and .png. Takes a quarter of an hour; Ctrl-C ends with what was found so far.
+    One setting at a time is changed from the defaults on the shipped scenes: link bodies, normals, gamma, shaping
+    length, waypoints, samples or swept bodies between them, solver. Shown is what is certified, the clearance lost to
+    conservativeness, smoothness and time. Writes planning_study.csv, .md and .png. Takes a quarter of an hour; Ctrl-C
+    ends with what was found so far.
     """
     from hdplan.planner.study_planning import study_planning
 

@@ -5,7 +5,8 @@
 
 DIR holds panda/ and ur5/, each with a robot.yaml and one folder per set. One line per problem: status, proven
 clearance, time by phase; then a table per set. "Certified" is hdplan's own verdict, "refuted" what `recheck` (own
-kinematics, meshes by trimesh, contacts by FCL at dense samples) finds wrong with it: it must be 0.
+kinematics, meshes by trimesh, contacts by FCL at dense samples) finds wrong with it: it must be 0. Every problem that is
+not certified is listed with its cause.
 """
 
 from __future__ import annotations
@@ -40,10 +41,6 @@ class Outcome:
     attempts: int
     recheck: str  # "free", "refuted: …" or "" if not done
     words: str  # certificate's text or the refusal
-
-    @property
-    def total(self) -> float:
-        return sum(self.seconds)
 
 
 def run(folder: Path, robot: str, name: str, scene_file: Path, time_limit: float, check: bool) -> Outcome:
@@ -97,9 +94,9 @@ def line(outcome: Outcome) -> str:
 def table(outcomes: list[Outcome]) -> str:
     """Markdown: one row per set and one for all."""
     rows = [
-        "| robot, set | problems | certified | refuted | first guess | total median / p95 [s] "
-        "| solve median / p95 [ms] | certificate median / p95 [ms] | proven clearance 5 % / median [mm] |",
-        "|---|---|---|---|---|---|---|---|---|",
+        "| robot, set | problems | certified | refuted | first guess | load + build + solve median / p95 / worst [ms] "
+        "| certificate median / p95 / worst [ms] | proven clearance 5 % / median [mm] |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     groups: dict[str, list[Outcome]] = {}
     for outcome in outcomes:
@@ -113,16 +110,35 @@ def table(outcomes: list[Outcome]) -> str:
         clearances = [1e3 * outcome.clearance for outcome in good] or [np.nan]
         rows.append(
             f"| {name} | {len(group)} | {len(good)} | {refuted if checked else 'not checked'} | {first} "
-            f"| {_spread([outcome.total for outcome in group], 1.0, 2)} "
-            f"| {_spread([outcome.seconds[2] for outcome in group], 1e3, 0)} "
-            f"| {_spread([outcome.seconds[3] for outcome in group], 1e3, 0)} "
+            f"| {_spread([sum(outcome.seconds[:3]) for outcome in group])} "
+            f"| {_spread([outcome.seconds[3] for outcome in group])} "
             f"| {np.quantile(clearances, 0.05):.1f} / {np.median(clearances):.1f} |"
         )
     return "\n".join(rows)
 
 
-def _spread(values: list[float], scale: float, digits: int) -> str:
-    return f"{scale * np.median(values):.{digits}f} / {scale * np.quantile(values, 0.95):.{digits}f}"
+def _spread(seconds: list[float]) -> str:
+    return " / ".join(f"{1e3 * value:.0f}" for value in (*np.quantile(seconds, [0.5, 0.95]), max(seconds)))
+
+
+def failures(outcomes: list[Outcome]) -> str:
+    """Markdown: why each problem without a certificate has none; or that there is none."""
+    failed = [outcome for outcome in outcomes if outcome.status != "certified"]
+    if not failed:
+        return "Every problem is certified."
+    rows = ["| problem | cause | words |", "|---|---|---|"]
+    rows += [f"| {o.robot} {o.set} {o.problem} | {cause(o)} | {o.words} |" for o in failed]
+    return "\n".join(rows)
+
+
+def cause(outcome: Outcome) -> str:
+    """What kind of failure it is."""
+    if outcome.status == "refused":
+        known = {"in collision": "an end is in contact", "outside its limits": "an end is beyond a joint limit"}
+        return next((words for sign, words in known.items() if sign in outcome.words), "bad input")
+    if outcome.status == "not_proven":
+        return "grazes a body: neither proven nor refuted"
+    return f"local minimum: no free motion from {outcome.attempts} guesses within the time limit"
 
 
 def main() -> None:
@@ -152,7 +168,7 @@ def main() -> None:
     if not outcomes:
         sys.exit(f"no problems found below {options.folder}")
     print(f"\nPython {platform.python_version()}, {platform.machine()}, one core used of this machine\n")
-    print(table(outcomes))
+    print(table(outcomes), failures(outcomes), sep="\n\n")
     if options.csv:
         with options.csv.open("w", newline="") as file:
             writer = csv.writer(file)

@@ -13,6 +13,9 @@ hull) enters without vertices.
 A lower bound in sign, an approximation in value. Sign safety: if A and B share a point y, then n_k·y ≤ h_B(n_k) and
 min_i n_k·a_i − r_A ≤ n_k·y for every k, so every inner minimum is ≤ 0; ⊕, ⊞ and Phi preserve signs, hence D ≤ 0.
 Positive D means separated; clearance c is asked for by enlarging h_B by c.
+
+A may also be swept: the hull of its vertices at two placements, D depending on both. Every law above holds for that
+hull; it holds A at the two placements and whatever moves between them in a straight line.
 """
 
 from __future__ import annotations
@@ -60,19 +63,7 @@ def halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: f
     rotation_a, rotation_b = ca.reshape(placement_a[:9], 3, 3).T, ca.reshape(placement_b[:9], 3, 3).T
     world = rotation_a @ ca.reshape(body[: 3 * vertices], 3, vertices)
     points = rotation_b.T @ (world + ca.repmat(placement_a[9:] - placement_b[9:], 1, vertices))  # A's, in B's frame
-    normals = ca.reshape(body_planes[: 3 * planes], 3, planes)
-    axes = Axes(
-        fixed_in_a,  # seen from B, whose planes stand still
-        [normals],
-        levels=body_planes[3 * planes :].T,
-        level_counts=ca.MX.ones(1, planes),
-        along=points.T @ normals,
-        along_counts=ca.repmat(body[3 * vertices : 4 * vertices], 1, planes),
-        drop=ca.repmat(body[4 * vertices], 1, planes),
-        counts=np.ones(planes),
-        points_b=ca.repmat(points, 1, planes),
-        signs=(-1,),  # x = n·a - h - r_A
-    )
+    axes = _axes(points, body[3 * vertices : 4 * vertices], body[4 * vertices], body_planes)
     distance, separation, gradient = combined([axes], gamma, 1, ca.MX(shaping_length))
     force = rotation_b @ gradient[:3]
     torque = rotation_b @ gradient[3:] + ca.cross(placement_b[9:], force)
@@ -83,3 +74,57 @@ def halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: f
         ["placement_a", "placement_b", "body", "body_planes"],
         ["distance", "wrench", "separation"],
     )
+
+
+@functools.cache
+def swept_halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: float) -> ca.Function:
+    """The same for the hull of A at two placements: D of its 2·vertices points, with a wrench for each placement.
+
+    Inputs: first (12) and second (12), A's placements; placement_b, body and body_planes as in `halfspace_distance`.
+    Outputs: distance [m]; first_wrench and second_wrench (6), dD = F·v + T·ω under a motion of A at that placement
+    alone; separation [m]. The derivative is CasADi's, in reverse, of D by the points.
+    """
+    first, second, placement_b = (ca.MX.sym(name, 12) for name in ("first", "second", "placement_b"))
+    body, body_planes = ca.MX.sym("body", 4 * vertices + 1), ca.MX.sym("body_planes", 4 * planes)
+    points, weights = ca.MX.sym("points", 3, 2 * vertices), body[3 * vertices : 4 * vertices]
+    axes = _axes(points, ca.vertcat(weights, weights), body[4 * vertices], body_planes)
+    value, lowest = combined([axes], gamma, 0, ca.MX(shaping_length))
+    by_points = ca.Function("by_points", [points, body, body_planes], [value, ca.gradient(value, points), lowest])
+
+    rotation_b, corners = ca.reshape(placement_b[:9], 3, 3).T, ca.reshape(body[: 3 * vertices], 3, vertices)
+    placed = [ca.reshape(a[:9], 3, 3).T @ corners + ca.repmat(a[9:], 1, vertices) for a in (first, second)]
+    local = rotation_b.T @ (ca.horzcat(*placed) - ca.repmat(placement_b[9:], 1, 2 * vertices))
+    distance, gradient, separation = by_points(local, body, body_planes)
+    forces = ca.horzsplit(rotation_b @ gradient, vertices)
+    wrenches = [_wrench(at, force) for at, force in zip(placed, forces, strict=True)]
+    return ca.Function(
+        f"hdsdf_swept_halfspaces_{vertices}_{planes}_{gamma}",
+        [first, second, placement_b, body, body_planes],
+        [distance, *wrenches, separation],
+        ["first", "second", "placement_b", "body", "body_planes"],
+        ["distance", "first_wrench", "second_wrench", "separation"],
+    )
+
+
+def _axes(points: ca.MX, weights: ca.MX, radius: ca.MX, body_planes: ca.MX) -> Axes:
+    """The planes' normals as axes, for A's points (3, m) in B's frame, which stands still."""
+    planes = body_planes.numel() // 4
+    normals = ca.reshape(body_planes[: 3 * planes], 3, planes)
+    return Axes(
+        fixed_in_a,  # seen from B
+        [normals],
+        levels=body_planes[3 * planes :].T,
+        level_counts=ca.MX.ones(1, planes),
+        along=points.T @ normals,
+        along_counts=ca.repmat(weights, 1, planes),
+        drop=ca.repmat(radius, 1, planes),
+        counts=np.ones(planes),
+        points_b=ca.repmat(points, 1, planes),
+        signs=(-1,),  # x = n·a - h - r_A
+    )
+
+
+def _wrench(points: ca.MX, forces: ca.MX) -> ca.MX:
+    """The forces (3, m) at points (3, m) as one wrench about the origin: Σ f and Σ p × f."""
+    moments = [points[k - 2, :] * forces[k - 1, :] - points[k - 1, :] * forces[k - 2, :] for k in range(3)]
+    return ca.vertcat(ca.sum2(forces), ca.sum2(ca.vertcat(*moments)))

@@ -155,7 +155,7 @@ class Certifier:
             bodies.extend(Body(obstacle.name, piece, placement=obstacle.pose.matrix) for piece in pieces)
         rows = [(a, b, 0) for a in range(count) for b in range(count, len(bodies))]
         rows += [(a, b, 1) for first, second in robot.self_pairs for a in links[first] for b in links[second]]
-        gathered = Bodies(Chain.of(robot.model), bodies, robot.pin_q)
+        gathered = Bodies(_chain(robot), bodies, robot.pin_q)
         self.sweep = Sweep(gathered, Pairs.of(gathered, rows))
 
     def certify(
@@ -282,6 +282,11 @@ class Certifier:
             f"waypoint {row} has joint '{self.robot.joint_names[joint]}' at {waypoints[row, joint]:g}, "
             f"its limits are [{low:g}, {high:g}]"
         )
+
+
+@functools.lru_cache(maxsize=8)
+def _chain(robot: Robot) -> Chain:
+    return Chain.of(robot.model)
 
 
 @functools.lru_cache(maxsize=8)

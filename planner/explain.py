@@ -69,7 +69,8 @@ def _terms(problem: Problem) -> Rows:
     settings = problem.scene.planner
     reach = settings.clearance + settings.activation
     if "obstacles" in on:
-        obstacles = f"on: grows where a moving link comes within {reach:g} m of an obstacle"
+        swept = ", swept from waypoint to waypoint" * settings.swept
+        obstacles = f"on: grows where a moving link comes within {reach:g} m of an obstacle{swept}"
     elif not problem.bodies:
         obstacles = "off: no link has collision geometry"
     elif problem.plane_bodies:
@@ -152,7 +153,7 @@ def _settings(problem: Problem) -> Rows:
     for field in dataclasses.fields(PlannerSettings):
         value = getattr(problem.scene.planner, field.name)
         origin = "default" if value == field.default else "scene"
-        shown = value if isinstance(value, str) else f"{value:g}"
+        shown = str(value).lower() if isinstance(value, str | bool) else f"{value:g}"
         rows.append((field.name, f"{shown}{UNITS.get(field.name, '')} ({origin})"))
     return rows
 

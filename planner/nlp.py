@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hdplan.planner.hdsdf_pairs import HdsdfPairs
 from hdplan.planner.problem import Problem
+from hdplan.planner.swept_clearance import SweptClearance
 from hdplan.planner.terms import Clearance
 from hdplan.scenes.errors import InputError
 
@@ -77,6 +78,8 @@ def _sample_functions(problem: Problem, term: Clearance) -> tuple[ca.Function, c
     state = problem.kinematics.state(q)
     placements, columns = ca.reshape(state[: 12 * nj], 12, nj), ca.reshape(state[12 * nj :], 6, n)
     value, gradient = ca.MX(0), ca.MX.zeros(n)
+    if isinstance(term, SweptClearance):
+        raise InputError("solver ipopt: needs exact second derivatives, which planner.swept: true does not have")
     if not isinstance(term.distance, HdsdfPairs):
         raise InputError(f"solver ipopt: needs exact second derivatives, which {term.distance.how} does not have")
     for slots, kernel in term.distance.kernels.items():

@@ -56,15 +56,28 @@ class BodyPairs:
         Drops no HD-SDF D < 0, by WIDEST; nor a Euclidean distance below the margin: the sphere holds the link body, and
         the box, enlarged by the margin along its axes, holds every point within the margin of the other body.
         """
-        joint = np.zeros(len(self.centres), dtype=np.int64)
-        joint[self.body] = self.joint_a
-        rotations, translations = kinematics.rotations[:, joint], kinematics.translations[:, joint]
-        centres = (rotations @ self.centres[:, :, None])[..., 0] + translations  # (batch, A, 3)
-        reach = self.widest * self.radii
+        centres, reach = self._placed_centres(kinematics), self.widest * self.radii
         found = self._close_to_standing(centres, reach), self._close_to_moving(centres, reach, kinematics)
         sample, pair = (np.concatenate(parts) for parts in zip(*found, strict=True))
         order = np.argsort(sample, kind="stable")
         return sample[order], pair[order]
+
+    def close_between(self, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
+        """Interval and pair indices (S,), intervals ascending, of the same for a ball around a link body at both ends
+        of each interval between the configurations. Drops no D < 0 of their hull with a body that stands."""
+        centres = self._placed_centres(kinematics)
+        half = np.linalg.norm(np.diff(centres, axis=0), axis=2).max(axis=0, initial=0.0) / 2
+        interval, pair = self._close_to_standing((centres[1:] + centres[:-1]) / 2, self.widest * (self.radii + half))
+        order = np.argsort(interval, kind="stable")
+        return interval[order], pair[order]
+
+    def _placed_centres(self, kinematics: KinematicsBatch) -> Floats:
+        """The centres of the link bodies' spheres in the world (batch, A, 3)."""
+        joint = np.zeros(len(self.centres), dtype=np.int64)
+        joint[self.body] = self.joint_a
+        rotations, translations = kinematics.rotations[:, joint], kinematics.translations[:, joint]
+        centres: Floats = (rotations @ self.centres[:, :, None])[..., 0] + translations
+        return centres
 
     @cached_property
     def _standing(self) -> Rows:

@@ -61,11 +61,12 @@ def plan(
 
     Raises:
         InputError: for what scene or robot get wrong, among it a start or goal in collision, and for ipopt with the
-            distance fcl.
+            distance fcl or with swept bodies.
     """
     run = solver_named(solver)
-    if solver == "ipopt" and scene.planner.distance == "fcl":
-        raise InputError("solver ipopt: needs exact second derivatives, which the distance fcl does not have")
+    if solver == "ipopt" and (scene.planner.distance == "fcl" or scene.planner.swept):
+        lacking = "planner.swept: true" if scene.planner.swept else "the distance fcl"
+        raise InputError(f"solver ipopt: needs exact second derivatives, which {lacking} does not have")
     began = time.perf_counter()
     robot = robot or load_scene_robot(scene)
     loaded = time.perf_counter()
@@ -205,7 +206,7 @@ def _reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tu
                 for c in contacts[:3]
             )
             raise InputError(f"{scene.source}: {field}: in collision: {said}")
-        if (obstacle := certifier.obstacle_within(q, required)) is not None:
+        if required > 0.0 and (obstacle := certifier.obstacle_within(q, required)) is not None:
             required = ENDS_KEEP * obstacle.distance
             words.append(
                 f"{field} is {obstacle.distance * 1e3:.3g} mm from {obstacle.other}: "

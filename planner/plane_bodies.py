@@ -11,6 +11,7 @@ How many planes is a setting, `normals`: "box" gives a box or a link the 26 dire
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +26,7 @@ from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, 
 
 Floats = NDArray[np.float64]
 
-FEW, MANY = 26, 48  # planes of box-like bodies and of everything else; one compiled kernel each
+FEW, MANY = 26, 50  # planes of box-like bodies and of everything else; one compiled kernel each
 SPREAD = 96  # more of them for normals "sphere"
 
 
@@ -66,7 +67,7 @@ def from_shape(name: str, shape: Shape, placement: Floats, normals: str = "box")
             directions = _few(normals)
             return _placed(name, 0, placement, shape, directions, np.abs(directions) @ half, half)
         case Sphere(radius):
-            directions = _many(np.vstack([box_directions(), _fibonacci(MANY - FEW)]), normals)
+            directions = _many(_ball_directions(), normals)
             return _placed(name, 0, placement, shape, directions, np.full(len(directions), radius), np.full(3, radius))
         case Cylinder(radius, length):
             directions = _many(_round_directions(), normals)
@@ -169,11 +170,20 @@ def _face_normals(points: Floats) -> Floats:
 
 
 def _round_directions() -> Floats:
-    """MANY directions for bodies round about z: the box's, 8 more sideways (16 in all) and 14 more slanted."""
+    """MANY directions for bodies round about z: the box's, 8 more sideways (16 in all) and 16 more slanted. Like those
+    of a box and a ball they are their own mirror images, so that a mirrored scene is the same problem."""
     between = np.pi / 8 + np.arange(8) * np.pi / 4
     sideways = np.stack([np.cos(between), np.sin(between), 0 * between], axis=1)
-    slanted = np.stack([np.cos(between[:7]), np.sin(between[:7]), np.ones(7)], axis=1) / np.sqrt(2)
+    slanted = (sideways + [0, 0, 1]) / np.sqrt(2)
     return np.vstack([box_directions(), sideways, slanted, slanted * [1, 1, -1]])
+
+
+def _ball_directions() -> Floats:
+    """MANY directions around a ball: the box's, and the 24 like (1, 1, 3) in the widest gaps between them. No direction
+    is farther than 19.1 degrees from all of these."""
+    signs = np.array(list(itertools.product((-1, 1), repeat=3)))
+    between = np.vstack([signs * axis for axis in ((1, 1, 3), (1, 3, 1), (3, 1, 1))]) / np.sqrt(11)
+    return np.vstack([box_directions(), between])
 
 
 def _fibonacci(count: int) -> Floats:

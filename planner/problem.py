@@ -5,8 +5,9 @@ q_{N−1} with both ends fixed is
 
     smoothness(q) + w Σ_samples w_s Σ_pairs ½ min(D, 0)²
 
-(CHOMP, Ratliff et al. 2009, with the HD-SDF in place of a distance field; the exact distance may stand in for it). Only
-the terms that the scene calls for exist.
+(CHOMP, Ratliff et al. 2009, with the HD-SDF in place of a distance field; the exact distance may stand in for it).
+With `planner.swept` obstacles are kept from hulls between waypoints (`swept_clearance`) instead of at samples. Only the
+terms that the scene calls for exist.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from hdplan.planner.plane_bodies import PlaneBody, from_obstacle
 from hdplan.planner.robot import Robot
 from hdplan.planner.samples import Samples
 from hdplan.planner.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.swept_clearance import SweptClearance
 from hdplan.planner.terms import Clearance, PairDistance, Smoothness
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.model import PlannerSettings, Scene
@@ -85,18 +87,27 @@ class Problem:
         """Cost and derivatives at waypoints (N, n) with penalty weight w [1/m²]."""
         smoothness, gradient = self.smoothness.value(positions)
         kinematics = self.kinematics.evaluate(self.samples.configurations(positions))
-        penalties = [term.value(kinematics, self.samples.weight) for term in self.terms]
+        sampled = [term for term in self.terms if not isinstance(term, SweptClearance)]
+        penalties = [term.value(kinematics, self.samples.weight) for term in sampled]
         n, batch = positions.shape[1], len(self.samples.weight)
         total = sum((p.gradient for p in penalties), np.zeros((batch, n)))
         curvature = sum((p.curvature for p in penalties), np.zeros((batch, n, n)))
         diagonal, coupling = self.samples.curvature_to_waypoints(curvature)
+        slope = self.samples.to_waypoints(total)
         penalty = sum(p.cost for p in penalties)
+        depth = np.max([np.zeros(batch), *(p.depth for p in penalties)], axis=0)
+        for term in self.terms:
+            if isinstance(term, SweptClearance):
+                found = term.over_motion(self.kinematics.evaluate(positions))
+                penalty, slope = penalty + found.cost, slope + found.gradient
+                diagonal, coupling = diagonal + found.diagonal, coupling + found.coupling
+                depth = np.maximum(depth, found.depth[self.samples.interval])
         return Evaluation(
             cost=smoothness + weight * penalty,
             smoothness=smoothness,
             penalty=penalty,
-            depth=np.max([np.zeros(batch), *(p.depth for p in penalties)], axis=0),
-            gradient=(gradient + weight * self.samples.to_waypoints(total))[1:-1],
+            depth=depth,
+            gradient=(gradient + weight * slope)[1:-1],
             diagonal=weight * diagonal[1:-1],
             coupling=weight * coupling[1:-1],
         )
@@ -149,6 +160,8 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
     robot = robot or load_scene_robot(scene)
     query = resolve_query(robot, scene)
     settings = scene.planner
+    if settings.swept and settings.distance != "hdsdf":
+        raise InputError(f"{scene.source}: planner.swept: true needs planner.distance hdsdf, found {settings.distance}")
     compiled_before = RowFunction.seconds
     outline = outline_of(robot, settings.link_bodies, settings.normals)
     kinematics, bodies = outline.kinematics, outline.bodies
@@ -168,7 +181,11 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
     if pairs:
         laid_out = body_pairs(bodies, plane_bodies, pairs, margin, kinematics.supports)
         distance = _distance(laid_out, bodies, plane_bodies, margin, settings)
-        terms.append(Clearance("obstacles", laid_out, distance))
+        terms.append(
+            SweptClearance("obstacles", laid_out, distance, settings.gamma, settings.shaping_length)
+            if settings.swept
+            else Clearance("obstacles", laid_out, distance)
+        )
     if outline.self_pairs:
         margin = settings.clearance + SELF_ACTIVATION
         laid_out = body_pairs(bodies, outline.planes, outline.self_pairs, margin, kinematics.supports)

@@ -13,19 +13,23 @@ in [m].
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import coal
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+from trimesh.intersections import slice_faces_plane
 
-from hdplan.planner.meshes import TriangleMesh, load_mesh
+from hdplan.planner.meshes import FLAT, TriangleMesh, load_mesh, thinness
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, Sphere
 
 Array = NDArray[np.float64]
 
 MOST_PIECES = 12  # a mesh of more loose parts than this is treated whole: pairs cost time
+WORTH_CUTTING = 0.85  # of a hull's volume: where two halves' hulls have more together, triangles stay together
 DOUBTFUL = 1e-5  # coal's distance and the gap along its own normal differ by more [m] only where coal is wrong
 NUDGES = 3  # slightly turned poses that are tried where coal is in doubt
 NUDGE = 1e-5  # [rad] by which they are turned: enough to end an exactly parallel contact
@@ -68,19 +72,19 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Triangles that are not convex, with coal's tree of bounding volumes over them."""
+    """Triangles that are not convex."""
 
     mesh: TriangleMesh
-    tree: Any
+    solid: TriangleMesh  # that they bound, alone or with others
 
-    @classmethod
-    def of(cls, mesh: TriangleMesh) -> Surface:
-        """Build the tree."""
+    @cached_property
+    def tree(self) -> Any:
+        """Coal's tree of bounding volumes over them, built when it is first asked for."""
         tree = coal.BVHModelOBBRSS()
-        tree.beginModel(len(mesh.triangles), len(mesh.vertices))
-        tree.addSubModel(_points(mesh.vertices), _triangles(mesh.triangles))
+        tree.beginModel(len(self.mesh.triangles), len(self.mesh.vertices))
+        tree.addSubModel(_points(self.mesh.vertices), _triangles(self.mesh.triangles))
         tree.endModel()
-        return cls(mesh, tree)
+        return tree
 
 
 def obstacle_pieces(obstacle: Obstacle) -> tuple[Piece, ...]:
@@ -115,21 +119,48 @@ def link_pieces(geometry: Any, name: str) -> tuple[Piece, ...]:
             return (_hull(np.array(geometry.points())),)
         case coal.BVHModelBase():
             corners = np.array([[t[0], t[1], t[2]] for t in map(geometry.tri_indices, range(geometry.num_tris))])
-            return mesh_pieces(TriangleMesh.merged(geometry.vertices(), corners).trimmed(), geometry)
+            return mesh_pieces(TriangleMesh.merged(geometry.vertices(), corners).trimmed())
     raise HdplanError(f"link geometry '{name}': shape {type(geometry).__name__} is not supported by the certificate")
 
 
-def mesh_pieces(mesh: TriangleMesh, tree: Any = None) -> tuple[Piece, ...]:
+def mesh_pieces(mesh: TriangleMesh) -> tuple[Piece, ...]:
     """Take a mesh apart into its loose parts; a convex part is its hull, any other keeps its triangles.
 
-    Parts that are open or turned inside out (the wall of a cavity) mean something only together: then the mesh stays
-    whole, with coal's `tree` of it, if there is one.
+    Parts that are open or turned inside out (the wall of a cavity) mean something only together: then they are not
+    taken apart. Triangles that are not convex are cut where that makes their hulls much smaller.
     """
     parts = mesh.components()
     if len(parts) > MOST_PIECES or not all(part.closed and part.volume > 0 for part in parts):
-        surface = None if mesh.convex else Surface(mesh, tree) if tree else Surface.of(mesh)
-        return (_hull(mesh.vertices, surface),)
-    return tuple(_hull(part.vertices, None if part.convex else Surface.of(part)) for part in parts)
+        if mesh.convex:
+            return (_hull(mesh.vertices),)
+        return _cut(mesh, mesh)
+    return tuple(piece for part in parts for piece in ((_hull(part.vertices),) if part.convex else _cut(part, part)))
+
+
+def _cut(mesh: TriangleMesh, solid: TriangleMesh) -> tuple[Piece, ...]:
+    """Cut triangles across their longest side into parts, as long as the parts' hulls leave out much of the whole's:
+    the tighter the hulls, the less often the triangles themselves are asked."""
+    middle = mesh.vertices.mean(axis=0)
+    axis = np.linalg.svd(mesh.vertices - middle, full_matrices=False)[2][0]
+    heights = (mesh.vertices - middle) @ axis
+    origin = middle + 0.5 * (heights.min() + heights.max()) * axis
+    halves = [_beyond(mesh, origin, direction) for direction in (axis, -axis)]
+    if any(len(half.triangles) == 0 for half in halves) or (
+        sum(map(_hull_volume, halves)) > WORTH_CUTTING * _hull_volume(mesh)
+    ):
+        return (_hull(mesh.vertices, Surface(mesh, solid)),)
+    return tuple(piece for half in halves for piece in _cut(half, solid))
+
+
+def _beyond(mesh: TriangleMesh, origin: Array, normal: Array) -> TriangleMesh:
+    """Return the part of the triangles where normal · (x − origin) ≥ 0; a triangle across the plane is cut there."""
+    vertices, triangles, _ = slice_faces_plane(mesh.vertices, mesh.triangles, normal, origin)
+    return TriangleMesh.merged(vertices, triangles).trimmed()
+
+
+def _hull_volume(mesh: TriangleMesh) -> float:
+    """The volume [m³] of the convex hull; 0 for a flat one."""
+    return float(ConvexHull(mesh.vertices).volume) if thinness(mesh.vertices) > FLAT else 0.0
 
 
 @dataclass(frozen=True)
@@ -229,7 +260,7 @@ def _inside(outer: Piece, outer_pose: Array, inner: Piece, inner_pose: Array) ->
     parts = inner.surface.mesh.components() if inner.surface else (inner,)
     points = np.array([part.vertices[0] for part in parts]) @ inner_pose[:3, :3].T + inner_pose[:3, 3]
     local = (points - outer_pose[:3, 3]) @ outer_pose[:3, :3]
-    return any(abs(outer.surface.mesh.winding_number(point)) > 0.5 for point in local)
+    return any(abs(outer.surface.solid.winding_number(point)) > 0.5 for point in local)
 
 
 def transform(rotation: Array, origin: Array) -> Any:

@@ -131,6 +131,7 @@ class PlannerSettings:
     shaping_length: float = 1e-3  # width of the distance's flat spot at contact [m] (1e-9 to 1)
     distance: str = "hdsdf"  # of the obstacle penalty: hdsdf, or fcl, the exact Euclidean one
     link_bodies: str = "fitted"  # what encloses a link: fitted, capsule, outer-4, outer-12, box, hull
+    swept: bool = False  # hulls of link bodies at neighbouring waypoints in place of samples between them
     normals: str = "box"  # planes of an obstacle: faces (6 of a box), box (26) or sphere (122)
 
 

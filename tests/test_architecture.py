@@ -50,6 +50,7 @@ HOMES = {
 SOLVER_SIDE = (
     "planner.problem",
     "planner.terms",
+    "planner.swept_clearance",
     "planner.fcl_pairs",
     "planner.hdsdf_pairs",
     "planner.outline",

@@ -5,11 +5,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
 from hdplan.planner.problem import Floats, Problem
 from hdplan.planner.seeds import seeds
 from hdplan.planner.solvers import chomp, gauss_newton, ipopt
 from hdplan.planner.solvers.solution import Budget, Solution
 from hdplan.scenes.errors import InputError, nearest
+
+LARGEST = 1e9  # [rad] or [m] in a guess: beyond, the cost of a joint without limits drowns in rounding
 
 Solver = Callable[[Problem, Floats, Budget], Solution]
 
@@ -32,6 +36,26 @@ def solve(
 ) -> Solution:
     """Solve a problem once, from a first guess (N, n) or the straight line; certify the result before you trust it.
 
-    Raises InputError for an unknown solver.
+    Raises InputError for an unknown solver, and for a guess of another shape or with values beyond LARGEST.
     """
-    return solver_named(solver)(problem, next(seeds(problem, 0)) if guess is None else guess, budget or Budget())
+    run = solver_named(solver)
+    return run(problem, next(seeds(problem, 0)) if guess is None else _checked(problem, guess), budget or Budget())
+
+
+def _checked(problem: Problem, guess: Floats) -> Floats:
+    """Return a guess that a solver can start from."""
+    robot, shape = problem.robot, (problem.waypoints, problem.robot.n)
+    try:
+        positions = np.array(guess, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"guess: numbers of shape {shape} are expected") from None
+    if positions.shape != shape:
+        raise InputError(f"guess: shape {positions.shape}, expected {shape}: waypoints by joints of {robot.name}")
+    beyond = ~(np.abs(positions) <= LARGEST)  # so is what is no number
+    if beyond.any():
+        row, joint = np.argwhere(beyond)[0].tolist()
+        raise InputError(
+            f"guess: waypoint {row}, joint '{robot.joint_names[joint]}': {positions[row, joint]:g} is no number up to "
+            f"{LARGEST:g}"
+        )
+    return positions

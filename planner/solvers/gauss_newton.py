@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from hdplan.planner.problem import Evaluation, Problem
-from hdplan.planner.solvers.solution import Budget, Progress, Solution, Status
+from hdplan.planner.solvers.solution import SAME, Budget, Progress, Solution, Status
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -44,9 +44,9 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
             if progress.step(before, state, positions):
                 state, damping = problem.evaluate(positions, progress.weight), max(damping, FIRST_DAMPING)
         if progress.status is Status.CLEAR:  # without damping: where nothing bends the motion, this is its minimum
-            trial = problem.clip(positions + _step(problem, positions, state, LEAST_DAMPING))
+            trial = problem.clip(positions + _step(problem, positions, state, 0.0))
             after = problem.evaluate(trial, progress.weight)
-            if after.cost < state.cost and progress.is_clear(after):
+            if after.cost <= (1 + SAME) * state.cost and progress.is_clear(after):
                 progress.step(state.cost, after, trial)
                 positions = trial
     return progress.solution(positions)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from hdplan.planner.nlp import nlp
 from hdplan.planner.problem import Problem
-from hdplan.planner.solvers.solution import Budget, Progress, Solution
+from hdplan.planner.solvers.solution import SAME, Budget, Progress, Solution
 
 Floats = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
             trial[1:-1] = np.array(found["x"]).reshape(positions[1:-1].shape)
             trial = problem.clip(trial)
             before, after = state.cost, problem.evaluate(trial, progress.weight)
-            if after.cost < before:
+            if after.cost <= (1 + SAME) * before:  # the later run came closer to the minimum
                 positions, state = trial, after
             if progress.step(before, state, positions):
                 state = problem.evaluate(positions, progress.weight)

@@ -37,6 +37,7 @@ SLOW = 0.01  # relative decrease below which a step counts as stalled
 REFUSED = 1 / 3  # of a stalled step: what a refused one counts, as the next is another try at the same
 GIVE_UP = 9  # refused steps in a row: three weights in vain
 ENOUGH = 0.5  # share of the activation band that may be used up when the motion counts as clear
+SAME = 1e-9  # relative difference of two costs that are one but for rounding: large sums cancel in them
 ENDS = 0.2  # share of the duration over which an end that is itself too close excuses the motion beside it
 
 

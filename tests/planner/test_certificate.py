@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 import trimesh
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from hdplan.planner.certificate import Certificate, Certifier, Status, certify, check_configuration
 from hdplan.planner.meshes import TriangleMesh
@@ -301,17 +302,32 @@ def test_a_ball_inside_a_link_that_is_not_convex() -> None:
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, robot.pin_q(q))
     item = robot.collision.geometryObjects[robot.link_geometry["forearm_link"][0]]
-    (piece,) = link_pieces(item.geometry, "forearm_link")
-    assert piece.surface is not None
+    pieces = link_pieces(item.geometry, "forearm_link")
+    assert len(pieces) > 1  # cut, and what is cut still knows the solid that it belongs to
+    assert pieces[0].surface is not None
+    solid = pieces[0].surface.solid
     placement = data.oMi[item.parentJoint] * item.placement
-    mesh = trimesh.Trimesh(piece.surface.mesh.vertices, piece.surface.mesh.triangles)
-    inside = next(
-        p for p in mesh.triangles_center - 0.01 * mesh.face_normals if abs(piece.surface.mesh.winding_number(p)) > 0.9
-    )
+    mesh = trimesh.Trimesh(solid.vertices, solid.triangles)
+    inside = next(p for p in mesh.triangles_center - 0.01 * mesh.face_normals if abs(solid.winding_number(p)) > 0.9)
     ball = Obstacle("ball", Sphere(1e-3), Pose(tuple((placement * inside).tolist())))
     found = certificate(spec, np.stack([q, q]), ball)
     assert found.status is Status.IN_CONTACT
     assert "forearm_link" in {place.link for place in found.failures}
+
+
+def test_cut_pieces_hold_the_whole_surface() -> None:
+    """Random points of a link's triangles lie in the hull of one of its pieces, to the rounding of the cuts."""
+    robot = load_robot(RobotSpec(name="ur5"))
+    item = robot.collision.geometryObjects[robot.link_geometry["forearm_link"][0]]
+    pieces = link_pieces(item.geometry, "forearm_link")
+    assert pieces[0].surface is not None
+    solid = pieces[0].surface.solid
+    points, _ = trimesh.sample.sample_surface(trimesh.Trimesh(solid.vertices, solid.triangles), 2000, seed=3)
+    hulls = [ConvexHull(piece.vertices).equations for piece in pieces]
+    outside = np.min([(points @ hull[:, :3].T + hull[:, 3]).max(axis=1) for hull in hulls], axis=0)
+    assert outside.max() < 1e-9
+    area = sum(trimesh.Trimesh(p.surface.mesh.vertices, p.surface.mesh.triangles).area for p in pieces if p.surface)
+    assert area == pytest.approx(trimesh.Trimesh(solid.vertices, solid.triangles).area, rel=1e-9)
 
 
 # --- the motion bounds ----------------------------------------------------------------------------

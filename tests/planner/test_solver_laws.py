@@ -25,6 +25,7 @@ from hdplan.planner.problem import Problem, build
 from hdplan.planner.seeds import seeds
 from hdplan.planner.solvers import SOLVERS, solve
 from hdplan.planner.solvers.solution import Budget, Solution, Status
+from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Box, Capsule, Cylinder, JointTarget, Obstacle, Points, Pose, RobotSpec, Scene, Sphere
 
 Array = NDArray[np.float64]
@@ -336,8 +337,8 @@ BLOCK = Obstacle("block", Box((0.2, 0.15, 0.3)), about((0, 0, 1), 0.4, (0.9, 0.0
 @every_solver
 def test_a_mirrored_plane_gives_the_mirrored_motion(solver: str) -> None:
     """The planar arm seen in the x-z plane: q → −q."""
-    prism = next(each for each in shipped("planar_arm").obstacles if each.name == "prism")
-    scene = dataclasses.replace(shipped("planar_arm", 10 if solver == "ipopt" else None), obstacles=(BLOCK, prism))
+    scene = shipped("planar_arm", 10 if solver == "ipopt" else None)
+    scene = dataclasses.replace(scene, obstacles=(*scene.obstacles, BLOCK))
     problem = build(scene)
     image = between(scene, -problem.start, -problem.goal)
     image = dataclasses.replace(image, obstacles=tuple(map(mirrored, scene.obstacles)))
@@ -367,6 +368,23 @@ def symmetric_arm(tmp_path_factory: pytest.TempPathFactory) -> Scene:
     slab = Obstacle("slab", Box((0.2, 0.12, 0.5)), about((1, 0.3, 1), 0.3, (0.7, 0.05, 0.35)))
     scene = Scene("bars", file, RobotSpec(urdf=file), (slab,), JointTarget("start"), JointTarget("goal"))
     return between(scene, np.array([-0.7, 1.0, 0.3, 0.6]), np.array([0.8, 1.2, -0.2, 0.4]))
+
+
+ROUND = (Sphere(0.13), Cylinder(0.1, 0.4), Capsule(0.1, 0.3))
+
+
+@pytest.mark.parametrize("shape", ROUND, ids=["sphere", "cylinder", "capsule"])
+def test_round_bodies_are_mirrored_too(symmetric_arm: Scene, shape: Sphere | Cylinder | Capsule) -> None:
+    """Their planes stand for them in the problem, and are their own mirror images."""
+    leaning = Obstacle("round", shape, about((1, 0.3, 1), 0.3, (0.7, 0.05, 0.5)))
+    scene = dataclasses.replace(symmetric_arm, obstacles=(leaning,))
+    problem = build(scene)
+    image = between(scene, SIGNS * problem.start, SIGNS * problem.goal)
+    one, other = (
+        run(scene, "gauss_newton"),
+        run(dataclasses.replace(image, obstacles=(mirrored(leaning),)), "gauss_newton"),
+    )
+    assert_same_motion(one, SIGNS * other.trajectory.positions, other, FITTED)
 
 
 @fast_solver
@@ -451,12 +469,13 @@ def test_standing_still_in_contact_costs_the_same_however_often_it_is_looked_at(
 @pytest.mark.parametrize("name", ["empty", "ur5_table"])
 @every_solver
 def test_an_empty_scene_is_solved_by_the_straight_line(name: str, solver: str) -> None:
-    """The Panda's own links are in the problem, and too far from each other to matter."""
+    """From any guess."""
     scene = dataclasses.replace(shipped(name), obstacles=())
-    problem = build(ignoring(scene) if solver == "ipopt" else scene)  # every pair at every sample is in ipopt's graph
-    solution = solve(problem, solver=solver)
-    assert solution.status is Status.CLEAR
-    np.testing.assert_allclose(solution.trajectory.positions, line(problem), rtol=0, atol=MINIMUM)
+    problem = build(ignoring(scene))  # a wild guess may leave links on the wrong side of each other
+    for words, guess in {"line": line(problem), **wild_guesses(problem, 2 if solver == "ipopt" else 20)}.items():
+        solution = solve(problem, solver=solver, guess=guess)
+        assert solution.status is Status.CLEAR, words
+        np.testing.assert_allclose(solution.trajectory.positions, line(problem), rtol=0, atol=MINIMUM, err_msg=words)
 
 
 # --- what is far away -------------------------------------------------------------------------------------------------
@@ -644,6 +663,21 @@ def test_every_guess_ends_in_time_with_numbers(
     problem = build(shipped(name, waypoints))
     for words, guess in wild_guesses(problem, count).items():
         assert_ends_well(problem, solver, guess, words, iterations)
+
+
+@every_solver
+def test_a_guess_that_is_none_is_refused(solver: str) -> None:
+    problem = build(shipped("planar_arm", 12))
+    for wrong in (np.nan, np.inf, -np.inf, 1e300):
+        guess = line(problem)
+        guess[5, 0] = wrong
+        with pytest.raises(InputError, match=r"^guess: waypoint 5, joint 'shoulder': .* is no number up to 1e\+09$"):
+            solve(problem, solver=solver, guess=guess)
+    for shape in ((11, 2), (12, 1), (24,)):
+        with pytest.raises(InputError, match=r"^guess: shape \(.*\), expected \(12, 2\)"):
+            solve(problem, solver=solver, guess=np.zeros(shape))
+    with pytest.raises(InputError, match=r"^guess: numbers"):
+        solve(problem, solver=solver, guess=[["a", 1]] * 12)  # type: ignore[arg-type]
 
 
 @every_solver

@@ -15,16 +15,14 @@ from numpy.typing import NDArray
 
 from hdplan.planner.problem import Problem, build
 from hdplan.planner.solvers import SOLVERS, solve
-from hdplan.planner.solvers.solution import Budget, Solution, Status, Step
+from hdplan.planner.solvers.solution import SAME, Budget, Solution, Status, Step
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Box, JointTarget, Obstacle, Pose, Scene, Sphere
 from hdplan.scenes.reader import load_scene
 
 Array = NDArray[np.float64]
 
-MINIMUM = 1e-8  # [rad] from the closed-form minimum, from the straight line as everyone's first guess
-# The same from a guess half a radian off: a solver may stop when three steps together bring less than 1 % each.
-FROM_AFAR = {"gauss_newton": 1e-5, "ipopt": 1e-8, "chomp": 1e-5}
+MINIMUM = 1e-8  # [rad] from the closed-form minimum
 SAMPLED = {"gauss_newton": 30, "chomp": 60, "ipopt": 6}  # iterations that show what a law asks for; ipopt's are runs
 
 every_solver = pytest.mark.parametrize("solver", SOLVERS)
@@ -93,10 +91,10 @@ def test_limits_hold_where_the_penalty_pushes_against_them(solver: str) -> None:
 @every_solver
 def test_without_penalty_the_minimum_is_the_straight_line(free: Problem, solver: str) -> None:
     assert free.terms == ()
-    for guess, tolerance in ((None, MINIMUM), (wild(free), FROM_AFAR[solver])):
+    for guess in (None, wild(free)):
         solution = run(free, solver, guess, iterations=300)
         assert solution.status is Status.CLEAR
-        np.testing.assert_allclose(solution.trajectory.positions, line(free), rtol=0, atol=tolerance)
+        np.testing.assert_allclose(solution.trajectory.positions, line(free), rtol=0, atol=MINIMUM)
 
 
 @every_solver
@@ -108,7 +106,7 @@ def test_cost_falls(problem: Problem, solver: str) -> None:
     assert [step.iteration for step in steps] == list(range(1, len(steps) + 1))
     for before, after in itertools.pairwise(steps):
         assert after.weight >= before.weight
-        assert after.weight > before.weight or after.cost <= before.cost
+        assert after.weight > before.weight or after.cost <= before.cost * (1 + SAME)
     first, last = (problem.evaluate(q, steps[-1].weight) for q in (line(problem), solution.trajectory.positions))
     assert last.penalty < 0.5 * first.penalty
     assert last.cost < first.cost
@@ -151,14 +149,14 @@ def test_one_free_waypoint_is_enough(solver: str) -> None:
     assert after.cost < before.cost
     free = build(arm(FAR_AWAY, waypoints=3, ignore=True))
     found = run(free, solver, wild(free), iterations=300).trajectory.positions
-    np.testing.assert_allclose(found, line(free), rtol=0, atol=FROM_AFAR[solver])
+    np.testing.assert_allclose(found, line(free), rtol=0, atol=MINIMUM)
 
 
 @every_solver
 def test_two_free_waypoints_are_enough(solver: str) -> None:
     free = build(arm(FAR_AWAY, waypoints=4, ignore=True))
     found = run(free, solver, wild(free), iterations=300).trajectory.positions
-    np.testing.assert_allclose(found, line(free), rtol=0, atol=FROM_AFAR[solver])
+    np.testing.assert_allclose(found, line(free), rtol=0, atol=MINIMUM)
 
 
 @every_solver
