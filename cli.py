@@ -48,6 +48,7 @@ Examples:
   hdplan plan panda_cage -o motion.json --plot motion.png
   hdplan check panda_cage motion.json
   hdplan plot panda_cage motion.json -o motion.pdf
+  hdplan view panda_cage motion.json
   hdplan explain my_scene.yaml
   hdplan robots panda
   hdplan study distance --quick
@@ -77,6 +78,13 @@ def _whole_number(text: str) -> int:
         if (number := int(text)) >= 0:
             return number
     raise typer.BadParameter(f"must be a whole number of at least 0, found '{text}'")
+
+
+def _port(text: str) -> int:
+    with contextlib.suppress(ValueError):
+        if 1 <= (number := int(text)) <= 65535:
+            return number
+    raise typer.BadParameter(f"must be a port from 1 to 65535, found '{text}'")
 
 
 def _seconds(text: str) -> float:
@@ -278,6 +286,61 @@ def plot(
     with _printing() as show:
         show(_verdict(subject.certificate))
         show(_table([("written", str(output))]))
+
+
+@app.command()
+def view(
+    scene: SceneFile,
+    trajectories: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[TRAJECTORY]...", help="Motions to show, several at once to compare them."),
+    ] = None,
+    request: Request = None,
+    robot: RobotFile = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(
+            "--record", metavar="FILE.html", help="Write the motion as one page that needs no server, and end."
+        ),
+    ] = None,
+    host: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Address to serve on; 0.0.0.0 lets other machines in.")
+    ] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option(metavar="N", help="Port to serve on, or the next free one.", parser=_port)
+    ] = 8080,
+) -> None:
+    """Show a scene and motions in the browser, and plan there.
+
+    Drag an obstacle or the goal, press Plan and watch the optimizer at work. Needs viser: pip install hdplan[view].
+
+    Ctrl-C ends it.
+    """
+    from hdplan.planner.scene_robot import load_scene_robot
+    from hdplan.planner.trajectory import Trajectory
+    from hdplan.planner.view.front import check_installed, check_recording, motion_names
+
+    files = trajectories or []
+    check_installed()
+    if record is not None:
+        check_recording(record, files)
+    problem = _load(scene, request, robot)
+    motions = [(name, Trajectory.load(file)) for name, file in zip(motion_names(files), files, strict=True)]
+
+    from hdplan.planner.view.server import open_viewer
+
+    with _waiting("loading the robot's meshes"):
+        arm = load_scene_robot(problem)
+        viewer = open_viewer(problem, motions, robot=arm, host=host, port=port, complain=_complain)
+    with contextlib.closing(viewer), contextlib.suppress(KeyboardInterrupt), _printing() as show:
+        if record is not None:
+            viewer.record(record)
+            show(_table([("written", str(record))]))
+            return
+        taken = f" (port {port} is taken)" if viewer.port != port else ""
+        show(f"{problem.name} at http://{host}:{viewer.port}{taken}, until Ctrl-C")
+        sys.stdout.flush()
+        threading.Event().wait()
 
 
 @app.command()

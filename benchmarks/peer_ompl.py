@@ -17,14 +17,14 @@ from peer_task import Answer, Task
 
 STARTS_WRONG = "AORRTC"  # gives the goal alone where the straight line is free (OMPL's issue 1420): it is tried before
 
-util.setLogLevel(util.LOG_ERROR)
+util.setLogLevel(util.LOG_NONE)  # else OMPL complains whenever its generator is seeded again
 
 
 def solve(task: Task, planner: str, resolution: float | None, margin: float, seed: int, time_limit: float) -> Answer:
     """Plan with OMPL's geometric planner of that name, edges checked at steps of `resolution` [rad] (OMPL's default
     without), bodies kept `margin` [m] apart. A planner that goes on for better paths uses the whole time limit."""
     began = time.perf_counter()
-    util.RNG.setSeed(seed)
+    util.RNG.setSeed(seed)  # of the generators made from here on; 0 would be passed over
     space = base.RealVectorStateSpace(task.robot.n)
     bounds = base.RealVectorBounds(task.robot.n)
     for joint, (low, high) in enumerate(zip(task.lower.tolist(), task.upper.tolist(), strict=True)):

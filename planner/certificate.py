@@ -34,6 +34,7 @@ AT_LIMIT = 1e-3  # [rad] or [m] by which an end may lie beyond a joint limit: sc
 BEYOND_LIMIT = 1e-9  # the same for all other waypoints
 SAME_END = 1e-6  # [rad] or [m] between an end of the trajectory and the scene's
 FARTHEST = 1e6  # [rad] or [m] beyond which a waypoint drowns in rounding
+NEAR = 0.15  # [m] within which the closest pair is looked for first
 SAME_LOCKED = 1e-6  # [rad] or [m] between a locked joint's value in trajectory and scene
 
 
@@ -127,6 +128,16 @@ def check_configuration(scene: Scene, robot: Robot, q: ArrayLike) -> tuple[Conta
     return Certifier(scene, robot).contacts(q)
 
 
+@dataclass(frozen=True, eq=False)
+class Closest:
+    """Two bodies that are closest in one configuration."""
+
+    link: str
+    other: str  # an obstacle or another link
+    distance: float  # [m] exact; negative in contact (then minus the depth, 0 if unknown)
+    points: Array  # (2, 3) [m] where, on the link and on the other: for pictures, not proven
+
+
 class Certifier:
     """A scene and its robot made ready once, to certify many trajectories."""
 
@@ -144,7 +155,7 @@ class Certifier:
             bodies.extend(Body(obstacle.name, piece, placement=obstacle.pose.matrix) for piece in pieces)
         rows = [(a, b, 0) for a in range(count) for b in range(count, len(bodies))]
         rows += [(a, b, 1) for first, second in robot.self_pairs for a in links[first] for b in links[second]]
-        gathered = Bodies(Chain.of(robot.model), bodies, robot.pin_q)
+        gathered = Bodies(_chain(robot), bodies, robot.pin_q)
         self.sweep = Sweep(gathered, Pairs.of(gathered, rows))
 
     def certify(
@@ -216,6 +227,20 @@ class Certifier:
         to_obstacle, between_links = (self._place(spot, 2) if spot else None for spot in spots)
         return to_obstacle, between_links
 
+    def closest(self, q: ArrayLike) -> tuple[Closest | None, Closest | None]:
+        """Return what is `nearest` in one configuration with the points between which it is."""
+        configuration = np.asarray(q, dtype=np.float64)
+        spots = self.sweep.nearest(configuration, NEAR)  # most often there is something, and little to compare
+        if None in spots:
+            spots = self.sweep.nearest(configuration)
+        to_obstacle, between_links = (
+            Closest(*self._names(spot.pair), spot.distance, self.sweep.witnesses(configuration, spot.pair))
+            if spot
+            else None
+            for spot in spots
+        )
+        return to_obstacle, between_links
+
     def obstacle_within(self, q: ArrayLike, distance: float) -> Place | None:
         """Return the obstacle closest to the robot in one configuration, exactly; None if it is farther away than
         `distance` [m]."""
@@ -258,6 +283,11 @@ class Certifier:
             f"waypoint {row} has joint '{self.robot.joint_names[joint]}' at {waypoints[row, joint]:g}, "
             f"its limits are [{low:g}, {high:g}]"
         )
+
+
+@functools.lru_cache(maxsize=8)
+def _chain(robot: Robot) -> Chain:
+    return Chain.of(robot.model)
 
 
 @functools.lru_cache(maxsize=8)

@@ -69,7 +69,8 @@ def _terms(problem: Problem) -> Rows:
     settings = problem.scene.planner
     reach = settings.clearance + settings.activation
     if "obstacles" in on:
-        obstacles = f"on: grows where a moving link comes within {reach:g} m of an obstacle"
+        swept = ", swept from waypoint to waypoint" * settings.swept
+        obstacles = f"on: grows where a moving link comes within {reach:g} m of an obstacle{swept}"
     elif not problem.bodies:
         obstacles = "off: no link has collision geometry"
     elif problem.plane_bodies:

@@ -6,6 +6,7 @@ motion at a time, the placements at their midpoints (Pinocchio's) and what the m
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -29,13 +30,18 @@ class Body:
     joint: int = 0  # of the model, that carries it; 0: the world
     placement: Array = field(default_factory=lambda: np.eye(4))  # (4, 4) of the piece in that joint's frame
 
+    def reach(self, chain: Chain, travel: Array) -> Array:
+        """Return ρ (n,) of `motion_bounds`, for coordinates that range over `travel` (n, 2)."""
+        points = self.piece.vertices @ self.placement[:3, :3].T + self.placement[:3, 3]
+        return chain.reach(self.joint, points, self.piece.ball + self.piece.disc, travel)
+
 
 class Bodies:
     """All bodies of a scene on one robot, as arrays over g bodies."""
 
     def __init__(self, chain: Chain, bodies: Sequence[Body], to_pinocchio: Callable[[Array], Array]) -> None:
         """Gather placements and bounds; `to_pinocchio` maps joint values (k, n) to configurations (k, nq)."""
-        self.chain, self.to_pinocchio = chain, to_pinocchio
+        self.chain, self.bodies, self.to_pinocchio = chain, tuple(bodies), to_pinocchio
         self.names = tuple(body.name for body in bodies)
         self.pieces = tuple(body.piece for body in bodies)
         self.joint = np.array([body.joint for body in bodies], dtype=np.int64)  # (g,)
@@ -48,20 +54,17 @@ class Bodies:
 
     def reach(self, waypoints: Array) -> Array:
         """Return ρ (g, n) for all configurations between the waypoints (N, n)."""
+        travel = np.stack([waypoints.min(axis=0), waypoints.max(axis=0)], axis=1)
         if self.chain.revolute.all():  # where nothing slides, it is the same for every motion
-            return self._reach_of_turns
-        return self._reach(np.stack([waypoints.min(axis=0), waypoints.max(axis=0)], axis=1))
-
-    @cached_property
-    def _reach_of_turns(self) -> Array:
-        return self._reach(np.zeros((len(self.chain.axes), 2)))
-
-    def _reach(self, travel: Array) -> Array:
-        rows = [
-            self.chain.reach(int(joint), piece.vertices @ turn.T + shift, piece.ball + piece.disc, travel)
-            for joint, piece, turn, shift in zip(self.joint, self.pieces, self.rotation, self.origin, strict=True)
-        ]
+            rows = [_reach_of_turns(self.chain, body) for body in self.bodies]
+        else:
+            rows = [body.reach(self.chain, travel) for body in self.bodies]
         return np.array(rows).reshape(-1, len(travel))
+
+
+@functools.lru_cache(maxsize=4096)
+def _reach_of_turns(chain: Chain, body: Body) -> Array:
+    return body.reach(chain, np.zeros((len(chain.axes), 2)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,7 +28,7 @@ STYLES = {  # of each setting: colour, marker, name
     "gamma": (DEPTH, "D", "gamma"),
     "shaping_length": (BETWEEN, "v", "shaping length"),
     "waypoints": (BETWEEN_LINKS, "s", "waypoints"),
-    "swept": (OBSTACLE, "X", "between waypoints"),
+    "swept": (OBSTACLE, "X", "swept"),
     "solver": (GOOD, "P", "solver"),
 }
 Measure = Callable[[Summary], float]
@@ -55,7 +55,7 @@ def planning_sheet(rows: Sequence[Summary], complete: bool = True) -> Figure:
         figure = Figure(figsize=(12.6, 10.4), dpi=150, facecolor="white")
         _title(figure, rows[0], complete)
         _key(figure, rows)
-        above = figure.add_gridspec(1, 2, left=0.06, right=0.985, bottom=0.55, top=0.855, wspace=0.16)
+        above = figure.add_gridspec(1, 2, left=0.06, right=0.985, bottom=0.565, top=0.86, wspace=0.16)
         _against_time(
             figure.add_subplot(above[0]), rows, ("link_bodies", "normals"), lambda row: 1e3 * row.lost[0],
             "How much narrower does the world look?", "clearance lost near contact, median [mm]",
@@ -65,7 +65,7 @@ def planning_sheet(rows: Sequence[Summary], complete: bool = True) -> Figure:
             "How smooth is the motion?", "integrated squared acceleration [% of the defaults']",
         )  # fmt: skip
         below = figure.add_gridspec(
-            3, len(VALUES), left=0.06, right=0.985, bottom=0.065, top=0.485, wspace=0.38, hspace=0.42
+            3, len(VALUES), left=0.06, right=0.985, bottom=0.065, top=0.472, wspace=0.38, hspace=0.42
         )
         sharing: dict[str, Any] = {}
         for column, factor in enumerate(VALUES):
@@ -80,7 +80,7 @@ def _title(figure: Figure, default: Summary, complete: bool) -> None:
     figure.text(0.985, 0.974, about, ha="right", va="center", color=FIXED)
     words = (
         f"defaults: {default.certified} of {default.scenes} certified, {1e3 * default.lost[0]:.1f} mm of clearance "
-        f"lost near contact (95 %: {1e3 * default.lost[1]:.0f} mm), solved and certified in "
+        f"lost near contact (95 %: {1e3 * default.lost[1]:.0f} mm), a plan takes "
         f"{1e3 * default.seconds:.0f} ms"
     )
     figure.text(0.02, 0.944, words, fontsize=11, weight="bold", va="center")
@@ -104,7 +104,7 @@ def _against_time(
     axis.set_yscale("log")
     axis.margins(0.13, 0.13)
     axis.set_title(title)
-    axis.set_xlabel("time of a plan, solve and certificate, median [ms]")
+    axis.set_xlabel("processor time of a plan, median [ms]")
     axis.set_ylabel(words)
     _plain(axis)
     if len(factors) < len(STYLES):
@@ -141,7 +141,7 @@ def _by_setting(
     for place, what in zip(places, ("time", words, "scenes certified"), strict=True):
         axes.append(figure.add_subplot(place, sharey=sharing.get(what)))
         sharing.setdefault(what, axes[-1])
-    _curve(axes[0], factor, chosen, lambda row: 1e3 * row.seconds, f"{STYLES[factor][2]}: time [ms]")
+    _curve(axes[0], factor, chosen, lambda row: 1e3 * row.seconds, f"{STYLES[factor][2]}\ntime [ms]")
     _curve(axes[1], factor, chosen, measure, words)
     _rates(axes[2], factor, chosen)
     axes[0].set_yscale("log")
@@ -152,7 +152,7 @@ def _by_setting(
         axis.set_xticks(range(len(values)), [""] * len(values))
     texts = [_short(factor, value) for value in values]
     slanted: dict[str, Any] = {"rotation": 35, "ha": "right", "rotation_mode": "anchor"}
-    axes[2].set_xticks(range(len(values)), texts, fontsize=7.5, **(slanted if len("".join(texts)) > 20 else {}))
+    axes[2].set_xticks(range(len(values)), texts, fontsize=7.5, **(slanted if len("".join(texts)) > 15 else {}))
 
 
 def _chosen(factor: str, rows: Sequence[Summary]) -> tuple[list[Value], list[Summary]]:
@@ -206,17 +206,17 @@ def _key(figure: Figure, rows: Sequence[Summary]) -> None:
     handles.append(Line2D([], [], color=GOOD, linewidth=6, alpha=0.25, label="Pareto front"))
     handles.append(Patch(color=INK, alpha=0.9, label="certified from the first guess"))
     handles.append(Patch(color=INK, alpha=0.3, label="certified from another guess"))
-    figure.legend(
-        handles=handles, loc="upper left", bbox_to_anchor=(0.012, 0.934), ncols=(len(handles) + 1) // 2,
-        columnspacing=1.6, handletextpad=0.6,
-    )  # fmt: skip
+    row = {"loc": "upper left", "columnspacing": 1.6, "handletextpad": 0.6}
+    figure.legend(handles=handles[:-4], bbox_to_anchor=(0.012, 0.934), ncols=len(handles), **row)
+    figure.legend(handles=handles[-4:], bbox_to_anchor=(0.012, 0.914), ncols=4, **row)
 
 
 def _plain(axis: Any) -> None:
     """Numbers as numbers, a light grid."""
     for one in (axis.xaxis, axis.yaxis):
         if one.get_scale() == "log":
-            one.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            low, high = one.get_view_interval()
+            one.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 200 * low else (1,)))
             one.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
             one.set_minor_formatter(NullFormatter())
     axis.grid(color=GREY, linewidth=0.6)

@@ -32,14 +32,16 @@ from hdplan.scenes.model import Scene
 if TYPE_CHECKING:
     from hdplan.planner.planning_runs import Run, Runs, Variant
 
+LITTLE = 1.0  # [rad, rad²] less path or acceleration counts as this: a motion in a straight line has no ratio
 FILES = ("planning_study.csv", "planning_study.md", "planning_study.png")
 LEGEND = """\
 Each line changes one setting; all others stand at their defaults. Certified: proven within {limit:g} s; first guess:
 from the straight line. Lost: the exact distance of the real meshes less the planner's lower bound D̃ of it, at {near}
 random free configurations within {reach:g} cm of an obstacle, the same for all lines: median / 95 %. D off: |D - D̃| of
 the deepest pair where the penalty acts, median. Path and acceleration: length in joint space and integrated squared
-acceleration, in % of the default's motion in the same scene, geometric mean over the scenes that both solve. Time:
-solve and certificate, median / largest over all the scenes, warm. Pair: one pair's distance with derivative, median.
+acceleration (less than {little:g} rad² counts as that), in % of the default's motion in the same scene, geometric mean
+over the scenes that both solve. Time: of a whole plan, warm, on the processor, median / largest over all the scenes.
+Pair: one pair's distance with derivative, median.
 """
 
 
@@ -55,8 +57,7 @@ class Summary:
     off: float  # |D − D̃|, median [m]
     length: float | None  # of the path, relative to the default's; None where no scene compares
     acceleration: float | None  # integrated squared, likewise
-    solve: float  # median [s]
-    seconds: float  # solve and certificate, median [s]
+    seconds: float  # of a plan, processor time, median [s]
     slowest: float  # the same, largest [s]
     kernel: float  # one pair's distance with derivative, median [s]
     clearance: float | None  # proven, median over what is certified [m]
@@ -96,7 +97,7 @@ def study_planning(folder: Path, scenes: Sequence[Scene], quick: bool, report: R
     notes.append(("measured", f"in {took}{'' if found.complete else ', interrupted: what there was till then'}"))
     told = "".join(f"- **{what}**: {words}\n" for what, words in notes)
     near = sum(len(run.lost) for run in found.of(found.variants[0]))
-    legend = LEGEND.format(limit=TIME_LIMIT, near=near, reach=100 * NEAR)
+    legend = LEGEND.format(limit=TIME_LIMIT, near=near, reach=100 * NEAR, little=LITTLE)
     table = [_short_row(summary) for summary in rows]
     markdown = "\n".join(["# What accuracy costs in time, for planning\n", told, legend, markdown_text(table)])
     csv = csv_text([_row(run) for run in found.runs])
@@ -125,7 +126,7 @@ def label(variant: Variant) -> str:
 
 def _summary(runs: Sequence[Run], default: Sequence[Run]) -> Summary:
     lost, off = (np.concatenate([getattr(run, name) for run in runs]) for name in ("lost", "off"))
-    seconds = [run.solve + run.certify for run in runs]
+    seconds = [run.seconds for run in runs]
     proven = [run.clearance for run in runs if run.clearance is not None]
     return Summary(
         variant=runs[0].variant,
@@ -136,7 +137,6 @@ def _summary(runs: Sequence[Run], default: Sequence[Run]) -> Summary:
         off=_quantile(off, 0.5),
         length=_relative([(run.length, other.length) for run, other in zip(runs, default, strict=True)]),
         acceleration=_relative([(run.acceleration, o.acceleration) for run, o in zip(runs, default, strict=True)]),
-        solve=float(np.median([run.solve for run in runs])),
         seconds=float(np.median(seconds)),
         slowest=max(seconds),
         kernel=_quantile(np.array([run.kernel for run in runs if run.kernel is not None]), 0.5),
@@ -149,9 +149,9 @@ def _quantile(values: np.ndarray, part: float) -> float:
 
 
 def _relative(pairs: Sequence[tuple[float | None, float | None]]) -> float | None:
-    """Return the geometric mean of ratios, over the pairs that have both."""
-    ratios = [a / b for a, b in pairs if a is not None and b]
-    return float(np.exp(np.mean(np.log(ratios)))) if ratios and min(ratios) > 0 else None
+    """Return the geometric mean of the ratios of the pairs that have both."""
+    ratios = [max(a, LITTLE) / max(b, LITTLE) for a, b in pairs if a is not None and b is not None]
+    return float(np.exp(np.mean(np.log(ratios)))) if ratios else None
 
 
 def _about(found: Runs) -> list[tuple[str, str]]:
@@ -200,6 +200,7 @@ def _row(run: Run) -> dict[str, Cell]:
         "certified": int(run.certified),
         "attempts": run.attempts,
         "iterations": run.iterations,
+        "seconds": run.seconds,
         "solve_s": run.solve,
         "certify_s": run.certify,
         "pair_us": None if run.kernel is None else 1e6 * run.kernel,

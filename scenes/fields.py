@@ -11,7 +11,7 @@ import math
 import os
 import re
 from collections.abc import Collection, Hashable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -70,6 +70,10 @@ class Field:
     def note(self, message: str) -> None:
         """Leave a word for the user about this field."""
         self.document.notes.append(f"{self.document.file.name}: {self.key}: {message}")
+
+    def with_text_numbers(self) -> Field:
+        """Return the same field, of a document that may hold numbers as text."""
+        return replace(self, document=replace(self.document, text_numbers=True))
 
     # Containers
 
@@ -174,14 +178,14 @@ class Field:
         return path
 
 
-def read_document(file: Path, text_numbers: bool = False) -> Field:
+def read_document(file: Path) -> Field:
     """Read a YAML file whose top is a mapping.
 
     Raises:
         InputError: the file is missing, a directory, unreadable, not UTF-8, empty, not YAML (with the line), or has a
             key twice.
     """
-    document = Document(file, text_numbers=text_numbers)
+    document = Document(file)
     top = Field(None, "", document)
     try:
         content = file.read_text(encoding="utf-8-sig")

@@ -78,8 +78,8 @@ def is_moveit_request(keys: Collection[str]) -> bool:
     return not {"goal_constraints", "start_state", "group_name"}.isdisjoint(keys)
 
 
-def read_moveit(scene_file: Path, request_file: Path, robot: RobotSpec) -> Scene:
-    """Read a planning scene and its request.
+def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
+    """Read a planning scene, whose document is read already, and its request.
 
     Obstacles are the scene's collision objects; the primitives of an object after its first are called ``id/1``,
     ``id/2`` and so on. The start is the request's start state over the scene's robot state; the goal is the request's
@@ -89,8 +89,7 @@ def read_moveit(scene_file: Path, request_file: Path, robot: RobotSpec) -> Scene
         InputError: a bad file or field, or something that hdplan cannot plan for: meshes, planes, cones, octomaps,
             attached objects, moved frames, several goals, goals in Cartesian space, path constraints.
     """
-    scene = read_document(scene_file, text_numbers=True)
-    request = read_document(request_file, text_numbers=True)
+    scene, request = scene.with_text_numbers(), read_document(request_file).with_text_numbers()
     if is_moveit_scene(request.mapping()):
         raise request.error("is a MoveIt planning scene, but a motion plan request is wanted here (--request)")
     scene_keys = scene.mapping(SCENE_KEYS)
@@ -113,8 +112,8 @@ def read_moveit(scene_file: Path, request_file: Path, robot: RobotSpec) -> Scene
             "start_state.joint_state: is missing or empty, and the scene's robot_state too: there is no start"
         )
     return Scene(
-        name=scene_file.stem,
-        source=scene_file,
+        name=scene.document.file.stem,
+        source=scene.document.file,
         robot=robot,
         obstacles=tuple(obstacles.values()),
         start=JointTarget(f"start ({request_file})", by_name=start),

@@ -74,7 +74,7 @@ def load_scene(path: FilePath, request: FilePath | None = None, robot: FilePath 
             raise top.error(
                 "is a MoveIt planning scene, which does not say where its robot is found: give --robot NAME or FILE"
             )
-        return _with_notes(read_moveit(top.document.file, Path(request), spec), notes)
+        return _with_notes(read_moveit(top, Path(request), spec), notes)
     if "hdplan" not in keys and is_moveit_request(keys):
         raise top.error(
             "is a MoveIt motion plan request; name the planning scene first and give this file with --request"

@@ -79,7 +79,7 @@ def test_bodies_contain_the_collision_geometry(name: str) -> None:
 
 
 @pytest.mark.parametrize("geometry", [word for word in ALLOWED["link_bodies"] if word not in ("fitted", "hull")])
-@pytest.mark.parametrize("name", ["panda", "planar_arm"])
+@pytest.mark.parametrize("name", ["planar_arm", pytest.param("panda", marks=pytest.mark.slow)])
 def test_every_other_geometry_contains_the_links_too(name: str, geometry: str) -> None:
     robot = load_scene_robot(load_scene("planar_arm")) if name == "planar_arm" else load_robot(RobotSpec(name=name))
     for link in robot.links:

@@ -26,7 +26,7 @@ from hdplan.planner.planning_runs import (
 from hdplan.planner.study_planning import FILES, label, study_planning, summaries
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import JointTarget, Scene
+from hdplan.scenes.model import Box, JointTarget, Obstacle, Scene
 from hdplan.scenes.reader import load_scene
 
 pytest.importorskip("matplotlib")
@@ -48,7 +48,7 @@ def made_up(scenes: int = 3) -> Runs:
             good = scene > 0 or variant.value != "ipopt"
             run = Run(
                 variant=variant, scene=f"scene {scene}", certified=good, attempts=1 + scene % 2, iterations=30,
-                solve=0.1 * 1.1**k, certify=0.02, kernel=2e-6, clearance=0.01 if good else None,
+                seconds=0.1 * 1.1**k, solve=0.08, certify=0.02, kernel=2e-6, clearance=0.01 if good else None,
                 length=3.0 + 0.01 * k if good else None, acceleration=20.0 + k if good else None,
                 lost=rng.exponential(0.01, 40), off=rng.exponential(1e-3, 9),
             )  # fmt: skip
@@ -131,11 +131,11 @@ def test_tighter_bodies_and_more_normals_lose_less(planar: Runs) -> None:
 def test_a_scene_that_cannot_be_planned_is_left_out_with_a_word() -> None:
     scene = load_scene("planar_arm")
     wrong = replace(scene, goal=JointTarget("goal", (0.0,)))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(planning_runs, "QUICK_VALUES", {})
-        found = measure([wrong], quick=True)
+    buried = replace(scene, obstacles=(Obstacle("rock", Box((9.0, 9.0, 9.0))),))
+    found = measure([wrong, buried], quick=True)
     assert found.runs == ()
     assert "joint values" in found.refused[0]
+    assert "start: in collision" in found.refused[1]
 
 
 def test_stopping_keeps_whole_variants() -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from hdplan.distance.compiled import RowFunction
 from hdplan.distance.halfspaces import box_directions, halfspace_distance, swept_halfspace_distance
+from hdplan.planner.explain import explain
 from hdplan.planner.nlp import nlp
 from hdplan.planner.plan import plan
 from hdplan.planner.problem import Problem, build
@@ -180,6 +181,12 @@ def test_the_problem_adds_it_up(cage: Problem, motion: Array) -> None:
 @pytest.mark.parametrize("name", ["panda_cage", "planar_arm"])
 def test_a_plan_with_it_is_certified(name: str) -> None:
     assert plan(swept(name)).certified
+
+
+def test_explain_says_so(cage: Problem) -> None:
+    said = explain(cage)
+    assert dict(said["terms"])["obstacles"].endswith("of an obstacle, swept from waypoint to waypoint")
+    assert dict(said["settings"])["swept"] == "true (scene)"
 
 
 def test_what_it_cannot_do_is_refused() -> None:
