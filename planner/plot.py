@@ -21,6 +21,7 @@ from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Scene
 
 PICTURES = (".png", ".pdf", ".svg")
+PIXELS, FINE = 150, 300  # per inch: of a PNG; of the painted scene in the others, whose lines and letters have none
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +78,6 @@ def plot(subject: Subject, path: str | Path) -> None:
     check_picture(path)
     from hdplan.planner.plot_sheet import sheet
 
-    picture = io.BytesIO()
-    sheet(subject).savefig(picture, format=path.suffix.lower().removeprefix("."))
+    picture, kind = io.BytesIO(), path.suffix.lower().removeprefix(".")
+    sheet(subject).savefig(picture, format=kind, dpi=PIXELS if kind == "png" else FINE)
     write_output(path, picture.getvalue())

@@ -46,7 +46,7 @@ def sheet(subject: Subject) -> Figure:
     height = TALL if timed else HEIGHT
     band = {"bottom": FOOT / height, "top": 1.0 - HEAD / height}
     with rc_context(RC):
-        figure = Figure(figsize=(WIDTH, height), dpi=150, facecolor="white")
+        figure = Figure(figsize=(WIDTH, height), facecolor="white")
         room = (height - HEAD - FOOT + GAP) / len(panels)  # [in] for a panel and what is below it
         _title(figure, subject, height)
         shares = [share for share, _ in panels]
