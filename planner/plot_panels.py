@@ -191,6 +191,8 @@ def draw_convergence(axis: Any, subject: Subject) -> None:
     axis.plot(iteration, smoothness, color=START, linestyle="--", linewidth=1.4, label="of it smoothness")
     if smoothness.min() > 0.0 and cost.max() > WIDE * smoothness.min():
         axis.set_yscale("log")
+    else:
+        axis.set_ylim(0.0, 1.1 * max(cost.max(), smoothness.max()) or 1.0)
     right = axis.twinx()
     right.plot(iteration, [step.depth * 1e3 for step in steps], color=DEPTH, linewidth=1.4, label="depth (right)")
     right.set_ylabel("depth [mm]")

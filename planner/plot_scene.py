@@ -142,14 +142,17 @@ def draw_scene(axis: Any, picture: Picture, azimuth: float, elevation: float) ->
 
 
 def _ends(axis: Any, path: Array, low: Array, high: Array) -> None:
-    """Mark and name both ends of the path (k, 2), each name within the window on the side farthest from the path."""
+    """Mark and name both ends of the path (k, 2), each name within the window on the side farthest from the path and
+    from what else is written."""
     per_point = float(high[0] - low[0]) / (72.0 * axis.get_position().width * axis.figure.get_size_inches()[0])
+    avoided = np.vstack([path, low + (high - low).max() * _CORNER])
     for end, name, color, marker in ((0, "start", START, "o"), (-1, "goal", GOAL, "s")):
         axis.plot(*path[end], marker, markersize=5, color=color, markeredgecolor="white", markeredgewidth=0.8)
         places = path[end] + per_point * (6.0 * _AROUND + 0.5 * NAME * np.sign(_AROUND))
-        away = (path - places[:, None]) / (per_point * NAME)  # in sizes of the name
+        away = (avoided - places[:, None]) / (per_point * NAME)  # in sizes of the name
         outside = np.abs(2.0 * places - low - high) > high - low - per_point * NAME
-        side = _AROUND[np.where(outside.any(axis=1), 0.0, np.abs(away).max(axis=2).min(axis=1)).argmax()]
+        best = np.where(outside.any(axis=1), 0.0, np.abs(away).max(axis=2).min(axis=1)).argmax()
+        side, avoided = _AROUND[best], np.vstack([avoided, places[best]])
         axis.annotate(
             name,
             path[end],
@@ -301,5 +304,6 @@ def _directions(turns: int, rises: int) -> Array:
 _AROUND = np.array(
     [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [0.7, 0.7], [0.7, -0.7], [-0.7, 0.7], [-0.7, -0.7]]
 )
+_CORNER = np.array([[x, y] for x in (0.03, 0.085, 0.14) for y in (0.03, 0.11, 0.18)])  # of the view: see _scale
 _FINE, _COARSE = _directions(*FINE), _directions(*COARSE)  # (k, 3) unit
 _LIGHT = np.array([-0.4, 0.6, 0.7]) / np.linalg.norm([-0.4, 0.6, 0.7])  # from the upper left, in the view's frame

@@ -69,6 +69,14 @@ def test_without_obstacles_and_iterations(planned: Planned, tmp_path: Path) -> N
     assert_drawn(tmp_path / "a.png")
 
 
+def test_motion_of_no_length(planned: Planned, tmp_path: Path) -> None:
+    scene, robot, result = planned
+    stays = replace(result.trajectory, positions=result.trajectory.positions[[0, 0]])
+    steps = tuple(replace(step, cost=0.0, smoothness=0.0, depth=0.0) for step in result.steps)
+    plot.plot(Subject.of(Certifier(scene, robot), stays, steps, "stays"), tmp_path / "a.png")
+    assert_drawn(tmp_path / "a.png")
+
+
 def test_motion_in_contact_with_every_kind_of_shape(planned: Planned, tmp_path: Path) -> None:
     scene, robot, result = planned
     shapes = {
