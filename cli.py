@@ -47,6 +47,8 @@ app = typer.Typer(
 Examples:
   hdplan plan panda_cage -o motion.json --plot motion.png
   hdplan check panda_cage motion.json
+  hdplan plot panda_cage motion.json -o motion.pdf
+  hdplan view panda_cage motion.json
   hdplan explain my_scene.yaml
   hdplan robots panda
   hdplan study distance --quick
@@ -78,6 +80,13 @@ def _whole_number(text: str) -> int:
     raise typer.BadParameter(f"must be a whole number of at least 0, found '{text}'")
 
 
+def _port(text: str) -> int:
+    with contextlib.suppress(ValueError):
+        if 1 <= (number := int(text)) <= 65535:
+            return number
+    raise typer.BadParameter(f"must be a port from 1 to 65535, found '{text}'")
+
+
 def _seconds(text: str) -> float:
     with contextlib.suppress(ValueError):
         if 0.0 < (number := float(text)) < math.inf:
@@ -88,6 +97,10 @@ def _seconds(text: str) -> float:
 SceneFile = Annotated[
     str,
     typer.Argument(metavar="SCENE", help="A hdplan scene (YAML), a shipped scene's name, or a MoveIt planning scene."),
+]
+Motion = Annotated[
+    Path,
+    typer.Argument(metavar="TRAJECTORY", help="JSON, CSV (joint names in its header) or NPZ, from any planner."),
 ]
 Request = Annotated[
     Path | None,
@@ -159,7 +172,8 @@ def plan(
     """
     from hdplan.planner.output import check_writable
     from hdplan.planner.plan import plan as find
-    from hdplan.planner.plot import check_picture, plot_result
+    from hdplan.planner.plot import Subject, check_picture
+    from hdplan.planner.plot import plot as draw
     from hdplan.planner.problem import check_distance
     from hdplan.planner.scene_robot import load_scene_robot
     from hdplan.planner.solvers import solver_named
@@ -180,7 +194,7 @@ def plan(
     if output is not None:
         result.save(output)
     if plot is not None:
-        plot_result(problem, load_scene_robot(problem), result, plot)
+        draw(Subject.planned(problem, load_scene_robot(problem), result), plot)
     if not quiet:
         with _printing() as show:
             if as_json:
@@ -194,10 +208,7 @@ def plan(
 @app.command()
 def check(
     scene: SceneFile,
-    trajectory: Annotated[
-        Path,
-        typer.Argument(metavar="TRAJECTORY", help="JSON, CSV (joint names in its header) or NPZ, from any planner."),
-    ],
+    trajectory: Motion,
     request: Request = None,
     robot: RobotFile = None,
     as_json: AsJson = False,
@@ -239,6 +250,97 @@ def check(
             motion_row = ("motion", f"{len(motion)} waypoints of {certifier.robot.name} in {problem.name}")
             show(_table([motion_row, *_closest_rows(certificate), ("proof", effort)]))
     raise typer.Exit(0 if certificate.certified else 1)
+
+
+@app.command()
+def plot(
+    scene: SceneFile,
+    trajectory: Motion,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FILE", help="Where the picture goes: .png, .pdf or .svg.")
+    ],
+    request: Request = None,
+    robot: RobotFile = None,
+) -> None:
+    """Draw a joint trajectory in one sheet.
+
+    Of ours or another planner's: joints with their limits, velocities and accelerations where the file has times, the
+    clearance along the motion with what is proven of it, the solver's progress where the file holds it, and the scene
+    from two sides. The exit code is 0 whatever the verdict.
+    """
+    from hdplan.planner.certificate import Certifier
+    from hdplan.planner.plot import Subject, check_picture
+    from hdplan.planner.plot import plot as draw
+    from hdplan.planner.result import read_steps
+    from hdplan.planner.scene_robot import load_scene_robot
+    from hdplan.planner.trajectory import Trajectory
+
+    check_picture(output)
+    problem = _load(scene, request, robot)
+    motion, steps = Trajectory.load(trajectory), read_steps(trajectory)
+    with _waiting("drawing"):
+        certifier = Certifier(problem, load_scene_robot(problem))
+        with naming(trajectory):  # its joints may not fit
+            subject = Subject.of(certifier, motion, steps, trajectory.name)
+        draw(subject, output)
+    with _printing() as show:
+        show(_verdict(subject.certificate))
+        show(_table([("written", str(output))]))
+
+
+@app.command()
+def view(
+    scene: SceneFile,
+    trajectories: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[TRAJECTORY]...", help="Motions to show, several at once to compare them."),
+    ] = None,
+    request: Request = None,
+    robot: RobotFile = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(
+            "--record", metavar="FILE.html", help="Write the motion as one page that needs no server, and end."
+        ),
+    ] = None,
+    host: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Address to serve on; 0.0.0.0 lets other machines in.")
+    ] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option(metavar="N", help="Port to serve on, or the next free one.", parser=_port)
+    ] = 8080,
+) -> None:
+    """Show a scene and motions in the browser, and plan there.
+
+    Drag an obstacle or the goal, press Plan and watch the optimizer at work. Needs viser: pip install hdplan[view].
+
+    Ctrl-C ends it.
+    """
+    from hdplan.planner.scene_robot import load_scene_robot
+    from hdplan.planner.trajectory import Trajectory
+    from hdplan.planner.view.front import check_installed, check_recording, motion_names
+
+    files = trajectories or []
+    check_installed()
+    if record is not None:
+        check_recording(record, files)
+    problem = _load(scene, request, robot)
+    motions = [(name, Trajectory.load(file)) for name, file in zip(motion_names(files), files, strict=True)]
+
+    from hdplan.planner.view.server import open_viewer
+
+    with _waiting("loading the robot's meshes"):
+        arm = load_scene_robot(problem)
+        viewer = open_viewer(problem, motions, robot=arm, host=host, port=port, complain=_complain)
+    with contextlib.closing(viewer), contextlib.suppress(KeyboardInterrupt), _printing() as show:
+        if record is not None:
+            viewer.record(record)
+            show(_table([("written", str(record))]))
+            return
+        taken = f" (port {port} is taken)" if viewer.port != port else ""
+        show(f"{problem.name} at http://{host}:{viewer.port}{taken}, until Ctrl-C")
+        sys.stdout.flush()
+        threading.Event().wait()
 
 
 @app.command()

@@ -34,6 +34,7 @@ AT_LIMIT = 1e-3  # [rad] or [m] by which an end may lie beyond a joint limit: sc
 BEYOND_LIMIT = 1e-9  # the same for all other waypoints
 SAME_END = 1e-6  # [rad] or [m] between an end of the trajectory and the scene's
 FARTHEST = 1e6  # [rad] or [m] beyond which a waypoint drowns in rounding
+NEAR = 0.15  # [m] within which the closest pair is looked for first
 SAME_LOCKED = 1e-6  # [rad] or [m] between a locked joint's value in trajectory and scene
 
 
@@ -127,6 +128,16 @@ def check_configuration(scene: Scene, robot: Robot, q: ArrayLike) -> tuple[Conta
     return Certifier(scene, robot).contacts(q)
 
 
+@dataclass(frozen=True, eq=False)
+class Closest:
+    """Two bodies that are closest in one configuration."""
+
+    link: str
+    other: str  # an obstacle or another link
+    distance: float  # [m] exact; negative in contact (then minus the depth, 0 if unknown)
+    points: Array  # (2, 3) [m] where, on the link and on the other: for pictures, not proven
+
+
 class Certifier:
     """A scene and its robot made ready once, to certify many trajectories."""
 
@@ -209,10 +220,25 @@ class Certifier:
                 depths[names] = max(depths.get(names, 0.0), -spot.distance)
         return tuple(Contact(*names, depths[names]) for names in sorted(depths, key=lambda names: -depths[names]))
 
-    def nearest(self, q: ArrayLike) -> tuple[Place | None, Place | None]:
-        """Return the closest places in one configuration, with exact distances: to an obstacle, between links."""
-        spots = self.sweep.nearest(np.asarray(q, dtype=np.float64))
+    def nearest(self, q: ArrayLike, within: float = np.inf) -> tuple[Place | None, Place | None]:
+        """Return the closest places in one configuration, with exact distances: to an obstacle, between links; None
+        where nothing is `within` [m]."""
+        spots = self.sweep.nearest(np.asarray(q, dtype=np.float64), within)
         to_obstacle, between_links = (self._place(spot, 2) if spot else None for spot in spots)
+        return to_obstacle, between_links
+
+    def closest(self, q: ArrayLike) -> tuple[Closest | None, Closest | None]:
+        """Return what is `nearest` in one configuration with the points between which it is."""
+        configuration = np.asarray(q, dtype=np.float64)
+        spots = self.sweep.nearest(configuration, NEAR)  # most often there is something, and little to compare
+        if None in spots:
+            spots = self.sweep.nearest(configuration)
+        to_obstacle, between_links = (
+            Closest(*self._names(spot.pair), spot.distance, self.sweep.witnesses(configuration, spot.pair))
+            if spot
+            else None
+            for spot in spots
+        )
         return to_obstacle, between_links
 
     def obstacle_within(self, q: ArrayLike, distance: float) -> Place | None:

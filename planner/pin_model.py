@@ -41,6 +41,23 @@ def read_model(urdf: Path, package_dirs: tuple[Path, ...]) -> tuple[pin.Model, p
     return model, geometry
 
 
+def read_visuals(urdf: Path, package_dirs: tuple[Path, ...]) -> tuple[tuple[str, pin.SE3, pin.GeometryObject], ...]:
+    """Read what a robot looks like: (link, placement in the link's frame, geometry) of every visual.
+
+    Raises:
+        InputError: the URDF is not valid, or a mesh is missing or unreadable.
+    """
+    model = _quietly(lambda: pin.buildModelFromUrdf(str(urdf)), urdf)
+    folders = [str(folder) for folder in package_dirs]
+    kind = pin.GeometryType.VISUAL
+    geometry = _quietly(lambda: pin.buildGeomFromUrdf(model, str(urdf), kind, package_dirs=folders), urdf)
+    links = [model.frames[item.parentFrame] for item in geometry.geometryObjects]
+    return tuple(
+        (str(link.name), link.placement.inverse() * item.placement, item)
+        for link, item in zip(links, geometry.geometryObjects, strict=True)
+    )
+
+
 def _check_mesh(vertices: NDArray[np.float64], where: str) -> None:
     if not np.isfinite(vertices).all():
         raise InputError(f"{where}: holds coordinates that are not finite (NaN or infinite)")

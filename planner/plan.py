@@ -32,6 +32,7 @@ class Event:
 
     attempt: int
     step: Step | None = None
+    positions: Floats | None = None  # (N, n) the waypoints after that step; the caller may keep, not change them
     certificate: Certificate | None = None
 
 
@@ -152,8 +153,8 @@ class _Search:
             weight *= RAISE
         return False
 
-    def _report_step(self, step: Step) -> None:
-        self.report(Event(self.attempts, step=self._numbered(step)))
+    def _report_step(self, step: Step, positions: Floats) -> None:
+        self.report(Event(self.attempts, step=self._numbered(step), positions=positions))
 
     def _numbered(self, step: Step) -> Step:
         """A repair's steps go on counting where the attempt's earlier ones ended."""

@@ -231,6 +231,24 @@ def surface_distance(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> float:
     return max(smallest, 0.0)
 
 
+def witness_points(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> Array:
+    """Return the points (2, 3) [m], on a and on b, between which coal finds the distance of their real surfaces.
+
+    For pictures: nothing is proven of them. In contact they are the ends of the least penetration, or the place where
+    two triangles meet. Poses are (4, 4).
+    """
+    result = coal.DistanceResult()
+    coal.distance(
+        a.surface.tree if a.surface else a.shape,
+        transform(pose_a[:3, :3], pose_a[:3, 3]),
+        b.surface.tree if b.surface else b.shape,
+        transform(pose_b[:3, :3], pose_b[:3, 3]),
+        _REQUEST,
+        result,
+    )
+    return np.array([result.getNearestPoint1(), result.getNearestPoint2()])
+
+
 def contains(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> bool:
     """Whether one of two pieces whose surfaces do not touch lies inside the other's triangles. Poses (4, 4)."""
     return _inside(a, pose_a, b, pose_b) or _inside(b, pose_b, a, pose_a)

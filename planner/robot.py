@@ -132,7 +132,7 @@ def load_robot(spec: RobotSpec) -> Robot:
     Raises:
         InputError: unknown robot, joint or link; a file that cannot be read; a joint with several coordinates.
     """
-    name, urdf, srdf, package_dirs = _files(spec)
+    name, urdf, srdf, package_dirs = description_of(spec)
     tree = read_tree(urdf)
     semantics = read_semantics(srdf, tree) if srdf is not None else Semantics()
     full, geometry = read_model(urdf, package_dirs)
@@ -194,11 +194,11 @@ def load_robot(spec: RobotSpec) -> Robot:
 
 def robot_files(spec: RobotSpec) -> tuple[Path, ...]:
     """Return the URDF and, if there is one, the SRDF that a robot is read from."""
-    _, urdf, srdf, _ = _files(spec)
+    _, urdf, srdf, _ = description_of(spec)
     return (urdf,) if srdf is None else (urdf, srdf)
 
 
-def _files(spec: RobotSpec) -> tuple[str, Path, Path | None, tuple[Path, ...]]:
+def description_of(spec: RobotSpec) -> tuple[str, Path, Path | None, tuple[Path, ...]]:
     """Return name, URDF, SRDF and the folders for package:// addresses."""
     if spec.name is not None:
         files = find_robot(spec.name)

@@ -14,7 +14,7 @@ import numpy as np
 from hdplan.planner.interval_bounds import ROUNDING, Bounds, Items, travel_of
 from hdplan.planner.intervals import Bodies, Index, Intervals, Pairs
 from hdplan.planner.motion_bounds import Array, Mask
-from hdplan.planner.proximity import Piece, contains, surface_distance
+from hdplan.planner.proximity import Piece, contains, surface_distance, witness_points
 
 SHORTEST = 2.0**-17  # of a waypoint interval: below it, the answer is "not proven"
 STILL = 1e-6  # [m] motion below which halving is of no use
@@ -68,6 +68,10 @@ class Sweep:
         None for a group of which no pair is `within` [m], or none at all.
         """
         return _Run(self, np.stack([q, q]), 0.0).nearest_at_start(within)
+
+    def witnesses(self, q: Array, pair: int) -> Array:
+        """Return the points (2, 3) [m] at which two bodies are closest at one configuration q (n,), for pictures."""
+        return _Run(self, np.stack([q, q]), 0.0).witnesses_at_start(pair)
 
     def prove(self, waypoints: Array, required: float = 0.0, stop_at_contact: bool = False) -> Proof:
         """Prove a motion through `waypoints` (N, n), or find where it cannot be proven.
@@ -167,6 +171,11 @@ class _Run:
             if spot.distance <= within and (least is None or spot.distance < least.distance):
                 best[group] = spot
         return best[0], best[1]
+
+    def witnesses_at_start(self, pair: int) -> Array:
+        """Return the points (2, 3) at which two bodies are closest at the first waypoint."""
+        nodes = self._place(np.zeros(1, dtype=np.int64), np.zeros(1), np.zeros(1))
+        return witness_points(*self._posed(nodes, 0, pair))
 
     # --- one round ----------------------------------------------------------------------------------------------------
 

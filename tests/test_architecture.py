@@ -16,7 +16,7 @@ FILES = sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob("*.p
 MAY_IMPORT = {
     "scenes": {"scenes"},
     "distance": {"distance", "scenes.model", "scenes.errors"},
-    "planner": {"planner", "distance", "scenes.model", "scenes.errors"},
+    "planner": {"planner", "distance", "scenes.model", "scenes.errors", "scenes.writer"},
 }
 
 # Each heavy library has few homes.
@@ -35,6 +35,14 @@ HOMES = {
     },
     "jax": {"distance/batch.py", "distance/batch_axes.py", "distance/batch_kernel.py"},
     "fcl": {"distance/fcl.py"},
+    "viser": {
+        "planner/view/nodes.py",
+        "planner/view/planning.py",
+        "planner/view/player.py",
+        "planner/view/plots.py",
+        "planner/view/server.py",
+        "planner/view/viewer.py",
+    },
     "coacd": {"planner/convex_pieces.py"},
     "yaml": {"scenes/fields.py"},
 }
@@ -114,7 +122,7 @@ def test_the_certificate_shares_nothing_with_the_solver() -> None:
 def test_import_and_help_load_nothing_heavy() -> None:
     code = (
         "import sys, hdplan, hdplan.cli;"
-        "heavy = {'casadi', 'pinocchio', 'coal', 'jax', 'matplotlib', 'trimesh', 'scipy'};"
+        "heavy = {'casadi', 'pinocchio', 'coal', 'jax', 'matplotlib', 'trimesh', 'scipy', 'viser'};"
         "print(sorted(heavy & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -38,6 +38,6 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
                 positions, state, length = trial, after, min(2 * length, 1.0)
             else:
                 length = max(length / 2, SMALLEST_STEP)
-            if progress.step(before, state):
+            if progress.step(before, state, positions):
                 state, length = problem.evaluate(positions, progress.weight), 1.0
     return progress.solution(positions)

@@ -41,13 +41,13 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
                 positions, state, damping = trial, after, max(damping / 4, LEAST_DAMPING)
             else:
                 damping = min(damping * 6, MOST_DAMPING)
-            if progress.step(before, state):
+            if progress.step(before, state, positions):
                 state, damping = problem.evaluate(positions, progress.weight), max(damping, FIRST_DAMPING)
         if progress.status is Status.CLEAR:  # without damping: where nothing bends the motion, this is its minimum
             trial = problem.clip(positions + _step(problem, positions, state, 0.0))
             after = problem.evaluate(trial, progress.weight)
             if after.cost <= (1 + SAME) * state.cost and progress.is_clear(after):
-                progress.step(state.cost, after)
+                progress.step(state.cost, after, trial)
                 positions = trial
     return progress.solution(positions)
 

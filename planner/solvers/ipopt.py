@@ -63,7 +63,7 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
             before, after = state.cost, problem.evaluate(trial, progress.weight)
             if after.cost <= (1 + SAME) * before:  # the later run came closer to the minimum
                 positions, state = trial, after
-            if progress.step(before, state):
+            if progress.step(before, state, positions):
                 state = problem.evaluate(positions, progress.weight)
             if pressed.is_set():
                 raise KeyboardInterrupt

@@ -59,7 +59,9 @@ class Budget:
     deadline: float = float("inf")  # time.perf_counter() at which to stop
     iterations: int = 1000
     first_weight: float = FIRST_WEIGHT  # of the penalty [1/m²]
-    report: Callable[[Step], None] = field(default=lambda step: None)  # called once per iteration
+    report: Callable[[Step, Floats], None] = field(
+        default=lambda step, positions: None
+    )  # called once per iteration, with the waypoints (N, n) that it ended at
     stop: Callable[[], bool] = field(
         default=lambda: False
     )  # asked once per iteration: whether to end with what there is
@@ -111,11 +113,12 @@ class Progress:
             self.status = Status.ITERATIONS
         return self.status is None
 
-    def step(self, before: float, state: Evaluation) -> bool:
-        """Record a step from cost `before` to `state` at the same weight; True if the weight was raised after it."""
+    def step(self, before: float, state: Evaluation, positions: Floats) -> bool:
+        """Record a step from cost `before` to `state` at `positions` (N, n), at the same weight; True if the weight was
+        raised after it."""
         depth = float(state.depth.max(initial=0.0))
         self.steps.append(Step(len(self.steps) + 1, state.cost, state.smoothness, depth, self.weight))
-        self.budget.report(self.steps[-1])
+        self.budget.report(self.steps[-1], positions)
         gain = before - state.cost
         self.stalled = 0.0 if gain > SLOW * before else self.stalled + (1.0 if gain > 0.0 else REFUSED)
         self.refused = 0 if gain > 0.0 else self.refused + 1

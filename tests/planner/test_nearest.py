@@ -9,8 +9,10 @@ from hdplan.planner.certificate import Certifier
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.scenes.reader import load_scene
 
+SCENES = ["panda_corridor", "ur5_table", "empty"]
 
-@pytest.mark.parametrize("name", ["panda_corridor", "ur5_table", "empty"])
+
+@pytest.mark.parametrize("name", SCENES)
 def test_nearest_is_the_least_of_all_pairs(name: str) -> None:
     scene = load_scene(name)
     robot = load_scene_robot(scene)
@@ -31,3 +33,19 @@ def test_nearest_is_the_least_of_all_pairs(name: str) -> None:
             assert place.distance <= min(solid, default=np.inf)
             if not hollow.any():
                 assert place.distance == least
+
+
+@pytest.mark.parametrize("name", [*SCENES, "kinova_shelf"])
+def test_the_closest_points_are_as_far_apart_as_their_bodies(name: str) -> None:
+    scene = load_scene(name)
+    robot = load_scene_robot(scene)
+    certifier = Certifier(scene, robot)
+    for q in robot.draw(np.random.default_rng(4), 8):
+        for place, closest in zip(certifier.nearest(q), certifier.closest(q), strict=True):
+            assert (place is None) == (closest is None)
+            if place is None or closest is None:
+                continue
+            assert (closest.link, closest.other, closest.distance) == (place.link, place.other, place.distance)
+            if closest.distance > 0.0:
+                between = np.linalg.norm(closest.points[0] - closest.points[1])
+                assert between == pytest.approx(closest.distance, abs=2e-5)

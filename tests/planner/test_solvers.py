@@ -183,7 +183,7 @@ def test_no_iterations_left_is_said(problem: Problem, solver: str) -> None:
 def test_an_interrupt_gives_the_best_so_far(problem: Problem, solver: str) -> None:
     seen: list[Step] = []
 
-    def interrupt(step: Step) -> None:
+    def interrupt(step: Step, _: Array) -> None:
         seen.append(step)
         if len(seen) == 2:
             raise KeyboardInterrupt
@@ -197,10 +197,13 @@ def test_an_interrupt_gives_the_best_so_far(problem: Problem, solver: str) -> No
 
 
 @every_solver
-def test_every_step_is_reported(problem: Problem, solver: str) -> None:
-    seen: list[Step] = []
-    solution = run(problem, solver, report=seen.append)
-    assert solution.steps == tuple(seen)
+def test_every_step_is_reported_with_its_waypoints(problem: Problem, solver: str) -> None:
+    seen: list[tuple[Step, Array]] = []
+    solution = run(problem, solver, report=lambda *step: seen.append(step))
+    assert solution.steps == tuple(step for step, _ in seen)
+    for step, positions in seen:
+        assert problem.evaluate(positions, step.weight).cost == pytest.approx(step.cost, rel=1e-12)
+    np.testing.assert_array_equal(seen[-1][1], solution.trajectory.positions)
 
 
 def test_the_weight_goes_up_until_bodies_keep_their_distance(problem: Problem) -> None:

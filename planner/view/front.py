@@ -1,0 +1,37 @@
+"""What is checked before the viewer starts, and before viser, which is optional, is loaded."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Sequence
+from pathlib import Path
+
+from hdplan.planner.output import check_writable
+from hdplan.scenes.errors import InputError
+
+PAGES = (".html",)
+
+
+def check_installed() -> None:
+    """Raise InputError, saying what to install, if viser is missing."""
+    if importlib.util.find_spec("viser") is None:
+        raise InputError("the viewer needs viser, which is not installed: pip install hdplan[view]")
+
+
+def check_recording(page: Path, trajectories: Sequence[Path]) -> None:
+    """Say early that no page can be written. Raises InputError for a bad path, or if there is no motion to record."""
+    check_writable(page, PAGES)
+    if not trajectories:
+        raise InputError(f"{page}: no trajectory was given, so there is no motion to record")
+
+
+def motion_names(trajectories: Sequence[Path]) -> list[str]:
+    """Return a short name for each file that no other one has: its stem, or else its path as it was given, numbered
+    where it comes twice."""
+    stems = [file.stem for file in trajectories]
+    names: list[str] = []
+    for file, stem in zip(trajectories, stems, strict=True):
+        name = stem if stems.count(stem) == 1 else str(file)
+        again = sum(known == name or known.startswith(f"{name} (") for known in names)
+        names.append(f"{name} ({again + 1})" if again else name)
+    return names

@@ -1,0 +1,85 @@
+"""Dragging: a handle on one obstacle, or on the goal, whose configuration follows by inverse kinematics.
+
+While it is dragged, the body, the current clearance and what start and goal touch follow; certificates and curves of
+the motions follow when it is let go.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import pinocchio as pin
+
+from hdplan.planner.view.goal import follow
+from hdplan.planner.view.nodes import pose_of, wxyz_of
+from hdplan.scenes.model import JointTarget, Pose, Scene
+
+if TYPE_CHECKING:
+    from hdplan.planner.view.viewer import Viewer
+
+NOTHING, GOAL = "nothing", "the goal"
+REACHED = 1e-3  # [m] by which the tip may miss its handle without a word
+SIZE = 0.18  # [m] of the handle
+
+
+class Handles:
+    """The choice of what is dragged, and its handle."""
+
+    def __init__(self, viewer: Viewer) -> None:
+        """Build the choice in the container at hand."""
+        self._viewer = viewer
+        self._names = {f"obstacle {obstacle.name}": i for i, obstacle in enumerate(viewer.scene.obstacles)}
+        self.choice = viewer.server.gui.add_dropdown(
+            "drag", (NOTHING, GOAL, *self._names), initial_value=NOTHING, hint="what gets a handle in the scene"
+        )
+        self._said = viewer.server.gui.add_html("")
+        self._handle: Any = None
+        self.choice.on_update(lambda _: viewer.worker.ask("handle", self._place))
+
+    def drag(self, pose: Pose) -> None:
+        """Put what has the handle at `pose`, as dragging does. By the worker's thread."""
+        viewer = self._viewer
+        if self.choice.value == GOAL:
+            target = pin.SE3(pose.matrix)
+            q, off = follow(viewer.tip, viewer.query.goal, target)
+            viewer.move(replace(viewer.scene, goal=JointTarget("goal", positions=tuple(q.tolist()))))
+            self._say(f"out of reach: the tip is {off * 1e3:.0f} mm short" if off > REACHED else "")
+        elif self.choice.value in self._names:
+            viewer.move(_moved(viewer.scene, self._names[self.choice.value], pose))
+
+    def let_go(self) -> None:
+        """Take stock after dragging. By the worker's thread."""
+        self._viewer.measure()
+        self._place()
+
+    def _place(self) -> None:
+        """Put the handle where the thing is that was chosen."""
+        if self._handle is not None:
+            self._handle.remove()
+            self._handle = None
+        if self.choice.value == NOTHING:
+            return
+        viewer = self._viewer
+        if self.choice.value == GOAL:
+            place = viewer.tip.placement(viewer.query.goal)
+            position, wxyz = place.translation, wxyz_of(place.rotation)
+        else:
+            pose = viewer.scene.obstacles[self._names[self.choice.value]].pose
+            x, y, z, w = pose.quaternion_xyzw
+            position, wxyz = pose.position, (w, x, y, z)
+        handle = viewer.server.scene.add_transform_controls(
+            "/handle", scale=SIZE, position=position, wxyz=wxyz, depth_test=False
+        )
+        handle.on_update(lambda _: viewer.worker.ask("drag", lambda: self.drag(pose_of(handle))))
+        handle.on_drag_end(lambda _: viewer.worker.ask("let go", self.let_go))
+        self._handle = handle
+
+    def _say(self, text: str) -> None:
+        self._said.content = f'<div style="padding:0 0.9em;font-size:0.8em">{text}</div>' if text else ""
+
+
+def _moved(scene: Scene, index: int, pose: Pose) -> Scene:
+    obstacles = list(scene.obstacles)
+    obstacles[index] = replace(obstacles[index], pose=pose)
+    return replace(scene, obstacles=tuple(obstacles))

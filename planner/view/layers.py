@@ -1,0 +1,82 @@
+"""The layers that can be switched: what is drawn of the scene, and the bodies that planner and certificate work with.
+
+Outer bodies and collision meshes are made when they are first asked for: fitting takes its time.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.view.colors import COLLISION, OUTER
+from hdplan.planner.view.nodes import RobotNodes
+from hdplan.planner.view.skins import collision_skins, outer_skins
+
+if TYPE_CHECKING:
+    from hdplan.planner.view.viewer import Viewer
+
+Array = NDArray[np.float64]
+
+OPACITY = 0.45
+LAYERS = {  # name: on from the start, what it is
+    "robot": (True, "visual meshes, as the URDF names them"),
+    "obstacles": (True, "in their true shapes"),
+    "start and goal": (True, "as ghosts, in their collision meshes; what touches is dark red"),
+    "path": (True, "of the tip, coloured by clearance"),
+    "closest pair": (True, "a segment between the points at which robot and obstacles, and links, are closest"),
+    "outer bodies": (False, "around the links, as the planner sees them (scene: planner.link_bodies)"),
+    "collision meshes": (False, "of the links, as the certificate sees them"),
+}
+
+
+class Layers:
+    """Check boxes, and the two robots that are shown only when asked for."""
+
+    def __init__(self, viewer: Viewer) -> None:
+        """Build the boxes in the container at hand."""
+        self._viewer = viewer
+        self._boxes = {name: viewer.server.gui.add_checkbox(name, on, hint=hint) for name, (on, hint) in LAYERS.items()}
+        for box in self._boxes.values():
+            box.on_update(lambda _: viewer.worker.ask("layers", self._switch))
+        self._bodies: dict[str, RobotNodes] = {}
+
+    def on(self, name: str) -> bool:
+        """Whether a layer is on."""
+        return bool(self._boxes[name].value)
+
+    def set(self, name: str, on: bool) -> None:
+        """Switch a layer."""
+        self._boxes[name].value = on
+
+    def show(self, q: Array) -> None:
+        """Move the bodies that are on to configuration `q` (n,)."""
+        for name, nodes in self._bodies.items():
+            if self.on(name):
+                nodes.show(q)
+
+    def _switch(self) -> None:
+        viewer = self._viewer
+        viewer.at_rest.visible = self.on("robot") and not viewer.shown
+        for shown in viewer.shown:
+            shown.robot.visible = self.on("robot")
+            shown.path.visible = self.on("path")
+        for obstacle in viewer.obstacles:
+            obstacle.frame.visible = self.on("obstacles")
+        viewer.closest.root.visible = self.on("closest pair")
+        for name in ("outer bodies", "collision meshes"):
+            if self.on(name) and name not in self._bodies:
+                self._bodies[name] = self._made(name)
+            if name in self._bodies:
+                self._bodies[name].visible = self.on(name)
+        viewer.player.draw()  # ghosts, and what has just been switched on, are placed there
+
+    def _made(self, name: str) -> RobotNodes:
+        viewer = self._viewer
+        if name == "outer bodies":
+            skins, color = outer_skins(viewer.robot, viewer.scene.planner.link_bodies), OUTER
+        else:
+            skins, color = collision_skins(viewer.robot), COLLISION
+        node = name.replace(" ", "_")
+        return RobotNodes(viewer.server, node, viewer.robot, skins, color=color, opacity=OPACITY)

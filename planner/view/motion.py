@@ -1,0 +1,122 @@
+"""One motion as the viewer shows it: joint values, clearance and the hand's path, sampled along it.
+
+Trajectory -> `Motion`. Path parameters run from 0 to 1; distances are exact ones of the robot's real meshes at the
+samples [m], so they are no lower bound between the samples: that is the certificate's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from hdplan.planner.certificate import Certificate, Certifier, waypoints_of
+from hdplan.planner.robot import Robot
+from hdplan.planner.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+SAMPLES = 101  # at least, over the whole motion: waypoints are among them
+TIP = 0.01  # [m] depth of the part of the last link whose middle is its tip
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A trajectory with what the panels and the path need of it."""
+
+    name: str
+    trajectory: Trajectory
+    waypoints: Array  # (N, n) in the order of the robot's planned joints
+    times: Array  # (K,) path parameters of the samples
+    joints: Array  # (K, n) [rad] or [m] there
+    tip: Array  # (K, 3) [m] the tip there
+    clearance: Array  # (K,) [m] robot to obstacles there, inf without obstacles
+    self_clearance: Array  # (K,) [m] between links there, inf without pairs
+    certificate: Certificate = field(repr=False)
+
+    @classmethod
+    def of(
+        cls, name: str, trajectory: Trajectory, certifier: Certifier, certificate: Certificate | None = None
+    ) -> Motion:
+        """Sample a trajectory; certify it, if that has not been done. Raises InputError if its joints do not fit the
+        robot."""
+        robot = certifier.robot
+        waypoints = waypoints_of(robot, trajectory)
+        if certificate is None:
+            certificate = certifier.certify(trajectory, required=certifier.scene.planner.clearance)
+        times = sample_times(len(waypoints))
+        joints = between(waypoints, times)
+        distances = np.array(
+            [[np.inf if place is None else place.distance for place in certifier.nearest(q)] for q in joints]
+        )
+        tip = Tip.of(robot).path(joints)
+        return cls(name, trajectory, waypoints, times, joints, tip, distances[:, 0], distances[:, 1], certificate)
+
+    def at(self, time: float) -> Array:
+        """Return the configuration (n,) at path parameter `time`."""
+        return np.asarray(between(self.waypoints, np.array([time]))[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Tip:
+    """The point by which a motion is drawn and the goal is dragged, carried by the last joint."""
+
+    robot: Robot
+    joint: int
+    offset: Array  # (3,) [m] in that joint's frame
+
+    @classmethod
+    def of(cls, robot: Robot) -> Tip:
+        """Take the middle of the part of the last moving link that is farthest out along it."""
+        last = max(robot.link_joint.values(), default=robot.model.njoints - 1)
+        items = [item for item in robot.collision.geometryObjects if item.parentJoint == last]
+        points = [_corners(item) for item in items]
+        if not points or last == 0:
+            return cls(robot, robot.model.njoints - 1, np.zeros(3))
+        cloud = np.concatenate(points)
+        outward = cloud.mean(axis=0)
+        along = cloud @ (outward / max(float(np.linalg.norm(outward)), 1e-9))
+        return cls(robot, last, cloud[along >= along.max() - TIP].mean(axis=0))
+
+    def placement(self, q: Array) -> pin.SE3:
+        """Return the tip's placement in the world: the last joint's axes at the tip."""
+        data = self.robot.model.createData()
+        pin.forwardKinematics(self.robot.model, data, self.robot.pin_q(q))
+        return data.oMi[self.joint] * pin.SE3(np.eye(3), self.offset)
+
+    def path(self, joints: Array) -> Array:
+        """Return the tip's positions (K, 3) at configurations (K, n)."""
+        data = self.robot.model.createData()
+        points = np.empty((len(joints), 3))
+        for row, q in enumerate(self.robot.pin_q(joints)):
+            pin.forwardKinematics(self.robot.model, data, q)
+            points[row] = data.oMi[self.joint].act(self.offset)
+        return points
+
+
+def sample_times(waypoints: int) -> Array:
+    """Return path parameters at equal steps, every waypoint among them, SAMPLES of them or a few more."""
+    per_interval = max(1, -(-(SAMPLES - 1) // (waypoints - 1)))
+    return np.linspace(0.0, 1.0, per_interval * (waypoints - 1) + 1)
+
+
+def between(waypoints: Array, times: Array) -> Array:
+    """Return configurations (K, n) at path parameters (K,) along the straight lines between waypoints (N, n)."""
+    at = times * (len(waypoints) - 1)
+    index = np.clip(np.floor(at).astype(int), 0, len(waypoints) - 2)
+    fraction = (at - index)[:, None]
+    return np.asarray((1.0 - fraction) * waypoints[index] + fraction * waypoints[index + 1])
+
+
+def _corners(item: pin.GeometryObject) -> Array:
+    """Return points (m, 3) that span a geometry, in its joint's frame."""
+    shape = item.geometry
+    shape.computeLocalAABB()
+    low, high = np.asarray(shape.aabb_local.min_), np.asarray(shape.aabb_local.max_)
+    signs = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    corners = low + signs * (high - low)
+    if hasattr(shape, "vertices"):
+        corners = np.asarray(shape.vertices())
+    return np.asarray(corners @ item.placement.rotation.T + item.placement.translation)

@@ -1,0 +1,201 @@
+"""Planning from the browser: Plan and Stop, the optimizer's motions as they come, the verdict, and what is saved.
+
+Files are handed to the browser that asked for them, as downloads: a browser can write nothing on the server's machine.
+"""
+
+from __future__ import annotations
+
+import html
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from hdplan.planner.plan import Event, plan
+from hdplan.planner.result import PlanResult
+from hdplan.planner.view.colors import ITERATE
+from hdplan.planner.view.handles import Handles
+from hdplan.planner.view.motion import between, sample_times
+from hdplan.planner.view.nodes import draw_path
+from hdplan.scenes.errors import HdplanError
+from hdplan.scenes.model import JointTarget, Scene
+from hdplan.scenes.writer import scene_text
+
+if TYPE_CHECKING:
+    from hdplan.planner.view.viewer import Viewer
+
+Array = NDArray[np.float64]
+
+NAME = "planned"  # of the motion that Plan finds
+TIME_LIMIT = 30.0  # [s] for planning
+LOOK, LOOK_IN_ALL = 0.05, 4.0  # [s] for which an iteration is shown, and all of them together at most
+SOLVERS = ("gauss_newton", "chomp")  # ipopt has no motion to show for minutes
+
+
+class Planning:
+    """The panel, and the run under way."""
+
+    def __init__(self, viewer: Viewer) -> None:
+        """Build the panel in the container at hand."""
+        self._viewer = viewer
+        gui = viewer.server.gui
+        self.handles = Handles(viewer)
+        self.solver = gui.add_dropdown("solver", SOLVERS, initial_value=SOLVERS[0])
+        self.watch = gui.add_checkbox(
+            "watch", True, hint=f"show every iteration for {LOOK:g} s, at most {LOOK_IN_ALL:g} s in all"
+        )
+        self.button = gui.add_button("Plan", icon=viser.Icon.ROUTE)
+        self._said = gui.add_html("")
+        self.iteration = gui.add_slider("iteration", 0, 1, 1, 0, disabled=True, hint="look back at the optimizer")
+        self._save_scene = gui.add_button("Save scene", icon=viser.Icon.DOWNLOAD)
+        self._save_motion = gui.add_button("Save motion", icon=viser.Icon.DOWNLOAD)
+        self.button.on_click(lambda _: self.stop() if self.running else self.start())
+        self.iteration.on_update(lambda event: viewer.worker.ask("iterate", self._look_back) if event.client else None)
+        self._save_scene.on_click(lambda event: self._download(event, f"{viewer.scene.name}.yaml", self.scene_file))
+        self._save_motion.on_click(lambda event: self._download(event, f"{NAME}.json", self.motion_file))
+        self._thread: threading.Thread | None = None
+        self._stop = threading.Event()
+        self._iterates: list[tuple[str, Array]] = []  # words and waypoints (N, n)
+        self._shown_for = 0.0  # [s]
+        self._path: Any = None
+        self.result: PlanResult | None = None
+
+    @property
+    def running(self) -> bool:
+        """Whether a motion is being planned."""
+        return self._thread is not None and self._thread.is_alive()
+
+    def start(self) -> None:
+        """Begin to plan for the scene as it is shown."""
+        self.end()
+        self._stop.clear()
+        self._iterates, self._shown_for = [], 0.0
+        self.button.label, self.button.icon = "Stop", viser.Icon.PLAYER_STOP
+        self._say("building the problem …")
+        self._thread = threading.Thread(target=self._run, args=(self._viewer.scene,), name="hdplan-plan", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End with the best motion so far."""
+        self._stop.set()
+
+    def end(self) -> None:
+        """Stop, and wait until it has."""
+        self.stop()
+        if self._thread is not None:
+            self._thread.join()
+
+    def scene_file(self) -> bytes:
+        """The scene as it is shown, as a file that any command takes."""
+        viewer = self._viewer
+        return scene_text(_standing_alone(viewer.scene, viewer)).encode()
+
+    def motion_file(self) -> bytes:
+        """The active motion as JSON, with the verdict if it was planned here."""
+        active = self._viewer.active
+        if active is None:
+            raise HdplanError("there is no motion to save yet: press Plan")
+        planned = self.result is not None and active.motion.trajectory is self.result.trajectory
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "motion.json"
+            active.motion.trajectory.save(file, self.result.summary() if self.result and planned else None)
+            return file.read_bytes()
+
+    # --- the run, in its own thread ------------------------------------------------------------------------------
+
+    def _run(self, scene: Scene) -> None:
+        worker = self._viewer.worker
+        try:
+            result = plan(
+                scene,
+                robot=self._viewer.robot,
+                solver=self.solver.value,
+                time_limit=TIME_LIMIT,
+                report=self._report,
+                stop=self._stop.is_set,
+            )
+        except HdplanError as error:  # among them ends in collision
+            text = str(error).removeprefix(f"{scene.source}: ")
+            worker.ask("planned", lambda: self._finish(None, text))
+        except Exception as error:  # of a library: the viewer goes on
+            failure = f"{type(error).__name__}: {error}"
+            worker.ask("planned", lambda: self._finish(None, failure))
+        else:
+            worker.ask("planned", lambda: self._finish(result, result.certificate.text))
+
+    def _report(self, event: Event) -> None:
+        """Show an iteration, and give it time to be seen."""
+        if event.step is None or event.positions is None:
+            return
+        step = event.step
+        words = f"attempt {event.attempt}, iteration {step.iteration}: cost {step.cost:.4g}, weight {step.weight:.3g}"
+        self._iterates.append((words, event.positions.copy()))
+        if not self.watch.value or self._shown_for > LOOK_IN_ALL:
+            return
+        began = time.perf_counter()
+        self._viewer.worker.ask("iterate", lambda: self._show_iterate(words, event.positions))
+        self._viewer.worker.settle(1.0)
+        time.sleep(max(0.0, LOOK - (time.perf_counter() - began)))
+        self._shown_for += time.perf_counter() - began
+
+    # --- drawing, by the worker's thread -------------------------------------------------------------------------
+
+    def _show_iterate(self, words: str, positions: Array | None) -> None:
+        if positions is None:
+            return
+        viewer = self._viewer
+        joints = between(positions, sample_times(len(positions)))
+        self._path = draw_path(viewer.server, "iterate", viewer.tip.path(joints), ITERATE)
+        viewer.show_robot(NAME, between(positions, np.array([viewer.player.time]))[0])
+        self._say(words)
+
+    def _look_back(self) -> None:
+        if self._iterates:
+            self._show_iterate(*self._iterates[min(int(self.iteration.value), len(self._iterates)) - 1])
+
+    def _finish(self, result: PlanResult | None, text: str) -> None:
+        viewer = self._viewer
+        if self._path is not None:
+            self._path.remove()
+            self._path = None
+        self.button.label, self.button.icon = "Plan", viser.Icon.ROUTE
+        if result is not None:
+            self.result = result
+            spent = max(result.times.solve - self._shown_for, 0.0) + result.times.certify
+            text = f"{text} – {result.attempts} attempt(s), {result.iterations} iterations, {spent:.2f} s"
+            viewer.put(NAME, result.trajectory, result.certificate)
+        count = len(self._iterates)
+        self.iteration.disabled = count == 0
+        if count:
+            self.iteration.max, self.iteration.min = max(count, 2), 1
+            self.iteration.value = count
+        self._say(text)
+
+    def _say(self, text: str) -> None:
+        self._said.content = f'<div style="padding:0 0.9em;font-size:0.8em">{html.escape(text)}</div>'
+
+    def _download(self, event: Any, name: str, content: Callable[[], bytes]) -> None:
+        try:
+            data = content()
+        except HdplanError as error:
+            self._say(str(error))
+            return
+        if event.client is not None:
+            event.client.send_file_download(name, data)
+
+
+def _standing_alone(scene: Scene, viewer: Viewer) -> Scene:
+    """The scene with its ends as joint values and the held joints where they are held, whatever file it came from."""
+    start, goal = (
+        JointTarget(field, positions=tuple(q.tolist()))
+        for field, q in (("start", viewer.query.start), ("goal", viewer.query.goal))
+    )
+    robot = replace(scene.robot, locked=dict(viewer.robot.locked))
+    return replace(scene, robot=robot, start=start, goal=goal, from_request=False)

@@ -1,0 +1,138 @@
+"""The plots beside the scene: joints and clearance along the motion, with a bar at the time that is shown.
+
+uPlot knows no bar that a server could move, so one more series runs along the lower edge and rises at that time; all
+other series have their true values there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from hdplan.planner.view.colors import CONTACT, INK, LINKS, OTHERS, START, hex_of
+from hdplan.planner.view.motion import Motion
+from hdplan.planner.view.skins import Color
+
+Array = NDArray[np.float64]
+Rows = tuple[Array, ...]
+
+HEIGHT = 210  # [px]
+LINES: tuple[Color, ...] = (  # Okabe & Ito
+    (0, 114, 178),
+    (213, 94, 0),
+    (0, 158, 115),
+    (204, 121, 167),
+    (230, 159, 0),
+    (86, 180, 233),
+    INK,
+)
+SHOWN = 0.3  # [m] of clearance that the plot shows at most: what is farther away matters little
+
+
+class Plot:
+    """Curves over the path parameter, and the bar."""
+
+    def __init__(self, server: viser.ViserServer, title: str, names: Sequence[str], colors: Sequence[Color]) -> None:
+        """Set an empty plot up."""
+        self._times: Array = np.array([0.0, 1.0])
+        self._curves: Rows = tuple(np.zeros(2) for _ in names)
+        self._low, self._high = 0.0, 1.0
+        series = [
+            {"label": "time"},
+            *({"label": n, "stroke": hex_of(c), "width": 1.5} for n, c in zip(names, colors, strict=True)),
+        ]
+        self.handle = server.gui.add_uplot(
+            self._rows(0.0),
+            tuple([*series, {"label": "now", "stroke": hex_of(INK), "width": 1, "points": {"show": False}}]),
+            title=title,
+            scales=self._scales(),
+            axes=({"label": "path parameter", "size": 32, "labelSize": 16}, {"size": 52}),
+            height=HEIGHT + 22 * (len(names) // 4),
+        )
+
+    def set(self, times: Array, curves: Sequence[Array], low: float, high: float, now: float) -> None:
+        """Show curves (K,) over times (K,), between `low` and `high`."""
+        self._times, self._curves, self._low, self._high = times, tuple(curves), low, high
+        self.handle.scales = self._scales()
+        self.follow(now)
+
+    def follow(self, now: float) -> None:
+        """Move the bar."""
+        self.handle.data = self._rows(now)
+
+    def _scales(self) -> dict[str, dict[str, object]]:
+        return {"x": {"time": False, "range": (0.0, 1.0)}, "y": {"range": (self._low, self._high)}}
+
+    def _rows(self, now: float) -> Rows:
+        return with_bar(self._times, self._curves, now, self._low, self._high)
+
+
+def with_bar(times: Array, curves: Sequence[Array], now: float, low: float, high: float) -> Rows:
+    """Return times and curves with three more points at `now`, and the series of the bar last."""
+    place = int(np.searchsorted(times, now))
+    inserted = np.insert(times, [place] * 3, now)
+    rows = [np.insert(curve, [place] * 3, np.interp(now, times, curve)) for curve in curves]
+    bar = np.full(len(inserted), low)
+    bar[place + 1] = high
+    return (inserted, *rows, bar)
+
+
+class MotionPlots:
+    """Joints of one motion, and clearances of all of them."""
+
+    def __init__(self, server: viser.ViserServer, joint_names: Sequence[str], motions: Sequence[str]) -> None:
+        """Set the plots up for motions of these names."""
+        lines = [LINES[i % len(LINES)] for i in range(len(joint_names))]
+        self.joints = Plot(server, "joints [rad or m]", joint_names, lines)
+        colors = [START, *OTHERS][: len(motions)]
+        self.clearance = Plot(
+            server, "clearance [mm]", [*motions, "own links"], [*colors, *[INK] * (len(motions) - len(colors)), LINKS]
+        )
+
+    def set(self, active: Motion, motions: Sequence[Motion], now: float) -> None:
+        """Show the joints of the active motion and the clearance of all."""
+        spread = float(np.ptp(active.joints)) or 1.0
+        low, high = float(active.joints.min()) - 0.05 * spread, float(active.joints.max()) + 0.05 * spread
+        self.joints.set(active.times, list(active.joints.T), low, high, now)
+        times = np.unique(np.concatenate([motion.times for motion in motions]))
+        curves = [np.interp(times, motion.times, _shown(motion.clearance)) for motion in motions]
+        curves.append(np.interp(times, active.times, _shown(active.self_clearance)))
+        millimetres = [1e3 * curve for curve in curves]
+        top = max(float(curve.max()) for curve in millimetres)
+        bottom = min(0.0, *(float(curve.min()) for curve in millimetres))
+        self.clearance.set(times, millimetres, 1.05 * bottom, 1.05 * max(top, 10.0), now)
+
+    def remove(self) -> None:
+        """Take them out of the panel."""
+        self.joints.handle.remove()
+        self.clearance.handle.remove()
+
+    def follow(self, now: float) -> None:
+        """Move the bars."""
+        self.joints.follow(now)
+        self.clearance.follow(now)
+
+
+def _shown(clearance: Array) -> Array:
+    return np.minimum(clearance, SHOWN)
+
+
+def joint_table(names: Sequence[str], q: Array, lower: Array, upper: Array) -> str:
+    """Return joint values as an HTML table, each with a mark between its limits."""
+    rows = []
+    for name, value, low, high in zip(names, q.tolist(), lower.tolist(), upper.tolist(), strict=True):
+        bounded = np.isfinite(low) and np.isfinite(high)
+        share = 100.0 * min(max((value - low) / (high - low), 0.0), 1.0) if bounded else 50.0
+        near = bounded and min(value - low, high - value) < 0.02 * (high - low)
+        mark = hex_of(CONTACT if near else START)
+        limits = f"{low:.2f} … {high:.2f}" if bounded else "turns freely"
+        rows.append(
+            f'<tr><td>{name}</td><td style="text-align:right;font-variant-numeric:tabular-nums">{value:+.3f}</td>'
+            f'<td style="width:34%"><div style="position:relative;height:0.5em;background:#ddd;border-radius:3px">'
+            f'<div style="position:absolute;left:calc({share:.1f}% - 2px);width:4px;height:0.5em;background:{mark}">'
+            f'</div></div></td><td style="color:#777;white-space:nowrap">{limits}</td></tr>'
+        )
+    return f'<table style="font-size:0.75em;width:100%;padding:0 0.9em;border-spacing:4px 1px">{"".join(rows)}</table>'

@@ -1,0 +1,69 @@
+"""Serving a scene to browsers, on this machine alone unless asked otherwise, until Ctrl-C.
+
+The port that was asked for, or the next one that is free.
+"""
+
+from __future__ import annotations
+
+import errno
+import socket
+from collections.abc import Callable, Sequence
+
+import viser
+
+from hdplan.planner.robot import Robot
+from hdplan.planner.scene_robot import load_scene_robot
+from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.view.quiet import quiet
+from hdplan.planner.view.viewer import Viewer
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import Scene
+
+HOST, PORT = "127.0.0.1", 8080
+TRIED = 100  # ports after the wanted one
+
+
+def open_viewer(
+    scene: Scene,
+    trajectories: Sequence[tuple[str, Trajectory]] = (),
+    *,
+    robot: Robot | None = None,
+    host: str = HOST,
+    port: int = PORT,
+    complain: Callable[[str], object] = lambda text: None,
+) -> Viewer:
+    """Begin to serve a scene with trajectories by name; `viewer.close()` ends it.
+
+    The viewer's `server.get_port()` says which port it is. Raises InputError for a host that is not this machine, if no
+    port is free, or for trajectories that do not fit the scene's robot.
+    """
+    robot = robot or load_scene_robot(scene)
+    chosen = free_port(host, port)
+    with quiet():
+        server = viser.ViserServer(host=host, port=chosen, verbose=False, label=scene.name)
+    try:
+        server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
+        return Viewer(server, scene, robot, trajectories, complain)
+    except BaseException:
+        with quiet():
+            server.stop()
+        raise
+
+
+def free_port(host: str, wanted: int) -> int:
+    """Return the first free port from `wanted` on. Raises InputError if there is none, or `host` cannot be served."""
+    for port in range(wanted, min(wanted + TRIED, 65536)):
+        try:
+            kind, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+            with socket.socket(kind, socket.SOCK_STREAM) as trial:
+                trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server does: no wait after an end
+                trial.bind(address)
+            return port
+        except socket.gaierror:
+            raise InputError(f"--host: '{host}' is no address of this machine") from None
+        except PermissionError:
+            raise InputError(f"--port: {port} is not allowed to you; take one from 1024 to 65535") from None
+        except OSError as error:
+            if error.errno == errno.EADDRNOTAVAIL:
+                raise InputError(f"--host: '{host}' is no address of this machine") from None
+    raise InputError(f"--port: no port from {wanted} on is free, {TRIED} were tried")

@@ -1,0 +1,333 @@
+"""The viewer: one scene, its robot and its motions, the same in every browser that looks at it.
+
+Everything is drawn by one thread (`Worker`); browsers only ask. What each part looks like is in the modules beside.
+"""
+
+from __future__ import annotations
+
+import html
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from hdplan.planner.certificate import Certificate, Certifier, Contact
+from hdplan.planner.robot import Robot
+from hdplan.planner.scene_robot import resolve_query
+from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.view.colors import CONTACT, GOAL, OTHERS, START, clearance_colors, hex_of, legend
+from hdplan.planner.view.layers import Layers
+from hdplan.planner.view.motion import Motion, Tip
+from hdplan.planner.view.nodes import ClosestNodes, ObstacleNode, RobotNodes, draw_path, millimetres
+from hdplan.planner.view.planning import Planning
+from hdplan.planner.view.player import Player
+from hdplan.planner.view.plots import MotionPlots, joint_table
+from hdplan.planner.view.quiet import quiet
+from hdplan.planner.view.recording import record
+from hdplan.planner.view.skins import Skin, collision_skins, visual_skins
+from hdplan.planner.view.worker import Worker
+from hdplan.scenes.errors import HdplanError, InputError
+from hdplan.scenes.model import Scene
+
+Array = NDArray[np.float64]
+
+GHOST = 0.35  # opacity
+PLOT_EVERY = 0.1  # [s] between movements of the plots' bars while the slider moves
+FAINT = (222, 222, 222)
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(eq=False)
+class Shown:
+    """A motion with what stands for it in the scene."""
+
+    motion: Motion
+    robot: RobotNodes
+    path: Any  # viser's node
+
+
+class Viewer:
+    """A scene in the browsers of one server."""
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        scene: Scene,
+        robot: Robot,
+        trajectories: Sequence[tuple[str, Trajectory]] = (),
+        complain: Callable[[str], object] = lambda text: None,
+    ) -> None:
+        """Show a scene with some trajectories by name; `complain` is told of what goes wrong later.
+
+        Raises InputError for start, goal, obstacles or trajectories that do not fit the robot.
+        """
+        self.server, self.scene, self.robot = server, scene, robot
+        self.query = resolve_query(robot, scene)
+        self.certifier = Certifier(scene, robot)
+        self.tip = Tip.of(robot)
+        self.contacts: tuple[tuple[Contact, ...], tuple[Contact, ...]] = ((), ())  # of start and goal
+        self._complain = complain
+        motions = [Motion.of(name, trajectory, self.certifier) for name, trajectory in trajectories]
+        self.skins, self.note = _skins(scene, robot)
+        self.worker = Worker(self._failed)
+
+        _look_from(server, robot, self.query.start)
+        base = scene.robot.base.position
+        server.scene.add_grid(
+            "/ground",
+            3.0,
+            3.0,
+            cell_size=0.1,
+            section_size=0.5,
+            cell_color=(236, 236, 236),
+            section_color=(215, 215, 215),
+            position=base,
+        )
+        self.obstacles = [ObstacleNode(server, index, obstacle) for index, obstacle in enumerate(scene.obstacles)]
+        solid = [skin for skin in collision_skins(robot) or self.skins if skin.joint]  # what stands still is there once
+        self.start = RobotNodes(server, "start", robot, solid, color=START, opacity=GHOST)
+        self.goal = RobotNodes(server, "goal", robot, solid, color=GOAL, opacity=GHOST)
+        self.labels = [
+            server.scene.add_label(f"/{name}/label", name, font_screen_scale=0.9) for name in ("start", "goal")
+        ]
+        self.at_rest = RobotNodes(server, "robot", robot, self.skins)  # where there is no motion yet
+        self.closest = ClosestNodes(server)
+        self.shown: list[Shown] = []
+
+        self._verdict = server.gui.add_html("")
+        self.player = Player(server, self.worker, self._show)
+        self._clearance = server.gui.add_html("")
+        self._legend = server.gui.add_html(legend())
+        self._choice = server.gui.add_dropdown("motion", ("none",), hint="whose joints, clearance and closest pair")
+        self._choice.on_update(lambda _: self.worker.ask("choice", self._chosen))
+        self.tabs = server.gui.add_tab_group()
+        self._plot_tab = self.tabs.add_tab("Plots", viser.Icon.CHART_LINE)
+        with self.tabs.add_tab("Joints", viser.Icon.ROBOT):
+            self._table = server.gui.add_html("")
+        with self.tabs.add_tab("Plan", viser.Icon.ROUTE):
+            self.planning = Planning(self)
+        with self.tabs.add_tab("Layers", viser.Icon.STACK_2):
+            self.layers = Layers(self)
+        self._plots: MotionPlots | None = None
+        self._plotted = 0.0
+
+        for motion in motions:
+            self._add(motion)
+        self.worker.ask("scene", self._redraw)
+        self.worker.settle()
+
+    # --- for the other parts -------------------------------------------------------------------------------------
+
+    @property
+    def port(self) -> int:
+        """The port on which it is served."""
+        return int(self.server.get_port())
+
+    @property
+    def active(self) -> Shown | None:
+        """The motion whose joints and clearance are shown."""
+        named = [shown for shown in self.shown if shown.motion.name == self._choice.value]
+        return named[0] if named else None
+
+    @property
+    def configuration(self) -> Array:
+        """The active robot's configuration at the time that is shown (n,)."""
+        return self.active.motion.at(self.player.time) if self.active else self.query.start
+
+    def put(self, name: str, trajectory: Trajectory, certificate: Certificate | None = None) -> None:
+        """Add a motion, or replace the one of that name, and make it the active one. By the worker's thread."""
+        motion = Motion.of(name, trajectory, self.certifier, certificate)
+        self._add(motion)
+        self._redraw()
+
+    def move(self, scene: Scene) -> None:
+        """Show the same scene with obstacles or goal elsewhere; motions stay as they are. By the worker's thread."""
+        self.scene, self.query = scene, resolve_query(self.robot, scene)
+        self.certifier = Certifier(scene, self.robot)
+        for node, obstacle in zip(self.obstacles, scene.obstacles, strict=True):
+            node.obstacle = obstacle
+            node.place(obstacle.pose)
+        self._show_ends()
+        self._show(self.player.time)
+
+    def show_robot(self, name: str, q: Array) -> None:
+        """Show the robot of a motion in a configuration (n,) that is not of this motion, until the time is drawn again;
+        another robot if there is no such motion yet. By the worker's thread."""
+        robot = next((shown.robot for shown in self.shown if shown.motion.name == name), self.at_rest)
+        robot.visible = self.layers.on("robot")
+        robot.show(q)
+
+    def measure(self) -> None:
+        """Certify and sample the motions again, after obstacles or goal have moved. By the worker's thread."""
+        for shown in self.shown:
+            motion = Motion.of(shown.motion.name, shown.motion.trajectory, self.certifier)
+            shown.motion = motion
+            shown.path = self._draw_path(motion)
+        self._redraw()
+
+    def show(self, now: float) -> None:
+        """Show the moment at path parameter `now`, and wait until it is drawn."""
+        self.player.go_to(now)
+        self.worker.settle()
+
+    def record(self, page: Path) -> None:
+        """Write the motions as one page that needs no server; see `recording`."""
+        record(self, page)
+
+    def close(self) -> None:
+        """End the threads and the server."""
+        self.planning.end()
+        self.player.end()
+        self.worker.end()
+        with quiet():
+            self.server.stop()
+
+    # --- drawing: by the worker's thread, or before it begins --------------------------------------------------
+
+    def _add(self, motion: Motion) -> None:
+        number = next((i for i, shown in enumerate(self.shown) if shown.motion.name == motion.name), len(self.shown))
+        if number < len(self.shown):
+            self.shown[number].motion, self.shown[number].path = motion, self._draw_path(motion)
+        else:
+            color = OTHERS[(number - 1) % len(OTHERS)] if number else None
+            nodes = RobotNodes(self.server, f"robot{number}", self.robot, self.skins, color=color)
+            self.shown.append(Shown(motion, nodes, self._draw_path(motion)))
+            self._choice.options = tuple(shown.motion.name for shown in self.shown)
+            self._plots = self._new_plots()
+        self._choice.value = motion.name if number else self.shown[0].motion.name
+        self._choice.visible = len(self.shown) > 1
+
+    def _draw_path(self, motion: Motion) -> Any:
+        name = "path/" + "".join(c if c.isalnum() else "_" for c in motion.name)
+        return draw_path(self.server, name, motion.tip, clearance_colors(motion.clearance))
+
+    def _new_plots(self) -> MotionPlots:
+        if self._plots is not None:
+            self._plots.remove()
+        with self._plot_tab:
+            return MotionPlots(self.server, self.robot.joint_names, [shown.motion.name for shown in self.shown])
+
+    def _chosen(self) -> None:
+        self._redraw()
+
+    def _redraw(self) -> None:
+        """Draw all that does not follow from the time alone."""
+        self._show_ends()
+        active = self.active
+        self.at_rest.visible = not self.shown and self.layers.on("robot")
+        self.player.enable(bool(self.shown))
+        if active is not None and self._plots is not None:
+            self._plots.set(active.motion, [shown.motion for shown in self.shown], self.player.time)
+        self._show_verdict()
+        self._show(self.player.time)
+
+    def _show(self, now: float) -> None:
+        """Draw the moment at path parameter `now`."""
+        with self.server.atomic():
+            for shown in self.shown:
+                shown.robot.show(shown.motion.at(now))
+            q = self.configuration
+            if not self.shown:
+                self.at_rest.show(q)
+            self.layers.show(q)
+            for ghost in (self.start, self.goal):
+                ghost.visible = self.layers.on("start and goal") and not _same(ghost.q, q)
+            pairs = self.certifier.closest(q)
+            self.closest.show(pairs)
+            self._clearance.content = _clearance_words(now, pairs)
+            self._table.content = joint_table(self.robot.joint_names, q, self.robot.lower, self.robot.upper)
+        if self._plots is not None and (time.perf_counter() - self._plotted > PLOT_EVERY or not self.player.playing):
+            self._plots.follow(now)
+            self._plotted = time.perf_counter()
+
+    def _show_ends(self) -> None:
+        """Draw start and goal, with what they touch in the colour of contact, and say it in place."""
+        ends = (self.query.start, self.query.goal)
+        self.contacts = (self.certifier.contacts(ends[0]), self.certifier.contacts(ends[1]))
+        for node, label, name, q, contacts in zip(
+            (self.start, self.goal), self.labels, ("start", "goal"), ends, self.contacts, strict=True
+        ):
+            node.show(q)
+            node.mark({link for contact in contacts for link in (contact.link, contact.other)})
+            label.text = name if not contacts else f"{name} in collision: {contact_words(contacts)}"
+            label.position = self.tip.placement(q).translation + 0.06 * UP
+        touched = {contact.other for contacts in self.contacts for contact in contacts}
+        for obstacle in self.obstacles:
+            obstacle.mark(obstacle.obstacle.name in touched)
+
+    def _show_verdict(self) -> None:
+        lines = [
+            _line(f"{name} is in collision: {contact_words(contacts)}", CONTACT)
+            for name, contacts in zip(("start", "goal"), self.contacts, strict=True)
+            if contacts
+        ]
+        for number, shown in enumerate(self.shown):
+            certificate = shown.motion.certificate
+            color = hex_of(OTHERS[(number - 1) % len(OTHERS)]) if number else "#dddddd"
+            mark = f'<span style="color:{color}">●</span> ' if len(self.shown) > 1 else ""
+            name = f"<b>{html.escape(shown.motion.name)}</b> " if len(self.shown) > 1 else ""
+            tint = hex_of(START if certificate.certified else CONTACT)
+            lines.append(f'{mark}{name}<span style="color:{tint}">{html.escape(certificate.text)}</span>')
+        if not self.shown:
+            lines.append("no motion yet: press Plan")
+        lines += [html.escape(self.note)] if self.note else []
+        text = "<br/>".join(lines)
+        self._verdict.content = f'<div style="padding:0.2em 0.9em;font-size:0.85em">{text}</div>'
+
+    def _failed(self, error: Exception) -> None:
+        if not isinstance(error, HdplanError):
+            self._complain(f"{type(error).__name__}: {error}")
+        self._verdict.content = _line(str(error), CONTACT)
+
+
+def _same(a: Array | None, b: Array) -> bool:
+    """Whether two robots stand in each other's place, where their surfaces would flicker."""
+    return a is not None and bool(np.abs(a - b).max() < 1e-3)
+
+
+def contact_words(contacts: Sequence[Contact]) -> str:
+    """Say which bodies touch, the deepest first, three at most."""
+    return "; ".join(
+        f"{c.link} and {c.other} " + (f"overlap by {c.depth * 1e3:.3g} mm" if c.depth else "touch")
+        for c in contacts[:3]
+    )
+
+
+def _line(text: str, color: tuple[int, int, int]) -> str:
+    return f'<span style="color:{hex_of(color)}">{html.escape(text)}</span>'
+
+
+def _clearance_words(now: float, pairs: Sequence[Any]) -> str:
+    words = [
+        f"{name} <b>{millimetres(pair.distance)}</b> ({html.escape(pair.link)} – {html.escape(pair.other)})"
+        for name, pair in zip(("to obstacles", "between links"), pairs, strict=True)
+        if pair is not None
+    ]
+    return (
+        f'<div style="padding:0 0.9em;font-size:0.8em">clearance at {now:.3f}, exact:<br/>'
+        f"{'<br/>'.join(words) or 'nothing to touch'}</div>"
+    )
+
+
+def _skins(scene: Scene, robot: Robot) -> tuple[Sequence[Skin], str]:
+    """What the robot is shown in, and a word where that is not its visual meshes."""
+    try:
+        skins = visual_skins(robot, scene.robot)
+        why = "its URDF has no visual meshes"
+    except InputError as error:
+        skins, why = (), str(error)
+    return (skins, "") if skins else (collision_skins(robot), f"{robot.name} is shown in its collision meshes: {why}")
+
+
+def _look_from(server: viser.ViserServer, robot: Robot, q: Array) -> None:
+    """Set where browsers look from when they come: from the front and the side, at the robot's middle."""
+    base = robot.model.frames[1].placement.translation if robot.model.nframes > 1 else np.zeros(3)
+    tip = Tip.of(robot)
+    far = max(float(np.linalg.norm(tip.placement(q).translation - base)), 0.6)
+    server.initial_camera.look_at = tuple(base + [0.3 * far, 0.0, 0.42 * far])
+    server.initial_camera.position = tuple(base + far * np.array([1.6, -1.3, 1.05]))

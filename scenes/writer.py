@@ -1,0 +1,85 @@
+"""A `Scene` becomes a hdplan scene file, one obstacle a line, which `load_scene` reads back as the same scene.
+
+Every value is written as JSON, which YAML contains; numbers are the shortest that read back bit for bit.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from hdplan.scenes.model import Box, Capsule, Cylinder, JointTarget, Mesh, Obstacle, Points, Pose, Scene, Shape, Sphere
+
+VERSION = 1
+
+
+def scene_text(scene: Scene) -> str:
+    """Return the scene as YAML. Files that it names are written with their whole paths, so it may be saved anywhere."""
+    spec = scene.robot
+    robot = {
+        "name": spec.name,
+        "urdf": spec.urdf and _path(spec.urdf),
+        "srdf": spec.srdf and _path(spec.srdf),
+        "package_dirs": [_path(folder) for folder in spec.package_dirs],
+        "base": _pose(spec.base),
+        "locked": dict(spec.locked),
+        "ignore_pairs": [list(pair) for pair in spec.ignore_pairs],
+    }
+    lines = [f"hdplan: {VERSION}", "robot:", *(f"  {key}: {_json(value)}" for key, value in robot.items() if value)]
+    lines += ["obstacles:", *(f"  - {_json(_obstacle(obstacle))}" for obstacle in scene.obstacles)]
+    if not scene.obstacles:
+        lines[-1] += " []"
+    lines += [f"{name}: {_json(_target(target))}" for name, target in (("start", scene.start), ("goal", scene.goal))]
+    settings = {field.name: getattr(scene.planner, field.name) for field in fields(scene.planner)}
+    changed = {name: value for name, value in settings.items() if value != type(scene.planner).__dict__[name]}
+    if changed:
+        lines.append(f"planner: {_json(changed)}")
+    return "\n".join(lines) + "\n"
+
+
+def _obstacle(obstacle: Obstacle) -> dict[str, Any]:
+    return {"name": obstacle.name, "shape": _shape(obstacle.shape), "pose": _pose(obstacle.pose)}
+
+
+def _shape(shape: Shape) -> dict[str, Any]:
+    match shape:
+        case Box(size):
+            return {"type": "box", "size": list(size)}
+        case Sphere(radius):
+            return {"type": "sphere", "radius": radius}
+        case Cylinder(radius, length):
+            return {"type": "cylinder", "radius": radius, "length": length}
+        case Capsule(radius, length):
+            return {"type": "capsule", "radius": radius, "length": length}
+        case Points(points):
+            return {"type": "points", "points": [list(point) for point in points]}
+        case Mesh(file, scale):
+            return {"type": "mesh", "file": _path(file), "scale": list(scale)}
+
+
+def _pose(pose: Pose) -> dict[str, Any]:
+    return {"position": list(pose.position), "quaternion_xyzw": list(pose.quaternion_xyzw)}
+
+
+def _target(target: JointTarget) -> dict[str, Any]:
+    if target.state is not None:
+        return {"state": target.state}
+    return {"joints": list(target.positions) if target.positions is not None else dict(target.by_name or {})}
+
+
+def _path(path: Path) -> str:
+    return str(path.resolve())
+
+
+def _json(value: object) -> str:
+    """Write numbers as YAML 1.1 reads them: it takes 1e-05 for a text, and 1.0e-05 for a number."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{json.dumps(str(key))}: {_json(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(_json(item) for item in value) + "]"
+    if isinstance(value, float):
+        digits, mark, exponent = repr(value).partition("e")
+        return digits if not mark else f"{digits if '.' in digits else digits + '.0'}e{int(exponent):+d}"
+    return json.dumps(value)
