@@ -191,7 +191,7 @@ def _raised(rows: np.ndarray) -> np.ndarray:
     [
         (lambda rows: rows[:, ::-1], ("elbow", "shoulder"), 0, "certified: "),
         (lambda rows: rows[[0, -1]], ("shoulder", "elbow"), 1, "in contact: forearm and ball overlap by "),
-        (lambda rows: rows[:-1], ("shoulder", "elbow"), 1, "wrong ends: the last waypoint has joint 'shoulder' at "),
+        (lambda rows: rows[:-1], ("shoulder", "elbow"), 1, "wrong ends: the last waypoint has joint '"),
         (_raised, ("shoulder", "elbow"), 1, "outside limits: waypoint 5 has joint 'shoulder' at "),
     ],
     ids=["permuted", "collides", "short", "outside"],
