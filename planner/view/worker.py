@@ -55,6 +55,7 @@ class Worker:
                 job()
             except Exception as error:  # one bad request must not end the viewer
                 self._complain(error)
-            with self._changed:
-                self._busy = False
-                self._changed.notify_all()
+            finally:
+                with self._changed:
+                    self._busy = False
+                    self._changed.notify_all()
