@@ -1,7 +1,7 @@
 """How fast `hdplan view` follows its slider, measured on the server: python benchmarks/view.py [SCENE ...]
 
 For each scene: the time until it is served (meshes read and smoothed, the first time in a process), the time of one
-frame (kinematics, closest pair, panels, everything sent to a browser that is connected or not), and frames a second.
+frame (kinematics, closest pair, panels, all messages; no browser is connected), and frames a second.
 """
 
 from __future__ import annotations

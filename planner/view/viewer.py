@@ -74,7 +74,7 @@ class Viewer:
         self._complain = complain
         motions = [Motion.of(name, trajectory, self.certifier) for name, trajectory in trajectories]
         self.skins, self.note = _skins(scene, robot)
-        self.worker = Worker(self._failed)
+        self.worker = Worker(self._failed, self._refresh)
 
         _look_from(server, robot, self.query.start)
         base = scene.robot.base.position
@@ -207,7 +207,8 @@ class Viewer:
             self.shown[number].motion, self.shown[number].path = motion, self._draw_path(motion)
         else:
             color = OTHERS[(number - 1) % len(OTHERS)] if number else None
-            nodes = RobotNodes(self.server, f"robot{number}", self.robot, self.skins, color=color)
+            skins = [skin for skin in self.skins if skin.joint or not number]  # what stands still is there once
+            nodes = RobotNodes(self.server, f"robot{number}", self.robot, skins, color=color)
             self.shown.append(Shown(motion, nodes, self._draw_path(motion)))
             self._choice.options = tuple(shown.motion.name for shown in self.shown)
             self._plots = self._new_plots()
@@ -288,6 +289,9 @@ class Viewer:
         text = "<br/>".join(lines)
         self._verdict.content = f'<div style="padding:0.2em 0.9em;font-size:0.85em">{text}</div>'
 
+    def _refresh(self) -> None:
+        self.closest.refresh()
+
     def _failed(self, error: Exception) -> None:
         if not isinstance(error, HdplanError):
             self._complain(f"{type(error).__name__}: {error}")
@@ -338,5 +342,5 @@ def _look_from(server: viser.ViserServer, robot: Robot, q: Array) -> None:
     base = robot.model.frames[1].placement.translation if robot.model.nframes > 1 else np.zeros(3)
     tip = Tip.of(robot)
     far = max(float(np.linalg.norm(tip.placement(q).translation - base)), 0.6)
-    server.initial_camera.look_at = tuple(base + [0.3 * far, 0.0, 0.42 * far])
-    server.initial_camera.position = tuple(base + far * np.array([1.6, -1.3, 1.05]))
+    server.initial_camera.look_at = tuple(base + [0.25 * far, 0.0, 0.52 * far])
+    server.initial_camera.position = tuple(base + far * np.array([1.45, -1.15, 0.9]))
