@@ -47,6 +47,7 @@ app = typer.Typer(
 Examples:
   hdplan plan panda_cage -o motion.json --plot motion.png
   hdplan check panda_cage motion.json
+  hdplan plot panda_cage motion.json -o motion.pdf
   hdplan view panda_cage motion.json
   hdplan explain my_scene.yaml
   hdplan robots panda
@@ -96,6 +97,10 @@ def _seconds(text: str) -> float:
 SceneFile = Annotated[
     str,
     typer.Argument(metavar="SCENE", help="A hdplan scene (YAML), a shipped scene's name, or a MoveIt planning scene."),
+]
+Motion = Annotated[
+    Path,
+    typer.Argument(metavar="TRAJECTORY", help="JSON, CSV (joint names in its header) or NPZ, from any planner."),
 ]
 Request = Annotated[
     Path | None,
@@ -167,7 +172,8 @@ def plan(
     """
     from hdplan.planner.output import check_writable
     from hdplan.planner.plan import plan as find
-    from hdplan.planner.plot import check_picture, plot_result
+    from hdplan.planner.plot import Subject, check_picture
+    from hdplan.planner.plot import plot as draw
     from hdplan.planner.problem import check_distance
     from hdplan.planner.scene_robot import load_scene_robot
     from hdplan.planner.solvers import solver_named
@@ -188,7 +194,7 @@ def plan(
     if output is not None:
         result.save(output)
     if plot is not None:
-        plot_result(problem, load_scene_robot(problem), result, plot)
+        draw(Subject.planned(problem, load_scene_robot(problem), result), plot)
     if not quiet:
         with _printing() as show:
             if as_json:
@@ -202,10 +208,7 @@ def plan(
 @app.command()
 def check(
     scene: SceneFile,
-    trajectory: Annotated[
-        Path,
-        typer.Argument(metavar="TRAJECTORY", help="JSON, CSV (joint names in its header) or NPZ, from any planner."),
-    ],
+    trajectory: Motion,
     request: Request = None,
     robot: RobotFile = None,
     as_json: AsJson = False,
@@ -247,6 +250,42 @@ def check(
             motion_row = ("motion", f"{len(motion)} waypoints of {certifier.robot.name} in {problem.name}")
             show(_table([motion_row, *_closest_rows(certificate), ("proof", effort)]))
     raise typer.Exit(0 if certificate.certified else 1)
+
+
+@app.command()
+def plot(
+    scene: SceneFile,
+    trajectory: Motion,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FILE", help="Where the picture goes: .png, .pdf or .svg.")
+    ],
+    request: Request = None,
+    robot: RobotFile = None,
+) -> None:
+    """Draw a joint trajectory in one sheet.
+
+    Of ours or another planner's: joints with their limits, velocities and accelerations where the file has times, the
+    clearance along the motion with what is proven of it, the solver's progress where the file holds it, and the scene
+    from two sides. The exit code is 0 whatever the verdict.
+    """
+    from hdplan.planner.certificate import Certifier
+    from hdplan.planner.plot import Subject, check_picture
+    from hdplan.planner.plot import plot as draw
+    from hdplan.planner.result import read_steps
+    from hdplan.planner.scene_robot import load_scene_robot
+    from hdplan.planner.trajectory import Trajectory
+
+    check_picture(output)
+    problem = _load(scene, request, robot)
+    motion, steps = Trajectory.load(trajectory), read_steps(trajectory)
+    with _waiting("drawing"):
+        certifier = Certifier(problem, load_scene_robot(problem))
+        with naming(trajectory):  # its joints may not fit
+            subject = Subject.of(certifier, motion, steps, trajectory.name)
+        draw(subject, output)
+    with _printing() as show:
+        show(_verdict(subject.certificate))
+        show(_table([("written", str(output))]))
 
 
 @app.command()

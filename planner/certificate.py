@@ -220,9 +220,10 @@ class Certifier:
                 depths[names] = max(depths.get(names, 0.0), -spot.distance)
         return tuple(Contact(*names, depths[names]) for names in sorted(depths, key=lambda names: -depths[names]))
 
-    def nearest(self, q: ArrayLike) -> tuple[Place | None, Place | None]:
-        """Return the closest places in one configuration, with exact distances: to an obstacle, between links."""
-        spots = self.sweep.nearest(np.asarray(q, dtype=np.float64))
+    def nearest(self, q: ArrayLike, within: float = np.inf) -> tuple[Place | None, Place | None]:
+        """Return the closest places in one configuration, with exact distances: to an obstacle, between links; None
+        where nothing is `within` [m]."""
+        spots = self.sweep.nearest(np.asarray(q, dtype=np.float64), within)
         to_obstacle, between_links = (self._place(spot, 2) if spot else None for spot in spots)
         return to_obstacle, between_links
 

@@ -1,21 +1,57 @@
-"""A result as one sheet: joints, clearance, convergence, and the scene from two sides; PNG, PDF or SVG by its ending.
+"""A motion as one sheet: joints, clearance, convergence, and the scene from two sides; PNG, PDF or SVG by its ending.
 
-matplotlib is optional: only this module's parts (plot_panels, plot_scene) import it, and only when a picture is wanted.
+matplotlib is optional: only this module's parts (plot_sheet, plot_panels, plot_scene) import it, and only when a
+picture is wanted.
 """
 
 from __future__ import annotations
 
 import importlib.util
 import io
+from dataclasses import dataclass
 from pathlib import Path
 
+from hdplan.planner.certificate import Certificate, Certifier, waypoints_of
 from hdplan.planner.output import check_writable, write_output
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot import Robot
+from hdplan.planner.solvers.solution import Step
+from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Scene
 
 PICTURES = (".png", ".pdf", ".svg")
+PIXELS, FINE = 150, 300  # per inch: of a PNG; of the painted scene in the others, whose lines and letters have none
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """What a sheet shows."""
+
+    certifier: Certifier  # of the scene and its robot
+    trajectory: Trajectory  # the robot's planned joints, in its order
+    certificate: Certificate
+    steps: tuple[Step, ...]  # of the solver; empty where they are not known
+    origin: str  # where the motion comes from, in a few words
+
+    @classmethod
+    def of(cls, certifier: Certifier, trajectory: Trajectory, steps: tuple[Step, ...], name: str) -> Subject:
+        """Take a trajectory of any planner, its joints in any order, and certify it.
+
+        Raises InputError for joints that do not fit the robot.
+        """
+        certificate, robot = certifier.certify(trajectory), certifier.robot
+        ordered = Trajectory(robot.joint_names, waypoints_of(robot, trajectory), robot.locked, trajectory.times)
+        iterations = f", {len(steps)} iterations" if steps else ""
+        return cls(certifier, ordered, certificate, steps, f"{name}: {len(ordered)} waypoints{iterations}")
+
+    @classmethod
+    def planned(cls, scene: Scene, robot: Robot, result: PlanResult) -> Subject:
+        """Take the result of a plan, with its own certificate."""
+        seconds = sum(vars(result.times).values())
+        effort = f"{result.solver}, {result.iterations} iterations, {seconds:.2f} s from scene to verdict"
+        words = f"{len(result.trajectory)} waypoints, {effort}"
+        return cls(Certifier(scene, robot), result.trajectory, result.certificate, result.steps, words)
 
 
 def check_picture(path: str | Path) -> None:
@@ -28,13 +64,11 @@ def check_picture(path: str | Path) -> None:
         raise InputError(f"{path}: pictures need matplotlib, which is not installed: pip install hdplan[plot]")
 
 
-def plot_result(scene: Scene, robot: Robot, result: PlanResult, path: str | Path) -> None:
-    """Draw `result` and write it to `path`, whole or not at all.
+def plot(subject: Subject, path: str | Path) -> None:
+    """Draw a motion and write the sheet to `path`, whole or not at all.
 
     Args:
-        scene: the scene it was planned for.
-        robot: the scene's robot, from load_scene_robot.
-        result: certified or not.
+        subject: certified or not.
         path: ends with one of PICTURES.
 
     Raises:
@@ -42,8 +76,8 @@ def plot_result(scene: Scene, robot: Robot, result: PlanResult, path: str | Path
     """
     path = Path(path)
     check_picture(path)
-    from hdplan.planner.plot_panels import sheet
+    from hdplan.planner.plot_sheet import sheet
 
-    picture = io.BytesIO()
-    sheet(scene, robot, result).savefig(picture, format=path.suffix.lower().removeprefix("."))
+    picture, kind = io.BytesIO(), path.suffix.lower().removeprefix(".")
+    sheet(subject).savefig(picture, format=kind, dpi=PIXELS if kind == "png" else FINE)
     write_output(path, picture.getvalue())

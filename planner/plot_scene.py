@@ -30,9 +30,11 @@ Array = NDArray[np.float64]
 GHOSTS = (0.25, 0.5, 0.75)  # path parameters between start and goal at which the robot is shown, faintly
 TIP_STEPS = 200  # pieces of the path of the last link
 TILE = 0.1  # of the view's size: longest edge of a painted polygon, so that near and far can be told apart
+NAME = np.array([28.0, 11.0])  # [pt] size of "start" and "goal"
 SHARP = np.cos(np.radians(35.0))  # faces that meet at a wider angle have a line between them
 AROUND = 0.3  # part of the robot's own extent that is shown of what stands around it
 ABOVE = 0.03  # [m] by which the start is painted nearer: links that only turn are in the same place at the goal
+LINE = 0.4  # [pt] width of outlines
 BIAS = 0.01  # [m] by which a line is painted nearer than the faces that it bounds
 FINE, COARSE = (28, 9), (14, 6)  # directions around and from pole to pole: supports of round bodies, of meshes
 
@@ -64,7 +66,6 @@ class Paint:
 
     color: str
     alpha: float
-    line: float  # [pt] width of its outline
     nearer: float = 0.0  # [m] by which it is painted in front of where it is
 
 
@@ -87,12 +88,12 @@ class Picture:
             for item in robot.collision.geometryObjects
             for piece in link_pieces(item.geometry, item.name)
         ]
-        solids = [(body, Paint(OBSTACLE, 0.4, 0.5)) for body in obstacles]
-        shown = [(time, Paint(BETWEEN, 0.2, 0.35)) for time in GHOSTS]
-        shown += [(0.0, Paint(START, 1.0, 0.35, ABOVE)), (1.0, Paint(GOAL, 1.0, 0.35))]
+        solids = [(body, Paint(OBSTACLE, 0.4)) for body in obstacles]
+        shown = [(time, Paint(BETWEEN, 0.2)) for time in GHOSTS]
+        shown += [(0.0, Paint(START, 1.0, ABOVE)), (1.0, Paint(GOAL, 1.0))]
         for (_, paint), pose in zip(shown, _poses(robot, trajectory, [time for time, _ in shown]), strict=True):
             solids += [(body.placed(pose[joint]), paint) for joint, body in links if joint]
-        solids += [(body, Paint(FIXED, 1.0, 0.35)) for joint, body in links if not joint]
+        solids += [(body, Paint(FIXED, 1.0)) for joint, body in links if not joint]
         outermost = max(joint for joint, _ in links)
         last = next(body for joint, body in reversed(links) if joint == outermost)
         farthest = last.vertices[np.linalg.norm(last.vertices, axis=1).argmax()]
@@ -120,29 +121,53 @@ def draw_scene(axis: Any, picture: Picture, azimuth: float, elevation: float) ->
     low, high = _window(picture, view, box[0] / box[1])
     size = float((high - low).max())
     parts = [part for body, paint in picture.solids for part in _painted(body, paint, view, TILE * size)]
-    polygons, faces, edges, widths = (np.concatenate(column) for column in zip(*parts, strict=True))
+    polygons, faces, edges = (np.concatenate(column) for column in zip(*parts, strict=True))
     order = np.argsort(polygons[:, :, 2].mean(axis=1))
     flat: Any = polygons[order, :, :2]
     painted = PolyCollection(
         flat,
         facecolors=faces[order],
         edgecolors=edges[order],
-        linewidths=widths[order],
+        linewidths=LINE,
         rasterized=True,  # in a PDF or SVG: tens of thousands of polygons
     )
     axis.add_collection(painted)
     path = picture.tip @ view.T
     casing = [withStroke(linewidth=2.6, foreground="white")]
     axis.plot(path[:, 0], path[:, 1], color=INK, linewidth=1.3, path_effects=casing, solid_capstyle="round")
-    for row, color in ((0, START), (-1, GOAL)):
-        axis.plot(*path[row, :2], "o", markersize=5, color=color, markeredgecolor="white", markeredgewidth=0.8)
+    _ends(axis, path[:, :2], low, high)
     axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xticks=[], yticks=[])
     axis.spines[:].set(visible=True, color=FRAME)
     _scale(axis, view, low, size)
 
 
-def _painted(body: Skin, paint: Paint, view: Array, longest: float) -> list[tuple[Array, Array, Array, Array]]:
-    """Return what is seen of a solid, faces, then outlines: polygons (k, 3, 3), face and edge colours (k, 4), widths.
+def _ends(axis: Any, path: Array, low: Array, high: Array) -> None:
+    """Mark and name both ends of the path (k, 2), each name within the window on the side farthest from the path and
+    from what else is written."""
+    per_point = float(high[0] - low[0]) / (72.0 * axis.get_position().width * axis.figure.get_size_inches()[0])
+    avoided = np.vstack([path, low + (high - low).max() * _CORNER])
+    for end, name, color, marker in ((0, "start", START, "o"), (-1, "goal", GOAL, "s")):
+        axis.plot(*path[end], marker, markersize=5, color=color, markeredgecolor="white", markeredgewidth=0.8)
+        places = path[end] + per_point * (6.0 * _AROUND + 0.5 * NAME * np.sign(_AROUND))
+        away = (avoided - places[:, None]) / (per_point * NAME)  # in sizes of the name
+        outside = np.abs(2.0 * places - low - high) > high - low - per_point * NAME
+        best = np.where(outside.any(axis=1), 0.0, np.abs(away).max(axis=2).min(axis=1)).argmax()
+        side, avoided = _AROUND[best], np.vstack([avoided, places[best]])
+        axis.annotate(
+            name,
+            path[end],
+            6.0 * side,
+            textcoords="offset points",
+            ha=("right", "center", "left")[int(np.sign(side[0])) + 1],
+            va=("top", "center", "bottom")[int(np.sign(side[1])) + 1],
+            color=color,
+            weight="bold",
+            path_effects=[withStroke(linewidth=2.6, foreground="white")],
+        )
+
+
+def _painted(body: Skin, paint: Paint, view: Array, longest: float) -> list[tuple[Array, Array, Array]]:
+    """Return what is seen of a solid, faces, then outlines: polygons (k, 3, 3), face and edge colours (k, 4).
 
     The polygons are in the view's frame: right, up, towards the eye. An outline is a triangle with a corner repeated.
     """
@@ -158,7 +183,7 @@ def _painted(body: Skin, paint: Paint, view: Array, longest: float) -> list[tupl
         paint.alpha == 1.0
     )  # its tiles are drawn a little larger: their smoothed rims would let the back shine through
     tiles[..., 2] += paint.nearer
-    faces = tiles, shaded, shaded if solid else 0.0 * shaded, np.full(len(owner), 0.4 if solid else 0.0)
+    faces = tiles, shaded, shaded if solid else 0.0 * shaded
 
     ends, beside = body.edges
     seen = front[beside].any(axis=1)
@@ -166,7 +191,7 @@ def _painted(body: Skin, paint: Paint, view: Array, longest: float) -> list[tupl
     strokes = _dashes((body.vertices @ view.T)[ends[seen & (sharp | ~front[beside].all(axis=1))]], longest)
     strokes = strokes[:, [0, 1, 1]] + [0.0, 0.0, BIAS + paint.nearer]
     ink = np.tile([*(0.5 * color), min(1.0, 2.0 * paint.alpha)], (len(strokes), 1))
-    return [faces, (strokes, 0.0 * ink, ink, np.full(len(strokes), paint.line))]
+    return [faces, (strokes, 0.0 * ink, ink)]
 
 
 def skin(piece: Piece, whole: bool) -> Skin:
@@ -276,5 +301,9 @@ def _directions(turns: int, rises: int) -> Array:
     return np.concatenate([ring.reshape(-1, 3), [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
 
 
+_AROUND = np.array(
+    [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0], [0.7, 0.7], [0.7, -0.7], [-0.7, 0.7], [-0.7, -0.7]]
+)
+_CORNER = np.array([[x, y] for x in (0.03, 0.085, 0.14) for y in (0.03, 0.11, 0.18)])  # of the view: see _scale
 _FINE, _COARSE = _directions(*FINE), _directions(*COARSE)  # (k, 3) unit
 _LIGHT = np.array([-0.4, 0.6, 0.7]) / np.linalg.norm([-0.4, 0.6, 0.7])  # from the upper left, in the view's frame

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 INK = "#222222"
 START = "#0072B2"  # blue
 GOAL = "#D55E00"  # vermillion
@@ -9,12 +11,25 @@ BETWEEN = "#56B4E9"  # sky blue
 OBSTACLE = "#877D6B"  # grey, warm
 ROBOT_TO_OBSTACLES = "#009E73"  # bluish green
 BETWEEN_LINKS = "#CC79A7"  # reddish purple
+OUTER = "#0072B2"
 CONTACT = "#D55E00"
 DEPTH = "#E69F00"  # orange
 GOOD = "#009E73"
 FIXED = "#5A5A5A"
 GREY = "#E9E9E9"
 FRAME = "#BBBBBB"
+
+# Many curves in one panel: apart in grey by their dashes.
+CURVES: tuple[dict[str, Any], ...] = (
+    {"color": INK, "linestyle": "-"},
+    {"color": DEPTH, "linestyle": "-"},
+    {"color": START, "linestyle": "--"},
+    {"color": GOAL, "linestyle": "--"},
+    {"color": GOOD, "linestyle": "-."},
+    {"color": BETWEEN_LINKS, "linestyle": "-."},
+    {"color": BETWEEN, "linestyle": ":"},
+    {"color": OBSTACLE, "linestyle": ":"},
+)
 
 # Sets of normals, from cheap to tight: colour and marker of each.
 RUNG_STYLES = {
@@ -26,6 +41,12 @@ RUNG_STYLES = {
     "paper+centre+edges": (BETWEEN_LINKS, "P"),
 }
 OTHER_RUNG = (OBSTACLE, "X")
+
+
+def plain(text: str, most: int) -> str:
+    """Return a name for matplotlib to write as it is, no dollar sign a formula, at most so many characters of it."""
+    return (text if len(text) <= most else f"{text[: most - 1]}…").replace("$", r"\$")
+
 
 RC = {
     "font.size": 8.5,

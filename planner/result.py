@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import json
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from hdplan.planner.certificate import Certificate
 from hdplan.planner.solvers.solution import Step
 from hdplan.planner.trajectory import Trajectory
+from hdplan.scenes.errors import InputError
+
+_FIGURES = tuple(field.name for field in fields(Step))
 
 
 @dataclass(frozen=True)
@@ -61,9 +67,10 @@ class PlanResult:
         }
 
     def save(self, path: str | Path) -> None:
-        """Write the trajectory, with this summary where the format has room. Raises InputError if it cannot be
-        written."""
-        self.trajectory.save(path, self.summary())
+        """Write the trajectory; JSON also holds the summary, as `verdict`, and the solver's `steps`, a list for each of
+        their figures. Raises InputError if it cannot be written."""
+        steps = {name: [getattr(step, name) for step in self.steps] for name in _FIGURES}
+        self.trajectory.save(path, self.summary(), steps)
 
 
 def verdict(certificate: Certificate) -> dict[str, Any]:
@@ -76,3 +83,22 @@ def verdict(certificate: Certificate) -> dict[str, Any]:
         "worst": worst
         and {"time": worst.time, "link": worst.link, "obstacle": worst.other, "distance_m": worst.distance},
     }
+
+
+def read_steps(path: str | Path) -> tuple[Step, ...]:
+    """Read the solver's steps from a trajectory file; none where it says nothing of them.
+
+    Raises InputError naming the file where they are not lists of numbers, equally long.
+    """
+    path = Path(path)
+    content = json.loads(path.read_bytes()) if path.suffix.lower() == ".json" else {}
+    if "steps" not in content:
+        return ()
+    columns = content["steps"]
+    try:
+        table = np.array([columns[name] for name in _FIGURES], dtype=np.float64)
+    except (KeyError, TypeError, ValueError):
+        table = np.array(np.nan)
+    if table.ndim != 2 or not np.isfinite(table).all():
+        raise InputError(f"{path}: steps: expected are lists of numbers, equally long: {', '.join(_FIGURES)}")
+    return tuple(Step(round(number), *figures) for number, *figures in table.T.tolist())

@@ -6,7 +6,7 @@ In: scenes. Out: files in a folder, and a `Report` with one line for each varian
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -166,14 +166,15 @@ def _advice(rows: Sequence[Summary]) -> list[tuple[str, str]]:
     default, *others = rows
     advice = [("defaults", _words(default))]
     good = [row for row in others if row.certified >= default.certified]
-    for what, better in (
-        ("faster", min(good, key=lambda row: row.seconds, default=default)),
-        ("tighter", min(good, key=lambda row: row.lost[1], default=default)),
-        ("smoother", min(good, key=lambda row: row.acceleration or np.inf, default=default)),
-    ):
-        gains = {"faster": better.seconds < default.seconds, "tighter": better.lost[1] < default.lost[1]}
-        if gains.get(what, (better.acceleration or 1.0) < 1.0):
-            advice.append((what, f"{label(better.variant)}: {_words(better)}"))
+    measures: dict[str, Callable[[Summary], float]] = {
+        "faster": lambda row: row.seconds,
+        "tighter": lambda row: row.lost[0],
+        "smoother": lambda row: np.inf if row.acceleration is None else row.acceleration,
+    }
+    for what, measure in measures.items():
+        best = min([default, *good], key=measure)
+        if best is not default:
+            advice.append((what, f"{label(best.variant)}: {_words(best)}"))
     if worse := [f"{label(row.variant)} {row.certified}" for row in others if row.certified < default.certified]:
         advice.append(("fewer certified", f"{', '.join(worse)} of {default.scenes}"))
     return advice

@@ -31,7 +31,7 @@ class Smoothness:
     """
 
     waypoints: int  # N
-    acceleration: float = 0.002  # α, relative to the squared duration
+    acceleration: float = 0.01  # α, relative to the squared duration
 
     @cached_property
     def matrix(self) -> Floats:

@@ -1,7 +1,8 @@
 """A joint trajectory and its files: JSON, CSV and NPZ, read from any planner, written atomically with every bit kept.
 
 Between two rows the joints move along a straight line, q(i + s) = (1 − s) q_i + s q_(i+1), 0 ≤ s ≤ 1: that motion is
-what the certificate proves, so it is also what must be executed.
+what the certificate proves, so it is also what must be executed. Where a file says when each row is reached (`times` in
+JSON and NPZ, the column `time` in CSV), the times are kept; the path is the same with them and without.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import csv
 import io
 import json
 import zipfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,19 +23,21 @@ from hdplan.planner.output import write_output
 from hdplan.scenes.errors import InputError, naming
 
 FORMATS = (".json", ".csv", ".npz")
+TIME = "time"  # the CSV column of the times
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
     """Waypoints in joint space, joined by straight lines.
 
-    Raises InputError when the shapes do not fit, a joint name comes twice, a number is not finite or there are fewer
-    than 2 rows.
+    Raises InputError when the shapes do not fit, a joint name comes twice, a number is not finite, there are fewer than
+    2 rows, or the times do not rise.
     """
 
     joint_names: tuple[str, ...]  # (n,) the columns
     positions: NDArray[np.float64]  # (N, n) one row per waypoint [rad] or [m]
     locked: Mapping[str, float] = field(default_factory=dict)  # joints that stand still -> value [rad] or [m]
+    times: NDArray[np.float64] | None = None  # (N,) when each waypoint is reached, rising [s]; None for a path alone
 
     def __post_init__(self) -> None:
         """Check and freeze."""
@@ -64,6 +67,8 @@ class Trajectory:
         object.__setattr__(self, "joint_names", names)
         object.__setattr__(self, "positions", positions)
         object.__setattr__(self, "locked", locked)
+        if self.times is not None:
+            object.__setattr__(self, "times", _rising(self.times, len(positions)))
 
     def __len__(self) -> int:
         """Return the number of waypoints."""
@@ -76,14 +81,20 @@ class Trajectory:
         fraction = (where - index)[..., None]
         return np.asarray((1.0 - fraction) * self.positions[index] + fraction * self.positions[index + 1])
 
-    def save(self, path: str | Path, verdict: Mapping[str, Any] | None = None) -> None:
+    def save(
+        self,
+        path: str | Path,
+        verdict: Mapping[str, Any] | None = None,
+        steps: Mapping[str, Sequence[float]] | None = None,
+    ) -> None:
         """Write to `path`; its ending (.json, .csv, .npz) picks the format. The file is there whole, or not at all.
 
-        JSON holds everything and the `verdict`; NPZ holds the arrays; CSV holds the planned joints alone, one column
-        each. Raises InputError for another ending or a path that cannot be written.
+        JSON holds everything, the `verdict` and the solver's `steps`; NPZ holds the arrays; CSV holds the times and the
+        planned joints alone, one column each. Raises InputError for another ending or a path that cannot be written.
         """
         path = Path(path)
-        write_output(path, {".json": _to_json, ".csv": _to_csv, ".npz": _to_npz}[_format(path)](self, verdict or {}))
+        about = {key: said for key, said in (("verdict", verdict), ("steps", steps)) if said}
+        write_output(path, {".json": _to_json, ".csv": _to_csv, ".npz": _to_npz}[_format(path)](self, about))
 
     @staticmethod
     def load(path: str | Path) -> Trajectory:
@@ -97,7 +108,7 @@ class Trajectory:
                 raise InputError(f"cannot be read ({error.strerror or error})") from error
 
 
-def _to_json(trajectory: Trajectory, verdict: Mapping[str, Any]) -> bytes:
+def _to_json(trajectory: Trajectory, about: Mapping[str, Mapping[str, Any]]) -> bytes:
     """Write one line per key and per waypoint; Python's numbers are the shortest that read back bit for bit."""
     rows = ",\n  ".join(json.dumps(row, allow_nan=False) for row in trajectory.positions.tolist())
     lines = [
@@ -105,7 +116,8 @@ def _to_json(trajectory: Trajectory, verdict: Mapping[str, Any]) -> bytes:
         f'"joint_names": {json.dumps(trajectory.joint_names)}',
         f'"positions": [\n  {rows}\n ]',
         f'"locked": {json.dumps(dict(trajectory.locked), allow_nan=False)}',
-        *([f'"verdict": {json.dumps(dict(verdict), allow_nan=False)}'] if verdict else []),
+        *([] if trajectory.times is None else [f'"times": {json.dumps(trajectory.times.tolist(), allow_nan=False)}']),
+        *(f'"{key}": {json.dumps(dict(said), allow_nan=False)}' for key, said in about.items()),
     ]
     return ("{\n " + ",\n ".join(lines) + "\n}\n").encode()
 
@@ -125,14 +137,18 @@ def _from_json(data: bytes) -> Trajectory:
     locked = content.get("locked", {})
     if not isinstance(locked, dict):
         raise InputError("locked: an object of joint names and numbers is expected")
-    return Trajectory(_names(content["joint_names"]), _numbers(content["positions"], "positions"), locked)
+    positions = _numbers(content["positions"], "positions")
+    return Trajectory(_names(content["joint_names"]), positions, locked, content.get("times"))
 
 
-def _to_csv(trajectory: Trajectory, _: Mapping[str, Any]) -> bytes:
+def _to_csv(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> bytes:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(trajectory.joint_names)
-    writer.writerows([repr(value) for value in row] for row in trajectory.positions.tolist())
+    names, rows = trajectory.joint_names, trajectory.positions
+    if trajectory.times is not None:
+        names, rows = (TIME, *names), np.column_stack([trajectory.times, rows])
+    writer.writerow(names)
+    writer.writerows([repr(value) for value in row] for row in rows.tolist())
     return text.getvalue().encode()
 
 
@@ -153,17 +169,24 @@ def _from_csv(data: bytes) -> Trajectory:
             raise InputError(f"line {line}: {len(row)} values, expected {len(names)} as in the header")
         if wrong := [value for value in row if not _is_number(value)]:
             raise InputError(f"line {line}: '{wrong[0]}' is not a number")
-    return Trajectory(names, np.array([[float(value) for value in row] for _, row in rows]).reshape(-1, len(names)))
+    values = np.array([[float(value) for value in row] for _, row in rows]).reshape(-1, len(names))
+    if TIME not in names:
+        return Trajectory(names, values)
+    column = names.index(TIME)
+    joints = tuple(name for i, name in enumerate(names) if i != column)
+    return Trajectory(joints, np.delete(values, column, axis=1), times=values[:, column])
 
 
-def _to_npz(trajectory: Trajectory, _: Mapping[str, Any]) -> bytes:
+def _to_npz(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> bytes:
     data = io.BytesIO()
+    times: dict[str, Any] = {} if trajectory.times is None else {"times": trajectory.times}
     np.savez(
         data,
         joint_names=np.array(trajectory.joint_names),
         positions=trajectory.positions,
         locked_names=np.array(list(trajectory.locked), dtype=str),
         locked_values=np.array(list(trajectory.locked.values()), dtype=np.float64),
+        **times,
     )
     return data.getvalue()
 
@@ -181,7 +204,8 @@ def _from_npz(data: bytes) -> Trajectory:
     locked = dict(zip(_names(names.ravel()), _numbers(values, "locked_values").ravel().tolist(), strict=False))
     if len(locked) != values.size:
         raise InputError(f"locked_names: {names.size} names for {values.size} locked_values")
-    return Trajectory(_names(arrays["joint_names"].ravel()), _numbers(arrays["positions"], "positions"), locked)
+    positions = _numbers(arrays["positions"], "positions")
+    return Trajectory(_names(arrays["joint_names"].ravel()), positions, locked, arrays.get("times"))
 
 
 def _format(path: Path) -> str:
@@ -206,6 +230,20 @@ def _numbers(values: object, name: str) -> NDArray[np.float64]:
     except (TypeError, ValueError):  # rows of different lengths
         pass
     raise InputError(f"{name}: numbers are expected, equally many in each row")
+
+
+def _rising(values: object, count: int) -> NDArray[np.float64]:
+    """Return the times (count,) frozen, if they are that many and rise."""
+    times = _numbers(values, "times")
+    if times.shape != (count,):
+        raise InputError(f"times: shape {times.shape}, expected one for each of the {count} waypoints")
+    if not np.isfinite(times).all():
+        raise InputError(f"times: {times[~np.isfinite(times)][0]} is not a finite number")
+    if (np.diff(times) <= 0.0).any():
+        row = int(np.argmax(np.diff(times) <= 0.0)) + 1
+        raise InputError(f"times: {times[row]:g} s at waypoint {row} comes after {times[row - 1]:g} s, times must rise")
+    times.setflags(write=False)
+    return times
 
 
 def _is_number(text: str) -> bool:

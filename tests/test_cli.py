@@ -98,6 +98,7 @@ def test_json_is_one_object_with_the_promised_keys_and_the_file_holds_the_same(h
     assert (result["status"], result["seed"], done.err) == ("certified", 3, "")
     written = json.loads(Path("motion.json").read_text(encoding="utf-8"))
     assert written.pop("verdict") == result
+    assert {len(figures) for figures in written.pop("steps").values()} == {result["iterations"]}
     assert set(written) == {"hdplan_trajectory", "joint_names", "positions", "locked"}
     assert written["hdplan_trajectory"] == 1
     assert np.shape(written["positions"]) == (result["waypoints"], len(result["joint_names"]))
@@ -123,6 +124,16 @@ def test_plot_is_written(hdplan: Callable[..., Done]) -> None:
     pytest.importorskip("matplotlib")
     assert hdplan("plan", "planar_arm", "--plot", "motion.png").code == 0
     assert Path("motion.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_plot_draws_any_trajectory(hdplan: Callable[..., Done]) -> None:
+    pytest.importorskip("matplotlib")
+    Path("line.csv").write_text("elbow,shoulder\n0.4,-0.8\n0.4,1.0\n", encoding="utf-8")
+    done = hdplan("plot", "planar_arm", "line.csv", "-o", "line.pdf")
+    assert (done.code, done.err) == (0, "")
+    assert done.out.startswith("wrong ends: ")  # the verdict is shown; the picture was asked for
+    assert done.out.splitlines()[-1].split() == ["written", "line.pdf"]
+    assert Path("line.pdf").read_bytes().startswith(b"%PDF")
 
 
 @pytest.mark.parametrize("solver", ["chomp", "ipopt"])
@@ -180,7 +191,7 @@ def _raised(rows: np.ndarray) -> np.ndarray:
     [
         (lambda rows: rows[:, ::-1], ("elbow", "shoulder"), 0, "certified: "),
         (lambda rows: rows[[0, -1]], ("shoulder", "elbow"), 1, "in contact: forearm and ball overlap by "),
-        (lambda rows: rows[:-1], ("shoulder", "elbow"), 1, "wrong ends: the last waypoint has joint 'shoulder' at "),
+        (lambda rows: rows[:-1], ("shoulder", "elbow"), 1, "wrong ends: the last waypoint has joint '"),
         (_raised, ("shoulder", "elbow"), 1, "outside limits: waypoint 5 has joint 'shoulder' at "),
     ],
     ids=["permuted", "collides", "short", "outside"],
@@ -353,6 +364,9 @@ BAD_ARGUMENTS = {
     "output a folder": (["plan", "planar_arm", "-o", "folder.json"], ["folder.json: is a folder"]),
     "output nowhere": (["plan", "planar_arm", "-o", "no/x.json"], ["the folder no does not exist"]),
     "output too long": (["plan", "planar_arm", "-o", f"{'x' * 250}.json"], ["cannot be written"]),
+    "no picture": (["plot", "planar_arm", "x.json"], ["--output"]),
+    "plot ending": (["plot", "planar_arm", "x.json", "-o", "x.jpg"], ["x.jpg", "'.jpg'", ".png, .pdf, .svg"]),
+    "plot of nothing": (["plot", "planar_arm", "no.json", "-o", "x.png"], ["no.json: cannot be read"]),
     "picture ending": (["plan", "planar_arm", "--plot", "x.jpg"], ["x.jpg", "'.jpg'", ".png, .pdf, .svg"]),
     "no trajectory": (["check", "planar_arm", "no.json"], ["no.json: cannot be read"]),
     "trajectory ending": (["check", "planar_arm", "no.txt"], ["no.txt", "'.txt'", ".json, .csv, .npz"]),
@@ -431,6 +445,9 @@ BAD_TRAJECTORIES = {
         f'{{"hdplan_trajectory": 1, "joint_names": ["a", "b"], "positions": [[0, {10**400}], [2, 3]]}}': "numbers",
         '{"hdplan_trajectory": 1, "joint_names": ["a"], "positions": [[0], [1]], "locked": {"b": "c"}}': "locked",
         '{"hdplan_trajectory": 1, "joint_names": ["a"], "positions": [[0], [NaN]]}': "waypoint 1, joint 'a'",
+        '{"hdplan_trajectory": 1, "joint_names": ["a"], "positions": [[0], [1]], "times": [0]}': "each of the 2",
+        '{"hdplan_trajectory": 1, "joint_names": ["a"], "positions": [[0], [1]], "times": 3}': "each of the 2",
+        '{"hdplan_trajectory": 1, "joint_names": ["a"], "positions": [[0], [1]], "times": [1, 1]}': "times must rise",
     },
     "x.csv": {
         "": "empty",
@@ -438,6 +455,8 @@ BAD_TRAJECTORIES = {
         "shoulder,elbow\n0,0\n\n1,x\n": "line 4: 'x' is not a number",
         "shoulder,elbow\n0,0\n1\n": "line 3: 1 values",
         "shoulder,elbow\n0,0\n": "at least 2",
+        "time,shoulder,elbow\n0,0,0\n-1,1,1\n": "-1 s at waypoint 1 comes after 0 s",
+        "time,shoulder,elbow\n0,0,0\ninf,1,1\n": "times: inf",
         "shoulder,elbw\n0,0\n1,1\n": "joint 'elbow' of planar_arm is missing (did you mean 'elbw'?)",
         "shoulder,elbow,wrist\n0,0,0\n1,1,1\n": "joint 'wrist' is not one of planar_arm",
         "shoulder,elbow\n0,0\n1,1e308\n": "waypoint 1, joint 'elbow': 1e+308 is larger than 1e+06",
@@ -454,6 +473,8 @@ BAD_TRAJECTORIES = {
 def test_bad_trajectories(hdplan: Callable[..., Done], name: str, content: str, words: str) -> None:
     Path(name).write_text(content, encoding="utf-8")
     refused(hdplan("check", "planar_arm", name), f"{name}: ", words)
+    refused(hdplan("plot", "planar_arm", name, "-o", "x.png"), f"{name}: ", words)
+    assert not Path("x.png").exists()
 
 
 MOVEIT_BOX = {"type": "box", "dimensions": [0.1, 0.1, 0.1]}
@@ -504,13 +525,13 @@ def test_bad_moveit_input(
 # --- reading matter ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("command", [[], ["plan"], ["check"], ["view"], ["explain"], ["robots"]])
+@pytest.mark.parametrize("command", [[], ["plan"], ["check"], ["plot"], ["view"], ["explain"], ["robots"]])
 def test_help_fits_a_terminal(hdplan: Callable[..., Done], command: list[str]) -> None:
     done = hdplan(*command, "--help")
     assert (done.code, done.err) == (0, "")
     assert done.out.startswith("Usage: hdplan")
     assert max(map(len, done.out.splitlines())) <= 80
-    assert "..." not in done.out.replace("[ARGS]...", "").replace("[{TRAJECTORY}]...", "")  # nothing is cut off
+    assert "..." not in done.out.replace("[ARGS]...", "").replace("[TRAJECTORY]...", "")  # nothing is cut off
 
 
 def test_help_names_every_shipped_scene(hdplan: Callable[..., Done]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,12 +21,14 @@ def awkward_trajectory() -> Trajectory:
 
 
 @pytest.mark.parametrize("ending", FORMATS)
-def test_round_trip_keeps_every_bit(tmp_path: Path, ending: str) -> None:
-    before = awkward_trajectory()
+@pytest.mark.parametrize("times", [None, np.cumsum(np.geomspace(1e-9, 1e3, 7)) / 3])
+def test_round_trip_keeps_every_bit(tmp_path: Path, ending: str, times: np.ndarray | None) -> None:
+    before = replace(awkward_trajectory(), times=times)
     before.save(tmp_path / f"path{ending}", {"status": "certified"})
     after = Trajectory.load(tmp_path / f"path{ending}")
     assert after.joint_names == before.joint_names
     assert after.positions.tobytes() == before.positions.tobytes()
+    assert (after.times is None) if times is None else (after.times.tobytes() == times.tobytes())  # type: ignore[union-attr]
     if ending != ".csv":  # CSV holds the planned joints alone
         assert after.locked == before.locked
     assert [file.name for file in tmp_path.iterdir()] == [f"path{ending}"]

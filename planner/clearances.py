@@ -1,0 +1,86 @@
+"""Clearance along a motion at chosen path parameters, to be drawn: the exact one, and what the planner's bodies say.
+
+Trajectory → for each path parameter the closest places by the real meshes and shapes (exact), and the separation D̃ of
+the planner's outer bodies from the obstacles' planes, a lower bound of the exact distance. Lengths in [m], negative in
+contact. Nothing is proven between the path parameters: that is the certificate's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.certificate import Certifier, Place
+from hdplan.planner.problem import build
+from hdplan.planner.robot import Robot
+from hdplan.scenes.model import Scene
+
+Array = NDArray[np.float64]
+
+FARTHER, FARTHER_BY = 1.2, 0.01  # times and [m] beyond the last distance: where the next one is looked for first
+
+
+@dataclass(frozen=True, eq=False)
+class Clearances:
+    """Distances at k path parameters of a motion [m]."""
+
+    parameter: Array  # (k,) 0 start to 1 goal
+    closest: tuple[Place, ...]  # (k,) to obstacles; none in a scene without
+    between_links: Array  # (k,) exact; empty for a robot without pairs of links
+    outer: Array  # (k,) D̃ of the planner's bodies to obstacles, inf where there is none; empty without obstacles
+
+    @property
+    def to_obstacles(self) -> Array:
+        """The exact distance (k,) to obstacles."""
+        return np.array([place.distance for place in self.closest])
+
+    @classmethod
+    def along(cls, certifier: Certifier, positions: Array, parameter: Array) -> Clearances:
+        """Look at configurations `positions` (k, n), which stand at `parameter` (k,)."""
+        closest, between_links = _exact(certifier, positions)
+        outer = np.empty(0)
+        if closest:
+            within = max(place.distance for place in closest) * FARTHER + FARTHER_BY
+            outer = outer_clearance(certifier.scene, certifier.robot, positions, max(within, FARTHER_BY))
+        return cls(parameter, closest, between_links, outer)
+
+
+def outer_clearance(scene: Scene, robot: Robot, positions: Array, within: float) -> Array:
+    """Return the least D̃ (k,) [m] of the planner's link bodies and obstacles at configurations (k, n).
+
+    Lower bounds of the exact distance, by the bodies, normals and distance that the scene's settings choose. Pairs
+    farther apart than `within` [m] are left out, for speed: inf where nothing is left.
+    """
+    settings = replace(scene.planner, clearance=0.0, activation=within, swept=False)
+    problem = build(replace(scene, planner=settings), robot)
+    least = np.full(len(positions), np.inf)
+    kinematics = problem.kinematics.evaluate(positions)
+    for term in problem.terms:
+        if term.name == "obstacles":
+            inside = term.inside(kinematics)
+            np.minimum.at(least, inside.sample, within + inside.separation)
+    return least
+
+
+def _exact(certifier: Certifier, positions: Array) -> tuple[tuple[Place, ...], Array]:
+    """Return the closest places to obstacles and the distances between links, each empty where there are none.
+
+    From one configuration to the next distances change little: the next are looked for near the last, and everywhere
+    only where that finds nothing.
+    """
+    found: list[Sequence[Place | None]] = []
+    within = np.inf
+    for q in positions:
+        places = certifier.nearest(q, within)
+        if found and [place is None for place in places] != [place is None for place in found[0]]:
+            places = certifier.nearest(q)
+        found.append(places)
+        within = max([0.0, *(place.distance for place in places if place)]) * FARTHER + FARTHER_BY
+    to_obstacles, between_links = zip(*found, strict=True)
+    return (
+        tuple(place for place in to_obstacles if place),
+        np.array([place.distance for place in between_links if place]),
+    )
