@@ -293,7 +293,7 @@ def view(
     scene: SceneFile,
     trajectories: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="[TRAJECTORY]...", help="Motions to show, several at once to compare them."),
+        typer.Argument(metavar="TRAJECTORY", help="Motions to show, several at once to compare them."),
     ] = None,
     request: Request = None,
     robot: RobotFile = None,

@@ -71,9 +71,14 @@ class Handles:
         handle = viewer.server.scene.add_transform_controls(
             "/handle", scale=SIZE, position=position, wxyz=wxyz, depth_test=False
         )
-        handle.on_update(lambda _: viewer.worker.ask("drag", lambda: self.drag(pose_of(handle))))
-        handle.on_drag_end(lambda _: viewer.worker.ask("let go", self.let_go))
+        handle.on_update(self._dragged)
         self._handle = handle
+
+    def _dragged(self, event: Any) -> None:
+        """Hear from a browser."""
+        self._viewer.worker.ask("drag", lambda: self.drag(pose_of(event.target)))
+        if event.phase == "end":
+            self._viewer.worker.ask("let go", self.let_go)
 
     def _say(self, text: str) -> None:
         self._said.content = f'<div style="padding:0 0.9em;font-size:0.8em">{text}</div>' if text else ""

@@ -40,7 +40,7 @@ class Layers:
         self._boxes = {name: viewer.server.gui.add_checkbox(name, on, hint=hint) for name, (on, hint) in LAYERS.items()}
         for box in self._boxes.values():
             box.on_update(lambda _: viewer.worker.ask("layers", self._switch))
-        self._bodies: dict[str, RobotNodes] = {}
+        self.bodies: dict[str, RobotNodes] = {}  # those that were asked for
 
     def on(self, name: str) -> bool:
         """Whether a layer is on."""
@@ -52,7 +52,7 @@ class Layers:
 
     def show(self, q: Array) -> None:
         """Move the bodies that are on to configuration `q` (n,)."""
-        for name, nodes in self._bodies.items():
+        for name, nodes in self.bodies.items():
             if self.on(name):
                 nodes.show(q)
 
@@ -66,10 +66,10 @@ class Layers:
             obstacle.frame.visible = self.on("obstacles")
         viewer.closest.root.visible = self.on("closest pair")
         for name in ("outer bodies", "collision meshes"):
-            if self.on(name) and name not in self._bodies:
-                self._bodies[name] = self._made(name)
-            if name in self._bodies:
-                self._bodies[name].visible = self.on(name)
+            if self.on(name) and name not in self.bodies:
+                self.bodies[name] = self._made(name)
+            if name in self.bodies:
+                self.bodies[name].visible = self.on(name)
         viewer.player.draw()  # ghosts, and what has just been switched on, are placed there
 
     def _made(self, name: str) -> RobotNodes:

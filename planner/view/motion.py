@@ -69,16 +69,19 @@ class Tip:
 
     @classmethod
     def of(cls, robot: Robot) -> Tip:
-        """Take the middle of the part of the last moving link that is farthest out along it."""
+        """Take the middle of the farthest part of what the last joint carries, along the axis of that joint's frame in
+        which it reaches out."""
         last = max(robot.link_joint.values(), default=robot.model.njoints - 1)
         items = [item for item in robot.collision.geometryObjects if item.parentJoint == last]
         points = [_corners(item) for item in items]
         if not points or last == 0:
             return cls(robot, robot.model.njoints - 1, np.zeros(3))
         cloud = np.concatenate(points)
-        outward = cloud.mean(axis=0)
-        along = cloud @ (outward / max(float(np.linalg.norm(outward)), 1e-9))
-        return cls(robot, last, cloud[along >= along.max() - TIP].mean(axis=0))
+        middle = cloud.mean(axis=0)
+        axis = int(np.abs(middle).argmax())
+        along = np.sign(middle[axis]) * cloud[:, axis]
+        end = cloud[along >= along.max() - TIP]
+        return cls(robot, last, 0.5 * (end.min(axis=0) + end.max(axis=0)))
 
     def placement(self, q: Array) -> pin.SE3:
         """Return the tip's placement in the world: the last joint's axes at the tip."""

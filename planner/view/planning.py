@@ -62,7 +62,7 @@ class Planning:
         self._save_motion.on_click(lambda event: self._download(event, f"{NAME}.json", self.motion_file))
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
-        self._iterates: list[tuple[str, Array]] = []  # words and waypoints (N, n)
+        self.iterates: list[tuple[str, Array]] = []  # words and waypoints (N, n) of every iteration
         self._shown_for = 0.0  # [s]
         self._path: Any = None
         self.result: PlanResult | None = None
@@ -72,11 +72,16 @@ class Planning:
         """Whether a motion is being planned."""
         return self._thread is not None and self._thread.is_alive()
 
+    @property
+    def said(self) -> str:
+        """What is written below the button, as HTML."""
+        return str(self._said.content)
+
     def start(self) -> None:
         """Begin to plan for the scene as it is shown."""
         self.end()
         self._stop.clear()
-        self._iterates, self._shown_for = [], 0.0
+        self.iterates, self._shown_for = [], 0.0
         self.button.label, self.button.icon = "Stop", viser.Icon.PLAYER_STOP
         self._say("building the problem …")
         self._thread = threading.Thread(target=self._run, args=(self._viewer.scene,), name="hdplan-plan", daemon=True)
@@ -136,7 +141,7 @@ class Planning:
             return
         step = event.step
         words = f"attempt {event.attempt}, iteration {step.iteration}: cost {step.cost:.4g}, weight {step.weight:.3g}"
-        self._iterates.append((words, event.positions.copy()))
+        self.iterates.append((words, event.positions.copy()))
         if not self.watch.value or self._shown_for > LOOK_IN_ALL:
             return
         began = time.perf_counter()
@@ -157,8 +162,8 @@ class Planning:
         self._say(words)
 
     def _look_back(self) -> None:
-        if self._iterates:
-            self._show_iterate(*self._iterates[min(int(self.iteration.value), len(self._iterates)) - 1])
+        if self.iterates:
+            self._show_iterate(*self.iterates[min(int(self.iteration.value), len(self.iterates)) - 1])
 
     def _finish(self, result: PlanResult | None, text: str) -> None:
         viewer = self._viewer
@@ -171,7 +176,7 @@ class Planning:
             spent = max(result.times.solve - self._shown_for, 0.0) + result.times.certify
             text = f"{text} – {result.attempts} attempt(s), {result.iterations} iterations, {spent:.2f} s"
             viewer.put(NAME, result.trajectory, result.certificate)
-        count = len(self._iterates)
+        count = len(self.iterates)
         self.iteration.disabled = count == 0
         if count:
             self.iteration.max, self.iteration.min = max(count, 2), 1
@@ -188,7 +193,7 @@ class Planning:
             self._say(str(error))
             return
         if event.client is not None:
-            event.client.send_file_download(name, data)
+            event.client.send_file_download(name, data, save_immediately=True)
 
 
 def _standing_alone(scene: Scene, viewer: Viewer) -> Scene:

@@ -6,6 +6,7 @@ other series have their true values there.
 
 from __future__ import annotations
 
+import html
 from collections.abc import Sequence
 
 import numpy as np
@@ -19,7 +20,7 @@ from hdplan.planner.view.skins import Color
 Array = NDArray[np.float64]
 Rows = tuple[Array, ...]
 
-HEIGHT = 210  # [px]
+HEIGHT = 165  # [px]
 LINES: tuple[Color, ...] = (  # Okabe & Ito
     (0, 114, 178),
     (213, 94, 0),
@@ -40,18 +41,25 @@ class Plot:
         self._times: Array = np.array([0.0, 1.0])
         self._curves: Rows = tuple(np.zeros(2) for _ in names)
         self._low, self._high = 0.0, 1.0
-        series = [
-            {"label": "time"},
-            *({"label": n, "stroke": hex_of(c), "width": 1.5} for n, c in zip(names, colors, strict=True)),
+        lines = [
+            {"label": name, "stroke": hex_of(color), "width": 1.5} for name, color in zip(names, colors, strict=True)
         ]
+        bar = {"label": "now", "stroke": hex_of(INK), "width": 1, "points": {"show": False}}
         self.handle = server.gui.add_uplot(
             self._rows(0.0),
-            tuple([*series, {"label": "now", "stroke": hex_of(INK), "width": 1, "points": {"show": False}}]),
+            ({"label": "path parameter"}, *lines, bar),
             title=title,
             scales=self._scales(),
-            axes=({"label": "path parameter", "size": 32, "labelSize": 16}, {"size": 52}),
-            height=HEIGHT + 22 * (len(names) // 4),
+            axes=({"size": 28}, {"size": 46}),
+            legend={"show": False},  # uPlot's own takes three lines
+            height=HEIGHT,
         )
+        self.legend = server.gui.add_html(_legend(names, colors))
+
+    def remove(self) -> None:
+        """Take it out of the panel."""
+        self.handle.remove()
+        self.legend.remove()
 
     def set(self, times: Array, curves: Sequence[Array], low: float, high: float, now: float) -> None:
         """Show curves (K,) over times (K,), between `low` and `high`."""
@@ -86,10 +94,13 @@ class MotionPlots:
     def __init__(self, server: viser.ViserServer, joint_names: Sequence[str], motions: Sequence[str]) -> None:
         """Set the plots up for motions of these names."""
         lines = [LINES[i % len(LINES)] for i in range(len(joint_names))]
-        self.joints = Plot(server, "joints [rad or m]", joint_names, lines)
+        self.joints = Plot(server, "joints [rad or m] over the path parameter", joint_names, lines)
         colors = [START, *OTHERS][: len(motions)]
         self.clearance = Plot(
-            server, "clearance [mm]", [*motions, "own links"], [*colors, *[INK] * (len(motions) - len(colors)), LINKS]
+            server,
+            "clearance [mm] over the path parameter",
+            [*motions, "own links"],
+            [*colors, *[INK] * (len(motions) - len(colors)), LINKS],
         )
 
     def set(self, active: Motion, motions: Sequence[Motion], now: float) -> None:
@@ -107,13 +118,22 @@ class MotionPlots:
 
     def remove(self) -> None:
         """Take them out of the panel."""
-        self.joints.handle.remove()
-        self.clearance.handle.remove()
+        self.joints.remove()
+        self.clearance.remove()
 
     def follow(self, now: float) -> None:
         """Move the bars."""
         self.joints.follow(now)
         self.clearance.follow(now)
+
+
+def _legend(names: Sequence[str], colors: Sequence[Color]) -> str:
+    lines = (
+        f'<span style="white-space:nowrap;padding-right:0.8em"><span style="color:{hex_of(color)}">▬</span> '
+        f"{html.escape(name)}</span>"
+        for name, color in zip(names, colors, strict=True)
+    )
+    return f'<div style="padding:0 0.9em;font-size:0.72em;line-height:1.3">{" ".join(lines)}</div>'
 
 
 def _shown(clearance: Array) -> Array:
@@ -130,7 +150,8 @@ def joint_table(names: Sequence[str], q: Array, lower: Array, upper: Array) -> s
         mark = hex_of(CONTACT if near else START)
         limits = f"{low:.2f} … {high:.2f}" if bounded else "turns freely"
         rows.append(
-            f'<tr><td>{name}</td><td style="text-align:right;font-variant-numeric:tabular-nums">{value:+.3f}</td>'
+            f"<tr><td>{html.escape(name)}</td>"
+            f'<td style="text-align:right;font-variant-numeric:tabular-nums">{value:+.3f}</td>'
             f'<td style="width:34%"><div style="position:relative;height:0.5em;background:#ddd;border-radius:3px">'
             f'<div style="position:absolute;left:calc({share:.1f}% - 2px);width:4px;height:0.5em;background:{mark}">'
             f'</div></div></td><td style="color:#777;white-space:nowrap">{limits}</td></tr>'

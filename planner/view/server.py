@@ -43,6 +43,7 @@ def open_viewer(
         server = viser.ViserServer(host=host, port=chosen, verbose=False, label=scene.name)
     try:
         server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
+        server.gui.main_panel.dock_right()  # beside the scene, not over it
         return Viewer(server, scene, robot, trajectories, complain)
     except BaseException:
         with quiet():

@@ -34,7 +34,7 @@ Color = tuple[int, int, int]  # red, green, blue, 0 to 255
 
 PLAIN: Color = (190, 190, 190)  # of what has no colour of its own
 SHARP = 0.6  # [rad] edges between faces that turn more than this are drawn sharp
-BALL = trimesh.creation.icosphere(subdivisions=2).vertices  # (162, 3) what sweeps an outer body, for drawing
+COARSE, FINE = 2, 3  # subdivisions of the balls that stand for a sweeping sphere: of many bodies, of one
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,9 @@ def collision_skins(robot: Robot, color: Color = PLAIN) -> tuple[Skin, ...]:
 @functools.lru_cache(maxsize=8)
 def outer_skins(robot: Robot, geometry: str, color: Color = PLAIN) -> tuple[Skin, ...]:
     """Return the links' outer bodies, as the planner sees them with the setting `link_bodies` at `geometry`."""
-    return tuple(_skin(body.link, body.joint, _swept(body.body), color) for body in link_bodies(robot, geometry))
+    return tuple(
+        _skin(body.link, body.joint, _swept(body.body, COARSE), color) for body in link_bodies(robot, geometry)
+    )
 
 
 def obstacle_mesh(obstacle: Obstacle) -> trimesh.Trimesh:
@@ -185,10 +187,11 @@ def _solid(shape: Any) -> trimesh.Trimesh:
 
 
 def _capsule(radius: float, length: float) -> trimesh.Trimesh:
-    return _swept(ConvexBody.capsule(radius, length)) if length else trimesh.creation.icosphere(3, radius)
+    return _swept(ConvexBody.capsule(radius, length), FINE) if length else trimesh.creation.icosphere(3, radius)
 
 
-def _swept(body: ConvexBody) -> trimesh.Trimesh:
-    """Return a polytope swept by a ball: the hull of small balls at its vertices."""
-    points = (np.asarray(body.vertices)[:, None] + body.radius * BALL).reshape(-1, 3)
+def _swept(body: ConvexBody, subdivisions: int) -> trimesh.Trimesh:
+    """Return a polytope swept by a sphere: the hull of small balls at its vertices."""
+    ball = trimesh.creation.icosphere(subdivisions=subdivisions, radius=body.radius)
+    points = (np.asarray(body.vertices)[:, None] + ball.vertices).reshape(-1, 3)
     return trimesh.PointCloud(points).convex_hull

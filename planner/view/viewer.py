@@ -74,7 +74,7 @@ class Viewer:
         self._complain = complain
         motions = [Motion.of(name, trajectory, self.certifier) for name, trajectory in trajectories]
         self.skins, self.note = _skins(scene, robot)
-        self.worker = Worker(self._failed)
+        self.worker = Worker(self._failed, self._refresh)
 
         _look_from(server, robot, self.query.start)
         base = scene.robot.base.position
@@ -104,7 +104,7 @@ class Viewer:
         self._clearance = server.gui.add_html("")
         self._legend = server.gui.add_html(legend())
         self._choice = server.gui.add_dropdown("motion", ("none",), hint="whose joints, clearance and closest pair")
-        self._choice.on_update(lambda _: self.worker.ask("choice", self._chosen))
+        self._choice.on_update(lambda _: self.worker.ask("choice", self._redraw))
         self.tabs = server.gui.add_tab_group()
         self._plot_tab = self.tabs.add_tab("Plots", viser.Icon.CHART_LINE)
         with self.tabs.add_tab("Joints", viser.Icon.ROBOT):
@@ -116,9 +116,7 @@ class Viewer:
         self._plots: MotionPlots | None = None
         self._plotted = 0.0
 
-        for motion in motions:
-            self._add(motion)
-        self.worker.ask("scene", self._redraw)
+        self.worker.ask("begin", lambda: self._begin(motions))
         self.worker.settle()
 
     # --- for the other parts -------------------------------------------------------------------------------------
@@ -133,6 +131,15 @@ class Viewer:
         """The motion whose joints and clearance are shown."""
         named = [shown for shown in self.shown if shown.motion.name == self._choice.value]
         return named[0] if named else None
+
+    @property
+    def verdict(self) -> str:
+        """What is written at the top, as HTML."""
+        return str(self._verdict.content)
+
+    def choose(self, name: str) -> None:
+        """Make a motion the active one."""
+        self._choice.value = name
 
     @property
     def configuration(self) -> Array:
@@ -187,7 +194,12 @@ class Viewer:
         with quiet():
             self.server.stop()
 
-    # --- drawing: by the worker's thread, or before it begins --------------------------------------------------
+    # --- drawing: by the worker's thread --------------------------------------------------------------------------
+
+    def _begin(self, motions: Sequence[Motion]) -> None:
+        for motion in motions:
+            self._add(motion)
+        self._redraw()
 
     def _add(self, motion: Motion) -> None:
         number = next((i for i, shown in enumerate(self.shown) if shown.motion.name == motion.name), len(self.shown))
@@ -195,7 +207,8 @@ class Viewer:
             self.shown[number].motion, self.shown[number].path = motion, self._draw_path(motion)
         else:
             color = OTHERS[(number - 1) % len(OTHERS)] if number else None
-            nodes = RobotNodes(self.server, f"robot{number}", self.robot, self.skins, color=color)
+            skins = [skin for skin in self.skins if skin.joint or not number]  # what stands still is there once
+            nodes = RobotNodes(self.server, f"robot{number}", self.robot, skins, color=color)
             self.shown.append(Shown(motion, nodes, self._draw_path(motion)))
             self._choice.options = tuple(shown.motion.name for shown in self.shown)
             self._plots = self._new_plots()
@@ -211,9 +224,6 @@ class Viewer:
             self._plots.remove()
         with self._plot_tab:
             return MotionPlots(self.server, self.robot.joint_names, [shown.motion.name for shown in self.shown])
-
-    def _chosen(self) -> None:
-        self._redraw()
 
     def _redraw(self) -> None:
         """Draw all that does not follow from the time alone."""
@@ -254,7 +264,7 @@ class Viewer:
         ):
             node.show(q)
             node.mark({link for contact in contacts for link in (contact.link, contact.other)})
-            label.text = name if not contacts else f"{name} in collision: {contact_words(contacts)}"
+            label.text = name if not contacts else f"{name}: {contact_words(contacts[:1])}"
             label.position = self.tip.placement(q).translation + 0.06 * UP
         touched = {contact.other for contacts in self.contacts for contact in contacts}
         for obstacle in self.obstacles:
@@ -278,6 +288,9 @@ class Viewer:
         lines += [html.escape(self.note)] if self.note else []
         text = "<br/>".join(lines)
         self._verdict.content = f'<div style="padding:0.2em 0.9em;font-size:0.85em">{text}</div>'
+
+    def _refresh(self) -> None:
+        self.closest.refresh()
 
     def _failed(self, error: Exception) -> None:
         if not isinstance(error, HdplanError):
@@ -329,5 +342,5 @@ def _look_from(server: viser.ViserServer, robot: Robot, q: Array) -> None:
     base = robot.model.frames[1].placement.translation if robot.model.nframes > 1 else np.zeros(3)
     tip = Tip.of(robot)
     far = max(float(np.linalg.norm(tip.placement(q).translation - base)), 0.6)
-    server.initial_camera.look_at = tuple(base + [0.3 * far, 0.0, 0.42 * far])
-    server.initial_camera.position = tuple(base + far * np.array([1.6, -1.3, 1.05]))
+    server.initial_camera.look_at = tuple(base + [0.25 * far, 0.0, 0.52 * far])
+    server.initial_camera.position = tuple(base + far * np.array([1.45, -1.15, 0.9]))

@@ -11,13 +11,16 @@ from collections.abc import Callable
 
 Job = Callable[[], None]
 
+REST = 0.3  # [s] without a request after which the rest begins
+
 
 class Worker:
     """Does jobs one after the other; of jobs of one kind that wait, only the newest is done."""
 
-    def __init__(self, complain: Callable[[Exception], None]) -> None:
-        """Start the thread; `complain` is told of a job that failed, and the next one is done."""
-        self._complain = complain
+    def __init__(self, complain: Callable[[Exception], None], rest: Job = lambda: None) -> None:
+        """Start the thread; `complain` is told of a job that failed, and the next one is done. `rest` is done once
+        after the last job, when nothing more was asked for."""
+        self._complain, self._rest = complain, rest
         self._waiting: dict[str, Job] = {}
         self._changed = threading.Condition()
         self._busy = self._ended = False
@@ -44,17 +47,19 @@ class Worker:
         self._thread.join(timeout=5.0)
 
     def _run(self) -> None:
+        rested = True
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._waiting or self._ended)
+                asked = self._changed.wait_for(lambda: bool(self._waiting) or self._ended, None if rested else REST)
                 if self._ended:
                     return
-                job = self._waiting.pop(next(iter(self._waiting)))
-                self._busy = True
+                job = self._waiting.pop(next(iter(self._waiting))) if asked else self._rest
+                self._busy, rested = True, not asked
             try:
                 job()
             except Exception as error:  # one bad request must not end the viewer
                 self._complain(error)
-            with self._changed:
-                self._busy = False
-                self._changed.notify_all()
+            finally:
+                with self._changed:
+                    self._busy = False
+                    self._changed.notify_all()

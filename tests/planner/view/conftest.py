@@ -1,0 +1,44 @@
+"""A light scene and viewers of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import pytest
+
+pytest.importorskip("viser", reason="the viewer is optional: pip install hdplan[view]")
+
+from hdplan.planner.plan import plan
+from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.view.server import open_viewer
+from hdplan.planner.view.viewer import Viewer
+from hdplan.scenes.model import Scene
+from hdplan.scenes.reader import load_scene
+
+Opener = Callable[..., Viewer]
+
+
+@pytest.fixture(scope="session")
+def scene() -> Scene:
+    return load_scene("planar_arm")
+
+
+@pytest.fixture(scope="session")
+def trajectory(scene: Scene) -> Trajectory:
+    return plan(scene).trajectory
+
+
+@pytest.fixture
+def opened() -> Iterator[Opener]:
+    """Opens viewers on free ports, and closes them in the end."""
+    viewers: list[Viewer] = []
+    complaints: list[str] = []
+
+    def opened(scene: Scene, **motions: Trajectory) -> Viewer:
+        viewers.append(open_viewer(scene, list(motions.items()), port=8180, complain=complaints.append))
+        return viewers[-1]
+
+    yield opened
+    for viewer in viewers:
+        viewer.close()
+    assert not complaints

@@ -1,0 +1,149 @@
+"""The viewer in a real browser, Debian's chromium without a screen: it draws, follows the slider, plans, and two tabs
+see the same."""
+
+from __future__ import annotations
+
+import io
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.view.planning import NAME
+from hdplan.planner.view.server import open_viewer
+from hdplan.planner.view.viewer import Viewer
+from hdplan.scenes.model import Scene
+
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: pip install hdplan[dev]")
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium found: apt-get install chromium")
+
+SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+SIZE = {"width": 760, "height": 360}  # small: every pixel is drawn by the processor
+SCENE = 340  # [px] of its width, where the panel is not
+PATIENCE = 30_000  # [ms]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with playwright.sync_playwright() as running:
+        found = running.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
+        yield found
+        found.close()
+
+
+@pytest.fixture(scope="module")
+def viewer(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
+    found = open_viewer(scene, [("found", trajectory)], port=8280)
+    yield found
+    found.close()
+
+
+@pytest.fixture
+def tab(browser: Any) -> Iterator[Callable[[str], Any]]:
+    """Opens pages, and fails if one of them has complained in its console."""
+    complaints: list[str] = []
+    pages: list[Any] = []
+
+    def tab(address: str) -> Any:
+        page = browser.new_page(viewport=SIZE)
+        pages.append(page)
+        page.set_default_timeout(PATIENCE)
+        page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.goto(address)
+        page.wait_for_selector("canvas")
+        return page
+
+    yield tab
+    for page in pages:
+        page.close()
+    assert not complaints
+
+
+def address(viewer: Viewer) -> str:
+    return f"http://127.0.0.1:{viewer.port}"
+
+
+def picture(page: Any) -> NDArray[np.int64]:
+    """What the page shows of the scene (h, w, 3)."""
+    from PIL import Image
+
+    shot = page.screenshot(clip={"x": 0, "y": 0, "width": SCENE, "height": SIZE["height"]})
+    return np.asarray(Image.open(io.BytesIO(shot)).convert("RGB"), dtype=np.int64)
+
+
+def until(true: Callable[[], bool], what: str) -> None:
+    deadline = time.monotonic() + PATIENCE / 1e3
+    while not true():
+        assert time.monotonic() < deadline, what
+        time.sleep(0.1)
+
+
+def coloured(image: NDArray[np.int64]) -> int:
+    """How many pixels are neither white nor grey."""
+    return int((np.ptp(image, axis=2) > 24).sum())
+
+
+def time_field(page: Any) -> Any:
+    return page.locator("input[type=text]").first
+
+
+def set_time(page: Any, value: float) -> None:
+    time_field(page).fill(str(value))
+    time_field(page).press("Enter")
+
+
+def test_the_page_shows_the_scene_and_the_slider_moves_the_robot(tab: Callable[[str], Any], viewer: Viewer) -> None:
+    viewer.show(0.0)
+    page = tab(address(viewer))
+    page.get_by_text("certified: at least").wait_for()
+    until(lambda: coloured(picture(page)) > 500, "the canvas stays empty")
+    before = picture(page)
+    set_time(page, 0.6)
+    until(lambda: viewer.player.time == 0.6, "the slider does not reach the server")
+    until(lambda: int((np.abs(picture(page) - before).max(axis=2) > 24).sum()) > 300, "the robot stays where it was")
+    page.get_by_text("clearance at 0.600").wait_for()
+
+
+def test_a_second_tab_sees_the_same(tab: Callable[[str], Any], viewer: Viewer) -> None:
+    first, second = tab(address(viewer)), tab(address(viewer))
+    set_time(first, 0.35)
+    second.get_by_text("clearance at 0.350").wait_for()
+    until(lambda: time_field(second).input_value() == "0.35", "the second slider stays where it was")
+    first.close()  # in the middle of things
+    viewer.show(0.7)
+    second.get_by_text("clearance at 0.700").wait_for()
+
+
+def test_plan_works(tab: Callable[[str], Any], viewer: Viewer) -> None:
+    page = tab(address(viewer))
+    page.get_by_role("tab", name="Plan").click()
+    page.get_by_role("button", name="Plan", exact=True).click()
+    page.get_by_text("iterations,").wait_for()
+    assert "certified: at least" in page.get_by_text("iterations,").inner_text()
+    assert viewer.active is not None
+    assert viewer.active.motion.name == NAME
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save motion").click()
+    found = Trajectory.load(_named(download.value, "motion.json"))
+    np.testing.assert_array_equal(found.positions, viewer.active.motion.trajectory.positions)
+
+
+def _named(download: Any, name: str) -> Path:
+    path = Path(download.path())
+    return path.rename(path.with_name(name))
+
+
+def test_a_recorded_page_plays_without_a_server(tab: Callable[[str], Any], viewer: Viewer, tmp_path: Path) -> None:
+    viewer.record(tmp_path / "page.html")
+    page = tab((tmp_path / "page.html").as_uri())
+    until(lambda: coloured(picture(page)) > 500, "the canvas stays empty")
+    before = picture(page)
+    until(lambda: int((np.abs(picture(page) - before).max(axis=2) > 24).sum()) > 300, "nothing moves")

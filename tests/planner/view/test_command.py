@@ -1,0 +1,96 @@
+"""`hdplan view` as it is typed: what it refuses in one line, what it writes, and how Ctrl-C ends it."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hdplan import cli
+from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.view.front import motion_names
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
+    monkeypatch.setattr(sys, "argv", ["hdplan", "view", *map(str, arguments)])
+    with pytest.raises(SystemExit) as caught:
+        cli.main()
+    return int(caught.value.code or 0)
+
+
+def test_a_missing_viser_is_said_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util, "find_spec", lambda name, *rest: None if name == "viser" else found(name, *rest)
+    )
+    assert run(monkeypatch, "planar_arm") == 2
+    assert capsys.readouterr().err.strip().endswith("pip install hdplan[view]")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    {
+        "port": (["planar_arm", "--port", "70000"], "1 to 65535"),
+        "host": (["planar_arm", "--host", "192.0.2.1"], "no address of this machine"),
+        "scene": (["planar_arms"], "did you mean"),
+        "trajectory": (["planar_arm", "missing.json"], "missing.json"),
+        "nothing to record": (["planar_arm", "--record", "page.html"], "no motion to record"),
+        "ending": (["planar_arm", "m.json", "--record", "page.txt"], "allowed are .html"),
+    }.values(),
+)
+def test_bad_input_is_one_line(
+    arguments: list[str],
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(monkeypatch, *arguments) == 2
+    errors = capsys.readouterr().err.strip()
+    assert said in errors
+    assert "\n" not in errors
+
+
+def test_a_page_is_recorded(
+    trajectory: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    trajectory.save(tmp_path / "motion.json")
+    page = tmp_path / "page.html"
+    assert run(monkeypatch, "planar_arm", tmp_path / "motion.json", "--record", page) == 0
+    assert capsys.readouterr().out.split() == ["written", str(page)]
+    assert page.stat().st_size > 500_000
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no Ctrl-C for a child there")
+def test_ctrl_c_ends_it_and_a_taken_port_is_said() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        command = [sys.executable, "-m", "hdplan.cli", "view", "planar_arm", "--port", str(port)]
+        restore = lambda: signal.signal(signal.SIGINT, signal.default_int_handler)  # noqa: E731
+        with subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=restore
+        ) as child:
+            assert child.stdout is not None
+            line = child.stdout.readline()
+            served = re.search(r"http://127\.0\.0\.1:(\d+)", line)
+            assert served, line + (child.stderr.read() if child.stderr else "")
+            assert int(served[1]) != port
+            assert f"port {port} is taken" in line
+            with socket.create_connection(("127.0.0.1", int(served[1])), timeout=5):
+                child.send_signal(signal.SIGINT)
+                out, err = child.communicate(timeout=20)
+        assert (child.returncode, out, err) == (0, "", "")
+
+
+def test_motions_get_names_that_differ() -> None:
+    names = motion_names([Path("a/one.json"), Path("b/one.json"), Path("two.csv"), Path("two.csv")])
+    assert names == ["a/one.json", "b/one.json", "two.csv", "two.csv (2)"]

@@ -1,0 +1,109 @@
+"""Samples, plots and inverse kinematics of the viewer, without a server."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from hdplan.planner.certificate import Certifier
+from hdplan.planner.robot import Robot
+from hdplan.planner.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.view.colors import FAR, SCALE, clearance_colors
+from hdplan.planner.view.goal import follow
+from hdplan.planner.view.motion import SAMPLES, Motion, Tip, between, sample_times
+from hdplan.planner.view.plots import joint_table, with_bar
+from hdplan.scenes.reader import load_scene
+
+
+@pytest.fixture(scope="module")
+def certifier() -> Certifier:
+    scene = load_scene("panda_cage")
+    return Certifier(scene, load_scene_robot(scene))
+
+
+@pytest.fixture(scope="module")
+def robot(certifier: Certifier) -> Robot:
+    return certifier.robot
+
+
+@pytest.mark.parametrize("waypoints", [2, 3, 32, 101, 150, 1000])
+def test_waypoints_are_among_the_samples(waypoints: int) -> None:
+    times = sample_times(waypoints)
+    assert len(times) >= min(SAMPLES, waypoints)
+    assert len(times) <= max(2 * SAMPLES, waypoints)
+    assert set(np.linspace(0, 1, waypoints).round(9)) <= set(times.round(9))
+
+
+def test_a_motion_is_sampled_as_the_trajectory_and_the_certificate_have_it(certifier: Certifier) -> None:
+    query = resolve_query(certifier.robot, certifier.scene)
+    line = np.linspace(query.start, query.goal, 5)
+    names = certifier.robot.joint_names[::-1]  # found by name, in any order
+    motion = Motion.of("line", Trajectory(names, line[:, ::-1]), certifier)
+    np.testing.assert_allclose(motion.joints, motion.trajectory.at(motion.times)[:, ::-1], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(between(line, motion.times), motion.joints, rtol=0, atol=1e-12)
+    for k in (0, 30, len(motion.times) - 1):
+        to_obstacle, between_links = certifier.nearest(motion.joints[k])
+        assert to_obstacle is not None
+        assert between_links is not None
+        assert (motion.clearance[k], motion.self_clearance[k]) == (to_obstacle.distance, between_links.distance)
+        tip = Tip.of(certifier.robot).placement(motion.joints[k]).translation
+        np.testing.assert_allclose(motion.tip[k], tip, rtol=0, atol=1e-12)
+    assert not motion.certificate.certified  # the straight line hits a bar
+    assert motion.clearance.min() <= 0.0
+
+
+def test_the_tip_is_between_the_fingers(robot: Robot) -> None:
+    tip = Tip.of(robot)
+    data = robot.model.createData()
+    q = robot.draw(np.random.default_rng(0), 1)[0]
+    pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
+    hand = data.oMf[robot.model.getFrameId("panda_hand")]
+    np.testing.assert_allclose(hand.actInv(tip.placement(q).translation), [0, 0, 0.11], atol=0.015)
+
+
+def test_inverse_kinematics_reaches_what_is_near(robot: Robot) -> None:
+    tip, rng = Tip.of(robot), np.random.default_rng(5)
+    for q in robot.draw(rng, 10):
+        near = np.clip(q + rng.normal(scale=0.1, size=robot.n), robot.lower, robot.upper)
+        found, off = follow(tip, q, tip.placement(near))
+        assert (found >= robot.lower).all()
+        assert (found <= robot.upper).all()
+        error = tip.placement(found).actInv(tip.placement(near))
+        assert off == pytest.approx(float(np.linalg.norm(error.translation)), abs=1e-9)
+        if off < 1e-3:
+            assert pin.rpy.matrixToRpy(error.rotation) == pytest.approx([0, 0, 0], abs=0.02)
+    assert off < 1e-3
+
+
+def test_inverse_kinematics_says_how_much_it_falls_short(robot: Robot) -> None:
+    tip = Tip.of(robot)
+    q = resolve_query(robot, load_scene("panda_cage")).start
+    far = tip.placement(q)
+    far.translation = np.array([3.0, 0.0, 0.5])
+    found, off = follow(tip, q, far)
+    assert off == pytest.approx(np.linalg.norm(tip.placement(found).translation - far.translation), abs=1e-9)
+    assert off > 1.5
+
+
+def test_the_bar_rises_where_the_slider_stands_and_bends_no_curve() -> None:
+    times, curve = np.linspace(0, 1, 11), np.linspace(0, 1, 11) ** 2
+    for now in (0.0, 0.25, 0.3, 1.0):
+        shown, bent, bar = with_bar(times, [curve], now, -1.0, 2.0)
+        assert (np.diff(shown) >= 0).all()
+        np.testing.assert_allclose(bent, np.interp(shown, times, curve), rtol=0, atol=1e-15)
+        assert shown[bar > -1.0].tolist() == [now]
+
+
+def test_clearance_colours_run_from_contact_to_far() -> None:
+    colors = clearance_colors([-0.1, 0.0, FAR, 9.0, np.inf])
+    assert (colors[:2] == SCALE[0]).all()
+    assert (colors[2:] == SCALE[-1]).all()
+
+
+def test_the_joint_table_holds_any_name() -> None:
+    table = joint_table(["<b>", "free"], np.array([0.5, 9.0]), np.array([0.0, -np.inf]), np.array([1.0, np.inf]))
+    assert "&lt;b&gt;" in table
+    assert "+0.500" in table
+    assert "turns freely" in table

@@ -1,0 +1,217 @@
+"""What the server sends, without a browser: places, closest points, planning, dragging, comparing, recording."""
+
+from __future__ import annotations
+
+import dataclasses
+import socket
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.view.handles import GOAL
+from hdplan.planner.view.nodes import RobotNodes, pose_of
+from hdplan.planner.view.planning import NAME
+from hdplan.planner.view.server import open_viewer
+from hdplan.planner.view.viewer import Viewer
+from hdplan.scenes.errors import HdplanError, InputError
+from hdplan.scenes.model import Pose, Scene
+from hdplan.scenes.reader import load_scene
+
+Opener = Callable[..., Viewer]
+
+
+@pytest.fixture
+def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
+    return opened(scene, found=trajectory)
+
+
+def by_worker(viewer: Viewer, job: Callable[[], None]) -> None:
+    viewer.worker.ask("test", job)
+    assert viewer.worker.settle(20)
+
+
+def planned(viewer: Viewer) -> None:
+    viewer.planning.start()
+    deadline = time.monotonic() + 60
+    while viewer.planning.running:
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    assert viewer.worker.settle(20)
+
+
+def assert_posed(nodes: RobotNodes, q: np.ndarray) -> None:
+    """Every joint's frame stands where Pinocchio's kinematics has it."""
+    robot = nodes.robot
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.pin_q(q))
+    for joint, frame in nodes.frames.items():
+        np.testing.assert_allclose(pose_of(frame).matrix, data.oMi[joint].homogeneous, rtol=0, atol=1e-9)
+
+
+def test_the_slider_moves_the_robot(viewer: Viewer, trajectory: Trajectory) -> None:
+    shown = viewer.shown[0]
+    for now in (0.0, 0.31, 1.0):
+        viewer.show(now)
+        assert_posed(shown.robot, trajectory.at(now))
+    assert_posed(viewer.start, trajectory.positions[0])
+    assert_posed(viewer.goal, trajectory.positions[-1])
+
+
+def test_the_segment_is_as_long_as_the_clearance_that_is_said(viewer: Viewer) -> None:
+    viewer.show(0.5)
+    to_obstacle, _ = viewer.certifier.closest(viewer.configuration)
+    assert to_obstacle is not None
+    points = np.asarray(viewer.closest.lines[0].points)[0]
+    assert np.linalg.norm(points[0] - points[1]) == pytest.approx(to_obstacle.distance, abs=2e-5)
+    assert f"{to_obstacle.distance * 1e3:.1f} mm" in viewer.closest.label.text
+
+
+def test_playing_comes_to_the_end_and_stops(viewer: Viewer) -> None:
+    viewer.player.speed.value = "4"
+    viewer.player.play()
+    deadline = time.monotonic() + 20
+    while viewer.player.playing:
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    assert viewer.player.time == 1.0
+    assert viewer.player.button.label == "Play"
+
+
+def test_layers_come_and_go(viewer: Viewer) -> None:
+    viewer.show(0.4)
+    for name in ("outer bodies", "collision meshes"):
+        viewer.layers.set(name, True)
+        viewer.worker.settle(20)
+        nodes = viewer.layers.bodies[name]
+        assert nodes.visible
+        assert_posed(nodes, viewer.configuration)
+    for name in ("robot", "path", "start and goal", "obstacles", "closest pair"):
+        viewer.layers.set(name, False)
+    viewer.worker.settle(20)
+    shown = viewer.shown[0]
+    hidden = [shown.robot, viewer.start, viewer.goal, viewer.at_rest, shown.path, viewer.closest.root]
+    assert not any(node.visible for node in hidden)
+
+
+def test_a_ghost_makes_room_for_the_robot(viewer: Viewer) -> None:
+    for now, start, goal in ((0.0, False, True), (0.5, True, True), (1.0, True, False)):
+        viewer.show(now)
+        assert (viewer.start.visible, viewer.goal.visible) == (start, goal)
+
+
+def test_planning_streams_its_motions_and_ends_with_a_verdict(opened: Opener, scene: Scene) -> None:
+    viewer = opened(scene)
+    assert viewer.active is None
+    assert viewer.player.slider.disabled
+    planned(viewer)
+    result = viewer.planning.result
+    assert result is not None
+    assert len(viewer.planning.iterates) == result.iterations
+    assert viewer.active is not None
+    assert viewer.active.motion.name == NAME
+    assert "certified" in viewer.planning.said
+    assert not viewer.player.slider.disabled
+    viewer.show(0.3)
+    assert_posed(viewer.active.robot, result.trajectory.at(0.3))
+
+
+def test_what_is_saved_can_be_planned_and_checked(opened: Opener, scene: Scene, tmp_path: Path) -> None:
+    viewer = opened(scene)
+    with pytest.raises(HdplanError, match="no motion"):
+        viewer.planning.motion_file()
+    planned(viewer)
+    (tmp_path / "scene.yaml").write_bytes(viewer.planning.scene_file())
+    (tmp_path / "motion.json").write_bytes(viewer.planning.motion_file())
+    saved = load_scene(tmp_path / "scene.yaml")
+    motion = Trajectory.load(tmp_path / "motion.json")
+    again = opened(saved, motion=motion)
+    assert again.shown[0].motion.certificate.certified
+    assert [obstacle.pose for obstacle in saved.obstacles] == [obstacle.pose for obstacle in scene.obstacles]
+
+
+def test_the_goal_follows_its_handle(viewer: Viewer) -> None:
+    viewer.planning.handles.choice.value = GOAL
+    viewer.worker.settle(20)
+    before = viewer.tip.placement(viewer.query.goal)
+    near = viewer.tip.placement(viewer.query.goal + [0.05, -0.1, 0.08][: viewer.robot.n])
+    x, y, z, w = pin.Quaternion(near.rotation).coeffs().tolist()
+    pose = Pose(tuple(near.translation.tolist()), (x, y, z, w))
+    by_worker(viewer, lambda: viewer.planning.handles.drag(pose))
+    by_worker(viewer, viewer.planning.handles.let_go)
+    after = viewer.tip.placement(viewer.query.goal).translation
+    assert np.linalg.norm(after - near.translation) < 1e-3 < np.linalg.norm(after - before.translation)
+    assert_posed(viewer.goal, viewer.query.goal)
+    assert viewer.shown[0].motion.certificate.status.value == "wrong_ends"
+
+
+def test_an_obstacle_dragged_onto_the_goal_is_said_in_place_and_refused(viewer: Viewer) -> None:
+    handles, index = viewer.planning.handles, 0
+    obstacle = viewer.scene.obstacles[index]
+    handles.choice.value = f"obstacle {obstacle.name}"
+    viewer.worker.settle(20)
+    tip = viewer.tip.placement(viewer.query.goal).translation
+    pose = dataclasses.replace(obstacle.pose, position=tuple(tip.tolist()))
+    by_worker(viewer, lambda: handles.drag(pose))
+    by_worker(viewer, handles.let_go)
+    assert viewer.scene.obstacles[index].pose == pose
+    assert pose_of(viewer.obstacles[index].frame).position == pose.position
+    contacts = viewer.contacts[1]
+    assert obstacle.name in {contact.other for contact in contacts}
+    assert obstacle.name in viewer.labels[1].text
+    assert "goal is in collision" in viewer.verdict
+    planned(viewer)
+    assert "collision" in viewer.planning.said
+    by_worker(viewer, lambda: handles.drag(obstacle.pose))
+    assert viewer.contacts == ((), ())
+
+
+def test_several_motions_stand_side_by_side(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
+    line = Trajectory(trajectory.joint_names, trajectory.positions[[0, -1]])
+    viewer = opened(scene, found=trajectory, line=line)
+    assert [shown.motion.name for shown in viewer.shown] == ["found", "line"]
+    assert [shown.motion.certificate.certified for shown in viewer.shown] == [True, False]
+    viewer.show(0.5)
+    assert_posed(viewer.shown[0].robot, trajectory.at(0.5))
+    assert_posed(viewer.shown[1].robot, line.at(0.5))
+    viewer.choose("line")
+    viewer.worker.settle(20)
+    assert viewer.active is viewer.shown[1]
+    np.testing.assert_allclose(viewer.configuration, line.at(0.5))
+
+
+def test_a_trajectory_of_another_robot_is_refused(scene: Scene) -> None:
+    stranger = Trajectory(("elbow",), np.zeros((2, 1)))
+    with pytest.raises(InputError, match="is missing"):
+        open_viewer(scene, [("stranger", stranger)], port=8180)
+
+
+def test_it_listens_on_this_machine_alone_and_takes_the_next_free_port(opened: Opener, scene: Scene) -> None:
+    first, second = opened(scene), opened(scene)
+    assert first.port != second.port
+    with socket.create_connection(("127.0.0.1", second.port), timeout=5):
+        pass
+    others = {info[4][0] for info in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)} - {"127.0.0.1"}
+    for address in others:
+        if not str(address).startswith("127."):
+            with pytest.raises(OSError, match=r"refused|timed out"):
+                socket.create_connection((address, second.port), timeout=2).close()
+
+
+def test_a_host_elsewhere_is_refused(scene: Scene) -> None:
+    for host in ("192.0.2.1", "no.such.host.invalid"):
+        with pytest.raises(InputError, match="no address of this machine"):
+            open_viewer(scene, host=host)
+
+
+def test_a_recorded_page_holds_the_client_and_the_motion(viewer: Viewer, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    viewer.record(page)
+    text = page.read_text(encoding="utf-8")
+    assert "__VISER_EMBED_DATA__" in text
+    assert "http://" not in text.split("__VISER_EMBED_DATA__")[1][:100]
+    assert len(text) < 3e6
