@@ -18,9 +18,11 @@ from hdplan.planner.pairs import BodyPairs, Floats, Rows
 class HdsdfPairs:
     """D of the pairs' bodies, the plane bodies enlarged by the margin."""
 
-    def __init__(self, pairs: BodyPairs, gamma: int, shaping_length: float) -> None:
-        """Compile the distance, or find it in the cache: one kernel for each number of plane slots."""
-        slots, counts = (pairs.body_table.shape[1] - 1) // 4, sorted(set(pairs.plane_slots.tolist()))
+    def __init__(self, pairs: BodyPairs, gamma: int, shaping_length: float, plane_counts: tuple[int, ...] = ()) -> None:
+        """Compile the distance, or find it in the cache: one kernel for each number of plane slots among the pairs, and
+        for each of `plane_counts`, which other bodies than these may have."""
+        slots = (pairs.body_table.shape[1] - 1) // 4
+        counts = sorted({*pairs.plane_slots.tolist(), *plane_counts})
         self.pairs = pairs
         self.kernels = {count: _kernel(slots, count, gamma, shaping_length) for count in counts}
 

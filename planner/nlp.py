@@ -84,6 +84,8 @@ def _sample_functions(problem: Problem, term: Clearance) -> tuple[ca.Function, c
         raise InputError(f"solver ipopt: needs exact second derivatives, which {term.distance.how} does not have")
     for slots, kernel in term.distance.kernels.items():
         chosen = np.flatnonzero(pairs.plane_slots == slots)
+        if len(chosen) == 0:
+            continue
         # straight-line code: the interpreter differentiates it faster than loops
         distance, wrench, _ = kernel.function.expand().map(len(chosen))(
             placements[:, pairs.joint_a[chosen].tolist()],

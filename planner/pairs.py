@@ -131,12 +131,14 @@ def body_pairs(
     pairs: Sequence[tuple[int, int]],
     margin: float,
     supports: NDArray[np.bool_],
+    slots: int = 0,
 ) -> BodyPairs:
     """Lay out pairs (index of link body, index of plane body) as tables, the plane bodies enlarged by `margin` [m].
 
     supports: (nj, n) whether a joint moves what another joint carries (Kinematics.supports).
+    slots: vertex slots of the tables at least, so that other pairs would have tables of the same width.
     """
-    slots = max(len(bodies[a].body.vertices) for a, _ in pairs)
+    slots = max(slots, *(len(bodies[a].body.vertices) for a, _ in pairs))
     first = np.array([a for a, _ in pairs], dtype=np.int64)
     second = np.array([b for _, b in pairs], dtype=np.int64)
     plane_slots = np.array([len(body.supports) for body in plane_bodies], dtype=np.int64)

@@ -101,6 +101,11 @@ def from_link_body(link: str, joint: int, body: ConvexBody, normals: str = "box"
     return _placed(link, joint, np.eye(4), body, directions, supports, half, frame)
 
 
+def plane_counts(normals: str) -> tuple[int, int]:
+    """The numbers of planes that an obstacle may have: box-like, or of any other shape."""
+    return len(_few(normals)), len(_many(_round_directions(), normals))
+
+
 def _few(normals: str) -> Floats:
     """The directions of a box-like body."""
     if normals == "faces":

@@ -24,7 +24,7 @@ from hdplan.planner.kinematics import Kinematics
 from hdplan.planner.link_bodies import LinkBody
 from hdplan.planner.outline import outline_of
 from hdplan.planner.pairs import BodyPairs, body_pairs
-from hdplan.planner.plane_bodies import PlaneBody, from_obstacle
+from hdplan.planner.plane_bodies import PlaneBody, from_obstacle, plane_counts
 from hdplan.planner.robot import Robot
 from hdplan.planner.samples import Samples
 from hdplan.planner.scene_robot import load_scene_robot, resolve_query
@@ -179,8 +179,10 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
         for b in np.flatnonzero(outline.reach[a].meets(plane_bodies, margin)).tolist()
     ]
     if pairs:
-        laid_out = body_pairs(bodies, plane_bodies, pairs, margin, kinematics.supports)
-        distance = _distance(laid_out, bodies, plane_bodies, margin, settings)
+        # room for every body and kernels for every shape: other obstacles then need nothing new compiled
+        slots = max(len(body.body.vertices) for body in bodies if body.joint > 0)
+        laid_out = body_pairs(bodies, plane_bodies, pairs, margin, kinematics.supports, slots)
+        distance = _distance(laid_out, bodies, plane_bodies, margin, settings, plane_counts(settings.normals))
         terms.append(
             SweptClearance("obstacles", laid_out, distance, settings.gamma, settings.shaping_length)
             if settings.swept
@@ -215,8 +217,9 @@ def _distance(
     plane_bodies: tuple[PlaneBody, ...],
     margin: float,
     settings: PlannerSettings,
+    counts: tuple[int, ...] = (),
 ) -> PairDistance:
     check_distance(settings.distance)
     if settings.distance == "fcl":
         return FclPairs(pairs, bodies, plane_bodies, margin)
-    return HdsdfPairs(pairs, settings.gamma, settings.shaping_length)
+    return HdsdfPairs(pairs, settings.gamma, settings.shaping_length, counts)

@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from hdplan.distance import compiled as compiled_module
 from hdplan.planner.nlp import Nlp, nlp
 from hdplan.planner.problem import SPACING, Problem, build
 from hdplan.planner.samples import MOST
 from hdplan.planner.terms import Smoothness
-from hdplan.scenes.model import Box, Obstacle, Pose, Scene, Sphere
+from hdplan.scenes.model import Box, Cylinder, Obstacle, Points, Pose, Scene, Shape, Sphere
 from hdplan.scenes.reader import load_scene
 
 Array = NDArray[np.float64]
@@ -308,3 +309,19 @@ def test_link_pairs_left_to_the_certificate_are_in_no_term() -> None:
             assert met | {frozenset(pair) for pair in problem.unresolved} == {
                 frozenset(pair) for pair in problem.robot.self_pairs
             }
+
+
+SIMPLEX = Points(((0, 0, 0), (0.1, 0, 0), (0, 0.1, 0), (0, 0, 0.1)))
+
+
+@pytest.mark.parametrize("shape", [Sphere(0.1), Cylinder(0.1, 0.2), SIMPLEX])
+def test_another_obstacle_compiles_nothing(monkeypatch: pytest.MonkeyPatch, shape: Shape) -> None:
+    """Of any shape, anywhere: within reach of every link, or of the last one only."""
+    scene = load_scene("panda_corridor")
+    one = dataclasses.replace(scene, obstacles=(Obstacle("far", Box((0.1, 0.1, 0.1)), Pose((0.0, 0.0, 1.25))),))
+    build(one)
+    compiled: list[object] = []
+    monkeypatch.setattr(compiled_module, "_library", lambda function: compiled.append(function))
+    for place in ((0.4, 0.2, 0.3), (0.0, 0.9, 0.4), (0.0, 0.0, 1.3)):
+        build(dataclasses.replace(one, obstacles=(*one.obstacles, Obstacle("more", shape, Pose(place)))))
+    assert not compiled
