@@ -5,8 +5,8 @@
 
 DIR holds panda/ and ur5/, each with a robot.yaml and one folder per set. One line per problem: status, proven
 clearance, time by phase; then a table per set. "Certified" is hdplan's own verdict, "refuted" what `recheck` (own
-kinematics, meshes by trimesh, contacts by FCL at dense samples) finds wrong with it: it must be 0. Every problem that is
-not certified is listed with its cause.
+kinematics, meshes by trimesh, contacts by FCL at dense samples) finds wrong with it: it must be 0. Every problem
+that is not certified is listed with its cause.
 """
 
 from __future__ import annotations

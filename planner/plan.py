@@ -132,8 +132,7 @@ class _Search:
         self.certify_seconds = 0.0
 
     def attempt(self, guess: Floats) -> bool:
-        """Solve from one guess, and solve on where the certificate fails or the samples turn out too far apart; True if
-        the search is over."""
+        """Solve from one guess, and solve on where the certificate fails; True if the search is over."""
         self.attempts += 1
         self.steps = ()
         problem, weight = self.problem.resampled(guess), FIRST_WEIGHT

@@ -43,12 +43,14 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
                 damping = min(damping * 6, MOST_DAMPING)
             if progress.step(before, state, positions):
                 state, damping = problem.evaluate(positions, progress.weight), max(damping, FIRST_DAMPING)
-        if progress.status is Status.CLEAR:  # without damping: where nothing bends the motion, this is its minimum
-            trial = problem.clip(positions + _step(problem, positions, state, 0.0))
-            after = problem.evaluate(trial, progress.weight)
-            if after.cost <= (1 + SAME) * state.cost and progress.is_clear(after):
-                progress.step(state.cost, after, trial)
-                positions = trial
+            if progress.status is Status.CLEAR:
+                # Without damping: where nothing bends the motion, this is its minimum; and small steps may only have
+                # been too careful.
+                trial = problem.clip(positions + _step(problem, positions, state, 0.0))
+                after = problem.evaluate(trial, progress.weight)
+                if after.cost <= (1 + SAME) * state.cost and progress.is_clear(after):
+                    before, positions, state, damping = state.cost, trial, after, FIRST_DAMPING
+                    progress.go_on(before, state, positions)
     return progress.solution(positions)
 
 

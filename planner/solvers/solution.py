@@ -133,6 +133,13 @@ class Progress:
             return True
         return False
 
+    def go_on(self, before: float, state: Evaluation, positions: Floats) -> None:
+        """Record one more step of a clear motion, and look on if it brought much."""
+        self.status = None
+        self.step(before, state, positions)
+        if self.stalled:
+            self.status = Status.CLEAR
+
     def is_clear(self, state: Evaluation) -> bool:
         """Whether every sample keeps its distance."""
         return bool(np.all(state.depth <= self.allowed))
