@@ -140,7 +140,6 @@ class ClosestNodes:
             )
             for name, color in (("obstacle", INK), ("links", LINKS))
         ]
-        self._turn = 1e-5  # [m] of the label, up and down
         self.label = server.scene.add_label("/closest/label", "", visible=False, font_screen_scale=0.9)
 
     def show(self, pairs: Sequence[Closest | None]) -> None:
@@ -157,11 +156,6 @@ class ClosestNodes:
         if nearest is not None:
             self.label.text = f"{nearest.link} – {nearest.other}: {millimetres(nearest.distance)}"
             self.label.position = nearest.points.mean(axis=0) + [0.0, 0.0, BESIDE]
-
-    def refresh(self) -> None:
-        """Have browsers draw once more: they lay a label's new text out only after the frame for which it came."""
-        self._turn = -self._turn
-        self.label.position = np.asarray(self.label.position) + [0.0, 0.0, self._turn]
 
 
 def millimetres(distance: float) -> str:

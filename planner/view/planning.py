@@ -128,12 +128,12 @@ class Planning:
             )
         except HdplanError as error:  # among them ends in collision
             text = str(error).removeprefix(f"{scene.source}: ")
-            worker.ask("planned", lambda: self._finish(None, text))
+            worker.ask("planned", lambda: self._finish(scene, None, text))
         except Exception as error:  # of a library: the viewer goes on
             failure = f"{type(error).__name__}: {error}"
-            worker.ask("planned", lambda: self._finish(None, failure))
+            worker.ask("planned", lambda: self._finish(scene, None, failure))
         else:
-            worker.ask("planned", lambda: self._finish(result, result.certificate.text))
+            worker.ask("planned", lambda: self._finish(scene, result, result.certificate.text))
 
     def _report(self, event: Event) -> None:
         """Show an iteration, and give it time to be seen."""
@@ -165,7 +165,7 @@ class Planning:
         if self.iterates:
             self._show_iterate(*self.iterates[min(int(self.iteration.value), len(self.iterates)) - 1])
 
-    def _finish(self, result: PlanResult | None, text: str) -> None:
+    def _finish(self, scene: Scene, result: PlanResult | None, text: str) -> None:
         viewer = self._viewer
         if self._path is not None:
             self._path.remove()
@@ -175,7 +175,8 @@ class Planning:
             self.result = result
             spent = max(result.times.solve - self._shown_for, 0.0) + result.times.certify
             text = f"{text} – {result.attempts} attempt(s), {result.iterations} iterations, {spent:.2f} s"
-            viewer.put(NAME, result.trajectory, result.certificate)
+            unmoved = viewer.scene is scene  # nothing was dragged meanwhile
+            viewer.put(NAME, result.trajectory, result.certificate if unmoved else None)
         count = len(self.iterates)
         self.iteration.disabled = count == 0
         if count:

@@ -74,7 +74,7 @@ class Viewer:
         self._complain = complain
         motions = [Motion.of(name, trajectory, self.certifier) for name, trajectory in trajectories]
         self.skins, self.note = _skins(scene, robot)
-        self.worker = Worker(self._failed, self._refresh)
+        self.worker = Worker(self._failed)
 
         _look_from(server, robot, self.query.start)
         base = scene.robot.base.position
@@ -288,9 +288,6 @@ class Viewer:
         lines += [html.escape(self.note)] if self.note else []
         text = "<br/>".join(lines)
         self._verdict.content = f'<div style="padding:0.2em 0.9em;font-size:0.85em">{text}</div>'
-
-    def _refresh(self) -> None:
-        self.closest.refresh()
 
     def _failed(self, error: Exception) -> None:
         if not isinstance(error, HdplanError):

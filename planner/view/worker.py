@@ -11,16 +11,13 @@ from collections.abc import Callable
 
 Job = Callable[[], None]
 
-REST = 0.3  # [s] without a request after which the rest begins
-
 
 class Worker:
     """Does jobs one after the other; of jobs of one kind that wait, only the newest is done."""
 
-    def __init__(self, complain: Callable[[Exception], None], rest: Job = lambda: None) -> None:
-        """Start the thread; `complain` is told of a job that failed, and the next one is done. `rest` is done once
-        after the last job, when nothing more was asked for."""
-        self._complain, self._rest = complain, rest
+    def __init__(self, complain: Callable[[Exception], None]) -> None:
+        """Start the thread; `complain` is told of a job that failed, and the next one is done."""
+        self._complain = complain
         self._waiting: dict[str, Job] = {}
         self._changed = threading.Condition()
         self._busy = self._ended = False
@@ -47,14 +44,13 @@ class Worker:
         self._thread.join(timeout=5.0)
 
     def _run(self) -> None:
-        rested = True
         while True:
             with self._changed:
-                asked = self._changed.wait_for(lambda: bool(self._waiting) or self._ended, None if rested else REST)
+                self._changed.wait_for(lambda: bool(self._waiting) or self._ended)
                 if self._ended:
                     return
-                job = self._waiting.pop(next(iter(self._waiting))) if asked else self._rest
-                self._busy, rested = True, not asked
+                job = self._waiting.pop(next(iter(self._waiting)))
+                self._busy = True
             try:
                 job()
             except Exception as error:  # one bad request must not end the viewer

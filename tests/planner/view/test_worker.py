@@ -58,19 +58,3 @@ def test_settling_gives_up_in_time(worker: Worker) -> None:
     assert not worker.settle(0.05)
     gate.set()
     assert worker.settle(5)
-
-
-def test_after_the_last_job_comes_one_rest() -> None:
-    done: list[str] = []
-    rested = threading.Event()
-
-    def rest() -> None:
-        done.append("rest")
-        rested.set()
-
-    worker = Worker(lambda _: None, rest)
-    for k in range(3):
-        worker.ask(str(k), lambda: done.append("job"))
-    assert rested.wait(5)
-    worker.end()
-    assert done == ["job"] * 3 + ["rest"]
