@@ -103,14 +103,16 @@ class Planning:
         return scene_text(_standing_alone(viewer.scene, viewer)).encode()
 
     def motion_file(self) -> bytes:
-        """The active motion as JSON, with the verdict if it was planned here."""
+        """The active motion as JSON, with verdict and steps if it was planned here."""
         active = self._viewer.active
         if active is None:
             raise HdplanError("there is no motion to save yet: press Plan")
-        planned = self.result is not None and active.motion.trajectory is self.result.trajectory
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "motion.json"
-            active.motion.trajectory.save(file, self.result.summary() if self.result and planned else None)
+            if self.result is not None and active.motion.trajectory is self.result.trajectory:
+                self.result.save(file)
+            else:
+                active.motion.trajectory.save(file)
             return file.read_bytes()
 
     # --- the run, in its own thread ------------------------------------------------------------------------------
