@@ -23,6 +23,7 @@ from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Scene
 
 ENDS_KEEP = 0.5  # share of an end's distance that is asked for where it is below planner.clearance
+DETOUR_WEIGHT = FIRST_WEIGHT * RAISE**3  # [1/m²] a guess that leads around obstacles is to stay there
 REPAIRS = 3  # times that a motion whose certificate failed is solved on, before the next guess
 
 
@@ -135,7 +136,8 @@ class _Search:
         """Solve from one guess, and solve on where the certificate fails; True if the search is over."""
         self.attempts += 1
         self.steps = ()
-        problem, weight = self.problem.resampled(guess), FIRST_WEIGHT
+        problem = self.problem.resampled(guess)
+        weight = FIRST_WEIGHT if self.attempts == 1 else DETOUR_WEIGHT
         for _ in range(1 + REPAIRS):
             budget = Budget(self.deadline, first_weight=weight, report=self._report_step, stop=self.stop)
             solution = self.last = self.solver(problem, guess, budget)

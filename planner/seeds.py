@@ -23,7 +23,7 @@ Rows = NDArray[np.int64]
 NODES = 48  # configurations drawn for each guess; the clear ones among them stay
 SPREADS = (0.3, 0.6, 1.0)  # shares of the joints' ranges by which they may lie off the straight line
 NEIGHBOURS = 8  # nearest nodes to which a new one is joined
-LOOKS = 8  # configurations at which an edge is scored
+LOOKS, CLOSE_LOOKS = 6, 48  # configurations at which an edge is scored: every one, and those of a way to be taken
 DEPTH = 0.01  # [m] inside the margin that doubles the cost of a piece of an edge
 WORN = 3.0  # factor on the cost of an edge that has been tried
 
@@ -55,7 +55,8 @@ class Roadmap:
         self.problem, self.rng = problem, rng
         self.nodes = np.stack([problem.start, problem.goal])
         self.edges = np.array([[0, 1]])
-        self.costs = WORN * self._costs(self.edges)  # it has been tried
+        self.costs = WORN * self._costs(self.edges, CLOSE_LOOKS)  # it has been tried
+        self.close = np.ones(1, dtype=np.bool_)  # whether an edge has been looked at closely
 
     def grow(self) -> None:
         """Add the clear ones among NODES random configurations, each joined to its nearest neighbours."""
@@ -73,26 +74,37 @@ class Roadmap:
         edges = np.unique(np.sort(edges, axis=1), axis=0)
         if len(edges):
             self.edges = np.vstack([self.edges, edges])
-            self.costs = np.append(self.costs, self._costs(edges))
+            self.costs = np.append(self.costs, self._costs(edges, LOOKS))
+            self.close = np.append(self.close, np.zeros(len(edges), dtype=np.bool_))
 
     def way(self) -> Floats:
-        """The nodes (C, n) between start and goal on the cheapest way, which costs more from now on."""
-        size = (len(self.nodes), len(self.nodes))
-        graph = coo_array((self.costs, self.edges.T), shape=size).tocsr()
-        _, before = dijkstra(graph, directed=False, indices=0, return_predecessors=True)
-        way = [1]
-        while way[-1] != 0:
-            way.append(int(before[way[-1]]))
-        steps = np.sort(np.stack([way[:-1], way[1:]], axis=1), axis=1)
-        self.costs[(self.edges[:, None] == steps[None]).all(axis=2).any(axis=1)] *= WORN
+        """The nodes (C, n) between start and goal on the cheapest way, which costs more from now on.
+
+        Only a way that would be taken is looked at closely, and taken if it is still the cheapest then (the lazy
+        evaluation of Bohlin & Kavraki, 2000): a thin bar may stand between few looks.
+        """
+        while True:
+            graph = coo_array((self.costs, self.edges.T), shape=(len(self.nodes),) * 2).tocsr()
+            _, before = dijkstra(graph, directed=False, indices=0, return_predecessors=True)
+            way = [1]
+            while way[-1] != 0:
+                way.append(int(before[way[-1]]))
+            steps = np.sort(np.stack([way[:-1], way[1:]], axis=1), axis=1)
+            taken = (self.edges[:, None] == steps[None]).all(axis=2).any(axis=1)
+            if self.close[taken].all():
+                break
+            rough = np.flatnonzero(taken & ~self.close)
+            self.costs[rough], self.close[rough] = self._costs(self.edges[rough], CLOSE_LOOKS), True
+        self.costs[taken] *= WORN
         between: Floats = self.nodes[way[-2:0:-1]]
         return between
 
-    def _costs(self, edges: Rows) -> Floats:
-        """Length of each edge (E, 2), times 1 + the mean squared depth along it, in units of DEPTH."""
+    def _costs(self, edges: Rows, count: int) -> Floats:
+        """Length of each edge (E, 2), times 1 + the mean squared depth at `count` places along it, in units of
+        DEPTH."""
         first, last = self.nodes[edges[:, 0]], self.nodes[edges[:, 1]]
-        fractions = (np.arange(LOOKS)[:, None] + 0.5) / LOOKS
+        fractions = (np.arange(count)[:, None] + 0.5) / count
         looks = first[:, None] + fractions * (last - first)[:, None]
-        depth = self.problem.depth(looks.reshape(-1, first.shape[1])).reshape(-1, LOOKS)
+        depth = self.problem.depth(looks.reshape(-1, first.shape[1])).reshape(-1, count)
         costs: Floats = np.linalg.norm(last - first, axis=1) * (1 + np.mean((depth / DEPTH) ** 2, axis=1))
         return costs
