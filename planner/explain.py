@@ -28,6 +28,7 @@ def explain(problem: Problem) -> dict[str, Rows]:
         "joints": _joints(problem.robot, problem.start, problem.goal),
         "terms": _terms(problem),
         "obstacles": _obstacles(problem),
+        **({"attached": _attached(problem)} if problem.robot.attached else {}),
         "pairs": _pairs(problem),
         "size": _size(problem),
         "settings": _settings(problem),
@@ -109,6 +110,23 @@ def _obstacles(problem: Problem) -> Rows:
         rows.append((name, f"{_shape(obstacle.shape)}{split}; {kept}"))
     if left := len(problem.scene.obstacles) - MOST_OBSTACLES:
         rows += [("…", f"and {left} more")] if left > 0 else []
+    return rows
+
+
+def _attached(problem: Problem) -> Rows:
+    """One row for each held object: its shape, the link that holds it, and what it is kept apart from."""
+    bodies = Counter(body.link for body in problem.bodies)
+    rows: Rows = []
+    for held in problem.robot.attached:
+        links = sum(held.name in pair for pair in problem.robot.self_pairs)
+        touching = f", may touch {', '.join(held.touch_links)}" if held.touch_links else ""
+        rows.append(
+            (
+                held.name,
+                f"{_shape(held.shape)}, held by {held.link}{touching}; outer bodies: {bodies[held.name]}; "
+                f"kept apart from obstacles and {_count(links, 'link')}",
+            )
+        )
     return rows
 
 
