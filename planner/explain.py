@@ -40,10 +40,11 @@ def _scene(problem: Problem) -> Rows:
     robot = problem.robot
     held = ", ".join(f"{joint} = {value:g}" for joint, value in robot.locked.items())
     corners = [len(body.body.vertices) for body in problem.bodies]
-    around = len({body.link for body in problem.bodies})
+    around = len({body.link for body in problem.bodies} - {attached.name for attached in robot.attached})
+    objects = f" and {_count(len(robot.attached), 'held object')}" if robot.attached else ""
     bodies = (
-        f"{len(corners)} around the {around} links with collision geometry: hulls of {min(corners)} to {max(corners)} "
-        "points, swept by a sphere"
+        f"{len(corners)} around the {around} links with collision geometry{objects}: hulls of {min(corners)} to "
+        f"{max(corners)} points, swept by a sphere"
         if corners
         else "none: no link has collision geometry, so nothing can collide"
     )
@@ -142,10 +143,10 @@ def _pairs(problem: Problem) -> Rows:
         checked = len(problem.robot.self_pairs)
         rows.append(
             (
-                "links",
+                "links and held objects" if problem.robot.attached else "links",
                 f"{checked} of {total} pairs checked, by {_kept(problem, 'self-collision')} pairs of bodies; the "
                 "others are neighbours, do not move against each other, touch always, or are disabled (SRDF, "
-                "robot.ignore_pairs)",
+                f"robot.ignore_pairs{', touch_links' if problem.robot.attached else ''})",
             )
         )
     if problem.unresolved:
