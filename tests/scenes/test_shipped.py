@@ -15,6 +15,7 @@ NAMES = {
     "panda_bookshelf",
     "panda_table_pick",
     "panda_cage",
+    "panda_carry",
     "ur5_table",
     "xarm7_post",
     "kinova_shelf",
