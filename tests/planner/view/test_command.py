@@ -74,11 +74,13 @@ def test_a_page_is_recorded(
 def test_ctrl_c_ends_it_and_a_taken_port_is_said() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        command = [sys.executable, "-m", "hdplan.cli", "view", "planar_arm", "--port", str(port)]
-        restore = lambda: signal.signal(signal.SIGINT, signal.default_int_handler)  # noqa: E731
-        with subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=restore
-        ) as child:
+        # Ctrl-C is ignored in what a shell starts in the background: asked for again here
+        code = (
+            "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);"
+            "import hdplan.cli; hdplan.cli.main()"
+        )
+        command = [sys.executable, "-c", code, "view", "planar_arm", "--port", str(port)]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
             assert child.stdout is not None
             line = child.stdout.readline()
             served = re.search(r"http://127\.0\.0\.1:(\d+)", line)
