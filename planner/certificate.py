@@ -143,7 +143,9 @@ class Certifier:
     """A scene and its robot made ready once, to certify many trajectories."""
 
     def __init__(self, scene: Scene, robot: Robot) -> None:
-        """Gather links, obstacles and the pairs to be kept apart."""
+        """Gather links, obstacles and the pairs to be kept apart. The robot holds what the scene attaches to it."""
+        if robot.attached != scene.attached:
+            raise InputError("the robot does not hold what the scene attaches: take the scene's own (load_scene_robot)")
         self.scene, self.robot = scene, robot
         bodies = list(_link_bodies(robot))
         links: dict[str, list[int]] = {link: [] for link in robot.links}

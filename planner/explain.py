@@ -41,6 +41,7 @@ def explain(problem: Problem) -> dict[str, Rows]:
         "joints": _joints(problem.robot, problem.start, problem.goal),
         "terms": _terms(problem),
         "obstacles": _obstacles(problem),
+        **({"attached": _attached(problem)} if problem.robot.attached else {}),
         "pairs": _pairs(problem),
         "size": _size(problem),
         "settings": _settings(problem),
@@ -52,10 +53,11 @@ def _scene(problem: Problem) -> Rows:
     robot = problem.robot
     held = ", ".join(f"{joint} = {value:g}" for joint, value in robot.locked.items())
     corners = [len(body.body.vertices) for body in problem.bodies]
-    around = len({body.link for body in problem.bodies})
+    around = len({body.link for body in problem.bodies} - {attached.name for attached in robot.attached})
+    objects = f" and {_count(len(robot.attached), 'held object')}" if robot.attached else ""
     bodies = (
-        f"{len(corners)} around the {around} links with collision geometry: hulls of {min(corners)} to {max(corners)} "
-        "points, swept by a sphere"
+        f"{len(corners)} around the {around} links with collision geometry{objects}: hulls of {min(corners)} to "
+        f"{max(corners)} points, swept by a sphere"
         if corners
         else "none: no link has collision geometry, so nothing can collide"
     )
@@ -135,6 +137,23 @@ def _obstacles(problem: Problem) -> Rows:
     return rows
 
 
+def _attached(problem: Problem) -> Rows:
+    """One row for each held object: its shape, the link that holds it, and what it is kept apart from."""
+    bodies = Counter(body.link for body in problem.bodies)
+    rows: Rows = []
+    for held in problem.robot.attached:
+        links = sum(held.name in pair for pair in problem.robot.self_pairs)
+        touching = f", may touch {', '.join(held.touch_links)}" if held.touch_links else ""
+        rows.append(
+            (
+                held.name,
+                f"{_shape(held.shape)}, held by {held.link}{touching}; outer bodies: {bodies[held.name]}; "
+                f"kept apart from obstacles and {_count(links, 'link')}",
+            )
+        )
+    return rows
+
+
 def _pairs(problem: Problem) -> Rows:
     rows: Rows = []
     moving = sum(body.joint > 0 for body in problem.bodies)
@@ -147,10 +166,10 @@ def _pairs(problem: Problem) -> Rows:
         checked = len(problem.robot.self_pairs)
         rows.append(
             (
-                "links",
+                "links and held objects" if problem.robot.attached else "links",
                 f"{checked} of {total} pairs checked, by {_kept(problem, 'self-collision')} pairs of bodies; the "
                 "others are neighbours, do not move against each other, touch always, or are disabled (SRDF, "
-                "robot.ignore_pairs)",
+                f"robot.ignore_pairs{', touch_links' if problem.robot.attached else ''})",
             )
         )
     if problem.unresolved:

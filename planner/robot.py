@@ -23,7 +23,7 @@ from hdplan.planner.description import LinkPair, Semantics, Tree, link_pair, rea
 from hdplan.planner.pin_model import move_base, read_model, without_joints
 from hdplan.planner.robot_library import find_robot, library_package_dirs
 from hdplan.scenes.errors import InputError, nearest
-from hdplan.scenes.model import JointTarget, RobotSpec
+from hdplan.scenes.model import Attached, JointTarget, RobotSpec
 
 Array = NDArray[np.float64]
 
@@ -51,6 +51,7 @@ class Robot:
     self_pairs: tuple[LinkPair, ...]  # pairs of links to be checked against each other
     named_states: Mapping[str, Mapping[str, float]]  # state of the SRDF -> joint -> value
     notes: tuple[str, ...]  # what was decided in loading, in words for the user
+    attached: tuple[Attached, ...] = ()  # held objects: by their names among the links, their geometry and pairs
 
     @property
     def n(self) -> int:

@@ -15,9 +15,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.planner.attached import with_attached
 from hdplan.planner.robot import LIMIT_ROUNDING, Robot, load_robot, robot_files
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.model import Goals, JointTarget, RobotSpec, Scene
+from hdplan.scenes.model import Attached, Goals, JointTarget, Mesh, RobotSpec, Scene
 
 Array = NDArray[np.float64]
 Stamps = tuple[tuple[str, int, int], ...]  # file, time of change [ns], size [bytes]
@@ -39,22 +40,39 @@ class Query:
 
 
 def load_scene_robot(scene: Scene) -> Robot:
-    """Load a scene's robot, with a MoveIt request's values for the joints that it has and does not plan.
+    """Load a scene's robot, with a MoveIt request's values for the joints that it has and does not plan, and with the
+    objects that it holds.
 
     The limits make room for a request's start and goal up to ROOM beyond them, which is noted. The same object for the
     same specification, as long as its files stay as they are. Raises InputError, naming the file that speaks of the
     robot.
     """
+    with naming(scene.robot.source or scene.source):
+        robot = _load_bare(scene)
+    if not scene.attached:
+        return robot
+    with naming(scene.source):
+        meshes = [str(held.shape.file) for held in scene.attached if isinstance(held.shape, Mesh)]
+        return _holding(robot, scene.attached, _stamps(meshes))
+
+
+def _load_bare(scene: Scene) -> Robot:
+    """Load the robot without the objects that it holds."""
     spec = scene.robot
-    with naming(spec.source or scene.source):
-        if scene.from_request and scene.start.by_name is not None:
+    if scene.from_request and scene.start.by_name is not None:
+        robot = _load_once(spec)
+        requested = {joint: value for joint, value in scene.start.by_name.items() if joint in robot.locked}
+        spec = replace(spec, locked={**requested, **spec.locked})
+        if spec.locked != robot.locked:
             robot = _load_once(spec)
-            requested = {joint: value for joint, value in scene.start.by_name.items() if joint in robot.locked}
-            spec = replace(spec, locked={**requested, **spec.locked})
-            if spec.locked != robot.locked:
-                robot = _load_once(spec)
-            return _with_room(robot, scene)
-        return _load_once(spec)
+        return _with_room(robot, scene)
+    return _load_once(spec)
+
+
+@functools.lru_cache(maxsize=MOST)
+def _holding(robot: Robot, attached: tuple[Attached, ...], stamps: Stamps) -> Robot:
+    """Give the robot its objects, once for the same ones as long as their mesh files, by `stamps`, stay as they are."""
+    return with_attached(robot, attached)
 
 
 def resolve_query(robot: Robot, scene: Scene) -> Query:

@@ -97,6 +97,17 @@ class Obstacle:
 
 
 @dataclass(frozen=True)
+class Attached:
+    """A body that a link holds: it moves with the link and collides as the link does."""
+
+    name: str
+    link: str
+    shape: Shape
+    pose: Pose = field(default_factory=Pose)  # in the link's frame
+    touch_links: tuple[str, ...] = ()  # links that it may touch, beside the one that holds it
+
+
+@dataclass(frozen=True)
 class RobotSpec:
     """Which robot, where it stands, and what the scene fixes about it."""
 
@@ -167,4 +178,5 @@ class Scene:
     goal: JointTarget | Goals
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     from_request: bool = False  # a MoveIt request: its ends may sit on a joint limit to rounding
+    attached: tuple[Attached, ...] = ()  # held objects
     notes: tuple[str, ...] = ()  # what the reader changed or left out, in words

@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from hdplan.scenes.fields import Field, read_document
-from hdplan.scenes.model import Box, Cylinder, JointTarget, Obstacle, Pose, RobotSpec, Scene, Shape, Sphere
+from hdplan.scenes.model import Attached, Box, Cylinder, JointTarget, Obstacle, Pose, RobotSpec, Scene, Shape, Sphere
 from hdplan.scenes.poses import compose, read_quaternion, read_vector
 
 SCENE_KEYS = (
@@ -46,6 +46,7 @@ REQUEST_KEYS = (
     "max_cartesian_speed",
 )
 STATE_KEYS = ("joint_state", "multi_dof_joint_state", "attached_collision_objects", "is_diff")
+ATTACHED_KEYS = ("link_name", "object", "touch_links", "detach_posture", "weight")
 OBJECT_KEYS = (
     "header",
     "pose",
@@ -84,10 +85,13 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
     Obstacles are the scene's collision objects; the primitives of an object after its first are called ``id/1``,
     ``id/2`` and so on. The start is the request's start state over the scene's robot state; the goal is the request's
     joint goal. Both hold every joint that the files name: which of them the robot has is known when it is loaded.
+    Objects attached in the scene's robot state or the request's start state are held, a later one in place of an
+    earlier one of the same name.
 
     Raises:
         InputError: a bad file or field, or something that hdplan cannot plan for: meshes, planes, cones, octomaps,
-            attached objects, moved frames, several goals, goals in Cartesian space, path constraints.
+            objects attached in another frame than their link's, moved frames, several goals, goals in Cartesian space,
+            path constraints.
     """
     scene, request = scene.with_text_numbers(), read_document(request_file).with_text_numbers()
     if is_moveit_scene(request.mapping()):
@@ -111,11 +115,15 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
         raise request.error(
             "start_state.joint_state: is missing or empty, and the scene's robot_state too: there is no start"
         )
+    attached = _attached(scene_keys.get("robot_state"), obstacles) | _attached(
+        request_keys.get("start_state"), obstacles
+    )
     return Scene(
         name=scene.document.file.stem,
         source=scene.document.file,
         robot=robot,
         obstacles=tuple(obstacles.values()),
+        attached=tuple(attached.values()),
         start=JointTarget(f"start ({request_file})", by_name=start),
         goal=JointTarget(f"goal ({request_file})", by_name=_goal(request_keys["goal_constraints"])),
         from_request=True,
@@ -139,14 +147,15 @@ def _world(section: Field) -> dict[str, Obstacle]:
     return obstacles
 
 
-def _collision_object(entry: Field, default_name: str) -> list[Obstacle]:
+def _collision_object(entry: Field, default_name: str, link: str = "") -> list[Obstacle]:
+    """Return an object's primitives, each by a name of its own, in the world's frame or that of the link named."""
     keys = entry.mapping(OBJECT_KEYS)
     for key in ("meshes", "planes"):
         if key in keys and _is_filled(keys[key].value):
             raise keys[key].error(f"{key} in MoveIt scenes are not supported yet (box, cylinder and sphere are)")
     if "operation" in keys and keys["operation"].value != 0:
         raise keys["operation"].wrong("0 (ADD)")
-    _refuse_other_frame(keys.get("header"))
+    _refuse_other_frame(entry, keys.get("header"), link)
     name = keys["id"].text() if "id" in keys and keys["id"].value != "" else default_name
     primitives = keys["primitives"].items() if "primitives" in keys else []
     if not primitives:
@@ -191,10 +200,29 @@ def _pose(entry: Field) -> Pose:
     )
 
 
-def _refuse_other_frame(header: Field | None) -> None:
+def _refuse_other_frame(entry: Field, header: Field | None, link: str) -> None:
     frame = header.mapping(("frame_id", "stamp", "seq")).get("frame_id") if header else None
-    if frame and frame.value not in WORLD_FRAMES:
+    if link and (frame is None or frame.value != link):
+        found = frame.value if frame else ""
+        raise (frame or entry).error(f"must be given in the frame of its link '{link}' (frame_id), found {found!r}")
+    if not link and frame and frame.value not in WORLD_FRAMES:
         raise frame.error(f"objects must be given in the world frame ('' or 'world'), found {frame.value!r}")
+
+
+def _attached(state: Field | None, standing: Collection[str]) -> dict[str, Attached]:
+    """Return what a robot state attaches to its links, each primitive by a name of its own."""
+    keys = state.mapping(STATE_KEYS) if state is not None else {}
+    attached: dict[str, Attached] = {}
+    entries = keys["attached_collision_objects"].items() if "attached_collision_objects" in keys else []
+    for i, entry in enumerate(entries):
+        said = entry.mapping(ATTACHED_KEYS, required=["link_name", "object"])
+        link = said["link_name"].text()
+        touching = tuple(name.text() for name in said["touch_links"].items()) if "touch_links" in said else ()
+        for part in _collision_object(said["object"], f"attached{i}", link):
+            if part.name in attached or part.name in standing:
+                raise entry.error(f"the name {part.name!r} is taken by an earlier object; names must differ")
+            attached[part.name] = Attached(part.name, link, part.shape, part.pose, touching)
+    return attached
 
 
 def _note_allowed_objects(section: Field, obstacles: Collection[str]) -> None:
@@ -227,8 +255,6 @@ def _state(section: Field | None) -> dict[str, float]:
     if section is None:
         return {}
     keys = section.mapping(STATE_KEYS)
-    if "attached_collision_objects" in keys and _is_filled(keys["attached_collision_objects"].value):
-        raise keys["attached_collision_objects"].error("objects attached to the robot are not supported yet")
     if "multi_dof_joint_state" in keys:
         multi = keys["multi_dof_joint_state"].mapping(("header", "joint_names", "transforms", "twist", "wrench"))
         for transform in multi["transforms"].items() if "transforms" in multi else ():

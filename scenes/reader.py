@@ -14,6 +14,7 @@ import numpy as np
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.fields import Field, read_document
 from hdplan.scenes.model import (
+    Attached,
     Box,
     Capsule,
     Cylinder,
@@ -36,7 +37,7 @@ from hdplan.scenes.poses import pose_of, read_pose, read_vector
 from hdplan.scenes.settings import read_settings
 
 VERSION = 1
-SECTIONS = ("hdplan", "robot", "obstacles", "start", "goal", "planner")
+SECTIONS = ("hdplan", "robot", "obstacles", "attached", "start", "goal", "planner")
 ROBOT_KEYS = ("name", "urdf", "srdf", "package_dirs", "base", "locked", "ignore_pairs")
 SHAPE_KEYS = {
     "box": ("size",),
@@ -155,11 +156,13 @@ def _read_hdplan(top: Field, robot: RobotSpec | None) -> Scene:
     spec = robot or written
     if spec is None:
         raise top.error("the key 'robot' is missing; write the section, or name a robot with --robot")
+    obstacles = _obstacles(keys["obstacles"]) if "obstacles" in keys else ()
     return Scene(
         name=top.document.file.stem,
         source=top.document.file,
         robot=spec,
-        obstacles=_obstacles(keys["obstacles"]) if "obstacles" in keys else (),
+        obstacles=obstacles,
+        attached=_attached(keys["attached"], obstacles) if "attached" in keys else (),
         start=_target(keys["start"]),
         goal=_goal(keys["goal"]),
         planner=read_settings(keys["planner"]) if "planner" in keys else PlannerSettings(),
@@ -268,6 +271,23 @@ def _obstacles(section: Field) -> tuple[Obstacle, ...]:
         pose = read_pose(keys["pose"]) if "pose" in keys else Pose()
         obstacles[name] = Obstacle(name, _shape(keys["shape"]), pose)
     return tuple(obstacles.values())
+
+
+def _attached(section: Field, obstacles: tuple[Obstacle, ...]) -> tuple[Attached, ...]:
+    standing = {obstacle.name for obstacle in obstacles}
+    attached: dict[str, Attached] = {}
+    for i, entry in enumerate(section.items(of="held objects")):
+        keys = entry.mapping(("name", "link", "shape", "pose", "touch_links"), required=["link", "shape"])
+        name = keys["name"].text() if "name" in keys else f"attached{i}"
+        if name in attached or name in standing:
+            other = "obstacle" if name in standing else "earlier held object"
+            raise entry.error(f"the name {name!r} is taken by an {other}; names must differ")
+        pose = read_pose(keys["pose"]) if "pose" in keys else Pose()
+        touching = keys["touch_links"].items(of="link names") if "touch_links" in keys else []
+        attached[name] = Attached(
+            name, keys["link"].text(), _shape(keys["shape"]), pose, tuple(link.text() for link in touching)
+        )
+    return tuple(attached.values())
 
 
 def _shape(section: Field) -> Shape:

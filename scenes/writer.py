@@ -1,4 +1,4 @@
-"""A `Scene` becomes a hdplan scene file, one obstacle a line, which `load_scene` reads back as the same scene.
+"""A `Scene` becomes a hdplan scene file, one obstacle or held object a line, that `load_scene` reads back the same.
 
 Every value is written as JSON, which YAML contains; numbers are the shortest that read back bit for bit.
 """
@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from hdplan.scenes.model import (
+    Attached,
     Box,
     Capsule,
     Cylinder,
@@ -45,6 +46,8 @@ def scene_text(scene: Scene) -> str:
     lines += ["obstacles:", *(f"  - {_json(_obstacle(obstacle))}" for obstacle in scene.obstacles)]
     if not scene.obstacles:
         lines[-1] += " []"
+    if scene.attached:
+        lines += ["attached:", *(f"  - {_json(_attached(held))}" for held in scene.attached)]
     lines += [f"{name}: {_json(_target(target))}" for name, target in (("start", scene.start), ("goal", scene.goal))]
     settings = {field.name: getattr(scene.planner, field.name) for field in fields(scene.planner)}
     changed = {name: value for name, value in settings.items() if value != type(scene.planner).__dict__[name]}
@@ -55,6 +58,11 @@ def scene_text(scene: Scene) -> str:
 
 def _obstacle(obstacle: Obstacle) -> dict[str, Any]:
     return {"name": obstacle.name, "shape": _shape(obstacle.shape), "pose": _pose(obstacle.pose)}
+
+
+def _attached(held: Attached) -> dict[str, Any]:
+    entry = {"name": held.name, "link": held.link, "shape": _shape(held.shape), "pose": _pose(held.pose)}
+    return {**entry, "touch_links": list(held.touch_links)}
 
 
 def _shape(shape: Shape) -> dict[str, Any]:

@@ -33,6 +33,7 @@ Array = NDArray[np.float64]
 Color = tuple[int, int, int]  # red, green, blue, 0 to 255
 
 PLAIN: Color = (190, 190, 190)  # of what has no colour of its own
+HELD: Color = (230, 159, 0)  # orange, of held objects
 SHARP = 0.6  # [rad] edges between faces that turn more than this are drawn sharp
 COARSE, FINE = 2, 3  # subdivisions of the balls that stand for a sweeping sphere: of many bodies, of one
 
@@ -58,12 +59,15 @@ class _Part:
 
 
 def visual_skins(robot: Robot, spec: RobotSpec) -> tuple[Skin, ...]:
-    """Return what the robot looks like, one skin per link and colour; none if its URDF holds no visuals.
+    """Return what the robot looks like, one skin per link and colour, and what it holds; none if its URDF holds no
+    visuals.
 
     Raises InputError for a mesh that is missing or cannot be read.
     """
     _, urdf, _, package_dirs = description_of(spec)
-    return _visual_skins(robot, urdf, package_dirs)
+    own = _visual_skins(robot, urdf, package_dirs)
+    held = {attached.name for attached in robot.attached}
+    return (*own, *(skin for skin in collision_skins(robot, HELD) if skin.link in held)) if own and held else own
 
 
 @functools.lru_cache(maxsize=8)

@@ -14,6 +14,7 @@ from hdplan.scenes.reader import load_scene
 from hdplan.scenes.settings import ALLOWED
 
 HEAD = "hdplan: 1\nrobot: {name: panda}\n"
+BALL = "shape: {type: sphere, radius: 1}"
 ENDS = "start: {state: default}\ngoal: {joints: [1, 2]}\n"
 
 
@@ -40,6 +41,10 @@ def shape(text: str) -> str:
 
 def pose(text: str) -> str:
     return f"{HEAD}{ENDS}obstacles: [{{shape: {{type: sphere, radius: 1}}, pose: {{{text}}}}}]\n"
+
+
+def attached(text: str) -> str:
+    return f"{shape('type: sphere, radius: 1')}attached: [{text}]\n"
 
 
 def robot(text: str) -> str:
@@ -85,7 +90,7 @@ CASES = {
     "unknown section": (HEAD + ENDS + "obstacle: []\n", ["unknown key 'obstacle'", "'obstacles'"]),
     "unknown section, nothing near": (
         HEAD + ENDS + "xyz: 1\n",
-        ["unknown key 'xyz'", "allowed: goal, hdplan, obstacles"],
+        ["unknown key 'xyz'", "allowed: attached, goal, hdplan, obstacles"],
     ),
     "no robot": ("hdplan: 1\n" + ENDS, ["'robot' is missing"]),
     "no start": (HEAD + "goal: {joints: [1]}\n", ["'start' is missing"]),
@@ -112,6 +117,25 @@ CASES = {
         ["robot.ignore_pairs[0]: ", "list of 2", "list of 3"],
     ),
     "pair of one link": (robot("name: panda, ignore_pairs: [[a, a]]"), ["robot.ignore_pairs[0]: ", "different", "'a'"]),
+    # held objects
+    "attached a mapping": (HEAD + ENDS + "attached: {a: 1}\n", ["attached: ", "list of held objects", "mapping"]),
+    "held by nothing": (attached("{shape: {type: sphere, radius: 1}}"), ["attached[0]: ", "'link' is missing"]),
+    "held without shape": (attached("{link: hand}"), ["attached[0]: ", "'shape' is missing"]),
+    "held by a number": (attached(f"{{link: 7, {BALL}}}"), ["attached[0].link: ", "must be a text", "found 7"]),
+    "held with a bad size": (
+        attached("{link: hand, shape: {type: sphere, radius: -1}}"),
+        ["attached[0].shape.radius: ", "greater than 0 [m]", "found -1"],
+    ),
+    "held object misspelt": (attached(f"{{lnk: hand, {BALL}}}"), ["attached[0]: ", "'lnk'", "'link'"]),
+    "touch_links a text": (
+        attached(f"{{link: hand, {BALL}, touch_links: finger}}"),
+        ["attached[0].touch_links: ", "list of link names", "'finger'"],
+    ),
+    "held named as an obstacle": (attached(f"{{name: b, link: hand, {BALL}}}"), ["attached[0]: ", "'b'", "obstacle"]),
+    "held names twice": (
+        attached(f"{{name: c, link: hand, {BALL}}}, {{name: c, link: hand, {BALL}}}"),
+        ["attached[1]: ", "'c'", "earlier held object", "differ"],
+    ),
     # obstacles
     "obstacles a mapping": (HEAD + ENDS + "obstacles: {a: 1}\n", ["obstacles: ", "list of obstacles", "mapping"]),
     "obstacle without shape": (HEAD + ENDS + "obstacles: [{name: a}]\n", ["obstacles[0]: ", "'shape' is missing"]),

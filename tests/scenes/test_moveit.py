@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Box, Cylinder, Pose, RobotSpec, Sphere
+from hdplan.scenes.model import Attached, Box, Cylinder, Pose, RobotSpec, Sphere
 from hdplan.scenes.reader import load_scene
 
 MBM = Path(__file__).parents[3] / "shared" / "mbm"
@@ -174,6 +174,32 @@ def test_padding_is_told(files: Files) -> None:
     assert "link_padding" in note
 
 
+def held(name: str, frame: str = "hand") -> dict[str, Any]:
+    thing = {"id": name, "header": {"frame_id": frame}, "pose": {"position": [0, 0, 0.1]}}
+    primitives = [{"type": "box", "dimensions": [1, 2, 3]}, {"type": "sphere", "dimensions": [0.1]}]
+    poses = [{"position": [0, 0, 0]}, {"position": [0, 1, 0]}]
+    thing |= {"primitives": primitives, "primitive_poses": poses}
+    return {"link_name": "hand", "object": thing, "touch_links": ["finger"], "weight": 0.2}
+
+
+def test_attached_objects_are_held(files: Files) -> None:
+    """The request's object takes the place of the scene's of that name."""
+    files.edit("scene", HELD, [held("cup"), held("lid")])
+    first, knob, *lid = files.load().attached
+    assert first == Attached("cup", "hand", Box((1, 2, 3)), Pose((0, 0, 0.1)), ("finger",))
+    assert knob == Attached("cup/1", "hand", Sphere(0.1), Pose((0, 1, 0.1)), ("finger",))
+    assert [part.name for part in lid] == ["lid", "lid/1"]
+    bare = {**held("cup"), "touch_links": []}
+    found = files.edit("request", "start_state.attached_collision_objects", [bare]).load().attached
+    assert [(part.name, part.touch_links) for part in found] == [
+        ("cup", ()),
+        ("cup/1", ()),
+        ("lid", ("finger",)),
+        ("lid/1", ("finger",)),
+    ]
+
+
+HELD = "robot_state.attached_collision_objects"
 OBJECT = "world.collision_objects.1"
 REFUSED = [
     ("scene", "worlds", {}, ["unknown key 'worlds'", "'world'"]),
@@ -205,7 +231,13 @@ REFUSED = [
         ["fixed_frame_transforms[0].transform: ", "fixed frame"],
     ),
     ("scene", "robot_state.multi_dof_joint_state.transforms", [TURNED], ["transforms[0]: ", "moves the robot's base"]),
-    ("scene", "robot_state.attached_collision_objects", [{"link_name": "a"}], ["attached", "not supported"]),
+    ("scene", HELD, [{"link_name": "a"}], ["attached_collision_objects[0]: ", "'object' is missing"]),
+    ("scene", HELD, [{"link_name": "a", "object": {}}], ["objects[0].object: ", "frame of its link 'a'", "found ''"]),
+    ("scene", HELD, [held("cup", "world")], ["object.header.frame_id: ", "frame of its link 'hand'", "'world'"]),
+    ("scene", HELD, [held("can")], ["attached_collision_objects[0]: ", "'can'", "differ"]),
+    ("scene", HELD, [held("cup"), held("cup")], ["attached_collision_objects[1]: ", "'cup'", "differ"]),
+    ("scene", HELD, [{**held("cup"), "touch_links": "hand"}], ["touch_links: ", "list"]),
+    ("scene", HELD, [{**held("cup"), "object": {"meshes": [{"triangles": [1]}]}}], [".meshes: ", "not supported"]),
     ("scene", "allowed_collision_matrix.entry_values", [[True]], ["entry_values: ", "list of 2", "list of 1"]),
     (
         "request",
@@ -213,12 +245,7 @@ REFUSED = [
         [MOVED],
         ["start_state.multi_dof_joint_state", "moves"],
     ),
-    (
-        "request",
-        "start_state.attached_collision_objects",
-        [{"link_name": "a"}],
-        ["start_state.attached", "not supported"],
-    ),
+    ("request", "start_state.attached_collision_objects", [{"link_name": "a"}], ["start_state.attached", "'object'"]),
     ("request", "start_state.joint_state.position", [1], ["start_state.joint_state: ", "found 1 and 2"]),
     ("request", "start_state.joint_state.name", ["a", "a"], ["joint_state.name: ", "twice", "'a'"]),
     ("request", "start_state.joint_state.position", [1, float("inf")], ["joint_state.position[1]: ", "finite", "inf"]),

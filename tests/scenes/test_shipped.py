@@ -16,6 +16,7 @@ NAMES = {
     "panda_table_pick",
     "panda_grasp",
     "panda_cage",
+    "panda_carry",
     "ur5_table",
     "xarm7_post",
     "kinova_shelf",

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from hdplan.scenes.model import (
+    Attached,
     Goals,
     JointTarget,
     Mesh,
@@ -73,6 +74,7 @@ def test_odd_names_and_numbers_read_back_the_same(tmp_path: Path) -> None:
         source=Path("odd.yaml"),
         robot=RobotSpec(name="panda", locked={"panda_finger_joint1": 1e-5}, ignore_pairs=(("yes", "no"),)),
         obstacles=obstacles,
+        attached=(Attached("cup", "null", Sphere(1e-5), Pose((0.0, 1e-7, 0.0)), ("on", "off")),),
         start=JointTarget("start", by_name={"panda_joint1": -1e-9, "on": 3.0}),
         goal=JointTarget("goal", state="off"),
         planner=PlannerSettings(waypoints=7, shaping_length=1e-4, normals="faces"),

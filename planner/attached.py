@@ -1,0 +1,101 @@
+"""Held objects: a robot with what the scene attaches to it, each object one more body that its link carries.
+
+Robot, `Attached`s -> a `Robot` whose collision geometry, links and self pairs hold the objects; outer bodies, pieces of
+the certificate and pairs follow from those, as they do for links. Robot side: neither planner nor certificate is named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from hdplan.planner.description import LinkPair, link_pair
+from hdplan.planner.meshes import FLAT, load_mesh, thinness
+from hdplan.planner.robot import Robot
+from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.model import Attached, Box, Capsule, Cylinder, Mesh, Points, Shape, Sphere
+
+
+def with_attached(robot: Robot, attached: tuple[Attached, ...]) -> Robot:
+    """Return the robot holding the objects; itself if there are none.
+
+    An object is kept apart from every link and object that moves against it, but for its `touch_links`.
+
+    Raises:
+        InputError: a link that the robot does not have, a name that a link bears, a mesh that cannot be used.
+    """
+    if not attached:
+        return robot
+    links = [str(frame.name) for frame in robot.model.frames if frame.type == pin.FrameType.BODY]
+    known = {*links, *(held.name for held in attached)}
+    for held in attached:
+        where = f"attached.{held.name}"
+        if held.name in links:
+            raise InputError(f"{where}: the name '{held.name}' is taken by a link of {robot.name}; names must differ")
+        if held.link not in links:
+            raise InputError(f"{where}.link: unknown link '{held.link}'{nearest(held.link, links)}")
+        for link in held.touch_links:
+            if link not in known:
+                raise InputError(f"{where}.touch_links: unknown link '{link}'{nearest(link, known)}")
+
+    collision = robot.collision.copy()
+    link_joint, link_geometry = dict(robot.link_joint), dict(robot.link_geometry)
+    for held in attached:
+        index = robot.model.getFrameId(held.link, pin.FrameType.BODY)
+        frame = robot.model.frames[index]
+        placement = frame.placement * pin.SE3(held.pose.matrix)
+        shape = _coal_shape(held.shape, f"attached.{held.name}")
+        item = pin.GeometryObject(held.name, frame.parentJoint, index, placement, shape)
+        link_geometry[held.name] = (int(collision.addGeometryObject(item)),)
+        link_joint[held.name] = int(frame.parentJoint)
+    return replace(
+        robot,
+        collision=collision,
+        links=tuple(link_geometry),
+        link_joint=link_joint,
+        link_geometry=link_geometry,
+        self_pairs=(*robot.self_pairs, *_pairs(attached, link_joint)),
+        attached=attached,
+    )
+
+
+def _pairs(attached: tuple[Attached, ...], joint: dict[str, int]) -> Iterable[LinkPair]:
+    """Return every pair of an object with a link or another object that moves against it and that it may not touch."""
+    touching = {link_pair(held.name, link) for held in attached for link in held.touch_links}
+    pairs = {
+        link_pair(held.name, other): None for held in attached for other in joint if joint[other] != joint[held.name]
+    }
+    return (pair for pair in pairs if pair not in touching)
+
+
+def _coal_shape(shape: Shape, field: str) -> Any:
+    """Return a scene's shape as coal has the geometry of links. Raises InputError, naming `field`."""
+    match shape:
+        case Box(size):
+            return coal.Box(*size)
+        case Sphere(radius):
+            return coal.Sphere(radius)
+        case Cylinder(radius, length):
+            return coal.Cylinder(radius, length)
+        case Capsule(radius, length):
+            return coal.Capsule(radius, length)
+        case Points(points):
+            corners = np.array(points)
+            if thinness(corners) <= FLAT:
+                raise InputError(f"{field}.shape.points: are flat; a body with some thickness is needed")
+            rows = coal.StdVec_Vec3s()
+            rows.extend(list(corners))
+            return coal.Convex.convexHull(rows, True, "Qt")
+        case Mesh():
+            mesh = load_mesh(shape, field)
+            tree = coal.BVHModelOBBRSS()
+            tree.beginModel(len(mesh.triangles), len(mesh.vertices))
+            for corners in mesh.vertices[mesh.triangles]:
+                tree.addTriangle(*corners)
+            tree.endModel()
+            return tree
