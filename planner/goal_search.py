@@ -2,7 +2,8 @@
 
 Damped least squares, dq = Jᵀ (J Jᵀ + λ² I)⁻¹ e, within the joint limits, for many starts at once (Nakamura & Hanafusa,
 "Inverse kinematic solutions with singularity robustness", 1986). Only that part of the error e counts that lies beyond
-a share of the tolerance; turns that are free are taken out of J and e. What reaches the pose and touches nothing is
+a share of the tolerance, until it is gone; then a few steps with all of e lead on towards the centre, as far as they
+can. Turns that are free are taken out of J and e. What reaches the pose and touches nothing is
 ordered by its joint-space distance from the start, times up to 2 where obstacles are close: `Kinematics` finds it, the
 certificate judges it by its own. All draws come from one seeded generator: the same seed gives the same goals.
 """
@@ -31,10 +32,12 @@ Array = NDArray[np.float64]
 
 STARTS = 128  # the scene's start, and random configurations
 STEPS = 80  # at most
+CENTRING = 6  # further ones, from within the tolerance towards its centre
 DAMPING = 0.02  # λ: keeps steps short near a singular configuration
 LONGEST = 0.4  # [rad] or [m] of one step of a joint
 AIM, ENOUGH, AT_MOST = 0.5, 0.75, 0.99  # shares of a tolerance: aimed at, where a start has arrived, that may be left
 APART = 0.6  # [rad] or [m] in some joint between configurations that count as two
+PARALLEL = 1e-9  # sine below which two directions have no axis of their own
 PICKED = 12  # free configurations of a pose, nearest to the start, that are compared
 CLOSE = 0.03  # [m] to an obstacle below which a goal counts as farther away
 TRIED = 6  # goals that are planned to, all targets together; at least one of each
@@ -94,28 +97,58 @@ def settled(scene: Scene, robot: Robot, motion: Trajectory | None = None) -> Sce
 def reaching(robot: Robot, target: PoseTarget, start: Array, rng: np.random.Generator) -> tuple[Array, Miss]:
     """Return configurations (K, n) that reach a pose, APART from each other and nearest to `start` first, and the least
     miss of all that were tried."""
-    arm, frame = _kinematics(robot), robot.model.frames[link_frame(robot, target)]
+    pose = _Pose.of(robot, target)
     q = np.vstack([np.clip(start, robot.lower, robot.upper), robot.draw(rng, STARTS - 1)])
-    placement, moves = frame.placement.homogeneous, arm.supports[frame.parentJoint]
     going = np.arange(len(q))
     for _ in range(STEPS):
-        error, jacobian = _linearized(arm, frame.parentJoint, placement, moves, target, q[going])
+        error, jacobian = pose.linearized(q[going])
         far = ~_within(error, target, ENOUGH)
         going, error, jacobian = going[far], error[far], jacobian[far]
         if not len(going):
             break
-        error = _beyond(error, target)
-        square = jacobian @ jacobian.transpose(0, 2, 1) + DAMPING**2 * np.eye(6)
-        step = np.einsum("bij,bi->bj", jacobian, np.linalg.solve(square, error[..., None])[..., 0])
-        step *= np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-12))
-        q[going] = np.clip(q[going] + step, robot.lower, robot.upper)
-    error, _ = _linearized(arm, frame.parentJoint, placement, moves, target, q)
+        q[going] = _stepped(robot, q[going], _beyond(error, target), jacobian)
+    error, _ = pose.linearized(q)
     position, angle = _sizes(error)
     best = int(np.argmin(np.maximum(position / target.position_tolerance, angle / target.orientation_tolerance)))
-    met = _fewest_turns(robot, arm, q[_within(error, target, AT_MOST)], start)
-    return _apart(met[np.argsort(np.linalg.norm(met - start, axis=1), kind="stable")]), Miss(
-        float(position[best]), float(angle[best])
-    )
+    least = Miss(float(position[best]), float(angle[best]))
+    met = _centred(pose, q[_within(error, target, AT_MOST)])
+    met = _fewest_turns(robot, pose.arm, met, start)
+    return _apart(met[np.argsort(np.linalg.norm(met - start, axis=1), kind="stable")]), least
+
+
+class _Pose(NamedTuple):
+    """A target, and the link that is to reach it."""
+
+    robot: Robot
+    target: PoseTarget
+    arm: Kinematics
+    joint: int  # that carries the link
+    placement: Array  # (4, 4) of the link in the joint's frame
+
+    @classmethod
+    def of(cls, robot: Robot, target: PoseTarget) -> _Pose:
+        frame = robot.model.frames[link_frame(robot, target)]
+        return cls(robot, target, _kinematics(robot), frame.parentJoint, frame.placement.homogeneous)
+
+    def linearized(self, q: Array) -> tuple[Array, Array]:
+        """What is missing (B, 6), way [m] and turn [rad] in world axes, and what the joints do about it (B, 6, n)."""
+        state, wanted, joint = self.arm.evaluate(q), self.target.pose.matrix, self.joint
+        rotation = state.rotations[:, joint] @ self.placement[:3, :3]
+        origin = state.rotations[:, joint] @ self.placement[:3, 3] + state.translations[:, joint]
+        linear = state.linear + np.cross(state.angular, origin[:, None])
+        turning = state.angular
+        if self.target.free_rotation == "all":
+            turn, turning = np.zeros_like(origin), np.zeros_like(turning)
+        elif self.target.free_rotation in AXES:
+            axis = AXES.index(self.target.free_rotation)
+            along = rotation[:, :, axis]
+            turn = _turn_between(along, wanted[:3, axis])
+            turning = turning - (turning @ along[..., None]) * along[:, None]
+        else:
+            turn = Rotation.from_matrix(wanted[:3, :3] @ rotation.transpose(0, 2, 1)).as_rotvec()
+        moved = self.arm.supports[joint][:, None]
+        jacobian = np.concatenate([linear, turning], axis=2) * moved
+        return np.concatenate([wanted[:3, 3] - origin, turn], axis=1), jacobian.transpose(0, 2, 1)
 
 
 @functools.lru_cache(maxsize=8)
@@ -123,42 +156,34 @@ def _kinematics(robot: Robot) -> Kinematics:
     return Kinematics(robot.model)
 
 
-def _linearized(
-    arm: Kinematics, joint: int, placement: Array, moves: NDArray[np.bool_], target: PoseTarget, q: Array
-) -> tuple[Array, Array]:
-    """What is missing to the target (B, 6), way [m] and turn [rad] in world axes, and the joints' share (B, 6, n)."""
-    state, wanted = arm.evaluate(q), target.pose.matrix
-    rotation = state.rotations[:, joint] @ placement[:3, :3]
-    origin = state.rotations[:, joint] @ placement[:3, 3] + state.translations[:, joint]
-    linear = state.linear + np.cross(state.angular, origin[:, None])
-    turning = state.angular
-    if target.free_rotation == "all":
-        turn, turning = np.zeros_like(origin), np.zeros_like(turning)
-    elif target.free_rotation in AXES:
-        axis = AXES.index(target.free_rotation)
-        along = rotation[:, :, axis]
-        turn = _turn_between(along, wanted[:3, axis])
-        turning = turning - (turning @ along[..., None]) * along[:, None]
-    else:
-        turn = _rotation_vectors(wanted[:3, :3] @ rotation.transpose(0, 2, 1))
-    jacobian = np.concatenate([linear, turning], axis=2) * moves[:, None]
-    return np.concatenate([wanted[:3, 3] - origin, turn], axis=1), jacobian.transpose(0, 2, 1)
+def _stepped(robot: Robot, q: Array, error: Array, jacobian: Array) -> Array:
+    """One damped step from q (B, n), within the limits."""
+    square = jacobian @ jacobian.transpose(0, 2, 1) + DAMPING**2 * np.eye(6)
+    step = np.einsum("bij,bi->bj", jacobian, np.linalg.solve(square, error[..., None])[..., 0])
+    step *= np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-12))
+    return np.clip(q + step, robot.lower, robot.upper)
+
+
+def _centred(pose: _Pose, q: Array) -> Array:
+    """Configurations that reach the pose, moved on towards its centre as long as both errors shrink."""
+    error, jacobian = pose.linearized(q)
+    for _ in range(CENTRING):
+        moved = _stepped(pose.robot, q, error, jacobian)
+        error_moved, jacobian_moved = pose.linearized(moved)
+        better = np.all(np.stack(_sizes(error_moved)) <= np.stack(_sizes(error)), axis=0)[:, None]
+        q, error = np.where(better, moved, q), np.where(better, error_moved, error)
+        jacobian = np.where(better[..., None], jacobian_moved, jacobian)
+    return q
 
 
 def _turn_between(directions: Array, wanted: Array) -> Array:
-    """The shortest turns (B, 3) that bring unit vectors (B, 3) to a wanted one; none for opposite ones, where every
-    turn is as short."""
+    """The shortest turns (B, 3) [rad] that bring unit vectors (B, 3) to a wanted one; a half turn of opposite ones."""
     cross = np.cross(directions, wanted)
-    sine = np.linalg.norm(cross, axis=1)
-    angle = np.arctan2(sine, directions @ wanted)
-    turn: Array = cross * (angle / np.maximum(sine, 1e-12))[:, None]
+    sine = np.linalg.norm(cross, axis=1, keepdims=True)
+    across = np.cross(wanted, np.eye(3)[np.abs(wanted).argmin()])
+    axis = np.where(sine > PARALLEL, cross / np.maximum(sine, PARALLEL), across / np.linalg.norm(across))
+    turn: Array = axis * np.arctan2(sine, directions @ wanted[:, None])
     return turn
-
-
-def _rotation_vectors(rotations: Array) -> Array:
-    """Axis times angle (B, 3) of rotation matrices (B, 3, 3)."""
-    vectors: Array = Rotation.from_matrix(rotations).as_rotvec()
-    return vectors
 
 
 def _sizes(error: Array) -> tuple[Array, Array]:
