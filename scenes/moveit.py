@@ -214,11 +214,11 @@ def _attached(state: Field | None, standing: Collection[str]) -> dict[str, Attac
     keys = state.mapping(STATE_KEYS) if state is not None else {}
     attached: dict[str, Attached] = {}
     entries = keys["attached_collision_objects"].items() if "attached_collision_objects" in keys else []
-    for i, entry in enumerate(entries):
+    for entry in entries:
         said = entry.mapping(ATTACHED_KEYS, required=["link_name", "object"])
         link = said["link_name"].text()
         touching = tuple(name.text() for name in said["touch_links"].items()) if "touch_links" in said else ()
-        for part in _collision_object(said["object"], f"attached{i}", link):
+        for part in _collision_object(said["object"], entry.key, link):
             if part.name in attached or part.name in standing:
                 raise entry.error(f"the name {part.name!r} is taken by an earlier object; names must differ")
             attached[part.name] = Attached(part.name, link, part.shape, part.pose, touching)

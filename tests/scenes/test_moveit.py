@@ -199,6 +199,13 @@ def test_attached_objects_are_held(files: Files) -> None:
     ]
 
 
+def test_attached_objects_without_a_name_do_not_replace_each_other(files: Files) -> None:
+    files.edit("scene", HELD, [held("")]).edit("request", "start_state.attached_collision_objects", [held("")])
+    names = [part.name for part in files.load().attached]
+    objects = "attached_collision_objects[0]"
+    assert names == [f"{state}.{objects}{part}" for state in ("robot_state", "start_state") for part in ("", "/1")]
+
+
 HELD = "robot_state.attached_collision_objects"
 OBJECT = "world.collision_objects.1"
 REFUSED = [
