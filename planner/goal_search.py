@@ -3,9 +3,9 @@
 Damped least squares, dq = Jᵀ (J Jᵀ + λ² I)⁻¹ e, within the joint limits, for many starts at once (Nakamura & Hanafusa,
 "Inverse kinematic solutions with singularity robustness", 1986). Only that part of the error e counts that lies beyond
 a share of the tolerance, until it is gone; then a few steps with all of e lead on towards the centre, as far as they
-can. Turns that are free are taken out of J and e. What reaches the pose and touches nothing is
-ordered by its joint-space distance from the start, times up to 2 where obstacles are close: `Kinematics` finds it, the
-certificate judges it by its own. All draws come from one seeded generator: the same seed gives the same goals.
+can. Turns that are free are taken out of J and e. What reaches the pose and touches nothing is ordered by its
+joint-space distance from the start, times up to 2 where obstacles are close: `Kinematics` finds it, the certificate
+judges it by its own. All draws come from one seeded generator: the same seed gives the same goals.
 """
 
 from __future__ import annotations
@@ -89,7 +89,9 @@ def settled(scene: Scene, robot: Robot, motion: Trajectory | None = None) -> Sce
     certifier = Certifier(scene, robot)
     if motion is not None:
         end = waypoints_of(robot, motion)[-1]
-        if certifier.off_goal(end) is None:
+        with naming(scene.source):
+            met = certifier.off_goal(end) is None
+        if met:
             return replace(scene, goal=JointTarget(scene.goal.field, tuple(end.tolist())))
     return replace(scene, goal=goal_choice(scene, robot, certifier).goals[0])
 
@@ -161,7 +163,8 @@ def _stepped(robot: Robot, q: Array, error: Array, jacobian: Array) -> Array:
     square = jacobian @ jacobian.transpose(0, 2, 1) + DAMPING**2 * np.eye(6)
     step = np.einsum("bij,bi->bj", jacobian, np.linalg.solve(square, error[..., None])[..., 0])
     step *= np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-12))
-    return np.clip(q + step, robot.lower, robot.upper)
+    moved: Array = np.clip(q + step, robot.lower, robot.upper)
+    return moved
 
 
 def _centred(pose: _Pose, q: Array) -> Array:

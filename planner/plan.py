@@ -90,7 +90,7 @@ def plan(
     try:
         _search_in_turn(searches, seed)
     except KeyboardInterrupt:
-        if not any([search.best is not None or search.certify_last() for search in searches]):
+        if not any(search.best is not None or search.certify_last() for search in searches):
             raise
     taken = min((i for i, search in enumerate(searches) if search.best), key=lambda i: searches[i].rank())
     best = searches[taken].conclude()

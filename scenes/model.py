@@ -147,7 +147,7 @@ class PoseTarget:
 class Goals:
     """A goal that leaves a choice: any of these targets will do, and any configuration that reaches a pose."""
 
-    targets: tuple[JointTarget | PoseTarget, ...]
+    targets: tuple[JointTarget, ...] | tuple[PoseTarget, ...]  # configurations by values, or poses
     field: str = "goal"  # where it stands in the file, for error messages
 
 

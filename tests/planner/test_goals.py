@@ -37,7 +37,7 @@ def placed(robot: Robot, link: str, q: np.ndarray) -> pin.SE3:
     return data.oMf[robot.model.getFrameId(link, pin.FrameType.BODY)].copy()
 
 
-def aimed(scene: Scene, *targets: JointTarget | PoseTarget) -> Scene:
+def aimed(scene: Scene, *targets: Any) -> Scene:
     return dataclasses.replace(scene, goal=Goals(targets))
 
 

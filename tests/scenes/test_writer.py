@@ -58,7 +58,7 @@ def test_shipped_scenes_read_back_the_same(name: str, tmp_path: Path) -> None:
     ],
 )
 def test_goals_that_leave_a_choice_read_back_the_same(
-    targets: tuple[JointTarget | PoseTarget, ...], tmp_path: Path
+    targets: tuple[JointTarget, ...] | tuple[PoseTarget, ...], tmp_path: Path
 ) -> None:
     scene = replace(load_scene("empty"), goal=Goals(targets))
     assert written(scene, tmp_path) == plain(scene, scene.source)
