@@ -237,3 +237,23 @@ def test_absent_is_absent(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     summary, positions, steps = bytes_of(chosen)
     assert summary.pop("goal")["of"] == "goal"
     assert (summary, positions, steps) == bytes_of(result)
+
+
+def test_a_pose_out_of_reach_does_not_keep_from_the_others() -> None:
+    scene = load_scene("ur5_table")
+    robot = load_scene_robot(scene)
+    far = PoseTarget("goal.poses[0]", "tool0", Pose((3.0, 0.0, 0.5)), free_rotation="all")
+    place = placed(robot, "tool0", resolve_query(robot, scene).goal)
+    near = PoseTarget("goal.poses[1]", "tool0", pose_of(place))
+    result = plan(aimed(scene, far, near))
+    assert result.certified
+    assert result.goal is not None
+    assert result.goal.field == "goal.poses[1]"
+    assert any(note.startswith("goal.poses[0]: link 'tool0' is not brought there") for note in result.notes)
+
+
+def test_without_time_the_best_there_is_is_given_back() -> None:
+    scene = load_scene("panda_grasp")
+    result = plan(scene, time_limit=1e-6)
+    assert result.attempts >= 1
+    assert certify(scene, result.trajectory).status is not Status.WRONG_ENDS
