@@ -20,13 +20,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.intervals import Bodies, Body, Pairs
 from hdplan.planner.motion_bounds import Chain
+from hdplan.planner.pose_goals import miss_of
 from hdplan.planner.proximity import link_pieces, obstacle_pieces
 from hdplan.planner.robot import Robot
-from hdplan.planner.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.sweep import Spot, Sweep
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError, naming, nearest
-from hdplan.scenes.model import Scene
+from hdplan.scenes.model import JointTarget, PoseTarget, Scene
 
 Array = NDArray[np.float64]
 
@@ -258,19 +259,38 @@ class Certifier:
         return Place(spot.interval, spot.fraction, time_, *self._names(spot.pair), spot.distance)
 
     def _wrong_ends(self, waypoints: Array) -> str | None:
-        query = resolve_query(self.robot, self.scene)
+        with naming(self.scene.source):
+            start = self.robot.configuration(self.scene.start, self.scene.from_request)
+            at_start, at_goal = self._off("first", waypoints[0], start, "start"), self.off_goal(waypoints[-1])
+        return at_start or at_goal
+
+    def off_goal(self, q: Array) -> str | None:
+        """Say how configuration q (n,) as the last waypoint misses the scene's goal, the first of several; None if it
+        meets one."""
+        goal = self.scene.goal
+        if isinstance(goal, JointTarget):
+            return self._off("last", q, self.robot.configuration(goal, self.scene.from_request), "goal")
+        misses = [self._missing(q, target) for target in goal.targets]
+        return misses[0] if all(misses) else None
+
+    def _missing(self, q: Array, target: JointTarget | PoseTarget) -> str | None:
+        if isinstance(target, JointTarget):
+            return self._off("last", q, self.robot.configuration(target), target.field)
+        miss = miss_of(self.robot, target, q)
+        return None if miss.within(target) else f"the last waypoint has {target.link} {miss} away from {target.field}"
+
+    def _off(self, word: str, row: Array, target: Array, field: str) -> str | None:
+        """Say how a waypoint differs from the configuration of a field; None if it does not."""
         turning = np.isinf(self.robot.lower) & np.isinf(self.robot.upper)
-        for word, row, target in (("first", waypoints[0], query.start), ("last", waypoints[-1], query.goal)):
-            error = row - target
-            error = np.where(turning, np.angle(np.exp(1j * error)), error)  # whole turns are the same place
-            joint = int(np.abs(error).argmax())
-            if abs(error[joint]) > SAME_END:
-                field = "start" if word == "first" else "goal"
-                return (
-                    f"the {word} waypoint has joint '{self.robot.joint_names[joint]}' at {row[joint]:g}, "
-                    f"the scene's {field} at {target[joint]:g}"
-                )
-        return None
+        error = row - target
+        error = np.where(turning, np.angle(np.exp(1j * error)), error)  # whole turns are the same place
+        joint = int(np.abs(error).argmax())
+        if abs(error[joint]) <= SAME_END:
+            return None
+        return (
+            f"the {word} waypoint has joint '{self.robot.joint_names[joint]}' at {row[joint]:g}, "
+            f"the scene's {field} at {target[joint]:g}"
+        )
 
     def _outside_limits(self, waypoints: Array) -> str | None:
         """Look at the waypoints alone: a box is convex, so the lines between them stay within the same limits."""

@@ -10,10 +10,23 @@ from collections import Counter
 
 import numpy as np
 
+from hdplan.planner.pose_goals import pose_words
 from hdplan.planner.problem import SELF_ACTIVATION, Floats, Problem
 from hdplan.planner.robot import Robot
 from hdplan.planner.terms import Clearance
-from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, PlannerSettings, Points, Shape, Sphere
+from hdplan.scenes.model import (
+    Box,
+    Capsule,
+    Cylinder,
+    Goals,
+    JointTarget,
+    Mesh,
+    PlannerSettings,
+    Points,
+    PoseTarget,
+    Shape,
+    Sphere,
+)
 
 Rows = list[tuple[str, str]]
 
@@ -53,6 +66,16 @@ def _scene(problem: Problem) -> Rows:
         ("robot", f"{robot.name}, {_count(robot.n, 'joint')} planned, {len(robot.locked) or 'none'} held"),
         *([("held", held)] if held else []),
         ("outer bodies", bodies),
+        *_choice(problem.scene.goal),
+    ]
+
+
+def _choice(goal: JointTarget | Goals) -> Rows:
+    """What may end the motion, where the scene leaves a choice; the joints shown are the likely best."""
+    targets = goal.targets if isinstance(goal, Goals) else ()
+    return [
+        (target.field, pose_words(target) if isinstance(target, PoseTarget) else "one of several configurations")
+        for target in targets
     ]
 
 

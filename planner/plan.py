@@ -6,12 +6,14 @@ meshes, the solver with outer bodies at samples, and neither takes the other's w
 
 from __future__ import annotations
 
+import itertools
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from hdplan.planner.certificate import Certificate, Certifier
+from hdplan.planner.goal_search import goal_choice
 from hdplan.planner.problem import Floats, Problem, build
 from hdplan.planner.result import PlanResult, Times
 from hdplan.planner.robot import Robot
@@ -20,10 +22,11 @@ from hdplan.planner.seeds import seeds
 from hdplan.planner.solvers import Solver, solver_named
 from hdplan.planner.solvers.solution import FIRST_WEIGHT, RAISE, Budget, Solution, Status, Step
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Scene
+from hdplan.scenes.model import Goals, JointTarget, Scene
 
 ENDS_KEEP = 0.5  # share of an end's distance that is asked for where it is below planner.clearance
 DETOUR_WEIGHT = FIRST_WEIGHT * RAISE**3  # [1/m²] a guess that leads around obstacles is to stay there
+GUESSES = 3  # first guesses for a goal before it is the next one's turn
 REPAIRS = 3  # times that a motion whose certificate failed is solved on, before the next guess
 
 
@@ -49,6 +52,9 @@ def plan(
 ) -> PlanResult:
     """Find a certified motion from the scene's start to its goal.
 
+    Where the goal leaves a choice, the likely best configurations get a few guesses each in turn; of those certified by
+    then the one with the least smoothness cost wins.
+
     Args:
         scene: what load_scene returns.
         solver: "gauss_newton", "chomp" or "ipopt".
@@ -72,21 +78,31 @@ def plan(
     robot = robot or load_scene_robot(scene)
     loaded = time.perf_counter()
     certifier = Certifier(scene, robot)
-    required, words = _reachable_clearance(scene, robot, certifier)  # ends in collision are found before all fitting
-    problem = build(scene, robot)
+    choice = goal_choice(scene, robot, certifier, seed)
+    aims = [replace(scene, goal=goal) for goal in choice.goals]
+    clearances = [_reachable_clearance(aim, robot, certifier) for aim in aims]  # ends in collision: before all fitting
+    problems = [build(aim, robot) for aim in aims]
     built = time.perf_counter()
 
-    search = _Search(problem, certifier, run, required, built + time_limit, report, stop)
+    searches = [
+        _Search(problem, certifier, run, required, built + time_limit, report, stop)
+        for problem, (required, _) in zip(problems, clearances, strict=True)
+    ]
     try:
-        for guess in seeds(problem, seed):
-            if search.attempt(guess):
-                break
+        _search_in_turn(searches, seed)
     except KeyboardInterrupt:
-        if search.best is None and not search.certify_last():
+        if not any(search.best is not None or search.certify_last() for search in searches):
             raise
-    best = search.conclude()
-    solved = time.perf_counter() - built - search.certify_seconds  # guesses included
-    load, build_, compile_ = loaded - began, built - loaded - problem.compile_seconds, problem.compile_seconds
+    taken = min((i for i, search in enumerate(searches) if search.best), key=lambda i: searches[i].rank())
+    best = searches[taken].conclude()
+    certified = sum(search.certify_seconds for search in searches)
+    solved = time.perf_counter() - built - certified  # guesses included
+    compile_ = sum(problem.compile_seconds for problem in problems)
+    load, build_ = loaded - began, built - loaded - compile_
+    words = (*choice.words, *clearances[taken][1])
+    several = isinstance(scene.goal, Goals)
+    if several:
+        words = (*words, _taken(searches, taken, choice.goals))
     return PlanResult(
         scene=scene.name,
         robot=robot.name,
@@ -94,11 +110,12 @@ def plan(
         certificate=best.certificate,
         solver=solver,
         seed=seed,
-        attempts=search.attempts,
-        iterations=search.iterations,
+        attempts=sum(search.attempts for search in searches),
+        iterations=sum(search.iterations for search in searches),
         steps=best.steps,
-        times=Times(load, build_, compile_, solved, search.certify_seconds),
-        notes=(*problem.notes, *words),
+        times=Times(load, build_, compile_, solved, certified),
+        notes=(*problems[taken].notes, *words),
+        goal=choice.goals[taken] if several else None,
     )
 
 
@@ -161,6 +178,19 @@ class _Search:
         """A repair's steps go on counting where the attempt's earlier ones ended."""
         return replace(step, iteration=len(self.steps) + step.iteration)
 
+    @property
+    def certified(self) -> bool:
+        """Whether a certified motion was found."""
+        return self.best is not None and self.best.certificate.certified
+
+    def rank(self) -> tuple[float, ...]:
+        """Order of searches, best first: certified with the least smoothness cost, then as `_rank`."""
+        assert self.best is not None
+        if not self.certified:
+            return _rank(self.best.certificate)
+        smoothness, _ = self.problem.smoothness.value(self.best.solution.trajectory.positions)
+        return (0.0, smoothness)
+
     def certify_last(self) -> bool:
         """Certify a motion whose certificate was interrupted; False if there is none."""
         if self.last is not None:
@@ -189,6 +219,28 @@ class _Search:
             self.best = _Best(solution, certificate, self.steps, whole=not hopeless)
         self.report(Event(self.attempts, certificate=certificate))
         return certificate
+
+
+def _search_in_turn(searches: Sequence[_Search], seed: int) -> None:
+    """Give each goal its first guesses, then each the next ones, until one is certified after a whole round or time is
+    over. With one goal that is one guess after another."""
+    lines = [(search, seeds(search.problem, seed)) for search in searches]
+    while not any(search.certified for search in searches):
+        for search, guesses in lines:
+            over = any(search.attempt(guess) for guess in itertools.islice(guesses, GUESSES))
+            if over and not search.certified:
+                return
+
+
+def _taken(searches: Sequence[_Search], taken: int, goals: Sequence[JointTarget]) -> str:
+    """Say which goal was taken, of how many."""
+    tried = sum(search.attempts > 0 for search in searches)
+    found = sum(search.certified for search in searches)
+    joints = zip(searches[taken].problem.robot.joint_names, goals[taken].positions or (), strict=True)
+    return (
+        f"goal taken of {tried} tried, {found} certified, by least smoothness cost: {goals[taken].field} at "
+        + ", ".join(f"{joint} {value:.4g}" for joint, value in joints)
+    )
 
 
 def _reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tuple[float, tuple[str, ...]]:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from hdplan.distance.timing import seconds_per_query
 from hdplan.planner.certificate import Certifier
+from hdplan.planner.goal_search import settled
 from hdplan.planner.plan import plan
 from hdplan.planner.problem import Problem, build
 from hdplan.planner.result import PlanResult
@@ -187,6 +188,7 @@ def _situation(scene: Scene, wanted: int, stop: Callable[[], bool]) -> _Situatio
     Raises InputError for a scene that cannot be planned.
     """
     robot = load_scene_robot(scene)
+    scene = settled(scene, robot)
     query, certifier = resolve_query(robot, scene), Certifier(scene, robot)
     for end, q in (("start", query.start), ("goal", query.goal)):
         if touching := certifier.contacts(q):

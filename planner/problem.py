@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from hdplan.distance.compiled import RowFunction
 from hdplan.planner.fcl_pairs import FclPairs
+from hdplan.planner.goal_search import settled
 from hdplan.planner.hdsdf_pairs import HdsdfPairs
 from hdplan.planner.kinematics import Kinematics
 from hdplan.planner.link_bodies import LinkBody
@@ -158,7 +159,7 @@ def check_distance(name: str) -> None:
 def build(scene: Scene, robot: Robot | None = None) -> Problem:
     """Lay out the problem of a scene. Raises InputError for what the scene or its robot gets wrong."""
     robot = robot or load_scene_robot(scene)
-    query = resolve_query(robot, scene)
+    query = resolve_query(robot, settled(scene, robot))
     settings = scene.planner
     if settings.swept and settings.distance != "hdsdf":
         raise InputError(f"{scene.source}: planner.swept: true needs planner.distance hdsdf, found {settings.distance}")

@@ -13,6 +13,7 @@ from hdplan.planner.certificate import Certificate
 from hdplan.planner.solvers.solution import Step
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import JointTarget
 
 _FIGURES = tuple(field.name for field in fields(Step))
 
@@ -43,6 +44,7 @@ class PlanResult:
     steps: tuple[Step, ...]  # of the attempt that is given back
     times: Times
     notes: tuple[str, ...]  # what was assumed or left out, in words
+    goal: JointTarget | None = None  # the one that was taken, where the scene leaves a choice
 
     @property
     def certified(self) -> bool:
@@ -50,7 +52,9 @@ class PlanResult:
         return self.certificate.certified
 
     def summary(self) -> dict[str, Any]:
-        """The result as one JSON object: status, clearance [m], worst place, times [s], counts."""
+        """The result as one JSON object: status, clearance [m], worst place, times [s], counts; and the goal that was
+        taken, where the scene leaves a choice."""
+        goal = {"goal": {"of": self.goal.field, "joints": self.goal.positions}} if self.goal else {}
         return {
             "status": self.certificate.status.value,
             "text": self.certificate.text,
@@ -59,6 +63,7 @@ class PlanResult:
             "solver": self.solver,
             "joint_names": list(self.trajectory.joint_names),
             "waypoints": len(self.trajectory),
+            **goal,
             **verdict(self.certificate),
             "time_s": {name: round(seconds, 6) for name, seconds in vars(self.times).items()},
             "iterations": self.iterations,

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from hdplan.planner.attached import with_attached
 from hdplan.planner.robot import LIMIT_ROUNDING, Robot, load_robot, robot_files
-from hdplan.scenes.errors import naming
-from hdplan.scenes.model import Attached, Mesh, RobotSpec, Scene
+from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.model import Attached, Goals, JointTarget, Mesh, RobotSpec, Scene
 
 Array = NDArray[np.float64]
 Stamps = tuple[tuple[str, int, int], ...]  # file, time of change [ns], size [bytes]
@@ -76,7 +76,12 @@ def _holding(robot: Robot, attached: tuple[Attached, ...], stamps: Stamps) -> Ro
 
 
 def resolve_query(robot: Robot, scene: Scene) -> Query:
-    """Return the scene's start and goal for this robot. Raises InputError, naming the scene's file."""
+    """Return the scene's start and goal for this robot. Raises InputError, naming the scene's file.
+
+    A goal that leaves a choice (`Goals`) is no one configuration: `goal_search.settled` chooses.
+    """
+    if isinstance(scene.goal, Goals):
+        raise InputError(f"{scene.source}: {scene.goal.field}: leaves a choice; one configuration is needed here")
     with naming(scene.source):
         start, goal = (robot.configuration(target, scene.from_request) for target in (scene.start, scene.goal))
     named = {**(scene.start.by_name or {}), **(scene.goal.by_name or {})}
@@ -88,7 +93,8 @@ def resolve_query(robot: Robot, scene: Scene) -> Query:
 def _with_room(robot: Robot, scene: Scene) -> Robot:
     """Widen the limits to the request's ends where they lie beyond by more than rounding and at most ROOM."""
     lower, upper = robot.lower.copy(), robot.upper.copy()
-    for target in (scene.start, scene.goal):
+    ends = [target for target in (scene.start, scene.goal) if isinstance(target, JointTarget)]
+    for target in ends:
         for i, joint in enumerate(robot.joint_names):
             value = (target.by_name or {}).get(joint, robot.lower[i])
             if LIMIT_ROUNDING < robot.lower[i] - value <= ROOM:

@@ -132,6 +132,26 @@ class JointTarget:
 
 
 @dataclass(frozen=True)
+class PoseTarget:
+    """Where a link is to be: origin within a ball, and turned by no more than an angle away."""
+
+    field: str  # where it stands in the file, for error messages: "goal.pose" or "goal.poses[1]"
+    link: str
+    pose: Pose  # of the link's frame, in the world
+    position_tolerance: float = 1e-3  # how far the link's origin may be off [m]
+    orientation_tolerance: float = 1e-2  # how far it may be turned away, its free turns left out [rad]
+    free_rotation: str = "none"  # about which axis of the link it may turn freely: none, x, y, z, or all (any turn)
+
+
+@dataclass(frozen=True)
+class Goals:
+    """A goal that leaves a choice: any of these targets will do, and any configuration that reaches a pose."""
+
+    targets: tuple[JointTarget, ...] | tuple[PoseTarget, ...]  # configurations by values, or poses
+    field: str = "goal"  # where it stands in the file, for error messages
+
+
+@dataclass(frozen=True)
 class PlannerSettings:
     """The `planner` section. Every value has a default; `hdplan explain` shows the ones in force."""
 
@@ -155,7 +175,7 @@ class Scene:
     robot: RobotSpec
     obstacles: tuple[Obstacle, ...]
     start: JointTarget
-    goal: JointTarget
+    goal: JointTarget | Goals
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     from_request: bool = False  # a MoveIt request: its ends may sit on a joint limit to rounding
     attached: tuple[Attached, ...] = ()  # held objects

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from hdplan.scenes.fields import Field
 from hdplan.scenes.model import Pose, Quaternion, Vector3
@@ -17,7 +18,11 @@ def read_pose(section: Field) -> Pose:
     Raises:
         InputError: both kinds of rotation, wrong lengths or types, or a quaternion that is not of unit length.
     """
-    keys = section.mapping(("position", "quaternion_xyzw", "rpy"))
+    return pose_of(section, section.mapping(("position", "quaternion_xyzw", "rpy")))
+
+
+def pose_of(section: Field, keys: Mapping[str, Field]) -> Pose:
+    """Read the same from the keys of a section that may hold others too."""
     if "quaternion_xyzw" in keys and "rpy" in keys:
         raise section.error("has both 'quaternion_xyzw' and 'rpy'; give one of them")
     position = read_vector(keys["position"], unit="m") if "position" in keys else (0.0, 0.0, 0.0)

@@ -15,11 +15,13 @@ from hdplan.scenes.model import (
     Box,
     Capsule,
     Cylinder,
+    Goals,
     JointTarget,
     Mesh,
     Obstacle,
     Points,
     Pose,
+    PoseTarget,
     Scene,
     Shape,
     Sphere,
@@ -83,10 +85,24 @@ def _pose(pose: Pose) -> dict[str, Any]:
     return {"position": list(pose.position), "quaternion_xyzw": list(pose.quaternion_xyzw)}
 
 
-def _target(target: JointTarget) -> dict[str, Any]:
+def _target(target: JointTarget | Goals) -> dict[str, Any]:
+    if isinstance(target, Goals):
+        poses = [_pose_target(each) for each in target.targets if isinstance(each, PoseTarget)]
+        if [each.field for each in target.targets] == ["goal.pose"]:
+            return {"pose": poses[0]}
+        joints = [_target(each)["joints"] for each in target.targets if isinstance(each, JointTarget)]
+        return {"poses": poses} if poses else {"joints": joints}
     if target.state is not None:
         return {"state": target.state}
     return {"joints": list(target.positions) if target.positions is not None else dict(target.by_name or {})}
+
+
+def _pose_target(target: PoseTarget) -> dict[str, Any]:
+    free = target.free_rotation == "all"
+    placement = {"position": list(target.pose.position)} if free else _pose(target.pose)
+    turn = {} if free else {"orientation_tolerance": target.orientation_tolerance}
+    tolerances = {"position_tolerance": target.position_tolerance, **turn}
+    return {"link": target.link, **placement, **tolerances, "free_rotation": target.free_rotation}
 
 
 def _path(path: Path) -> str:

@@ -63,6 +63,7 @@ SOLVER_SIDE = (
     "planner.seeds",
     "planner.solvers",
     "planner.plan",
+    "planner.goal_search",
     "distance.axis",
     "distance.axis_motion",
     "distance.batch",

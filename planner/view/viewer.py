@@ -17,6 +17,7 @@ import viser
 from numpy.typing import NDArray
 
 from hdplan.planner.certificate import Certificate, Certifier, Contact
+from hdplan.planner.goal_search import settled
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import resolve_query
 from hdplan.planner.trajectory import Trajectory
@@ -66,6 +67,7 @@ class Viewer:
 
         Raises InputError for start, goal, obstacles or trajectories that do not fit the robot.
         """
+        scene = settled(scene, robot, trajectories[0][1] if trajectories else None)  # drags and plans to one place
         self.server, self.scene, self.robot = server, scene, robot
         self.query = resolve_query(robot, scene)
         self.certifier = Certifier(scene, robot)

@@ -55,6 +55,14 @@ def start(text: str) -> str:
     return f"{HEAD}start: {text}\ngoal: {{state: default}}\n"
 
 
+def goal(text: str) -> str:
+    return f"{HEAD}start: {{state: default}}\ngoal: {text}\n"
+
+
+def aim(text: str) -> str:
+    return goal(f"{{pose: {{link: hand, {text}}}}}")
+
+
 def planner(text: str) -> str:
     return f"{HEAD}{ENDS}planner: {{{text}}}\n"
 
@@ -205,6 +213,40 @@ CASES = {
     "named joint nothing": (start("{joints: {j1: }}"), ["start.joints.j1: ", "number", "nothing"]),
     "joints a number": (start("{joints: 1}"), ["start.joints: ", "list of joint values", "found 1"]),
     "state a number": (start("{state: 3}"), ["start.state: ", "text", "found 3"]),
+    "goal empty": (goal("{}"), ["goal: ", "exactly one of the keys joints, state, pose, poses", "none"]),
+    "goal twice": (goal("{state: a, pose: {link: b}}"), ["goal: ", "exactly one", "'state' and 'pose'"]),
+    "misspelt pose of the goal": (goal("{pos: {}}"), ["goal: ", "'pos'", "did you mean 'pose'"]),
+    "start as a pose": (start("{pose: {link: a}}"), ["start: ", "unknown key 'pose'"]),
+    "no poses": (goal("{poses: []}"), ["goal.poses: ", "one or more", "list of 0"]),
+    "poses as a mapping": (goal("{poses: {link: a}}"), ["goal.poses: ", "list of poses", "mapping"]),
+    "one of several joint goals is none": (goal("{joints: [[0, 1], 3]}"), ["goal.joints[1]: ", "found 3"]),
+    "no link": (goal("{pose: {position: [0, 0, 0]}}"), ["goal.pose: ", "'link' is missing"]),
+    "no position": (goal("{pose: {link: a}}"), ["goal.pose: ", "'position' is missing"]),
+    "no orientation": (aim("position: [0, 0, 0]"), ["goal.pose: ", "no orientation", "free_rotation: all"]),
+    "two orientations": (
+        aim("position: [0, 0, 0], rpy: [0, 0, 0], quaternion_xyzw: [0, 0, 0, 1]"),
+        ["goal.pose: ", "both 'quaternion_xyzw' and 'rpy'"],
+    ),
+    "orientation of any turn": (
+        aim("position: [0, 0, 0], rpy: [0, 0, 0], free_rotation: all"),
+        ["goal.pose.rpy: ", "free_rotation: all", "leave it out"],
+    ),
+    "misspelt axis": (
+        aim("position: [0, 0, 0], rpy: [0, 0, 0], free_rotation: zz"),
+        ["goal.pose.free_rotation: ", "'zz'", "did you mean 'z'"],
+    ),
+    "misspelt tolerance": (
+        aim("position: [0, 0, 0], rpy: [0, 0, 0], position_tolerence: 1"),
+        ["goal.pose: ", "'position_tolerence'", "did you mean 'position_tolerance'"],
+    ),
+    "no tolerance at all": (
+        aim("position: [0, 0, 0], rpy: [0, 0, 0], orientation_tolerance: 0"),
+        ["goal.pose.orientation_tolerance: ", "greater than 0", "found 0"],
+    ),
+    "tolerance of a turn": (
+        aim("position: [0, 0, 0], rpy: [0, 0, 0], orientation_tolerance: 4"),
+        ["goal.pose.orientation_tolerance: ", "[rad]", "found 4"],
+    ),
     # planner
     "misspelt setting": (planner("waypoint: 10"), ["planner: ", "'waypoint'", "'waypoints'"]),
     "too few waypoints": (planner("waypoints: 2"), ["planner.waypoints: ", "whole number 3 to 1000", "found 2"]),

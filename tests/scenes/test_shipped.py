@@ -14,6 +14,7 @@ NAMES = {
     "panda_corridor",
     "panda_bookshelf",
     "panda_table_pick",
+    "panda_grasp",
     "panda_cage",
     "panda_carry",
     "ur5_table",

@@ -7,7 +7,19 @@ from pathlib import Path
 
 import pytest
 
-from hdplan.scenes.model import Attached, JointTarget, Mesh, Obstacle, PlannerSettings, Pose, RobotSpec, Scene, Sphere
+from hdplan.scenes.model import (
+    Attached,
+    Goals,
+    JointTarget,
+    Mesh,
+    Obstacle,
+    PlannerSettings,
+    Pose,
+    PoseTarget,
+    RobotSpec,
+    Scene,
+    Sphere,
+)
 from hdplan.scenes.reader import load_scene, shipped_scenes
 from hdplan.scenes.writer import scene_text
 
@@ -34,6 +46,21 @@ def plain(scene: Scene, source: Path) -> Scene:
 @pytest.mark.parametrize("name", shipped_scenes())
 def test_shipped_scenes_read_back_the_same(name: str, tmp_path: Path) -> None:
     scene = load_scene(name)
+    assert written(scene, tmp_path) == plain(scene, scene.source)
+
+
+@pytest.mark.parametrize(
+    "targets",
+    [
+        (PoseTarget("goal.pose", "hand", Pose((1e-7, 2.0, 1 / 3)), 1e-5, 0.3, "z"),),
+        (PoseTarget("goal.poses[0]", "a", Pose()), PoseTarget("goal.poses[1]", "b", Pose(), free_rotation="all")),
+        (JointTarget("goal.joints[0]", (0.5, 1e-9)), JointTarget("goal.joints[1]", by_name={"on": 1.0})),
+    ],
+)
+def test_goals_that_leave_a_choice_read_back_the_same(
+    targets: tuple[JointTarget, ...] | tuple[PoseTarget, ...], tmp_path: Path
+) -> None:
+    scene = replace(load_scene("empty"), goal=Goals(targets))
     assert written(scene, tmp_path) == plain(scene, scene.source)
 
 

@@ -1,0 +1,258 @@
+"""Configurations for a goal that leaves a choice: inverse kinematics from many starts, the free ones in order.
+
+Damped least squares, dq = Jᵀ (J Jᵀ + λ² I)⁻¹ e, within the joint limits, for many starts at once (Nakamura & Hanafusa,
+"Inverse kinematic solutions with singularity robustness", 1986). Only that part of the error e counts that lies beyond
+a share of the tolerance, until it is gone; then a few steps with all of e lead on towards the centre, as far as they
+can. Turns that are free are taken out of J and e. What reaches the pose and touches nothing is ordered by its
+joint-space distance from the start, times up to 2 where obstacles are close: `Kinematics` finds it, the certificate
+judges it by its own. All draws come from one seeded generator: the same seed gives the same goals.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from hdplan.planner.certificate import Certifier, waypoints_of
+from hdplan.planner.kinematics import Kinematics
+from hdplan.planner.pose_goals import AXES, Miss, link_frame
+from hdplan.planner.robot import Robot
+from hdplan.planner.trajectory import Trajectory
+from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.model import JointTarget, PoseTarget, Scene
+
+Array = NDArray[np.float64]
+
+STARTS = 128  # the scene's start, and random configurations
+STEPS = 80  # at most
+CENTRING = 6  # further ones, from within the tolerance towards its centre
+DAMPING = 0.02  # λ: keeps steps short near a singular configuration
+LONGEST = 0.4  # [rad] or [m] of one step of a joint
+AIM, ENOUGH, AT_MOST = 0.5, 0.75, 0.99  # shares of a tolerance: aimed at, where a start has arrived, that may be left
+APART = 0.6  # [rad] or [m] in some joint between configurations that count as two
+PARALLEL = 1e-9  # sine below which two directions have no axis of their own
+PICKED = 12  # free configurations of a pose, nearest to the start, that are compared
+CLOSE = 0.03  # [m] to an obstacle below which a goal counts as farther away
+TRIED = 6  # goals that are planned to, all targets together; at least one of each
+
+
+class Choice(NamedTuple):
+    """What can be planned to."""
+
+    goals: tuple[JointTarget, ...]  # best first; only the scene's own where it leaves no choice
+    words: tuple[str, ...]  # for the user
+
+
+def goal_choice(scene: Scene, robot: Robot, certifier: Certifier, seed: int = 0) -> Choice:
+    """Return the configurations that may end a motion of this scene, the likely best first.
+
+    Raises:
+        InputError: an unknown link, joint values that do not fit, or no target that can be reached without contact; it
+            says how close the link came, or what it touches.
+    """
+    if isinstance(scene.goal, JointTarget):
+        return Choice((scene.goal,), ())
+    rng = np.random.default_rng(seed)
+    most = max(1, TRIED // len(scene.goal.targets))
+    found: list[tuple[float, JointTarget]] = []
+    refused, words = [], []
+    with naming(scene.source):
+        start = robot.configuration(scene.start)
+        for target in scene.goal.targets:
+            if isinstance(target, JointTarget):
+                reached, nearest = robot.configuration(target)[None], None
+            else:
+                reached, nearest = reaching(robot, target, start, rng)
+            free = _free(certifier, reached, start)
+            if free and nearest is not None:
+                words.append(f"{target.field}: {_configurations(len(reached))} found; free and compared: {len(free)}")
+            elif not free:
+                refused.append(f"{target.field}: {_refusal(target, certifier, reached, nearest)}")
+            found += [(score, JointTarget(target.field, tuple(q.tolist()))) for score, q in free[:most]]
+        if not found:
+            raise InputError("; ".join(refused))
+    return Choice(tuple(goal for _, goal in sorted(found, key=lambda each: each[0])), (*words, *refused))
+
+
+def settled(scene: Scene, robot: Robot, motion: Trajectory | None = None) -> Scene:
+    """Return the scene with one configuration as its goal: where `motion` ends, if the goal is met there, or else the
+    likely best. Itself if its goal leaves no choice. Raises InputError as `goal_choice`."""
+    if isinstance(scene.goal, JointTarget):
+        return scene
+    certifier = Certifier(scene, robot)
+    if motion is not None:
+        end = waypoints_of(robot, motion)[-1]
+        with naming(scene.source):
+            met = certifier.off_goal(end) is None
+        if met:
+            return replace(scene, goal=JointTarget(scene.goal.field, tuple(end.tolist())))
+    return replace(scene, goal=goal_choice(scene, robot, certifier).goals[0])
+
+
+def reaching(robot: Robot, target: PoseTarget, start: Array, rng: np.random.Generator) -> tuple[Array, Miss]:
+    """Return configurations (K, n) that reach a pose, APART from each other and nearest to `start` first, and the least
+    miss of all that were tried."""
+    pose = _Pose.of(robot, target)
+    q = np.vstack([np.clip(start, robot.lower, robot.upper), robot.draw(rng, STARTS - 1)])
+    going = np.arange(len(q))
+    for _ in range(STEPS):
+        error, jacobian = pose.linearized(q[going])
+        far = ~_within(error, target, ENOUGH)
+        going, error, jacobian = going[far], error[far], jacobian[far]
+        if not len(going):
+            break
+        q[going] = _stepped(robot, q[going], _beyond(error, target), jacobian)
+    error, _ = pose.linearized(q)
+    position, angle = _sizes(error)
+    best = int(np.argmin(np.maximum(position / target.position_tolerance, angle / target.orientation_tolerance)))
+    least = Miss(float(position[best]), float(angle[best]))
+    met = _centred(pose, q[_within(error, target, AT_MOST)])
+    met = _fewest_turns(robot, pose.arm, met, start)
+    return _apart(met[np.argsort(np.linalg.norm(met - start, axis=1), kind="stable")]), least
+
+
+class _Pose(NamedTuple):
+    """A target, and the link that is to reach it."""
+
+    robot: Robot
+    target: PoseTarget
+    arm: Kinematics
+    joint: int  # that carries the link
+    placement: Array  # (4, 4) of the link in the joint's frame
+
+    @classmethod
+    def of(cls, robot: Robot, target: PoseTarget) -> _Pose:
+        frame = robot.model.frames[link_frame(robot, target)]
+        return cls(robot, target, _kinematics(robot), frame.parentJoint, frame.placement.homogeneous)
+
+    def linearized(self, q: Array) -> tuple[Array, Array]:
+        """What is missing (B, 6), way [m] and turn [rad] in world axes, and what the joints do about it (B, 6, n)."""
+        state, wanted, joint = self.arm.evaluate(q), self.target.pose.matrix, self.joint
+        rotation = state.rotations[:, joint] @ self.placement[:3, :3]
+        origin = state.rotations[:, joint] @ self.placement[:3, 3] + state.translations[:, joint]
+        linear = state.linear + np.cross(state.angular, origin[:, None])
+        turning = state.angular
+        if self.target.free_rotation == "all":
+            turn, turning = np.zeros_like(origin), np.zeros_like(turning)
+        elif self.target.free_rotation in AXES:
+            axis = AXES.index(self.target.free_rotation)
+            along = rotation[:, :, axis]
+            turn = _turn_between(along, wanted[:3, axis])
+            turning = turning - (turning @ along[..., None]) * along[:, None]
+        else:
+            turn = Rotation.from_matrix(wanted[:3, :3] @ rotation.transpose(0, 2, 1)).as_rotvec()
+        moved = self.arm.supports[joint][:, None]
+        jacobian = np.concatenate([linear, turning], axis=2) * moved
+        return np.concatenate([wanted[:3, 3] - origin, turn], axis=1), jacobian.transpose(0, 2, 1)
+
+
+@functools.lru_cache(maxsize=8)
+def _kinematics(robot: Robot) -> Kinematics:
+    return Kinematics(robot.model)
+
+
+def _stepped(robot: Robot, q: Array, error: Array, jacobian: Array) -> Array:
+    """One damped step from q (B, n), within the limits."""
+    square = jacobian @ jacobian.transpose(0, 2, 1) + DAMPING**2 * np.eye(6)
+    step = np.einsum("bij,bi->bj", jacobian, np.linalg.solve(square, error[..., None])[..., 0])
+    step *= np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-12))
+    moved: Array = np.clip(q + step, robot.lower, robot.upper)
+    return moved
+
+
+def _centred(pose: _Pose, q: Array) -> Array:
+    """Configurations that reach the pose, moved on towards its centre as long as both errors shrink."""
+    error, jacobian = pose.linearized(q)
+    for _ in range(CENTRING):
+        moved = _stepped(pose.robot, q, error, jacobian)
+        error_moved, jacobian_moved = pose.linearized(moved)
+        better = np.all(np.stack(_sizes(error_moved)) <= np.stack(_sizes(error)), axis=0)[:, None]
+        q, error = np.where(better, moved, q), np.where(better, error_moved, error)
+        jacobian = np.where(better[..., None], jacobian_moved, jacobian)
+    return q
+
+
+def _turn_between(directions: Array, wanted: Array) -> Array:
+    """The shortest turns (B, 3) [rad] that bring unit vectors (B, 3) to a wanted one; a half turn of opposite ones."""
+    cross = np.cross(directions, wanted)
+    sine = np.linalg.norm(cross, axis=1, keepdims=True)
+    across = np.cross(wanted, np.eye(3)[np.abs(wanted).argmin()])
+    axis = np.where(sine > PARALLEL, cross / np.maximum(sine, PARALLEL), across / np.linalg.norm(across))
+    turn: Array = axis * np.arctan2(sine, directions @ wanted[:, None])
+    return turn
+
+
+def _sizes(error: Array) -> tuple[Array, Array]:
+    return np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)
+
+
+def _within(error: Array, target: PoseTarget, share: float) -> NDArray[np.bool_]:
+    position, angle = _sizes(error)
+    within: NDArray[np.bool_] = (position <= share * target.position_tolerance) & (
+        angle <= share * target.orientation_tolerance
+    )
+    return within
+
+
+def _beyond(error: Array, target: PoseTarget) -> Array:
+    """The part of the error (B, 6) beyond AIM of the tolerances."""
+    position, angle = _sizes(error)
+    left = [
+        np.maximum(0.0, 1.0 - AIM * tolerance / np.maximum(size, 1e-300))[:, None]
+        for size, tolerance in ((position, target.position_tolerance), (angle, target.orientation_tolerance))
+    ]
+    return np.concatenate([error[:, :3] * left[0], error[:, 3:] * left[1]], axis=1)
+
+
+def _fewest_turns(robot: Robot, arm: Kinematics, q: Array, start: Array) -> Array:
+    """The same placements (B, n) with whole turns of the joints taken back towards `start`, as the limits allow."""
+    revolute = np.linalg.norm(arm.evaluate(start).angular[0], axis=1) > 0.5
+    nearer = q - 2 * math.pi * np.round((q - start) / (2 * math.pi))
+    return np.where(revolute & (nearer >= robot.lower) & (nearer <= robot.upper), nearer, q)
+
+
+def _apart(q: Array) -> Array:
+    """The rows that are APART from all rows kept before them."""
+    kept: list[Array] = []
+    for row in q:
+        if all(np.abs(row - other).max() > APART for other in kept):
+            kept.append(row)
+    return np.array(kept).reshape(-1, q.shape[1])
+
+
+def _free(certifier: Certifier, reached: Array, start: Array) -> list[tuple[float, Array]]:
+    """The PICKED nearest configurations without contact, each with its score, the best first."""
+    scored = []
+    for q in itertools.islice((q for q in reached if not certifier.contacts(q)), PICKED):
+        place = certifier.obstacle_within(q, CLOSE)
+        crowded = 0.0 if place is None else 1.0 - place.distance / CLOSE
+        scored.append((float(np.linalg.norm(q - start)) * (1.0 + crowded), q))
+    return sorted(scored, key=lambda each: each[0])
+
+
+def _refusal(target: JointTarget | PoseTarget, certifier: Certifier, reached: Array, nearest: Miss | None) -> str:
+    if isinstance(target, PoseTarget) and not len(reached):
+        allowed = Miss(
+            target.position_tolerance, 0.0 if target.free_rotation == "all" else target.orientation_tolerance
+        )
+        return (
+            f"link '{target.link}' is not brought there: the best of {STARTS} tries is {nearest} off, "
+            f"allowed are {allowed}"
+        )
+    first = certifier.contacts(reached[0])[0]
+    depth = f"overlap by {first.depth * 1e3:.3g} mm" if first.depth else "touch"
+    if nearest is None:
+        return f"in collision: {first.link} and {first.other} {depth}"
+    found = _configurations(len(reached))
+    return f"in collision in all {found} found; in the nearest {first.link} and {first.other} {depth}"
+
+
+def _configurations(count: int) -> str:
+    return f"{count} configuration" + "s" * (count != 1)
