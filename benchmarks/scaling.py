@@ -15,10 +15,12 @@ from __future__ import annotations
 import argparse
 import csv
 import dataclasses
+import pickle
 import platform
 import resource
 import subprocess
 import sys
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -95,10 +97,10 @@ def _random_box(name: str, rng: np.random.Generator) -> Obstacle:
     return Obstacle(name, Box(tuple(rng.uniform(*SIDES, 3).tolist())), Pose(tuple(rng.uniform(*ROOM).tolist()), turn))
 
 
-def measure(waypoints: int, boxes: int, repeat: int) -> Point:
+def measure(warm: Scene, scene: Scene, repeat: int) -> Point:
     """Plan in this process."""
-    hdplan.plan(scene_of(20, 10))
-    scene = scene_of(waypoints, boxes)
+    hdplan.plan(warm)
+    waypoints, boxes = scene.planner.waypoints, len(scene.obstacles)
     results = [hdplan.plan(scene, time_limit=120.0) for _ in range(repeat)]
     times = [result.times for result in results]
     build_s, solve_s, certify_s = (
@@ -109,17 +111,28 @@ def measure(waypoints: int, boxes: int, repeat: int) -> Point:
             [t.certify for t in times],
         )
     )
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (
-        1e6 if sys.platform == "darwin" else 1e6 / 1024
-    )  # kB on Linux
+    peak = _peak()
     result = results[0]
     return Point(waypoints, boxes, build_s, solve_s, result.iterations, certify_s, result.certified, peak)
 
 
+def _peak() -> float:
+    """The most memory [MB] that this process has held; Linux's own count, as that of getrusage survives an exec and so
+    may be the parent's."""
+    status = Path("/proc/self/status")
+    if status.is_file():
+        line = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM"))
+        return int(line.split()[1]) * 1024 / 1e6
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e6 / 1024)
+
+
 def in_a_process(waypoints: int, boxes: int, repeat: int) -> Point:
-    """Measure in a process of its own, for its own peak of memory."""
-    command = [sys.executable, __file__, "--one", str(waypoints), str(boxes), "--repeat", str(repeat)]
-    done = subprocess.run(command, capture_output=True, text=True)
+    """Measure in a process of its own, which is given the scenes: for the peak of memory of planning alone."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "scenes.pickle"
+        file.write_bytes(pickle.dumps((scene_of(20, 10), scene_of(waypoints, boxes))))
+        command = [sys.executable, __file__, "--one", str(file), "--repeat", str(repeat)]
+        done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
         sys.exit(done.stderr)
     values = done.stdout.split()
@@ -195,10 +208,11 @@ def main() -> None:
     parser.add_argument("--repeat", type=int, default=3, help="plans per point; the median counts")
     parser.add_argument("--picture", type=Path)
     parser.add_argument("--csv", type=Path)
-    parser.add_argument("--one", type=int, nargs=2, metavar=("WAYPOINTS", "BOXES"), help="one point, in this process")
+    parser.add_argument("--one", type=Path, metavar="FILE", help="one point, in this process: two pickled scenes")
     options = parser.parse_args()
     if options.one:
-        print(*dataclasses.astuple(measure(*options.one, options.repeat)))
+        warm, scene = pickle.loads(options.one.read_bytes())
+        print(*dataclasses.astuple(measure(warm, scene, options.repeat)))
         return
     default = hdplan.load_scene("empty").planner.waypoints
     by_waypoints = [in_a_process(count, FEW_BOXES, options.repeat) for count in WAYPOINTS]
