@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from problems import RealProblem, real_problems
 from recheck import recheck
 
 import hdplan
@@ -43,20 +44,17 @@ class Outcome:
     words: str  # certificate's text or the refusal
 
 
-def run(folder: Path, robot: str, name: str, scene_file: Path, time_limit: float, check: bool) -> Outcome:
+def run(problem: RealProblem, time_limit: float, check: bool) -> Outcome:
     """Plan one problem with the command's defaults, from reading its files on."""
-    request, robot_file = (
-        scene_file.with_name(scene_file.name.replace("scene", "request")),
-        folder / robot / "robot.yaml",
-    )
-    problem = scene_file.stem.removeprefix("scene")
     began = time.perf_counter()
     try:
-        scene = hdplan.load_scene(scene_file, request=request, robot=robot_file)
+        scene = problem.load()
         read = time.perf_counter() - began
         result = hdplan.plan(scene, time_limit=time_limit)
     except hdplan.InputError as error:
-        return Outcome(robot, name, problem, "refused", np.nan, (0.0,) * len(PHASES), 0, "", str(error))
+        return Outcome(
+            problem.robot, problem.set, problem.number, "refused", np.nan, (0.0,) * len(PHASES), 0, "", str(error)
+        )
     times = result.times
     seconds = (read + times.load, times.build + times.compile, times.solve, times.certify)
     verdict = ""
@@ -64,14 +62,14 @@ def run(folder: Path, robot: str, name: str, scene_file: Path, time_limit: float
         with tempfile.TemporaryDirectory() as temporary:
             file = Path(temporary) / "motion.json"
             result.save(file)
-            found = recheck(file, scene_file, request, robot_file)
+            found = recheck(file, problem.scene_file, problem.request_file, problem.robot_file)
         verdict = "free" if found["free"] else f"refuted: {found}"
     clearance = result.certificate.clearance
     status = result.certificate.status.value
     return Outcome(
-        robot,
-        name,
-        problem,
+        problem.robot,
+        problem.set,
+        problem.number,
         status,
         np.nan if clearance is None else clearance,
         seconds,
@@ -154,17 +152,12 @@ def main() -> None:
     options = parser.parse_args()
     outcomes = []
     for robot in options.robot or ("panda", "ur5"):
-        for folder in sorted(path for path in (options.folder / robot).iterdir() if path.is_dir()):
-            if options.set and folder.name not in options.set:
-                continue
-            files = sorted(folder.glob("scene*.yaml"))[:: options.every]
-            if not outcomes and files:  # compile and fit once, so that all are measured warm
-                run(options.folder, robot, folder.name, files[0], options.time_limit, check=False)
-            for file in files:
-                outcomes.append(
-                    run(options.folder, robot, folder.name, file, options.time_limit, not options.no_recheck)
-                )
-                print(line(outcomes[-1]), flush=True)
+        problems = real_problems(options.folder, robot, options.every, options.set)
+        if not outcomes and problems:  # compile and fit once, so that all are measured warm
+            run(problems[0], options.time_limit, check=False)
+        for problem in problems:
+            outcomes.append(run(problem, options.time_limit, not options.no_recheck))
+            print(line(outcomes[-1]), flush=True)
     if not outcomes:
         sys.exit(f"no problems found below {options.folder}")
     print(f"\nPython {platform.python_version()}, {platform.machine()}, one core used of this machine\n")

@@ -37,6 +37,7 @@ from pathlib import Path
 
 import numpy as np
 from peer_task import Answer, Shape, Task, measure
+from problems import real_problems
 from threadpoolctl import threadpool_limits
 
 import hdplan
@@ -127,12 +128,6 @@ def line(o: Outcome) -> str:
     """One line for a person."""
     shape = f", length {o.shape.length:.2f} rad" if o.shape else ""
     return f"{o.robot} {o.set} {o.problem} {o.planner}: {o.seconds:.3f} s{shape}, {o.verdict}"
-
-
-def load(scene_file: Path) -> Task:
-    """Read one problem."""
-    request = scene_file.with_name(scene_file.name.replace("scene", "request"))
-    return Task.of(hdplan.load_scene(scene_file, request=request, robot=scene_file.parents[1] / "robot.yaml"))
 
 
 # --- tables -----------------------------------------------------------------------------------------------------------
@@ -248,14 +243,12 @@ def main() -> None:
     outcomes: list[Outcome] = []
     with threadpool_limits(1):
         for robot in options.robot or ["panda"]:
-            folders = sorted(path for path in (options.folder / robot).iterdir() if path.is_dir())
-            chosen = [folder for folder in folders if not options.set or folder.name in options.set]
-            files = [file for folder in chosen for file in sorted(folder.glob("scene*.yaml"))[:: options.every]]
-            for file in files[:1]:
+            problems = real_problems(options.folder, robot, options.every, options.set)
+            for problem in problems[:1]:
                 for name, planner in planners.items():
-                    run(name, planner, load(file), (robot, "", ""), WARM_UP)
-            for file in files:
-                task, where = load(file), (robot, file.parent.name, file.stem.removeprefix("scene"))
+                    run(name, planner, Task.of(problem.load()), (robot, "", ""), WARM_UP)
+            for problem in problems:
+                task, where = Task.of(problem.load()), (robot, problem.set, problem.number)
                 for name, planner in planners.items():
                     outcomes.append(run(name, planner, task, where, options.time_limit))
                     print(line(outcomes[-1]), flush=True)

@@ -36,6 +36,7 @@ import penalty_pairs
 import penalty_picture
 from peer_task import Shape, measure
 from penalty_variants import VARIANTS, varied
+from problems import real_problems
 from threadpoolctl import threadpool_limits
 
 import hdplan
@@ -242,11 +243,8 @@ def problems(folder: Path, robots: list[str], every: int) -> Iterator[tuple[str,
     for name in shipped_scenes():
         yield SHIPPED, name, lambda name=name: hdplan.load_scene(name)  # type: ignore[misc]
     for robot in robots:
-        for files in (sorted(path.glob("scene*.yaml")) for path in sorted((folder / robot).iterdir())):
-            for file in files[::every]:
-                request = file.with_name(file.name.replace("scene", "request"))
-                load = lambda f=file, r=request: hdplan.load_scene(f, request=r, robot=f.parents[1] / "robot.yaml")  # noqa: E731
-                yield robot, f"{file.parent.name} {file.stem.removeprefix('scene')}", load
+        for problem in real_problems(folder, robot, every):
+            yield robot, f"{problem.set} {problem.number}", problem.load
 
 
 def main() -> None:

@@ -1,0 +1,51 @@
+"""The problems of MotionBenchMaker: DIR/ROBOT/robot.yaml, and a folder for each set with scenes and requests."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import hdplan
+
+
+@dataclass(frozen=True)
+class RealProblem:
+    """One problem, by its files."""
+
+    scene_file: Path
+
+    @property
+    def robot(self) -> str:
+        """The robot's folder."""
+        return self.scene_file.parents[1].name
+
+    @property
+    def set(self) -> str:
+        """The set's folder."""
+        return self.scene_file.parent.name
+
+    @property
+    def number(self) -> str:
+        """What its files are numbered by."""
+        return self.scene_file.stem.removeprefix("scene")
+
+    @property
+    def request_file(self) -> Path:
+        """The motion plan request that goes with the scene."""
+        return self.scene_file.with_name(self.scene_file.name.replace("scene", "request"))
+
+    @property
+    def robot_file(self) -> Path:
+        """The `robot` section that all problems of the robot share."""
+        return self.scene_file.parents[1] / "robot.yaml"
+
+    def load(self) -> hdplan.Scene:
+        """Read it. Raises InputError for a bad file."""
+        return hdplan.load_scene(self.scene_file, request=self.request_file, robot=self.robot_file)
+
+
+def real_problems(folder: Path, robot: str, every: int = 1, sets: Sequence[str] = ()) -> list[RealProblem]:
+    """Every K-th problem of each set (or of those named) of one robot, in the order of their names."""
+    folders = sorted(path for path in (folder / robot).iterdir() if path.is_dir() and (not sets or path.name in sets))
+    return [RealProblem(file) for each in folders for file in sorted(each.glob("scene*.yaml"))[::every]]
