@@ -199,11 +199,14 @@ def _turned_back(vectors: Array, rotations: Array) -> Array:
 
 @functools.lru_cache(maxsize=4096)
 def _hull(body: ConvexBody, exponent: int) -> coal.Convex:
-    """Return coal's convex shape of the vertices times 2^exponent; it takes flat bodies too."""
+    return coal_hull(body, 2.0**exponent)
+
+
+def coal_hull(body: ConvexBody, scale: float = 1.0) -> coal.Convex:
+    """Return coal's convex shape of the vertices times `scale`, without the radius; it takes flat bodies too."""
     points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
-    points.extend(list(body.vertices * 2.0**exponent))
-    for corners in triangles(body):
-        faces.append(coal.Triangle(*map(int, corners)))
+    points.extend(list(body.vertices * scale))
+    faces.extend([coal.Triangle(*map(int, corners)) for corners in triangles(body)])
     return coal.Convex(points, faces)
 
 

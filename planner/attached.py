@@ -14,6 +14,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from hdplan.planner.coal_shapes import convex_hull, triangle_tree
 from hdplan.planner.description import LinkPair, link_pair
 from hdplan.planner.meshes import FLAT, load_mesh, thinness
 from hdplan.planner.robot import Robot
@@ -88,14 +89,6 @@ def _coal_shape(shape: Shape, field: str) -> Any:
             corners = np.array(points)
             if thinness(corners) <= FLAT:
                 raise InputError(f"{field}.shape.points: are flat; a body with some thickness is needed")
-            rows = coal.StdVec_Vec3s()
-            rows.extend(list(corners))
-            return coal.Convex.convexHull(rows, True, "Qt")
+            return convex_hull(corners)
         case Mesh():
-            mesh = load_mesh(shape, field)
-            tree = coal.BVHModelOBBRSS()
-            tree.beginModel(len(mesh.triangles), len(mesh.vertices))
-            for corners in mesh.vertices[mesh.triangles]:
-                tree.addTriangle(*corners)
-            tree.endModel()
-            return tree
+            return triangle_tree(load_mesh(shape, field))

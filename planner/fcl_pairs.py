@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.surface import triangles
+from hdplan.distance.oracle import coal_hull
 from hdplan.planner.kinematics import KinematicsBatch
 from hdplan.planner.link_bodies import LinkBody
 from hdplan.planner.pairs import BodyPairs, Floats, Rows
@@ -170,10 +170,7 @@ def _segment(length: float) -> Floats:
 @functools.lru_cache(maxsize=4096)
 def _swept(body: ConvexBody) -> _Solid:
     """A polytope swept by a ball; coal takes the radius off the distance of the polytopes."""
-    points, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
-    points.extend(list(body.vertices))
-    faces.extend([coal.Triangle(*map(int, corners)) for corners in triangles(body)])
-    shape = coal.Convex(points, faces)
+    shape = coal_hull(body)
     shape.setSweptSphereRadius(body.radius)
     return _Solid(shape, body.vertices, ball=body.radius)
 

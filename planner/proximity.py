@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 from trimesh.intersections import slice_faces_plane
 
+from hdplan.planner.coal_shapes import convex_hull, triangle_tree
 from hdplan.planner.meshes import FLAT, TriangleMesh, load_mesh, thinness
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, Sphere
@@ -80,11 +81,7 @@ class Surface:
     @cached_property
     def tree(self) -> Any:
         """Coal's tree of bounding volumes over them, built when it is first asked for."""
-        tree = coal.BVHModelOBBRSS()
-        tree.beginModel(len(self.mesh.triangles), len(self.mesh.vertices))
-        tree.addSubModel(_points(self.mesh.vertices), _triangles(self.mesh.triangles))
-        tree.endModel()
-        return tree
+        return triangle_tree(self.mesh)
 
 
 def obstacle_pieces(obstacle: Obstacle) -> tuple[Piece, ...]:
@@ -291,21 +288,9 @@ def _hull(points: Array, surface: Surface | None = None) -> Piece:
     if len(extents) < 3 or extents[2] < 1e-4 * extents[0]:
         swell = 1e-4 * (float(extents[0]) or 1.0) * np.array([[1, 1, 1], [-1, -1, 1], [-1, 1, -1], [1, -1, -1]])
         solid = (points[:, None] + swell[None]).reshape(-1, 3)
-    shape = coal.Convex.convexHull(_points(solid), True, "Qt")
+    shape = convex_hull(solid)
     corners = np.array(shape.points()) if solid is points else points
     return Piece(corners, shape, surface=surface)
-
-
-def _points(rows: Array) -> Any:
-    points = coal.StdVec_Vec3s()
-    points.extend(list(rows))
-    return points
-
-
-def _triangles(rows: NDArray[np.int64]) -> Any:
-    triangles = coal.StdVec_Triangle()
-    triangles.extend([coal.Triangle(*(int(i) for i in row)) for row in rows])
-    return triangles
 
 
 def _turns() -> tuple[Array, ...]:

@@ -1,0 +1,33 @@
+"""Points and triangles as coal wants them: convex hulls, and trees of bounding volumes over meshes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import coal
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.meshes import TriangleMesh
+
+
+def convex_hull(points: NDArray[np.float64]) -> Any:
+    """Return coal's hull of points (m, 3) that are not flat."""
+    return coal.Convex.convexHull(_points(points), True, "Qt")
+
+
+def triangle_tree(mesh: TriangleMesh) -> Any:
+    """Return coal's tree over a mesh's triangles."""
+    triangles = coal.StdVec_Triangle()
+    triangles.extend([coal.Triangle(*(int(i) for i in row)) for row in mesh.triangles])
+    tree = coal.BVHModelOBBRSS()
+    tree.beginModel(len(mesh.triangles), len(mesh.vertices))
+    tree.addSubModel(_points(mesh.vertices), triangles)
+    tree.endModel()
+    return tree
+
+
+def _points(rows: NDArray[np.float64]) -> Any:
+    points = coal.StdVec_Vec3s()
+    points.extend(list(rows))
+    return points
