@@ -10,7 +10,6 @@ judges it by its own. All draws come from one seeded generator: the same seed gi
 
 from __future__ import annotations
 
-import functools
 import itertools
 import math
 from dataclasses import replace
@@ -22,6 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from hdplan.planner.certificate import Certifier, waypoints_of
 from hdplan.planner.kinematics import Kinematics
+from hdplan.planner.outline import kinematics_of
 from hdplan.planner.pose_goals import AXES, Miss, link_frame
 from hdplan.planner.robot import Robot
 from hdplan.planner.trajectory import Trajectory
@@ -108,7 +108,7 @@ def reaching(robot: Robot, target: PoseTarget, start: Array, rng: np.random.Gene
         going, error, jacobian = going[far], error[far], jacobian[far]
         if not len(going):
             break
-        q[going] = _stepped(robot, q[going], _beyond(error, target), jacobian)
+        q[going] = damped_step(robot, q[going], _beyond(error, target), jacobian)
     error, _ = pose.linearized(q)
     position, angle = _sizes(error)
     best = int(np.argmin(np.maximum(position / target.position_tolerance, angle / target.orientation_tolerance)))
@@ -130,7 +130,7 @@ class _Pose(NamedTuple):
     @classmethod
     def of(cls, robot: Robot, target: PoseTarget) -> _Pose:
         frame = robot.model.frames[link_frame(robot, target)]
-        return cls(robot, target, _kinematics(robot), frame.parentJoint, frame.placement.homogeneous)
+        return cls(robot, target, kinematics_of(robot), frame.parentJoint, frame.placement.homogeneous)
 
     def linearized(self, q: Array) -> tuple[Array, Array]:
         """What is missing (B, 6), way [m] and turn [rad] in world axes, and what the joints do about it (B, 6, n)."""
@@ -153,16 +153,12 @@ class _Pose(NamedTuple):
         return np.concatenate([wanted[:3, 3] - origin, turn], axis=1), jacobian.transpose(0, 2, 1)
 
 
-@functools.lru_cache(maxsize=8)
-def _kinematics(robot: Robot) -> Kinematics:
-    return Kinematics(robot.model)
-
-
-def _stepped(robot: Robot, q: Array, error: Array, jacobian: Array) -> Array:
-    """One damped step from q (B, n), within the limits."""
+def damped_step(robot: Robot, q: Array, error: Array, jacobian: Array, longest: float = LONGEST) -> Array:
+    """One step of damped least squares from q (B, n), within the limits: error (B, 6), jacobian (B, 6, n); no joint
+    moves by more than `longest`."""
     square = jacobian @ jacobian.transpose(0, 2, 1) + DAMPING**2 * np.eye(6)
     step = np.einsum("bij,bi->bj", jacobian, np.linalg.solve(square, error[..., None])[..., 0])
-    step *= np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-12))
+    step *= np.minimum(1.0, longest / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-12))
     moved: Array = np.clip(q + step, robot.lower, robot.upper)
     return moved
 
@@ -171,7 +167,7 @@ def _centred(pose: _Pose, q: Array) -> Array:
     """Configurations that reach the pose, moved on towards its centre as long as both errors shrink."""
     error, jacobian = pose.linearized(q)
     for _ in range(CENTRING):
-        moved = _stepped(pose.robot, q, error, jacobian)
+        moved = damped_step(pose.robot, q, error, jacobian)
         error_moved, jacobian_moved = pose.linearized(moved)
         better = np.all(np.stack(_sizes(error_moved)) <= np.stack(_sizes(error)), axis=0)[:, None]
         q, error = np.where(better, moved, q), np.where(better, error_moved, error)

@@ -44,11 +44,17 @@ class Outline:
 def outline_of(robot: Robot, geometry: str, normals: str) -> Outline:
     """Return the outline of a robot with the bodies and normals of these settings, the same object for the same
     ones."""
-    kinematics, bodies = Kinematics(robot.model), link_bodies(robot, geometry)
+    kinematics, bodies = kinematics_of(robot), link_bodies(robot, geometry)
     planes = tuple(from_link_body(body.link, body.joint, body.body, normals) for body in bodies)
     reach = tuple(reach_of(robot.model, body.joint, body.body) for body in bodies)
     pairs, unresolved = _separable_pairs(robot, kinematics, bodies, planes)
     return Outline(kinematics, bodies, planes, reach, pairs, unresolved)
+
+
+@functools.lru_cache(maxsize=8)
+def kinematics_of(robot: Robot) -> Kinematics:
+    """Return the kinematics of a robot, the same object for the same robot: they need no bodies."""
+    return Kinematics(robot.model)
 
 
 def _separable_pairs(

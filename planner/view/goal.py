@@ -1,8 +1,7 @@
 """Inverse kinematics for dragging: the goal's configuration follows the tip's handle.
 
-Damped least squares on the tip's placement, dq = Jᵀ (J Jᵀ + λ² I)⁻¹ e, from the goal as it was, within the joint
-limits (Nakamura & Hanafusa, "Inverse kinematic solutions with singularity robustness", 1986). It follows the handle
-from where the arm is; it does not search for another posture.
+Damped least squares on the tip's placement (`goal_search`), from the goal as it was, within the joint limits. It
+follows the handle from where the arm is; it does not search for another posture.
 """
 
 from __future__ import annotations
@@ -11,13 +10,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from hdplan.planner.goal_search import damped_step
 from hdplan.planner.view.motion import Tip
 
 Array = NDArray[np.float64]
 
 STEPS = 60  # at most
 CLOSE = 1e-5  # [m] and [rad] at which it has arrived
-DAMPING = 0.02  # λ: keeps steps short near a singular configuration
 LONGEST = 0.3  # [rad] or [m] of one step of a joint
 
 
@@ -41,7 +40,5 @@ def follow(tip: Tip, q: Array, target: pin.SE3) -> tuple[Array, float]:
         jacobian = offset.toActionMatrixInverse() @ pin.getJointJacobian(
             robot.model, data, tip.joint, pin.ReferenceFrame.LOCAL
         )
-        step = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + DAMPING**2 * np.eye(6), error)
-        step *= min(1.0, LONGEST / max(float(np.abs(step).max()), 1e-12))
-        q = np.clip(q + step, robot.lower, robot.upper)
+        q = damped_step(robot, q[None], error[None], jacobian[None], LONGEST)[0]
     return best, off

@@ -226,7 +226,7 @@ def test_absent_is_absent(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def never(*_: object) -> None:
         raise AssertionError("called")
 
-    for part in ("reaching", "_free", "_kinematics"):
+    for part in ("reaching", "_free", "kinematics_of"):
         monkeypatch.setattr(goal_search, part, never)
     result = plan(scene)
     assert settled(scene, robot) is scene
