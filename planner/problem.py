@@ -113,15 +113,6 @@ class Problem:
             coupling=weight * coupling[1:-1],
         )
 
-    def penalties(self, configurations: Floats) -> Floats:
-        """The penalty ½ Σ min(D, 0)² of single configurations (B, n) -> (B,), to compare seeds by."""
-        kinematics = self.kinematics.evaluate(configurations)
-        result = np.zeros(len(configurations))
-        for term in self.terms:
-            inside = term.inside(kinematics)
-            np.add.at(result, inside.sample, 0.5 * inside.distance**2)
-        return result
-
     def depth(self, configurations: Floats) -> Floats:
         """How far the worst pair is inside its margin at single configurations (B, n) -> (B,) [m]."""
         kinematics = self.kinematics.evaluate(configurations)

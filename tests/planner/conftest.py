@@ -5,9 +5,27 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from hdplan.planner.problem import Problem
 from hdplan.scenes.model import JointTarget, Obstacle, RobotSpec, Scene
+
+
+@pytest.fixture
+def penalties() -> Callable[[Problem, NDArray[np.float64]], NDArray[np.float64]]:
+    """Give the penalty ½ Σ min(D, 0)² of a problem at single configurations (B, n) -> (B,)."""
+
+    def penalties(problem: Problem, configurations: NDArray[np.float64]) -> NDArray[np.float64]:
+        kinematics = problem.kinematics.evaluate(configurations)
+        result = np.zeros(len(configurations))
+        for term in problem.terms:
+            inside = term.inside(kinematics)
+            np.add.at(result, inside.sample, 0.5 * inside.distance**2)
+        return result
+
+    return penalties
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -65,12 +66,14 @@ def test_through_is_the_polyline_at_equal_steps(problem: Problem) -> None:
     np.testing.assert_allclose(through(problem, via), expected, rtol=0, atol=EXACT)
 
 
-def test_random_guesses_are_chosen_by_their_penalty(problem: Problem) -> None:
+def test_random_guesses_are_chosen_by_their_penalty(
+    problem: Problem, penalties: Callable[[Problem, Array], Array]
+) -> None:
     """On the whole they touch less than lines through any random configuration."""
     low, high = np.maximum(problem.robot.lower, -np.pi), np.minimum(problem.robot.upper, np.pi)
     drawn = np.random.default_rng(4).uniform(low, high, (COUNT, problem.robot.n))
-    blind = [problem.penalties(through(problem, [via])).mean() for via in drawn]
-    chosen = [problem.penalties(guess).mean() for guess in first(problem, 4)[1:]]
+    blind = [penalties(problem, through(problem, [via])).mean() for via in drawn]
+    chosen = [penalties(problem, guess).mean() for guess in first(problem, 4)[1:]]
     assert np.mean(chosen) < np.mean(blind)
 
 

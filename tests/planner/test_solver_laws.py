@@ -288,10 +288,7 @@ def test_smoothness_is_quadratic_and_its_hessian_exact() -> None:
 
 # --- symmetries of the world ------------------------------------------------------------------------------------------
 
-ELSEWHERE = about((0.3, -0.5, 0.7), 2.0, (1.3, -2.1, 0.7))
-
-
-@pytest.mark.parametrize(
+arms_and_solvers = pytest.mark.parametrize(
     ("name", "solver"),
     [
         ("planar_arm", "gauss_newton"),
@@ -303,6 +300,11 @@ ELSEWHERE = about((0.3, -0.5, 0.7), 2.0, (1.3, -2.1, 0.7))
         ("ur5_table", "chomp"),
     ],
 )
+
+ELSEWHERE = about((0.3, -0.5, 0.7), 2.0, (1.3, -2.1, 0.7))
+
+
+@arms_and_solvers
 def test_robot_and_obstacles_moved_together_give_the_same_motion(name: str, solver: str) -> None:
     """Bodies, planes and broad phase live in the bodies' own frames: the world's frame enters by rounding alone."""
     scene = shipped(name, 10 if solver == "ipopt" else None)
@@ -403,18 +405,7 @@ def test_a_mirrored_scene_gives_the_mirrored_motion(symmetric_arm: Scene, solver
 # neither direction nor number of samples means anything: the way back is the way there, and a path costs what it costs.
 
 
-@pytest.mark.parametrize(
-    ("name", "solver"),
-    [
-        ("planar_arm", "gauss_newton"),
-        ("planar_arm", "chomp"),
-        ("planar_arm", "ipopt"),
-        ("panda_cage", "gauss_newton"),
-        ("panda_cage", "chomp"),
-        ("ur5_table", "gauss_newton"),
-        ("ur5_table", "chomp"),
-    ],
-)
+@arms_and_solvers
 def test_the_way_back_is_the_way_there(name: str, solver: str) -> None:
     """From the straight line, and from a guess that is reversed as well."""
     scene = shipped(name, 10 if solver == "ipopt" else None)
