@@ -247,8 +247,7 @@ class Certifier:
     def obstacle_within(self, q: ArrayLike, distance: float) -> Place | None:
         """Return the obstacle closest to the robot in one configuration, exactly; None if it is farther away than
         `distance` [m]."""
-        spot = self.sweep.nearest(np.asarray(q, dtype=np.float64), distance)[0]
-        return self._place(spot, 2) if spot else None
+        return self.nearest(q, distance)[0]
 
     def _names(self, pair: int) -> tuple[str, str]:
         pairs, names = self.sweep.pairs, self.sweep.bodies.names

@@ -161,14 +161,12 @@ class _Search:
             certificate = self._certify(solution)
             if solution.status is Status.INTERRUPTED or self.stop() or budget.spent():
                 return True
-            guess, weight = solution.trajectory.positions, solution.weight
-            finer = problem.resampled(guess)
             if certificate.certified:
                 return True
             if solution.status is Status.STALLED:
                 break
-            problem = finer.refined(sorted({place.interval for place in certificate.failures}))
-            weight *= RAISE
+            guess, weight = solution.trajectory.positions, solution.weight * RAISE
+            problem = problem.resampled(guess).refined(sorted({place.interval for place in certificate.failures}))
         return False
 
     def _report_step(self, step: Step, positions: Floats) -> None:

@@ -128,7 +128,7 @@ class _Run:
             nodes, items = roots, Items.all(count, pairs[~done]) if not done.all() else None
             while items:
                 items = self._examine(nodes, items)
-                if self.stop_at_contact and any(spot.touching for spot in self.failures.values()):
+                if self._settled():
                     return
                 if items:
                     nodes, items = self._halve(nodes, items)
@@ -194,7 +194,7 @@ class _Run:
                 chunk = self._open(nodes, replace(chunk, bound=np.maximum(chunk.bound, bound)))
             if len(chunk):
                 chunk = self._open(nodes, self._exactly(nodes, chunk))
-            if self.stop_at_contact and any(spot.touching for spot in self.failures.values()):
+            if self._settled():
                 return None
             if len(chunk):
                 left.append(chunk)
@@ -208,6 +208,10 @@ class _Run:
         )
         items = self._open(nodes, items)  # the closest distance has come down since
         return items if len(items) else None
+
+    def _settled(self) -> bool:
+        """Whether a place found too close ends the search."""
+        return self.stop_at_contact and any(spot.touching for spot in self.failures.values())
 
     def _open(self, nodes: Intervals, items: Items) -> Items:
         """Drop the items that are proven as far as need be, or failed; what the former prove counts."""
