@@ -182,7 +182,7 @@ def _pairs(problem: Problem) -> Rows:
 
 def _size(problem: Problem) -> Rows:
     unknowns = (problem.waypoints - 2) * problem.robot.n
-    how = ", ".join(sorted({term.distance.how for term in problem.terms})) or "not needed"
+    how = ", ".join(sorted({term.distance.how for term in problem.pair_terms})) or "not needed"
     return [
         ("unknowns", f"{unknowns}: {problem.waypoints - 2} free waypoints × {_count(problem.robot.n, 'joint')}"),
         ("looked at", f"{len(problem.samples.weight)} configurations between the waypoints"),
@@ -217,7 +217,7 @@ def _shape(shape: Shape) -> str:
 
 
 def _term(problem: Problem, name: str) -> Clearance | None:
-    return next((term for term in problem.terms if term.name == name), None)
+    return next((term for term in problem.pair_terms if term.name == name), None)
 
 
 def _kept(problem: Problem, name: str) -> int:

@@ -30,7 +30,7 @@ from hdplan.planner.robot import Robot
 from hdplan.planner.samples import Samples
 from hdplan.planner.scene_robot import load_scene_robot, resolve_query
 from hdplan.planner.swept_clearance import SweptClearance
-from hdplan.planner.terms import Clearance, PairDistance, Smoothness
+from hdplan.planner.terms import Clearance, PairDistance, Smoothness, Term
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.model import PlannerSettings, Scene
 
@@ -67,7 +67,7 @@ class Problem:
     bodies: tuple[LinkBody, ...]  # the links' outer bodies
     plane_bodies: tuple[PlaneBody, ...]  # the obstacles' convex pieces
     smoothness: Smoothness
-    terms: tuple[Clearance, ...]  # obstacles and self-collision, where the scene has any
+    terms: tuple[Term, ...]  # what the scene calls for: obstacles, self-collision, …
     samples: Samples
     unresolved: tuple[tuple[str, str], ...]  # link pairs left to the certificate, as their outer bodies overlap anyway
     notes: tuple[str, ...]  # words for the user
@@ -77,6 +77,11 @@ class Problem:
     def waypoints(self) -> int:
         """N, both ends included."""
         return self.scene.planner.waypoints
+
+    @property
+    def pair_terms(self) -> tuple[Clearance, ...]:
+        """The terms that keep pairs of bodies apart."""
+        return tuple(term for term in self.terms if isinstance(term, Clearance))
 
     def clip(self, positions: Floats) -> Floats:
         """Move interior waypoints into the joint limits and set the ends."""
@@ -89,7 +94,7 @@ class Problem:
         smoothness, gradient = self.smoothness.value(positions)
         kinematics = self.kinematics.evaluate(self.samples.configurations(positions))
         sampled = [term for term in self.terms if not isinstance(term, SweptClearance)]
-        penalties = [term.value(kinematics, self.samples.weight) for term in sampled]
+        penalties = [term.value(kinematics, self.samples) for term in sampled]
         n, batch = positions.shape[1], len(self.samples.weight)
         total = sum((p.gradient for p in penalties), np.zeros((batch, n)))
         curvature = sum((p.curvature for p in penalties), np.zeros((batch, n, n)))
@@ -113,13 +118,12 @@ class Problem:
             coupling=weight * coupling[1:-1],
         )
 
-    def depth(self, configurations: Floats) -> Floats:
-        """How far the worst pair is inside its margin at single configurations (B, n) -> (B,) [m]."""
+    def depth(self, configurations: Floats, time: Floats | None = None) -> Floats:
+        """How far the worst term is inside its margin at single configurations (B, n) -> (B,) [m]; of no particular
+        time, or at path parameters `time` (B,)."""
         kinematics = self.kinematics.evaluate(configurations)
-        result = np.zeros(len(configurations))
-        for term in self.terms:
-            inside = term.inside(kinematics)
-            np.maximum.at(result, inside.sample, -inside.separation)
+        depths = [term.depth(kinematics, time) for term in self.terms]
+        result: Floats = np.max([np.zeros(len(configurations)), *depths], axis=0)
         return result
 
     def refined(self, intervals: list[int]) -> Problem:
@@ -162,7 +166,7 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
     plane_bodies = tuple(body for pieces, _ in enclosed for body in pieces)
     notes = [*scene.notes, *robot.notes, *query.notes, *(word for _, words in enclosed for word in words)]
 
-    terms: list[Clearance] = []
+    terms: list[Term] = []
     margin = settings.clearance + settings.activation
     pairs = [
         (a, b)
