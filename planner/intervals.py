@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.planner.curve import Curve
 from hdplan.planner.motion_bounds import Array, Chain, Mask, Motion
 from hdplan.planner.proximity import Piece, transform
 
@@ -52,9 +53,10 @@ class Bodies:
         self.half = np.array([0.5 * (piece.high - piece.low) for piece in self.pieces]).reshape(-1, 3)  # box sizes / 2
         self.hollow = np.array([piece.surface is not None for piece in self.pieces], dtype=bool)
 
-    def reach(self, waypoints: Array) -> Array:
-        """Return ρ (g, n) for all configurations between the waypoints (N, n)."""
-        travel = np.stack([waypoints.min(axis=0), waypoints.max(axis=0)], axis=1)
+    def reach(self, curve: Curve) -> Array:
+        """Return ρ (g, n) for all configurations of a motion."""
+        low, high = curve.bounds()
+        travel = np.stack([low.min(axis=0), high.max(axis=0)], axis=1)
         if self.chain.revolute.all():  # where nothing slides, it is the same for every motion
             rows = [_reach_of_turns(self.chain, body) for body in self.bodies]
         else:
@@ -96,6 +98,7 @@ class Intervals:
     start: Array  # (k,) within it, 0 to 1
     width: Array  # (k,)
     delta: Array  # (k, n) half of the joints' motion, signed
+    deviation: Array  # (k, n) by how much they may leave the straight line between, ε
     rotation: Array  # (k, bodies, 3, 3) of the bodies
     origin: Array  # (k, bodies, 3)
     center: Array  # (k, bodies, 3) of their bounding balls and boxes
@@ -105,28 +108,28 @@ class Intervals:
     transforms: dict[tuple[int, int], Any] = field(default_factory=dict)  # coal's, made when they are asked for
 
     @classmethod
-    def of(cls, bodies: Bodies, waypoints: Array, rho: Array, interval: Index, start: Array, width: Array) -> Intervals:
-        """Place the bodies; `rho` is `bodies.reach(waypoints)`, the others as above."""
+    def of(cls, bodies: Bodies, curve: Curve, rho: Array, interval: Index, start: Array, width: Array) -> Intervals:
+        """Place the bodies; `rho` is `bodies.reach(curve)`, the others as above."""
         chain = bodies.chain
-        step = waypoints[interval + 1] - waypoints[interval]
-        delta = 0.5 * width[:, None] * step
-        turned, moved = chain.frames(bodies.to_pinocchio(waypoints[interval] + (start + 0.5 * width)[:, None] * step))
+        middle, delta, deviation = curve.part(interval, start, width)
+        turned, moved = chain.frames(bodies.to_pinocchio(middle))
         rotation = turned[:, bodies.joint] @ bodies.rotation
         origin = np.einsum("kgij,gj->kgi", turned[:, bodies.joint], bodies.origin) + moved[:, bodies.joint]
         center = np.einsum("kgij,gj->kgi", rotation, bodies.center) + origin
         axes, points = np.einsum("knij,nj->kni", turned[:, 1:], chain.axes), moved[:, 1:]
-        reach = chain.local_reach(rho, bodies.joint, center, bodies.radius, axes, points, np.abs(delta))
-        return cls(bodies, interval, start, width, delta, rotation, origin, center, axes, points, reach)
+        most = np.abs(delta) + deviation
+        reach = chain.local_reach(rho, bodies.joint, center, bodies.radius, axes, points, most)
+        return cls(bodies, interval, start, width, delta, deviation, rotation, origin, center, axes, points, reach)
 
     def motion(self, row: Index, body: Index, moves: Mask) -> Motion:
         """Return what bodies (i,) do on intervals (i,) by the joints `moves` (i, n) alone."""
-        delta = self.delta[row] * moves
-        return Motion.of(self.bodies.chain, delta, self.axes[row], self.points[row], self.reach[row, body])
+        delta, deviation = self.delta[row] * moves, self.deviation[row] * moves
+        return Motion.of(self.bodies.chain, delta, deviation, self.axes[row], self.points[row], self.reach[row, body])
 
     @cached_property
     def speed(self) -> Array:
-        """How far each joint alone moves each body at most, |δ| ρ (k, bodies, n) [m]."""
-        result: Array = np.abs(self.delta)[:, None] * self.reach
+        """How far each joint alone moves each body at most, (|δ| + ε) ρ (k, bodies, n) [m]."""
+        result: Array = (np.abs(self.delta) + self.deviation)[:, None] * self.reach
         return result
 
     def transform(self, row: int, body: int) -> Any:
