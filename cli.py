@@ -23,9 +23,11 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich import box
 from rich.cells import cell_len
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Table
 from rich.text import Text
 
 from hdplan.scenes.errors import HdplanError, InputError, naming
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     from hdplan.planner.plan import Event
     from hdplan.planner.report import Report
     from hdplan.planner.result import PlanResult
+    from hdplan.planner.simulate import JointUse, Peak, Simulation
     from hdplan.scenes.model import PlannerSettings, Scene
 
 INTERRUPTED = 130  # what shells say of a command ended by Ctrl-C
@@ -47,6 +50,7 @@ app = typer.Typer(
 Examples:
   hdplan plan panda_cage -o motion.json --plot motion.png
   hdplan check panda_cage motion.json
+  hdplan simulate panda_cage motion.json
   hdplan plot panda_cage motion.json -o motion.pdf
   hdplan view panda_cage motion.json
   hdplan explain my_scene.yaml
@@ -250,6 +254,41 @@ def check(
             motion_row = ("motion", f"{len(motion)} waypoints of {certifier.robot.name} in {problem.name}")
             show(_table([motion_row, *_closest_rows(certificate), ("proof", effort)]))
     raise typer.Exit(0 if certificate.certified else 1)
+
+
+@app.command()
+def simulate(
+    scene: SceneFile,
+    trajectory: Motion,
+    request: Request = None,
+    robot: RobotFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """Replay a joint trajectory: what the joints do, and with torque limits what the robot then does.
+
+    Without `limits.torque` in the scene the motion is kinematics alone, read a thousand times a second as a controller
+    would. With it the robot is simulated with its loads under computed-torque control, torques cut at their limits.
+
+    Exit code 1 where tracking is lost, a limit is exceeded, or something touches.
+    """
+    from hdplan.planner.scene_robot import load_scene_robot
+    from hdplan.planner.simulate import simulate as replay
+    from hdplan.planner.trajectory import Trajectory
+
+    problem = _load(scene, request, robot)
+    motion = Trajectory.load(trajectory)
+    arm = load_scene_robot(problem)
+    with _waiting("simulating", shown=not as_json), naming(trajectory):  # it may not fit the scene
+        simulation = replay(problem, motion, arm)
+    with _printing() as show:
+        if as_json:
+            about = {"scene": problem.name, "robot": arm.name, "trajectory": str(trajectory)}
+            show(json.dumps({**simulation.summary(), **about}))
+        else:
+            show(Text(simulation.text, style="green" if simulation.succeeded else "red"))
+            show(_table(_simulation_rows(simulation, problem, arm.name)))
+            show(_joint_table(simulation.joints))
+    raise typer.Exit(0 if simulation.succeeded else 1)
 
 
 @app.command()
@@ -706,6 +745,51 @@ def _closest_rows(certificate: Certificate) -> list[tuple[str, str]]:
 def _place(place: Place) -> str:
     distance = f"{place.distance * 1e3:.2f} mm" if place.distance >= 0 else f"{-place.distance * 1e3:.2f} mm deep"
     return f"{place.link} to {place.other}, {distance} at time {place.time:.3f} of 1"
+
+
+def _simulation_rows(simulation: Simulation, scene: Scene, robot: str) -> list[tuple[str, str]]:
+    if simulation.duration is None:
+        motion, when = "a path without times", "at {:.3f} of 1"
+    else:
+        motion, when = f"{simulation.duration:.3f} s", "at {:.3f} s"
+    places = {"closest": simulation.closest, "own links": simulation.self_closest}
+    return [
+        ("motion", f"{motion} of {robot} in {scene.name}, {simulation.rule} between rows"),
+        *(
+            (name, f"{close.link} to {close.other}, {close.distance * 1e3:.2f} mm {when.format(close.time)}")
+            for name, close in places.items()
+            if close is not None
+        ),
+        ("looked at", f"{simulation.looks} configurations, by exact distances"),
+    ]
+
+
+def _joint_table(joints: Sequence[JointUse]) -> Table:
+    """Lay out what each joint did, and how much of its limits that takes."""
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
+    table.add_column("joint", no_wrap=True)
+    table.add_column("travel", justify="right", no_wrap=True)
+    for what in joints[0].peaks:
+        table.add_column(f"{what} (of limit)", justify="right")
+    if joints[0].error is not None:
+        table.add_column("torque left", justify="right")
+        table.add_column("error, largest", justify="right")
+        table.add_column("rms", justify="right")
+    for joint in joints:
+        cells = [Text(joint.name), Text(f"{joint.travel:.3f}"), *map(_peak, joint.peaks.values())]
+        if joint.error is not None and joint.error_rms is not None:
+            torque = joint.peaks["torque"]
+            cells += [Text(f"{torque.left:.3g}"), Text(f"{joint.error:.1e}"), Text(f"{joint.error_rms:.1e}")]
+        table.add_row(*cells)
+    return table
+
+
+def _peak(peak: Peak) -> Text:
+    """Write a largest value with its share of the limit, coloured by how close that is."""
+    if peak.share is None:
+        return Text(f"{peak.value:.4g}")
+    style = "red" if peak.share > 1.001 else "yellow" if peak.share > 0.95 else "green"
+    return Text.assemble(f"{peak.value:.4g} ", (f"{100 * peak.share:3.0f} %", style))
 
 
 def _table(rows: Sequence[tuple[str, str]]) -> str:

@@ -47,6 +47,11 @@ class Peak:
         """Of the limit."""
         return None if self.limit is None else self.value / self.limit
 
+    @property
+    def left(self) -> float | None:
+        """What is left to the limit; negative beyond it."""
+        return None if self.limit is None else self.limit - self.value
+
 
 @dataclass(frozen=True)
 class JointUse:
