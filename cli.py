@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from hdplan.scenes.model import PlannerSettings, Scene
 
 INTERRUPTED = 130  # what shells say of a command ended by Ctrl-C
+BAR = 20  # [columns] of a torque at its limit
 WIDTH = 80  # [columns] of tables where the output is no terminal
 TyperError: type[Exception] = typer.BadParameter.__mro__[2]  # ClickException, wherever this Typer keeps its click
 
@@ -287,7 +288,9 @@ def simulate(
         else:
             show(Text(simulation.text, style="green" if simulation.succeeded else "red"))
             show(_table(_simulation_rows(simulation, problem, arm.name)))
-            show(_joint_table(simulation.joints))
+            show(_rates_table(simulation.joints))
+            if simulation.execution is not None:
+                show(_torques_table(simulation.joints))
     raise typer.Exit(0 if simulation.succeeded else 1)
 
 
@@ -764,32 +767,46 @@ def _simulation_rows(simulation: Simulation, scene: Scene, robot: str) -> list[t
     ]
 
 
-def _joint_table(joints: Sequence[JointUse]) -> Table:
-    """Lay out what each joint did, and how much of its limits that takes."""
+def _rates_table(joints: Sequence[JointUse]) -> Table:
+    """Lay out how far and how fast each joint moved, and how much of its limits that takes."""
+    rates = [what for what in joints[0].peaks if what != "torque"]
+    table = _joint_table("travel", *rates)
+    for joint in joints:
+        table.add_row(joint.name, f"{joint.travel:.3f}", *(_peak(joint.peaks[what]) for what in rates))
+    return table
+
+
+def _torques_table(joints: Sequence[JointUse]) -> Table:
+    """Lay out what drove each joint, what is left of its limit, and how well it followed."""
+    table = _joint_table("torque", "", "left", "at [s]", "error", "rms")
+    table.columns[2].justify = "left"
+    for joint in joints:
+        torque = joint.peaks["torque"]
+        bar = Text("█" * round(BAR * min(torque.share or 0.0, 1.0)) or "▏", style=_style(torque))
+        figures = (f"{torque.left:.3g}", f"{torque.time:.3f}", f"{joint.error:.1e}", f"{joint.error_rms:.1e}")
+        table.add_row(joint.name, _peak(torque), bar, *figures)
+    return table
+
+
+def _joint_table(*columns: str) -> Table:
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
     table.add_column("joint", no_wrap=True)
-    table.add_column("travel", justify="right", no_wrap=True)
-    for what in joints[0].peaks:
-        table.add_column(f"{what} (of limit)", justify="right")
-    if joints[0].error is not None:
-        table.add_column("torque left", justify="right")
-        table.add_column("error, largest", justify="right")
-        table.add_column("rms", justify="right")
-    for joint in joints:
-        cells = [Text(joint.name), Text(f"{joint.travel:.3f}"), *map(_peak, joint.peaks.values())]
-        if joint.error is not None and joint.error_rms is not None:
-            torque = joint.peaks["torque"]
-            cells += [Text(f"{torque.left:.3g}"), Text(f"{joint.error:.1e}"), Text(f"{joint.error_rms:.1e}")]
-        table.add_row(*cells)
+    for column in columns:
+        table.add_column(column, justify="right", no_wrap=True)
     return table
 
 
 def _peak(peak: Peak) -> Text:
-    """Write a largest value with its share of the limit, coloured by how close that is."""
+    """Write a largest value with its share of the limit, if there is one."""
     if peak.share is None:
         return Text(f"{peak.value:.4g}")
-    style = "red" if peak.share > 1.001 else "yellow" if peak.share > 0.95 else "green"
-    return Text.assemble(f"{peak.value:.4g} ", (f"{100 * peak.share:3.0f} %", style))
+    return Text.assemble(f"{peak.value:.4g} ", (f"{100 * peak.share:4.0f} %", _style(peak)))
+
+
+def _style(peak: Peak) -> str:
+    """Colour a share of a limit by how close it is."""
+    share = peak.share or 0.0
+    return "red" if share > 1.001 else "yellow" if share > 0.95 else "green"
 
 
 def _table(rows: Sequence[tuple[str, str]]) -> str:

@@ -216,10 +216,8 @@ def _closest(certifier: Certifier, positions: Array, times: Array) -> tuple[Clos
 def _lost(execution: Execution | None, robot: Robot) -> Iterator[str]:
     if execution is not None and execution.lost:
         joint = int(np.abs(execution.errors[-1]).argmax())
-        yield (
-            f"tracking is lost at {execution.times[-1]:.3f} s, joint '{robot.joint_names[joint]}' is more than {LOST:g} "
-            "behind"
-        )
+        name, when = robot.joint_names[joint], execution.times[-1]
+        yield f"tracking is lost at {when:.3f} s, where joint '{name}' is more than {LOST:g} off"
 
 
 def _beyond(joints: tuple[JointUse, ...]) -> Iterator[str]:
@@ -230,11 +228,8 @@ def _beyond(joints: tuple[JointUse, ...]) -> Iterator[str]:
         share, use = max(shares, key=lambda found: found[0], default=(0.0, None))
         if use is not None and share > 1 + slack:
             peak = use.peaks[what]
-            yield f"joint '{use.name}' needs {_amount(what)} {peak.value:.4g} at {peak.time:.3f} s, its limit is {peak.limit:g}"
-
-
-def _amount(what: str) -> str:
-    return f"{'an' if what == 'acceleration' else 'a'} {what} of"
+            value = f"{'an' if what == 'acceleration' else 'a'} {what} of {peak.value:.4g}"
+            yield f"joint '{use.name}' needs {value} at {peak.time:.3f} s, its limit is {peak.limit:g}"
 
 
 def _about(close: Close | None) -> dict[str, Any] | None:
