@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from hdplan.scenes.model import PlannerSettings, Scene
 
 INTERRUPTED = 130  # what shells say of a command ended by Ctrl-C
-BAR = 20  # [columns] of a torque at its limit
+BAR = 10  # [columns] of a torque at its limit
 WIDTH = 80  # [columns] of tables where the output is no terminal
 TyperError: type[Exception] = typer.BadParameter.__mro__[2]  # ClickException, wherever this Typer keeps its click
 
@@ -789,7 +789,7 @@ def _torques_table(joints: Sequence[JointUse]) -> Table:
 
 
 def _joint_table(*columns: str) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=0, header_style="bold")
     table.add_column("joint", no_wrap=True)
     for column in columns:
         table.add_column(column, justify="right", no_wrap=True)

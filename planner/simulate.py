@@ -58,7 +58,7 @@ class JointUse:
     """What one joint did."""
 
     name: str
-    travel: float  # from its least to its greatest value [rad] or [m]
+    travel: float  # from its least to its greatest value in the file [rad] or [m]
     peaks: dict[str, Peak]  # velocity, acceleration and jerk with times; torque with dynamics
     error: float | None = None  # largest, behind the motion [rad] or [m]; with dynamics
     error_rms: float | None = None
@@ -146,6 +146,7 @@ def simulate(scene: Scene, trajectory: Trajectory, robot: Robot) -> Simulation:
     count = max(int(np.ceil((last - first) / STEP)), 1) if timed else PATH_SAMPLES
     times = np.linspace(first, last, count + 1)
     positions = sampled(curve, 0, times)
+    travel = np.ptp(positions, axis=0).tolist()
     peaks: list[dict[str, Peak]] = [{} for _ in range(robot.n)]
     for order, name in enumerate(RATES, start=1) if timed else ():
         for peak, found in zip(peaks, _rates(curve, order, times, rate_limits[order - 1]), strict=True):
@@ -162,7 +163,7 @@ def simulate(scene: Scene, trajectory: Trajectory, robot: Robot) -> Simulation:
     joints = tuple(
         JointUse(
             name,
-            float(np.ptp(positions[:, i])),
+            travel[i],
             peaks[i],
             None if execution is None else float(np.abs(execution.errors[:, i]).max()),
             None if execution is None else float(np.sqrt(np.mean(execution.errors[:, i] ** 2))),
@@ -170,13 +171,9 @@ def simulate(scene: Scene, trajectory: Trajectory, robot: Robot) -> Simulation:
         for i, name in enumerate(robot.joint_names)
     )
     failures = (
-        *_lost(execution, robot),
+        *(() if execution is None or torques is None else _overloaded(execution, torques, robot)),
         *_beyond(joints),
-        *(
-            f"{close.link} meets {close.other} at {close.time:.3f}"
-            for close in (closest, between_links)
-            if close and close.distance <= 0
-        ),
+        *_touching(closest, between_links),
     )
     duration = last - first if timed else None
     return Simulation(duration, curve.rule, joints, closest, between_links, len(looks), execution, failures)
@@ -213,27 +210,45 @@ def _closest(certifier: Certifier, positions: Array, times: Array) -> tuple[Clos
     return best[0], best[1]
 
 
-def _lost(execution: Execution | None, robot: Robot) -> Iterator[str]:
-    if execution is not None and execution.lost:
+def _overloaded(execution: Execution, limits: Array, robot: Robot) -> Iterator[str]:
+    """Say where a limit first is too little for what the controller asks, and whether tracking is lost."""
+    shares = np.abs(execution.asked) / limits
+    if (over := shares.max(axis=1) > 1 + SATURATED).any():
+        row = int(over.argmax())
+        joint = int(shares[row].argmax())
+        yield (
+            f"joint '{robot.joint_names[joint]}' needs a torque of {abs(execution.asked[row, joint]):.4g} at "
+            f"{execution.times[row]:.3f} s, its limit is {limits[joint]:g}"
+        )
+    if execution.lost:
         joint = int(np.abs(execution.errors[-1]).argmax())
         name, when = robot.joint_names[joint], execution.times[-1]
         yield f"tracking is lost at {when:.3f} s, where joint '{name}' is more than {LOST:g} off"
 
 
 def _beyond(joints: tuple[JointUse, ...]) -> Iterator[str]:
-    """Say for each quantity which joint is farthest beyond its limit."""
-    for what in (*RATES, "torque"):
-        slack = SATURATED if what == "torque" else ROUNDING
+    """Say for each rate which joint is farthest beyond its limit."""
+    for what in RATES:
         shares = [(use.peaks[what].share or 0.0, use) for use in joints if what in use.peaks]
         share, use = max(shares, key=lambda found: found[0], default=(0.0, None))
-        if use is not None and share > 1 + slack:
-            peak = use.peaks[what]
-            value = f"{'an' if what == 'acceleration' else 'a'} {what} of {peak.value:.4g}"
-            yield f"joint '{use.name}' needs {value} at {peak.time:.3f} s, its limit is {peak.limit:g}"
+        if use is not None and share > 1 + ROUNDING:
+            peak, article = use.peaks[what], "an" if what == "acceleration" else "a"
+            yield (
+                f"joint '{use.name}' reaches {article} {what} of {peak.value:.4g} at {peak.time:.3f} s, its limit is "
+                f"{peak.limit:g}"
+            )
+
+
+def _touching(*places: Close | None) -> Iterator[str]:
+    for close in places:
+        if close is not None and close.distance <= 0:
+            yield f"{close.link} and {close.other} touch at {close.time:.3f}"
 
 
 def _about(close: Close | None) -> dict[str, Any] | None:
-    return close and {"time": close.time, "link": close.link, "other": close.other, "distance_m": close.distance}
+    if close is None:
+        return None
+    return {"time": close.time, "link": close.link, "other": close.other, "distance_m": close.distance}
 
 
 def _finite(value: float) -> float | None:
