@@ -138,6 +138,13 @@ class Curve:
         away = np.abs(control - middle[:, None] - places * delta[:, None]).max(axis=1)
         return middle, delta, away
 
+    def span(self, interval: Index, start: Array, width: Array) -> tuple[Array, Array]:
+        """Return the middle of parts of intervals and half of how long they take (k,) [s]; on a curve with times."""
+        if self.times is None:
+            raise ValueError("a path without times takes no time")
+        taken = self.widths[interval]
+        return self.times[interval] + (start + 0.5 * width) * taken, 0.5 * width * taken
+
     def bounds(self) -> tuple[Array, Array]:
         """Return proven bounds (N − 1, n) on the curve's values on every interval: low, high."""
         if self.degree <= 1:
@@ -159,11 +166,11 @@ class Curve:
         return np.asarray(np.abs(_between(self.control[interval], start, end)).max(axis=1))
 
     def jumps(self) -> Array:
-        """Return by how much (n,) the curve jumps at most from one interval to the next; or to rest before the first
-        and after the last, if it is a derivative."""
+        """Return by how much (N, n) the curve, a derivative, jumps at each row; before the first and after the last it
+        is 0."""
         ends = np.concatenate([np.zeros_like(self.control[:1, 0]), self.control[:, -1]])
         starts = np.concatenate([self.control[:, 0], np.zeros_like(self.control[:1, 0])])
-        return np.asarray(np.abs(starts - ends).max(axis=0))
+        return np.asarray(np.abs(starts - ends))
 
 
 def _left(control: Array, fraction: Array) -> Array:
@@ -177,9 +184,10 @@ def _left(control: Array, fraction: Array) -> Array:
 
 
 def _between(control: Array, first: Array, last: Array) -> Array:
-    """Return the control points (k, d + 1, n) of the part from first (k,) to last (k,), 0 ≤ first < last ≤ 1."""
+    """Return the control points (k, d + 1, n) of the part from first (k,) to last (k,), 0 ≤ first ≤ last ≤ 1."""
     left = _left(control, last)
-    return _left(left[:, ::-1], 1.0 - first / last)[:, ::-1]
+    share = np.divide(first, last, out=np.zeros_like(first), where=last > 0.0)
+    return _left(left[:, ::-1], 1.0 - share)[:, ::-1]
 
 
 def row_count(duration: float, rate: float) -> int:

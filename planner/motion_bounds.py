@@ -71,7 +71,16 @@ class Motion:
             0.5 * (speed * (turn + 2.0 * before)).sum(axis=1) + leaving,
         )
 
-    def __getitem__(self, rows: Mask | NDArray[np.int64]) -> Motion:
+    def __add__(self, other: Motion) -> Motion:
+        """Return two motions of the same bodies together, where one of them is rest."""
+        return Motion(
+            self.omega + other.omega,
+            self.velocity + other.velocity,
+            self.first + other.first,
+            self.second + other.second,
+        )
+
+    def __getitem__(self, rows: Mask | NDArray[np.int64] | tuple[NDArray[np.int64], NDArray[np.int64]]) -> Motion:
         """Return some of the rows."""
         return Motion(self.omega[rows], self.velocity[rows], self.first[rows], self.second[rows])
 

@@ -90,6 +90,12 @@ class Trajectory:
         """The motion through the waypoints, to the last interpolation rule."""
         return Curve.through(self.positions, self.times, self.velocities, self.accelerations)
 
+    def of_joints(self, names: tuple[str, ...], locked: Mapping[str, float]) -> Trajectory:
+        """Return the same motion with the columns of these joints alone, in that order."""
+        chosen = [self.joint_names.index(name) for name in names]
+        rates = (None if values is None else values[:, chosen] for values in (self.velocities, self.accelerations))
+        return Trajectory(names, self.positions[:, chosen], locked, self.times, *rates)
+
     def __len__(self) -> int:
         """Return the number of waypoints."""
         return len(self.positions)
