@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from hdplan.scenes.model import PlannerSettings, Scene
 
 INTERRUPTED = 130  # what shells say of a command ended by Ctrl-C
-BAR = 10  # [columns] of a torque at its limit
+BAR = 14  # [columns] of a torque at its limit
 WIDTH = 80  # [columns] of tables where the output is no terminal
 TyperError: type[Exception] = typer.BadParameter.__mro__[2]  # ClickException, wherever this Typer keeps its click
 
@@ -764,6 +764,7 @@ def _simulation_rows(simulation: Simulation, scene: Scene, robot: str) -> list[t
             if close is not None
         ),
         ("looked at", f"{simulation.looks} configurations, by exact distances"),
+        ("units", "rad, Nm and s; m and N where a joint slides"),
     ]
 
 
