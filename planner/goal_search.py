@@ -64,7 +64,7 @@ def goal_choice(scene: Scene, robot: Robot, certifier: Certifier, seed: int = 0)
     found: list[tuple[float, JointTarget]] = []
     refused, words = [], []
     with naming(scene.source):
-        start = robot.configuration(scene.start)
+        start = robot.configuration(scene.start, scene.from_request)
         for target in scene.goal.targets:
             if isinstance(target, JointTarget):
                 reached, nearest = robot.configuration(target)[None], None
