@@ -63,8 +63,8 @@ Examples:
 Shipped scenes go by their bare names: empty, kinova_shelf, panda_bookshelf, panda_cage, panda_carry,
 panda_corridor, panda_grasp, panda_table_pick, planar_arm, ur5_table, xarm7_post.
 
-Exit codes: 0 certified; 1 nothing certified was found (plan still writes its best attempt, marked as such), or a study
-was interrupted (what it had found is written, marked as such); 2 bad input.""",
+Exit codes: 0 certified; 1 nothing certified was found (plan still writes its best attempt, marked as such), a
+simulated motion failed, or a study was interrupted (what it had found is written, marked as such); 2 bad input.""",
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -265,7 +265,7 @@ def simulate(
     robot: RobotFile = None,
     as_json: AsJson = False,
 ) -> None:
-    """Replay a joint trajectory: what the joints do, and with torque limits what the robot then does.
+    """Replay a joint trajectory, with dynamics if there are any.
 
     Without `limits.torque` in the scene the motion is kinematics alone, read a thousand times a second as a controller
     would. With it the robot is simulated with its loads under computed-torque control, torques cut at their limits.
