@@ -63,7 +63,7 @@ def tilted() -> Tilted:
     distances: dict[str, PairDistance] = {
         "hdsdf": HdsdfPairs(pairs, settings.gamma, settings.shaping_length),
         "hdsdf, gamma 12": HdsdfPairs(pairs, 12, settings.shaping_length),
-        "fcl": FclPairs(pairs, bodies, walls, MARGIN),
+        "fcl": FclPairs(pairs, bodies, walls),
     }
     index, none = np.arange(len(TILTS)), np.zeros(len(TILTS), dtype=np.int64)
     torques = {}
@@ -109,4 +109,8 @@ def table() -> str:
 def _gradients(problem: Problem, configurations: Array) -> Array:
     """The gradient (B, n) of the penalty of each configuration."""
     kinematics = problem.kinematics.evaluate(configurations)
-    return np.asarray(sum(term.value(kinematics, np.ones(len(configurations))).gradient for term in problem.terms))
+    result = np.zeros_like(configurations)
+    for term in problem.pair_terms:
+        inside = term.inside(kinematics)
+        np.add.at(result, inside.sample, inside.distance[:, None] * inside.gradient)
+    return result

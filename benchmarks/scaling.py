@@ -77,7 +77,7 @@ def scene_of(waypoints: int, boxes: int) -> Scene:
         apart = dataclasses.replace(empty.planner, clearance=APART - empty.planner.activation)
         problem = build(dataclasses.replace(scene, obstacles=tuple(drawn), planner=apart))
         met: set[str] = set()
-        for term in problem.terms:
+        for term in problem.pair_terms:
             if term.name == "obstacles":
                 inside = term.inside(problem.kinematics.evaluate(motions))
                 met = {problem.plane_bodies[b].name for b in term.pairs.plane_body[inside.pair].tolist()}

@@ -58,7 +58,7 @@ def outer_clearance(scene: Scene, robot: Robot, positions: Array, within: float)
     problem = build(replace(scene, planner=settings), robot)
     least = np.full(len(positions), np.inf)
     kinematics = problem.kinematics.evaluate(positions)
-    for term in problem.terms:
+    for term in problem.pair_terms:
         if term.name == "obstacles":
             inside = term.inside(kinematics)
             np.minimum.at(least, inside.sample, within + inside.separation)

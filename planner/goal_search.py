@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from hdplan.planner.certificate import Certifier, waypoints_of
+from hdplan.planner.certificate import Certifier, curve_of
 from hdplan.planner.kinematics import Kinematics
 from hdplan.planner.outline import kinematics_of
 from hdplan.planner.pose_goals import AXES, Miss, link_frame
@@ -64,7 +64,7 @@ def goal_choice(scene: Scene, robot: Robot, certifier: Certifier, seed: int = 0)
     found: list[tuple[float, JointTarget]] = []
     refused, words = [], []
     with naming(scene.source):
-        start = robot.configuration(scene.start)
+        start = robot.configuration(scene.start, scene.from_request)
         for target in scene.goal.targets:
             if isinstance(target, JointTarget):
                 reached, nearest = robot.configuration(target)[None], None
@@ -88,7 +88,7 @@ def settled(scene: Scene, robot: Robot, motion: Trajectory | None = None) -> Sce
         return scene
     certifier = Certifier(scene, robot)
     if motion is not None:
-        end = waypoints_of(robot, motion)[-1]
+        end = curve_of(robot, motion).rows[-1]
         with naming(scene.source):
             met = certifier.off_goal(end) is None
         if met:
@@ -227,8 +227,9 @@ def _apart(q: Array) -> Array:
 def _free(certifier: Certifier, reached: Array, start: Array) -> list[tuple[float, Array]]:
     """The PICKED nearest configurations without contact, each with its score, the best first."""
     scored = []
-    for q in itertools.islice((q for q in reached if not certifier.contacts(q)), PICKED):
-        place = certifier.obstacle_within(q, CLOSE)
+    time = certifier.scene.end_time
+    for q in itertools.islice((q for q in reached if not certifier.too_close(q, 0.0, time)), PICKED):
+        place, _ = certifier.nearest(q, CLOSE, time)
         crowded = 0.0 if place is None else 1.0 - place.distance / CLOSE
         scored.append((float(np.linalg.norm(q - start)) * (1.0 + crowded), q))
     return sorted(scored, key=lambda each: each[0])

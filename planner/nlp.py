@@ -49,7 +49,7 @@ def nlp(problem: Problem) -> Nlp:
     gradient = waypoints @ matrix
     hessian = ca.MX(ca.kron(matrix[1:-1, 1:-1], ca.DM.eye(n)))
     to_interior = ca.kron(spread[1:-1, :], ca.DM.eye(n))  # (M n, B n)
-    for term in problem.terms:
+    for term in problem.pair_terms:
         value, slope, curvature = (function.map(len(samples.weight)) for function in _sample_functions(problem, term))
         scale = weight * ca.DM(samples.weight)
         cost += ca.dot(scale, value(looks).T)

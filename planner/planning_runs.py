@@ -198,7 +198,7 @@ def _situation(scene: Scene, wanted: int, stop: Callable[[], bool]) -> _Situatio
     for _ in range(TRIED):
         drawn = query.start + rng.uniform() * (query.goal - query.start) + SCATTER * rng.normal(size=robot.n)
         q = np.clip(drawn, robot.lower, robot.upper)
-        place = certifier.obstacle_within(q, NEAR)
+        place = certifier.nearest(q, NEAR)[0]
         if place is not None and 0 < place.distance < NEAR:
             near.append(q)
             distance.append(place.distance)
@@ -246,7 +246,7 @@ def _lost(scene: Scene, situation: _Situation) -> tuple[Floats, float | None]:
     """Return d − D̃ (K,) and the time of one pair's D and derivative, from a problem that sees as far as NEAR."""
     settings = replace(scene.planner, clearance=NEAR)
     problem = build(replace(scene, planner=settings), situation.robot)
-    term = next((term for term in problem.terms if term.name == "obstacles"), None)
+    term = next((term for term in problem.pair_terms if term.name == "obstacles"), None)
     if term is None or not len(situation.near):
         return np.empty(0), None
     kinematics = problem.kinematics.evaluate(situation.near)
@@ -259,7 +259,7 @@ def _lost(scene: Scene, situation: _Situation) -> tuple[Floats, float | None]:
 
 def _off(problem: Problem, situation: _Situation) -> Floats:
     """Return |D − D̃| (K',) of the deepest pair at each configuration where the penalty acts."""
-    term = next((term for term in problem.terms if term.name == "obstacles"), None)
+    term = next((term for term in problem.pair_terms if term.name == "obstacles"), None)
     if term is None or not len(situation.near):
         return np.empty(0)
     inside = term.inside(problem.kinematics.evaluate(situation.near))

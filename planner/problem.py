@@ -30,7 +30,7 @@ from hdplan.planner.robot import Robot
 from hdplan.planner.samples import Samples
 from hdplan.planner.scene_robot import load_scene_robot, resolve_query
 from hdplan.planner.swept_clearance import SweptClearance
-from hdplan.planner.terms import Clearance, PairDistance, Smoothness
+from hdplan.planner.terms import Clearance, PairDistance, Smoothness, Term
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.model import PlannerSettings, Scene
 
@@ -67,7 +67,7 @@ class Problem:
     bodies: tuple[LinkBody, ...]  # the links' outer bodies
     plane_bodies: tuple[PlaneBody, ...]  # the obstacles' convex pieces
     smoothness: Smoothness
-    terms: tuple[Clearance, ...]  # obstacles and self-collision, where the scene has any
+    terms: tuple[Term, ...]  # what the scene calls for: obstacles, self-collision, …
     samples: Samples
     unresolved: tuple[tuple[str, str], ...]  # link pairs left to the certificate, as their outer bodies overlap anyway
     notes: tuple[str, ...]  # words for the user
@@ -77,6 +77,11 @@ class Problem:
     def waypoints(self) -> int:
         """N, both ends included."""
         return self.scene.planner.waypoints
+
+    @property
+    def pair_terms(self) -> tuple[Clearance, ...]:
+        """The terms that keep pairs of bodies apart."""
+        return tuple(term for term in self.terms if isinstance(term, Clearance))
 
     def clip(self, positions: Floats) -> Floats:
         """Move interior waypoints into the joint limits and set the ends."""
@@ -89,7 +94,7 @@ class Problem:
         smoothness, gradient = self.smoothness.value(positions)
         kinematics = self.kinematics.evaluate(self.samples.configurations(positions))
         sampled = [term for term in self.terms if not isinstance(term, SweptClearance)]
-        penalties = [term.value(kinematics, self.samples.weight) for term in sampled]
+        penalties = [term.value(kinematics, self.samples) for term in sampled]
         n, batch = positions.shape[1], len(self.samples.weight)
         total = sum((p.gradient for p in penalties), np.zeros((batch, n)))
         curvature = sum((p.curvature for p in penalties), np.zeros((batch, n, n)))
@@ -113,13 +118,12 @@ class Problem:
             coupling=weight * coupling[1:-1],
         )
 
-    def depth(self, configurations: Floats) -> Floats:
-        """How far the worst pair is inside its margin at single configurations (B, n) -> (B,) [m]."""
+    def depth(self, configurations: Floats, time: Floats | None = None) -> Floats:
+        """How far the worst term is inside its margin at single configurations (B, n) -> (B,) [m]; of no particular
+        time, or at path parameters `time` (B,)."""
         kinematics = self.kinematics.evaluate(configurations)
-        result = np.zeros(len(configurations))
-        for term in self.terms:
-            inside = term.inside(kinematics)
-            np.maximum.at(result, inside.sample, -inside.separation)
+        depths = [term.depth(kinematics, time) for term in self.terms]
+        result: Floats = np.max([np.zeros(len(configurations)), *depths], axis=0)
         return result
 
     def refined(self, intervals: list[int]) -> Problem:
@@ -147,6 +151,11 @@ def check_distance(name: str) -> None:
         raise InputError(f"distance: unknown '{name}'{nearest(name, DISTANCES)}")
 
 
+def self_margin(scene: Scene) -> float:
+    """How close two links come before their penalty sets in [m]."""
+    return max(scene.planner.clearance, scene.self_collision.clearance) + SELF_ACTIVATION
+
+
 def build(scene: Scene, robot: Robot | None = None) -> Problem:
     """Lay out the problem of a scene. Raises InputError for what the scene or its robot gets wrong."""
     robot = robot or load_scene_robot(scene)
@@ -162,28 +171,29 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
     plane_bodies = tuple(body for pieces, _ in enclosed for body in pieces)
     notes = [*scene.notes, *robot.notes, *query.notes, *(word for _, words in enclosed for word in words)]
 
-    terms: list[Clearance] = []
-    margin = settings.clearance + settings.activation
+    terms: list[Term] = []
+    clearances = scene.clearances
+    margins = np.array([clearances[body.name] + settings.activation for body in plane_bodies])
     pairs = [
         (a, b)
         for a, body in enumerate(bodies)
         if body.joint > 0
-        for b in np.flatnonzero(outline.reach[a].meets(plane_bodies, margin)).tolist()
+        for b in np.flatnonzero(outline.reach[a].meets(plane_bodies, margins)).tolist()
     ]
     if pairs:
         # room for every body and kernels for every shape: other obstacles then need nothing new compiled
         slots = max(len(body.body.vertices) for body in bodies if body.joint > 0)
-        laid_out = body_pairs(bodies, plane_bodies, pairs, margin, kinematics.supports, slots)
-        distance = _distance(laid_out, bodies, plane_bodies, margin, settings, plane_counts(settings.normals))
+        laid_out = body_pairs(bodies, plane_bodies, pairs, margins, kinematics.supports, slots)
+        distance = _distance(laid_out, bodies, plane_bodies, settings, plane_counts(settings.normals))
         terms.append(
             SweptClearance("obstacles", laid_out, distance, settings.gamma, settings.shaping_length)
             if settings.swept
             else Clearance("obstacles", laid_out, distance)
         )
     if outline.self_pairs:
-        margin = settings.clearance + SELF_ACTIVATION
+        margin = self_margin(scene)
         laid_out = body_pairs(bodies, outline.planes, outline.self_pairs, margin, kinematics.supports)
-        distance = _distance(laid_out, bodies, outline.planes, margin, settings)
+        distance = _distance(laid_out, bodies, outline.planes, settings)
         terms.append(Clearance("self-collision", laid_out, distance))
 
     return Problem(
@@ -207,11 +217,10 @@ def _distance(
     pairs: BodyPairs,
     bodies: tuple[LinkBody, ...],
     plane_bodies: tuple[PlaneBody, ...],
-    margin: float,
     settings: PlannerSettings,
     counts: tuple[int, ...] = (),
 ) -> PairDistance:
     check_distance(settings.distance)
     if settings.distance == "fcl":
-        return FclPairs(pairs, bodies, plane_bodies, margin)
+        return FclPairs(pairs, bodies, plane_bodies)
     return HdsdfPairs(pairs, settings.gamma, settings.shaping_length, counts)

@@ -35,6 +35,11 @@ class Samples:
         return np.concatenate([(np.arange(count) + 0.5) / count for count in self.counts])
 
     @cached_property
+    def time(self) -> Floats:
+        """Path parameter of each sample (B,), from 0 at the first waypoint to 1 at the last."""
+        return (self.interval + self.fraction) / len(self.counts)
+
+    @cached_property
     def weight(self) -> Floats:
         """Share of the motion's duration that each sample stands for (B,); sums to 1."""
         return np.repeat(1 / (np.array(self.counts) * len(self.counts)), self.counts)

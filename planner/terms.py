@@ -1,8 +1,8 @@
 """The effects of a problem, one class each: smoothness over the whole motion, clearance at sampled configurations.
 
-In: waypoints, or the kinematics of samples. Out: a cost, its exact gradient and a positive semidefinite curvature
-(Gauss-Newton; for smoothness the exact Hessian). The derivatives come from the distance's hand-written wrench and the
-geometric Jacobian.
+`Term` is what every effect but smoothness looks like. In: waypoints, or the kinematics of samples. Out: a cost, its
+exact gradient and a positive semidefinite curvature (Gauss-Newton; for smoothness the exact Hessian). The derivatives
+come from the distance's hand-written wrench and the geometric Jacobian.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from hdplan.planner.kinematics import KinematicsBatch
 from hdplan.planner.pairs import BodyPairs, Rows
+from hdplan.planner.samples import Samples
 
 Floats = NDArray[np.float64]
 
@@ -84,6 +85,24 @@ class PairDistance(Protocol):
         ...
 
 
+class Term(Protocol):
+    """An effect that a scene calls for: a penalty on configurations along the motion."""
+
+    @property
+    def name(self) -> str:
+        """What the user calls it."""
+        ...
+
+    def value(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
+        """The penalty at the samples of a motion, with their weights."""
+        ...
+
+    def depth(self, kinematics: KinematicsBatch, time: Floats | None = None) -> Floats:
+        """How far each of B configurations may be inside the margin (B,) [m], 0 if it is not; of no particular time, or
+        at path parameters `time` (B,)."""
+        ...
+
+
 class Clearance:
     """Squared hinge on the distance of body pairs: Σ_samples w_s Σ_pairs ½ min(D, 0)².
 
@@ -104,9 +123,15 @@ class Clearance:
         gradient = (kinematics.columns[sample] @ wrench[kept, :, None])[:, :, 0] * self.pairs.moves[pair]
         return Inside(sample, pair, distance[kept], separation[kept], gradient)
 
-    def value(self, kinematics: KinematicsBatch, weight: Floats) -> Penalty:
-        """The penalty at samples of weight (B,)."""
-        batch, n = kinematics.columns.shape[:2]
+    def depth(self, kinematics: KinematicsBatch, time: Floats | None = None) -> Floats:
+        """How far the worst pair may be inside its margin (B,) [m], the same at any time."""
+        inside, result = self.inside(kinematics), np.zeros(len(kinematics.placements))
+        np.maximum.at(result, inside.sample, -inside.separation)
+        return result
+
+    def value(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
+        """The penalty at the samples of a motion."""
+        weight, (batch, n) = samples.weight, kinematics.columns.shape[:2]
         inside = self.inside(kinematics)
         sample, slope = inside.sample, inside.gradient
         scale = weight[sample] * inside.distance

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,12 +89,30 @@ Shape = Box | Sphere | Cylinder | Capsule | Points | Mesh
 
 
 @dataclass(frozen=True)
+class SteadyMotion:
+    """A body moves and turns evenly, from its pose at time 0 on."""
+
+    velocity: Vector3 = (0.0, 0.0, 0.0)  # of its origin, in the world [m/s]
+    spin: Vector3 = (0.0, 0.0, 0.0)  # angular velocity about its origin, in the world [rad/s]
+
+
+@dataclass(frozen=True)
+class TimedPoses:
+    """A body passes through poses: evenly from one to the next, at rest before the first and after the last."""
+
+    times: tuple[float, ...]  # rising, at least two [s]
+    poses: tuple[Pose, ...]  # one at each time, in the world
+
+
+@dataclass(frozen=True)
 class Obstacle:
-    """A body that stands still in the world."""
+    """A body in the world; it stands still unless it has a motion."""
 
     name: str
     shape: Shape
-    pose: Pose = field(default_factory=Pose)
+    pose: Pose = field(default_factory=Pose)  # at time 0, where it moves; of timed poses the first
+    clearance: float | None = None  # to be proven free around it [m]; None: planner.clearance
+    motion: SteadyMotion | TimedPoses | None = None
 
 
 @dataclass(frozen=True)
@@ -105,6 +124,18 @@ class Attached:
     shape: Shape
     pose: Pose = field(default_factory=Pose)  # in the link's frame
     touch_links: tuple[str, ...] = ()  # links that it may touch, beside the one that holds it
+    mass: float = 0.0  # [kg] of even density; counts where joint torques do (limits.torque)
+
+
+@dataclass(frozen=True)
+class Payload:
+    """A mass that a link carries beside its own; it touches nothing."""
+
+    link: str
+    mass: float  # [kg]
+    com: Vector3 = (0.0, 0.0, 0.0)  # its centre, in the link's frame [m]
+    inertia: tuple[float, float, float, float, float, float] = (0.0,) * 6
+    """xx, xy, xz, yy, yz, zz about its centre, in the link's axes [kg m²]."""
 
 
 @dataclass(frozen=True)
@@ -152,6 +183,67 @@ class Goals:
 
 
 @dataclass(frozen=True)
+class SelfCollision:
+    """What links and held objects are to keep from each other."""
+
+    checked: bool = True
+    clearance: float = 0.0  # to be proven free between them [m]
+
+
+FromUrdf = Literal["urdf"]
+JointValues = FromUrdf | float | tuple[float, ...] | Mapping[str, float]
+"""A value for each joint: the URDF's, the same for all, one each in the order of the planned joints, or by name (the
+others keep the URDF's)."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the joints can do, beside what the URDF says of their positions; None: does not matter here."""
+
+    position: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # joint -> range within the URDF's
+    velocity: JointValues | None = None  # [rad/s] or [m/s]; as soon as the motion is timed: the URDF's
+    acceleration: JointValues | None = None  # [rad/s²] or [m/s²]
+    jerk: JointValues | None = None  # [rad/s³] or [m/s³]
+    torque: JointValues | None = None  # [Nm] or [N]
+
+
+@dataclass(frozen=True)
+class Timing:
+    """When the motion is where."""
+
+    duration: float | None = None  # of the whole motion [s]; None: as fast as the limits allow, times 1/scale
+    scale: float = 1.0  # share of the speed that the limits allow (above 0, at most 1)
+    rate: float = 100.0  # rows of the result in a second [1/s]
+
+
+@dataclass(frozen=True)
+class Upright:
+    """A link's axis stays close to the world's upward direction, all the way."""
+
+    link: str
+    axis: Vector3 = (0.0, 0.0, 1.0)  # in the link's frame, of length one
+    tolerance: float = 0.1  # by which it may be turned away [rad]
+
+
+@dataclass(frozen=True)
+class Within:
+    """A point of a link stays in a box, all the way."""
+
+    link: str
+    size: Vector3  # full edge lengths of the box [m]; inf where any place will do
+    pose: Pose = field(default_factory=Pose)  # of the box's centre, in the world
+    point: Vector3 = (0.0, 0.0, 0.0)  # in the link's frame [m]
+
+
+@dataclass(frozen=True)
+class PathConstraints:
+    """What must hold all along the way, between the waypoints too."""
+
+    upright: Upright | None = None
+    position: Within | None = None
+
+
+@dataclass(frozen=True)
 class PlannerSettings:
     """The `planner` section. Every value has a default; `hdplan explain` shows the ones in force."""
 
@@ -179,4 +271,29 @@ class Scene:
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     from_request: bool = False  # a MoveIt request: its ends may sit on a joint limit to rounding
     attached: tuple[Attached, ...] = ()  # held objects
+    self_collision: SelfCollision = field(default_factory=SelfCollision)
+    limits: Limits = field(default_factory=Limits)
+    payload: Payload | None = None
+    path: PathConstraints = field(default_factory=PathConstraints)
+    timing: Timing | None = None
     notes: tuple[str, ...] = ()  # what the reader changed or left out, in words
+
+    @property
+    def timed(self) -> bool:
+        """Whether the result is to say when the motion is where: something in the scene depends on it."""
+        limits = self.limits
+        asked = (limits.velocity, limits.acceleration, limits.jerk, limits.torque)
+        return self.timing is not None or any(limit is not None for limit in asked)
+
+    @property
+    def end_time(self) -> float:
+        """When the motion ends [s], as far as anything in the scene depends on it; else 0."""
+        return 0.0 if self.timing is None or self.timing.duration is None else self.timing.duration
+
+    @property
+    def clearances(self) -> dict[str, float]:
+        """What must be proven free around each obstacle [m]: its own clearance, or else planner.clearance."""
+        return {
+            obstacle.name: self.planner.clearance if obstacle.clearance is None else obstacle.clearance
+            for obstacle in self.obstacles
+        }

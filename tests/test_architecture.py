@@ -16,7 +16,7 @@ FILES = sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob("*.p
 MAY_IMPORT = {
     "scenes": {"scenes"},
     "distance": {"distance", "scenes.model", "scenes.errors"},
-    "planner": {"planner", "distance", "scenes.model", "scenes.errors", "scenes.writer"},
+    "planner": {"planner", "distance", "scenes.model", "scenes.moving", "scenes.errors", "scenes.writer"},
 }
 
 # Each heavy library has few homes.
@@ -30,6 +30,7 @@ HOMES = {
         "distance/boxes.py",
         "distance/halfspaces.py",
         "distance/compiled.py",
+        "planner/dynamics.py",
         "planner/kinematics.py",
         "planner/nlp.py",
         "planner/solvers/ipopt.py",
@@ -46,6 +47,7 @@ HOMES = {
     },
     "daqp": {"planner/control.py"},
     "coacd": {"planner/convex_pieces.py"},
+    "toppra": {"planner/timing.py"},
     "yaml": {"scenes/fields.py"},
 }
 
@@ -60,9 +62,11 @@ SOLVER_SIDE = (
     "planner.plane_bodies",
     "planner.link_bodies",
     "planner.kinematics",
+    "planner.dynamics",
     "planner.nlp",
     "planner.samples",
     "planner.seeds",
+    "planner.timing",
     "planner.solvers",
     "planner.plan",
     "planner.goal_search",

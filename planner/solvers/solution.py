@@ -162,8 +162,8 @@ class Progress:
 def _allowed_depth(problem: Problem) -> Floats:
     """How deep inside its margin each sample (B,) may be in a clear motion [m]: more near an end that is deep
     itself, since no motion can do better there."""
-    time_ = (problem.samples.interval + problem.samples.fraction) / (problem.waypoints - 1)
-    start, goal = problem.depth(np.array([problem.start, problem.goal]))
+    time_ = problem.samples.time
+    start, goal = problem.depth(np.array([problem.start, problem.goal]), np.array([0.0, 1.0]))
     excused = np.maximum(start * (1 - time_ / ENDS), goal * (1 - (1 - time_) / ENDS))
     allowed: Floats = np.maximum(ENOUGH * problem.scene.planner.activation, excused)
     return allowed
