@@ -1,6 +1,6 @@
 """The barriers of a controller: the distance Δ of every pair of bodies at one configuration, with exact derivatives.
 
-In: outer link bodies, obstacles (standing, or moving as `Mover`s say), the distance and the growth. Out, at (q, t): Δ
+In: outer link bodies, obstacles (standing, or moving), the distance and the growth. Out, at (q, t): Δ
 (P,) [m], ∂Δ/∂q (P, n) and ∂Δ/∂t (P,) [m/s]. The derivative by q is the distance's wrench on the first body times the
 geometric Jacobian; Δ depends on the relative pose alone, so the second body's wrench is the opposite one, and a moving
 obstacle of world twist (v, ω) gives ∂Δ/∂t = −(F·v + T·ω).
@@ -10,9 +10,8 @@ A moving obstacle is one more frame beside the joints', so that every `PairDista
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +28,8 @@ from hdplan.planner.reach import levers
 from hdplan.planner.robot import Robot
 from hdplan.planner.terms import PairDistance
 from hdplan.scenes.errors import InputError, naming, nearest
-from hdplan.scenes.model import Scene
+from hdplan.scenes.model import Pose, Scene
+from hdplan.scenes.moving import Passages
 
 Floats = NDArray[np.float64]
 
@@ -59,18 +59,6 @@ class BarrierSettings:
                 raise InputError(f"control.{name}: found {getattr(self, name):g} m, allowed is 0 to 1 m")
 
 
-class Mover(Protocol):
-    """How an obstacle moves."""
-
-    def pose(self, time: float) -> Floats:
-        """Return the obstacle's pose (4, 4) in the world at a time [s]."""
-        ...
-
-    def twist(self, time: float) -> Floats:
-        """Return (6,) the velocity of its point at the world's origin [m/s], and its angular velocity [rad/s]."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
 class BarrierRows:
     """Δ and its derivatives at one configuration and time, P pairs."""
@@ -91,30 +79,33 @@ class Barriers:
         self_pairs: Sequence[tuple[int, int]],
         obstacles: Sequence[PlaneBody],
         settings: BarrierSettings,
-        movers: Sequence[tuple[Mover, Sequence[PlaneBody]]] = (),
+        movers: Sequence[tuple[Passages, Sequence[PlaneBody]]] = (),
+        clearances: Mapping[str, float] | None = None,
     ) -> None:
-        """Lay out the pairs. `obstacles` stand; the bodies beside a mover are given in its obstacle's own frame."""
+        """Lay out the pairs. `obstacles` stand; the bodies beside a motion are given in its obstacle's own frame;
+        `clearances` [m], by name, are grown on obstacles beside the settings' growth."""
         self.robot, self.kinematics, self.settings = robot, kinematics, settings
-        self.movers = tuple(mover for mover, _ in movers)
+        self.movers = tuple(motion for motion, _ in movers)
         carried = [
             replace(body, joint=kinematics.nj + index) for index, (_, moved) in enumerate(movers) for body in moved
         ]
         others = [*obstacles, *carried]
         moving_links = [index for index, body in enumerate(bodies) if body.joint > 0]
         outer = [(a, b) for a in moving_links for b in range(len(others))]
-        # a link that stands is a body that a moving obstacle may still meet, but no motion of the robot prevents it
+        # links that stand are in no pair: if a moving obstacle meets one, no motion of the robot prevents it
         supports = np.vstack([kinematics.supports, np.zeros((len(movers), kinematics.n), dtype=np.bool_)])
         self.groups: list[tuple[BodyPairs, PairDistance]] = []
         names: list[tuple[str, str]] = []
         if outer:
-            pairs = body_pairs(bodies, others, outer, settings.growth, supports)
-            self.groups.append((pairs, _distance(pairs, bodies, others, settings.growth, settings)))
+            extra = np.array([(clearances or {}).get(body.name, 0.0) for body in others])
+            pairs = body_pairs(bodies, others, outer, settings.growth + extra, supports)
+            self.groups.append((pairs, _distance(pairs, bodies, others, settings)))
             names += [(bodies[a].link, others[b].name) for a, b in outer]
         if self_pairs:
             normals = settings.normals if settings.distance == "hdsdf" else "box"
             planes = [from_link_body(body.link, body.joint, body.body, normals) for body in bodies]
             pairs = body_pairs(bodies, planes, self_pairs, settings.self_growth, supports)
-            self.groups.append((pairs, _distance(pairs, bodies, planes, settings.self_growth, settings)))
+            self.groups.append((pairs, _distance(pairs, bodies, planes, settings)))
             names += [(bodies[a].link, bodies[b].link) for a, b in self_pairs]
         self.names = tuple(names)  # (P,) link and obstacle, or link and link
         self.obstacle_pairs = len(outer)  # the first of the P
@@ -126,10 +117,10 @@ class Barriers:
 
     def rows(self, kinematics: KinematicsBatch, time: float = 0.0) -> BarrierRows:
         """The same at the kinematics of one configuration."""
-        joints = kinematics.placements.shape[1]
-        if self.movers:
-            poses = np.array([mover.pose(time) for mover in self.movers])
-            flat = np.concatenate([poses[:, :3, :3].reshape(-1, 9), poses[:, :3, 3]], axis=1)
+        joints, now = kinematics.placements.shape[1], np.array([time])
+        poses = [motion.at(now)[0] for motion in self.movers]
+        if poses:
+            flat = np.array([np.append(pose[:3, :3].ravel(), pose[:3, 3]) for pose in poses])
             kinematics = replace(kinematics, placements=np.concatenate([kinematics.placements, flat[None]], axis=1))
         values, gradients, drifts = [], [], []
         for pairs, distance in self.groups:
@@ -138,9 +129,10 @@ class Barriers:
             values.append(value)
             gradients.append((wrench @ kinematics.columns[0].T) * pairs.moves)
             drift = np.zeros(len(pairs))
-            for index, mover in enumerate(self.movers):
-                carried = pairs.joint_b == joints + index
-                drift[carried] = -wrench[carried] @ mover.twist(time)
+            for index, (motion, pose) in enumerate(zip(self.movers, poses, strict=True)):
+                carried, passage = pairs.joint_b == joints + index, int(motion.row(now)[0])
+                speed, spin = motion.velocity[passage], motion.spin[passage]
+                drift[carried] = -wrench[carried] @ np.append(speed - np.cross(spin, pose[:3, 3]), spin)
             drifts.append(drift)
         n = self.kinematics.n
         return BarrierRows(
@@ -154,22 +146,22 @@ def _distance(
     pairs: BodyPairs,
     bodies: Sequence[LinkBody],
     others: Sequence[PlaneBody],
-    growth: float,
     settings: BarrierSettings,
 ) -> PairDistance:
     match settings.distance:
         case "hdsdf":
             return HdsdfPairs(pairs, settings.gamma, settings.shaping_length)
         case "hdsdf-boxes":
-            return BoxPairs(pairs, bodies, others, growth, settings.gamma, settings.shaping_length, settings.normals)
+            return BoxPairs(pairs, bodies, others, settings.gamma, settings.shaping_length, settings.normals)
         case "euclidean":
-            return FclPairs(pairs, bodies, others, growth)
+            return FclPairs(pairs, bodies, others)
         case _:
-            return GdfPairs(pairs, bodies, others, growth)
+            return GdfPairs(pairs, bodies, others)
 
 
 def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Barriers:
-    """Return the barriers of a scene: the outer bodies of the planner, every obstacle, the robot's own pairs.
+    """Return the barriers of a scene: the outer bodies of the planner, every obstacle, grown by what the scene wants
+    free around it as well, and the robot's own pairs.
 
     Link bodies are the scene's setting `planner.link_bodies`, boxes for the distances that know nothing else. Raises
     InputError for an obstacle that the distance cannot take.
@@ -177,6 +169,14 @@ def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Bar
     boxes = settings.distance in ("hdsdf-boxes", "gdf")
     planes = settings.normals if settings.distance == "hdsdf" else "box"
     outline = outline_of(robot, "box" if boxes else scene.planner.link_bodies, planes)
+    standing: list[PlaneBody] = []
+    movers: list[tuple[Passages, Sequence[PlaneBody]]] = []
     with naming(scene.source):
-        obstacles = [piece for obstacle in scene.obstacles for piece in from_obstacle(obstacle, planes)[0]]
-        return Barriers(robot, outline.kinematics, outline.bodies, outline.self_pairs, obstacles, settings)
+        for obstacle in scene.obstacles:
+            if obstacle.motion is None:
+                standing += from_obstacle(obstacle, planes)[0]
+            else:
+                movers.append((Passages.of(obstacle), from_obstacle(replace(obstacle, pose=Pose()), planes)[0]))
+        return Barriers(
+            robot, outline.kinematics, outline.bodies, outline.self_pairs, standing, settings, movers, scene.clearances
+        )

@@ -29,29 +29,26 @@ RIGHT_ANGLE = 1e-9  # the cosine of a box's right angles is this close to 0
 class _Boxes:
     """The pairs' boxes as rows [R (9) | t (3) | half sides (3)] in the frames of what carries them."""
 
-    def __init__(
-        self, pairs: BodyPairs, bodies: Sequence[LinkBody], plane_bodies: Sequence[PlaneBody], margin: float
-    ) -> None:
-        self.pairs, self.margin = pairs, margin
+    def __init__(self, pairs: BodyPairs, bodies: Sequence[LinkBody], plane_bodies: Sequence[PlaneBody]) -> None:
+        self.pairs, self.margins = pairs, pairs.margins[:, None]
         self.first = np.array([_box_row(body.body, np.eye(4), body.link) for body in bodies])
         self.second = np.array([_box_row(body.shape, body.placement, body.name) for body in plane_bodies])
 
 
 class BoxPairs(_Boxes):
-    """D of the paper's set of both boxes, less the margin. Raises InputError for a body that is no box."""
+    """D of the paper's set of both boxes, less the obstacle's margin. Raises InputError for a body that is no box."""
 
     def __init__(
         self,
         pairs: BodyPairs,
         bodies: Sequence[LinkBody],
         plane_bodies: Sequence[PlaneBody],
-        margin: float,
         gamma: int,
         shaping_length: float,
         normals: str = "paper",
     ) -> None:
         """Take the pairs and the bodies that their indices mean; normals: "paper" or "paper-multiset"."""
-        super().__init__(pairs, bodies, plane_bodies, margin)
+        super().__init__(pairs, bodies, plane_bodies)
         self.kernel = _kernel(gamma, shaping_length, normals)
 
     @property
@@ -65,20 +62,20 @@ class BoxPairs(_Boxes):
         batch, joints = kinematics.placements.shape[:2]
         placements = kinematics.placements.reshape(batch * joints, 12)
         values, wrenches, separations = self.kernel(
-            [placements, placements, self.first, self.second, np.array([[self.margin]])],
+            [placements, placements, self.first, self.second, self.margins],
             [
                 sample * joints + self.pairs.joint_a[pair],
                 sample * joints + self.pairs.joint_b[pair],
                 self.pairs.body[pair],
                 self.pairs.plane_body[pair],
-                np.zeros(len(pair), dtype=np.int64),
+                self.pairs.plane_body[pair],
             ],
         )
         return values[:, 0], wrenches, separations[:, 0]
 
 
 class GdfPairs(_Boxes):
-    """The GDF of the boxes, less the margin; its parameters are those of the published experiment."""
+    """The GDF of the boxes, less the obstacle's margin; its parameters are those of the published experiment."""
 
     @property
     def how(self) -> str:
@@ -96,7 +93,8 @@ class GdfPairs(_Boxes):
             origin = (turn @ row[:, 9:12, None])[..., 0] + kinematics.translations[sample, joint]
             placed += [row[:, 12:], turn @ row[:, :9].reshape(-1, 3, 3), origin]
         distance, wrench = gdf_boxes(*placed)
-        return distance - self.margin, wrench, distance - self.margin
+        distance = distance - self.margins[self.pairs.plane_body[pair], 0]
+        return distance, wrench, distance
 
 
 def _box_row(shape: Shape | ConvexBody, placement: NDArray[np.float64], name: str) -> Floats:

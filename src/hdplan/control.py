@@ -9,7 +9,7 @@ See `hdplan.planner.control` for the equations, and `hdplan.planner.barrier_rule
 
 from __future__ import annotations
 
-from hdplan.planner.barriers import Barriers, BarrierSettings, Mover, scene_barriers
+from hdplan.planner.barriers import Barriers, BarrierSettings, scene_barriers
 from hdplan.planner.control import Controller, ControlSettings, Mode, Step
 from hdplan.planner.control_run import Run, simulate
 from hdplan.planner.control_tasks import PoseTask, Task, TrackTask, standing
@@ -20,7 +20,6 @@ __all__ = [
     "ControlSettings",
     "Controller",
     "Mode",
-    "Mover",
     "PoseTask",
     "Run",
     "Step",

@@ -29,7 +29,8 @@ from hdplan.planner.plane_bodies import from_obstacle
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Box, JointTarget, Obstacle, Pose, PoseTarget, RobotSpec, Scene
+from hdplan.scenes.model import Box, JointTarget, Obstacle, Pose, PoseTarget, RobotSpec, Scene, SteadyMotion
+from hdplan.scenes.moving import Passages
 
 Array = NDArray[np.float64]
 
@@ -135,23 +136,15 @@ def test_barriers_are_their_distances(robot: Robot) -> None:
 
 
 def test_a_moving_obstacle_enters_with_its_own_speed(robot: Robot) -> None:
-    class Turning:
-        def pose(self, time: float) -> Array:
-            angle, matrix = 0.7 * time, np.eye(4)
-            matrix[:2, :2] = [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
-            matrix[:3, 3] = [0.5 + 0.1 * time, 0.2 - 0.3 * time, 0.4]
-            return matrix
-
-        def twist(self, time: float) -> Array:
-            spin, speed = np.array([0.0, 0.0, 0.7]), np.array([0.1, -0.3, 0.0])
-            return np.concatenate([speed - np.cross(spin, self.pose(time)[:3, 3]), spin])
-
+    motion = SteadyMotion((0.1, -0.3, 0.05), (0.2, -0.1, 0.7))
+    obstacle = Obstacle("it", Box((0.1, 0.2, 0.3)), Pose((0.5, 0.2, 0.4)), motion=motion)
     rng = np.random.default_rng(4)
     for settings in (DISTANCES[0], DISTANCES[1]):
         bodies = from_obstacle(Obstacle("it", Box((0.1, 0.2, 0.3))))[0]
+        moved = [(Passages.of(obstacle), bodies)]
         still = scene_barriers(scene_of(), robot, settings)
         links = [LinkBody("five", 5, ConvexBody.box([0.08, 0.12, 0.2]))]
-        barriers = Barriers(robot, still.kinematics, links, [], [], settings, [(Turning(), bodies)])
+        barriers = Barriers(robot, still.kinematics, links, [], [], settings, moved)
         for q, time in zip(robot.draw(rng, 8), rng.uniform(0, 1, 8), strict=True):
             rows = barriers.evaluate(q, time)
             ahead, behind = barriers.evaluate(q, time + 1e-6).value, barriers.evaluate(q, time - 1e-6).value
