@@ -129,7 +129,7 @@ class _Pose(NamedTuple):
 
     @classmethod
     def of(cls, robot: Robot, target: PoseTarget) -> _Pose:
-        frame = robot.model.frames[link_frame(robot, target)]
+        frame = robot.model.frames[link_frame(robot, target.link, target.field)]
         return cls(robot, target, kinematics_of(robot), frame.parentJoint, frame.placement.homogeneous)
 
     def linearized(self, q: Array) -> tuple[Array, Array]:
@@ -154,9 +154,9 @@ class _Pose(NamedTuple):
 
 
 def damped_step(robot: Robot, q: Array, error: Array, jacobian: Array, longest: float = LONGEST) -> Array:
-    """One step of damped least squares from q (B, n), within the limits: error (B, 6), jacobian (B, 6, n); no joint
+    """One step of damped least squares from q (B, n), within the limits: error (B, m), jacobian (B, m, n); no joint
     moves by more than `longest`."""
-    square = jacobian @ jacobian.transpose(0, 2, 1) + DAMPING**2 * np.eye(6)
+    square = jacobian @ jacobian.transpose(0, 2, 1) + DAMPING**2 * np.eye(error.shape[1])
     step = np.einsum("bij,bi->bj", jacobian, np.linalg.solve(square, error[..., None])[..., 0])
     step *= np.minimum(1.0, longest / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-12))
     moved: Array = np.clip(q + step, robot.lower, robot.upper)
