@@ -63,7 +63,7 @@ def tilted() -> Tilted:
     distances: dict[str, PairDistance] = {
         "hdsdf": HdsdfPairs(pairs, settings.gamma, settings.shaping_length),
         "hdsdf, gamma 12": HdsdfPairs(pairs, 12, settings.shaping_length),
-        "fcl": FclPairs(pairs, bodies, walls, MARGIN),
+        "fcl": FclPairs(pairs, bodies, walls),
     }
     index, none = np.arange(len(TILTS)), np.zeros(len(TILTS), dtype=np.int64)
     torques = {}

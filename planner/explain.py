@@ -11,7 +11,7 @@ from collections import Counter
 import numpy as np
 
 from hdplan.planner.pose_goals import pose_words
-from hdplan.planner.problem import SELF_ACTIVATION, Floats, Problem
+from hdplan.planner.problem import Floats, Problem, self_margin
 from hdplan.planner.robot import Robot
 from hdplan.planner.terms import Clearance
 from hdplan.scenes.model import (
@@ -103,7 +103,7 @@ def _terms(problem: Problem) -> Rows:
     else:
         obstacles = "off: the scene has no obstacles"
     if "self-collision" in on:
-        own = f"on: grows where two links come within {settings.clearance + SELF_ACTIVATION:g} m"
+        own = f"on: grows where two links come within {self_margin(problem.scene):g} m"
     elif problem.unresolved:
         own = "off: the outer bodies of all pairs of links overlap anyway"
     else:

@@ -48,11 +48,9 @@ class FclPairs:
     it overlap deeply, coal may give a direction out that is not the shortest: there D is a lower bound only.
     """
 
-    def __init__(
-        self, pairs: BodyPairs, bodies: Sequence[LinkBody], plane_bodies: Sequence[PlaneBody], margin: float
-    ) -> None:
-        """Take the pairs and the bodies that their indices mean; margin [m] comes off every distance."""
-        self.pairs, self.margin = pairs, margin
+    def __init__(self, pairs: BodyPairs, bodies: Sequence[LinkBody], plane_bodies: Sequence[PlaneBody]) -> None:
+        """Take the pairs and the bodies that their indices mean; the second's margin comes off every distance."""
+        self.pairs = pairs
         self.first = {a: _swept(bodies[a].body) for a in set(pairs.body.tolist())}
         self.second = {b: _solid(plane_bodies[b].shape) for b in set(pairs.plane_body.tolist())}
         self.placements = np.array([body.placement for body in plane_bodies])  # (B, 4, 4) in the joints' frames
@@ -79,7 +77,7 @@ class FclPairs:
             gap[k], normal[k], witness[k] = self._ask_again(int(a[k]), int(b[k]), turn[k], shift[k])
         force = (turn_b @ normal[..., None])[..., 0]
         point = (turn_b @ witness[..., None])[..., 0] + origin
-        value = gap - self.margin
+        value = gap - pairs.margins[b]
         return value, np.concatenate([force, np.cross(point, force)], axis=1), value
 
     def _ask(self, a: Rows, b: Rows, turn: Floats, shift: Floats) -> tuple[Floats, Floats, Floats]:

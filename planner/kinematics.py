@@ -72,16 +72,16 @@ class Kinematics:
             at = int(model.joints[index].idx_v)
             self.supports[index] = self.supports[parent]
             self.supports[index, at] = True
-            rotation = rotations[parent] @ _constant(placement.rotation)
-            translation = translations[parent] + rotations[parent] @ _constant(placement.translation)
-            slide, axis = _motion_axes(model.joints[index])
+            rotation = rotations[parent] @ constant(placement.rotation)
+            translation = translations[parent] + rotations[parent] @ constant(placement.translation)
+            slide, axis = motion_axes(model.joints[index])
             if np.any(axis):
-                direction = rotation @ _constant(axis)
+                direction = rotation @ constant(axis)
                 linear.append(ca.cross(translation, direction))
                 angular.append(direction)
-                rotation = rotation @ _rotation_about(axis, q[at])
+                rotation = rotation @ rotation_about(axis, q[at])
             else:
-                direction = rotation @ _constant(slide)
+                direction = rotation @ constant(slide)
                 linear.append(direction)
                 angular.append(ca.SX.zeros(3, 1))
                 translation = translation + direction * q[at]
@@ -135,7 +135,7 @@ class _MappedState:
         return self._output.reshape(self._columns, -1)[:count].copy()
 
 
-def _motion_axes(joint: pin.JointModel) -> tuple[Array, Array]:
+def motion_axes(joint: pin.JointModel) -> tuple[Array, Array]:
     """Return a one-coordinate joint's linear and angular unit velocity in its own frame."""
     data = joint.createData()
     joint.calc(data, np.eye(1, joint.idx_q + joint.nq, joint.idx_q)[0])
@@ -143,13 +143,13 @@ def _motion_axes(joint: pin.JointModel) -> tuple[Array, Array]:
     return motion[:3], motion[3:]
 
 
-def _constant(values: Array) -> ca.DM:
+def constant(values: Array) -> ca.DM:
     """Return a constant without its rounding noise: exact zeros keep the expressions sparse."""
     return ca.sparsify(ca.DM(np.round(np.asarray(values, dtype=np.float64), 15)))
 
 
-def _rotation_about(axis: Array, angle: ca.SX) -> ca.SX:
+def rotation_about(axis: Array, angle: ca.SX) -> ca.SX:
     """Return Rodrigues' formula a a^T + cos(angle) (I - a a^T) + sin(angle) [a]x for the unit axis a."""
     cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
     outer = np.outer(axis, axis)
-    return _constant(outer) + ca.cos(angle) * _constant(np.eye(3) - outer) + ca.sin(angle) * _constant(cross)
+    return constant(outer) + ca.cos(angle) * constant(np.eye(3) - outer) + ca.sin(angle) * constant(cross)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.kinematics import KinematicsBatch
 from hdplan.planner.link_bodies import LinkBody
@@ -45,6 +45,7 @@ class BodyPairs:
     widest: float  # how much farther than its radius from a box a sphere is separated by one of the planes for certain
     boxes: Floats  # (B, 4, 4) the plane bodies' boxes, in their joints' frames
     half_sizes: Floats  # (B, 3) of those boxes, enlarged by the margin [m]
+    margins: Floats  # (B,) by which each plane body is enlarged [m]
 
     def __len__(self) -> int:
         """The number of pairs."""
@@ -129,15 +130,17 @@ def body_pairs(
     bodies: Sequence[LinkBody],
     plane_bodies: Sequence[PlaneBody],
     pairs: Sequence[tuple[int, int]],
-    margin: float,
+    margin: ArrayLike,
     supports: NDArray[np.bool_],
     slots: int = 0,
 ) -> BodyPairs:
     """Lay out pairs (index of link body, index of plane body) as tables, the plane bodies enlarged by `margin` [m].
 
+    margin: one for all plane bodies, or one for each (B,).
     supports: (nj, n) whether a joint moves what another joint carries (Kinematics.supports).
     slots: vertex slots of the tables at least, so that other pairs would have tables of the same width.
     """
+    margins = np.full(len(plane_bodies), margin, dtype=np.float64)
     slots = max(slots, *(len(bodies[a].body.vertices) for a, _ in pairs))
     first = np.array([a for a, _ in pairs], dtype=np.int64)
     second = np.array([b for _, b in pairs], dtype=np.int64)
@@ -148,7 +151,7 @@ def body_pairs(
         chosen = np.flatnonzero(plane_slots == count)
         rows[chosen] = np.arange(len(chosen))
         tables[count] = np.array(
-            [np.append(plane_bodies[b].normals.ravel(), plane_bodies[b].supports + margin) for b in chosen.tolist()]
+            [np.append(plane_bodies[b].normals.ravel(), plane_bodies[b].supports + margins[b]) for b in chosen.tolist()]
         )
     joint_a = np.array([body.joint for body in bodies], dtype=np.int64)[first]
     joint_b = np.array([body.joint for body in plane_bodies], dtype=np.int64)[second]
@@ -168,7 +171,8 @@ def body_pairs(
         radii=np.array([span + body.body.radius for span, body in zip(spans, bodies, strict=True)]),
         widest=WIDEST if plane_slots.min() >= FEW else WIDEST_OF_FACES,
         boxes=np.array([body.box for body in plane_bodies]),
-        half_sizes=np.array([body.half_size for body in plane_bodies]) + margin,
+        half_sizes=np.array([body.half_size for body in plane_bodies]) + margins[:, None],
+        margins=margins,
     )
 
 

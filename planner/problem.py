@@ -157,6 +157,11 @@ def check_distance(name: str) -> None:
         raise InputError(f"distance: unknown '{name}'{nearest(name, DISTANCES)}")
 
 
+def self_margin(scene: Scene) -> float:
+    """How close two links come before their penalty sets in [m]."""
+    return max(scene.planner.clearance, scene.self_collision.clearance) + SELF_ACTIVATION
+
+
 def build(scene: Scene, robot: Robot | None = None) -> Problem:
     """Lay out the problem of a scene. Raises InputError for what the scene or its robot gets wrong."""
     robot = robot or load_scene_robot(scene)
@@ -173,27 +178,28 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
     notes = [*scene.notes, *robot.notes, *query.notes, *(word for _, words in enclosed for word in words)]
 
     terms: list[Term] = []
-    margin = settings.clearance + settings.activation
+    clearances = scene.clearances
+    margins = np.array([clearances[body.name] + settings.activation for body in plane_bodies])
     pairs = [
         (a, b)
         for a, body in enumerate(bodies)
         if body.joint > 0
-        for b in np.flatnonzero(outline.reach[a].meets(plane_bodies, margin)).tolist()
+        for b in np.flatnonzero(outline.reach[a].meets(plane_bodies, margins)).tolist()
     ]
     if pairs:
         # room for every body and kernels for every shape: other obstacles then need nothing new compiled
         slots = max(len(body.body.vertices) for body in bodies if body.joint > 0)
-        laid_out = body_pairs(bodies, plane_bodies, pairs, margin, kinematics.supports, slots)
-        distance = _distance(laid_out, bodies, plane_bodies, margin, settings, plane_counts(settings.normals))
+        laid_out = body_pairs(bodies, plane_bodies, pairs, margins, kinematics.supports, slots)
+        distance = _distance(laid_out, bodies, plane_bodies, settings, plane_counts(settings.normals))
         terms.append(
             SweptClearance("obstacles", laid_out, distance, settings.gamma, settings.shaping_length)
             if settings.swept
             else Clearance("obstacles", laid_out, distance)
         )
     if outline.self_pairs:
-        margin = settings.clearance + SELF_ACTIVATION
+        margin = self_margin(scene)
         laid_out = body_pairs(bodies, outline.planes, outline.self_pairs, margin, kinematics.supports)
-        distance = _distance(laid_out, bodies, outline.planes, margin, settings)
+        distance = _distance(laid_out, bodies, outline.planes, settings)
         terms.append(Clearance("self-collision", laid_out, distance))
     terms.extend(path_terms(scene, robot, kinematics.supports))
 
@@ -218,11 +224,10 @@ def _distance(
     pairs: BodyPairs,
     bodies: tuple[LinkBody, ...],
     plane_bodies: tuple[PlaneBody, ...],
-    margin: float,
     settings: PlannerSettings,
     counts: tuple[int, ...] = (),
 ) -> PairDistance:
     check_distance(settings.distance)
     if settings.distance == "fcl":
-        return FclPairs(pairs, bodies, plane_bodies, margin)
+        return FclPairs(pairs, bodies, plane_bodies)
     return HdsdfPairs(pairs, settings.gamma, settings.shaping_length, counts)

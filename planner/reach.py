@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.plane_bodies import PlaneBody
@@ -23,13 +23,14 @@ class Reach:
     centre: Floats  # (3,) [m]
     radius: float  # [m]
 
-    def meets(self, others: Sequence[PlaneBody], margin: float) -> NDArray[np.bool_]:
-        """For each standing body (B,), whether the ball touches its box enlarged by `margin` [m]; if not, the pair
-        never matters."""
+    def meets(self, others: Sequence[PlaneBody], margin: ArrayLike) -> NDArray[np.bool_]:
+        """For each standing body (B,), whether the ball touches its box enlarged by `margin`, one for all or one for
+        each [m]; if not, the pair never matters."""
+        margins = np.full(len(others), margin, dtype=np.float64)
         boxes = np.array([other.box for other in others]).reshape(-1, 4, 4)
         half_sizes = np.array([other.half_size for other in others]).reshape(-1, 3)
         local = ((self.centre - boxes[:, :3, 3])[:, None] @ boxes[:, :3, :3])[:, 0]
-        outside = np.maximum(np.abs(local) - half_sizes - margin, 0.0)
+        outside = np.maximum(np.abs(local) - half_sizes - margins[:, None], 0.0)
         return np.asarray(np.einsum("bi,bi->b", outside, outside) <= self.radius**2)
 
 

@@ -99,18 +99,21 @@ class Robot:
         else:
             named = target.by_name or {}
             for joint in named if not from_request else ():
-                if joint in self.locked:
-                    raise InputError(
-                        f"{where}: joint '{joint}' is held at {self.locked[joint]:g}, not planned (robot.locked)"
-                    )
-                if joint not in self.joint_names:
-                    raise InputError(f"{where}: unknown joint '{joint}'{nearest(joint, self.joint_names)}")
+                self.index_of(joint, where)
         missing = [joint for joint in self.joint_names if joint not in named]
         if missing:
             raise InputError(f"{where}: no value for {', '.join(missing)}")
         return self._within_limits(
             np.array([named[joint] for joint in self.joint_names], dtype=np.float64), where, from_request
         )
+
+    def index_of(self, joint: str, where: str) -> int:
+        """Return the place of a planned joint among them. Raises InputError, naming `where`, for any other name."""
+        if joint in self.locked:
+            raise InputError(f"{where}: joint '{joint}' is held at {self.locked[joint]:g}, not planned (robot.locked)")
+        if joint not in self.joint_names:
+            raise InputError(f"{where}: unknown joint '{joint}'{nearest(joint, self.joint_names)}")
+        return self.joint_names.index(joint)
 
     def _within_limits(self, q: Array, where: str, from_request: bool) -> Array:
         slack = LIMIT_ROUNDING if from_request else 1e-9

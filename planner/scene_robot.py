@@ -41,7 +41,7 @@ class Query:
 
 def load_scene_robot(scene: Scene) -> Robot:
     """Load a scene's robot, with a MoveIt request's values for the joints that it has and does not plan, and with the
-    objects that it holds.
+    objects that it holds; within the scene's own limits of positions, and without self pairs where the scene says so.
 
     The limits make room for a request's start and goal up to ROOM beyond them, which is noted. The same object for the
     same specification, as long as its files stay as they are. Raises InputError, naming the file that speaks of the
@@ -49,11 +49,37 @@ def load_scene_robot(scene: Scene) -> Robot:
     """
     with naming(scene.robot.source or scene.source):
         robot = _load_bare(scene)
-    if not scene.attached:
-        return robot
     with naming(scene.source):
-        meshes = [str(held.shape.file) for held in scene.attached if isinstance(held.shape, Mesh)]
-        return _holding(robot, scene.attached, _stamps(meshes))
+        if scene.limits.position:
+            robot = _narrowed(robot, tuple(scene.limits.position.items()))
+        if scene.attached:
+            meshes = [str(held.shape.file) for held in scene.attached if isinstance(held.shape, Mesh)]
+            robot = _holding(robot, scene.attached, _stamps(meshes))
+    return robot if scene.self_collision.checked else _unchecked(robot)
+
+
+@functools.lru_cache(maxsize=MOST)
+def _narrowed(robot: Robot, ranges: tuple[tuple[str, tuple[float, float]], ...]) -> Robot:
+    """Return the robot within ranges of its joints' positions that lie within its own."""
+    lower, upper = robot.lower.copy(), robot.upper.copy()
+    for joint, (low, high) in ranges:
+        where = f"limits.position.{joint}"
+        i = robot.index_of(joint, where)
+        if not robot.lower[i] <= low < high <= robot.upper[i]:
+            raise InputError(
+                f"{where}: must be a range within the URDF's [{robot.lower[i]:g}, {robot.upper[i]:g}], "
+                f"found [{low:g}, {high:g}]"
+            )
+        lower[i], upper[i] = low, high
+    return replace(robot, lower=lower, upper=upper)
+
+
+@functools.lru_cache(maxsize=MOST)
+def _unchecked(robot: Robot) -> Robot:
+    """Return the robot with nothing of it kept apart from itself."""
+    bodies = "links and held objects" if robot.attached else "links"
+    note = f"{bodies} are not checked against each other: self_collision: false"
+    return replace(robot, self_pairs=(), notes=(*robot.notes, note))
 
 
 def _load_bare(scene: Scene) -> Robot:

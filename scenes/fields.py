@@ -112,6 +112,7 @@ class Field:
         """Return a finite number, at most LARGEST in size, with low <= value <= high and value > above."""
         bounds = [f"greater than {above:g}"] * math.isfinite(above)
         bounds += [f"{low:g} to {high:g}" if math.isfinite(high) else f"at least {low:g}"] * math.isfinite(low)
+        bounds += [f"{'and ' * bool(bounds)}at most {high:g}"] * (math.isfinite(high) and not math.isfinite(low))
         allowed = " ".join(["a finite number", *bounds, *([f"[{unit}]"] if unit else [])])
         value = self.value
         if isinstance(value, str) and self.document.text_numbers:

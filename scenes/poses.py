@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from hdplan.scenes.fields import Field
 from hdplan.scenes.model import Pose, Quaternion, Vector3
 
+EXACT = 1e-12  # this close it stays as it is, so that what was written reads back bit for bit
 ROUNDING = 1e-6  # a quaternion this close to unit length is unit: decimals were cut
 CLOSE = 1e-2  # up to here it is normalized with a word; beyond, it is a mistake
 
@@ -38,7 +39,8 @@ def read_vector(entry: Field, above: float = -math.inf, unit: str = "") -> Vecto
 
 
 def read_quaternion(entry: Field) -> Quaternion:
-    """Read a unit quaternion (x, y, z, w), normalized: in silence within `ROUNDING`, with a note within `CLOSE`.
+    """Read a unit quaternion (x, y, z, w), normalized: beyond `EXACT`, in silence within `ROUNDING`, with a note within
+    `CLOSE`.
 
     Raises:
         InputError: its length is farther from 1 than `CLOSE`.
@@ -49,6 +51,8 @@ def read_quaternion(entry: Field) -> Quaternion:
         raise entry.error(f"must be a unit quaternion (x, y, z, w), found {entry.value} of length {norm:.6g}")
     if abs(norm - 1.0) > ROUNDING:
         entry.note(f"the quaternion of length {norm:.6g} was normalized")
+    if abs(norm - 1.0) <= EXACT:
+        return x, y, z, w
     return x / norm, y / norm, z / norm, w / norm
 
 

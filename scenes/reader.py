@@ -4,62 +4,57 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-import math
 import os
 from os import PathLike
 from pathlib import Path
 
-import numpy as np
-
+from hdplan.scenes.effects import (
+    check_effects,
+    read_clearance,
+    read_limits,
+    read_mass,
+    read_motion,
+    read_path,
+    read_payload,
+    read_self_collision,
+    read_timing,
+)
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.fields import Field, read_document
 from hdplan.scenes.model import (
     Attached,
-    Box,
-    Capsule,
-    Cylinder,
-    Goals,
-    JointTarget,
-    Mesh,
+    Limits,
     Obstacle,
+    PathConstraints,
     PlannerSettings,
-    Points,
     Pose,
-    PoseTarget,
     RobotSpec,
     Scene,
-    Shape,
-    Sphere,
-    Vector3,
+    SelfCollision,
+    TimedPoses,
 )
 from hdplan.scenes.moveit import is_moveit_request, is_moveit_scene, read_moveit
-from hdplan.scenes.poses import pose_of, read_pose, read_vector
+from hdplan.scenes.poses import read_pose
 from hdplan.scenes.settings import read_settings
+from hdplan.scenes.shapes import read_shape
+from hdplan.scenes.targets import read_goal, read_target
 
 VERSION = 1
-SECTIONS = ("hdplan", "robot", "obstacles", "attached", "start", "goal", "planner")
-ROBOT_KEYS = ("name", "urdf", "srdf", "package_dirs", "base", "locked", "ignore_pairs")
-SHAPE_KEYS = {
-    "box": ("size",),
-    "sphere": ("radius",),
-    "cylinder": ("radius", "length"),
-    "capsule": ("radius", "length"),
-    "points": ("points",),
-    "mesh": ("file", "scale"),
-}
-"""Keys of each shape beside its type; all are required but a mesh's scale."""
-GOAL_KEYS = ("joints", "state", "pose", "poses")
-POSE_KEYS = (
-    "link",
-    "position",
-    "quaternion_xyzw",
-    "rpy",
-    "position_tolerance",
-    "orientation_tolerance",
-    "free_rotation",
+SECTIONS = (
+    "hdplan",
+    "robot",
+    "obstacles",
+    "attached",
+    "start",
+    "goal",
+    "self_collision",
+    "limits",
+    "payload",
+    "path",
+    "timing",
+    "planner",
 )
-FREE_ROTATIONS = ("none", "x", "y", "z", "all")
-FLAT = 1e-9  # thickness over size below which points lie in one plane
+ROBOT_KEYS = ("name", "urdf", "srdf", "package_dirs", "base", "locked", "ignore_pairs")
 
 FilePath = str | PathLike[str]
 
@@ -157,17 +152,24 @@ def _read_hdplan(top: Field, robot: RobotSpec | None) -> Scene:
     if spec is None:
         raise top.error("the key 'robot' is missing; write the section, or name a robot with --robot")
     obstacles = _obstacles(keys["obstacles"]) if "obstacles" in keys else ()
-    return Scene(
+    scene = Scene(
         name=top.document.file.stem,
         source=top.document.file,
         robot=spec,
         obstacles=obstacles,
         attached=_attached(keys["attached"], obstacles) if "attached" in keys else (),
-        start=_target(keys["start"]),
-        goal=_goal(keys["goal"]),
+        start=read_target(keys["start"]),
+        goal=read_goal(keys["goal"]),
         planner=read_settings(keys["planner"]) if "planner" in keys else PlannerSettings(),
+        self_collision=read_self_collision(keys["self_collision"]) if "self_collision" in keys else SelfCollision(),
+        limits=read_limits(keys["limits"]) if "limits" in keys else Limits(),
+        payload=read_payload(keys["payload"]) if "payload" in keys else None,
+        path=read_path(keys["path"]) if "path" in keys else PathConstraints(),
+        timing=read_timing(keys["timing"]) if "timing" in keys else None,
         notes=tuple(top.document.notes),
     )
+    check_effects(top, scene)
+    return scene
 
 
 def _robot(section: Field) -> RobotSpec:
@@ -198,78 +200,21 @@ def _pair(entry: Field) -> tuple[str, str]:
     return first, second
 
 
-def _target(section: Field) -> JointTarget:
-    keys = section.mapping(("joints", "state"))
-    if len(keys) != 1:
-        raise section.error(f"must have either 'joints' or 'state', found {'both' if keys else 'neither'}")
-    if "state" in keys:
-        return JointTarget(section.key, state=keys["state"].text())
-    return _joints(keys["joints"], section.key)
-
-
-def _joints(joints: Field, name: str) -> JointTarget:
-    match joints.value:
-        case [_, *_]:
-            return JointTarget(name, positions=joints.numbers(unit="rad or m"))
-        case {**named} if named:
-            values = {name: value.number(unit="rad or m") for name, value in joints.mapping().items()}
-            return JointTarget(name, by_name=values)
-        case _:
-            raise joints.wrong("a list of joint values, or a mapping from joint names to values [rad or m]")
-
-
-def _goal(section: Field) -> JointTarget | Goals:
-    """Read one configuration, or what leaves a choice: several of them, a link's pose, or several poses."""
-    keys = section.mapping(GOAL_KEYS)
-    if len(keys) != 1:
-        found = " and ".join(f"'{key}'" for key in keys) or "none of them"
-        raise section.error(f"must have exactly one of the keys {', '.join(GOAL_KEYS)}, found {found}")
-    if "pose" in keys:
-        return Goals((_pose_target(keys["pose"]),))
-    if "poses" in keys:
-        return Goals(tuple(_pose_target(pose) for pose in _at_least_one(keys["poses"], "poses")))
-    if "joints" in keys and isinstance(keys["joints"].value, list) and _holds_containers(keys["joints"].value):
-        entries = keys["joints"].items(of="configurations")
-        return Goals(tuple(_joints(joints, joints.key) for joints in entries))
-    return _target(section)
-
-
-def _holds_containers(values: list[object]) -> bool:
-    return any(isinstance(value, list | dict) for value in values)
-
-
-def _at_least_one(section: Field, of: str) -> list[Field]:
-    entries = section.items(of=of)
-    if not entries:
-        raise section.wrong(f"a list of one or more {of}")
-    return entries
-
-
-def _pose_target(section: Field) -> PoseTarget:
-    keys = section.mapping(POSE_KEYS, required=["link", "position"])
-    free = keys["free_rotation"].choice(FREE_ROTATIONS) if "free_rotation" in keys else PoseTarget.free_rotation
-    turn = next((keys[key] for key in ("quaternion_xyzw", "rpy", "orientation_tolerance") if key in keys), None)
-    if free == "all" and turn is not None:
-        raise turn.error("has no meaning with free_rotation: all, which lets the link turn as it likes; leave it out")
-    if free != "all" and "quaternion_xyzw" not in keys and "rpy" not in keys:
-        raise section.error("has no orientation: give 'quaternion_xyzw' or 'rpy', or free_rotation: all")
-    tolerances = {
-        key: keys[key].number(above=0.0, high=high, unit=unit)
-        for key, high, unit in (("position_tolerance", 1.0, "m"), ("orientation_tolerance", math.pi, "rad"))
-        if key in keys
-    }
-    return PoseTarget(section.key, keys["link"].text(), pose_of(section, keys), free_rotation=free, **tolerances)
-
-
 def _obstacles(section: Field) -> tuple[Obstacle, ...]:
     obstacles: dict[str, Obstacle] = {}
     for i, entry in enumerate(section.items(of="obstacles")):
-        keys = entry.mapping(("name", "shape", "pose"), required=["shape"])
+        keys = entry.mapping(("name", "shape", "pose", "clearance", "motion"), required=["shape"])
         name = keys["name"].text() if "name" in keys else f"obstacle{i}"
         if name in obstacles:
             raise entry.error(f"the name {name!r} is taken by an earlier obstacle; names must differ")
         pose = read_pose(keys["pose"]) if "pose" in keys else Pose()
-        obstacles[name] = Obstacle(name, _shape(keys["shape"]), pose)
+        motion = read_motion(keys["motion"]) if "motion" in keys else None
+        if isinstance(motion, TimedPoses):
+            if "pose" in keys:
+                raise keys["pose"].error("stands beside motion.poses, which say where the obstacle is: leave it out")
+            pose = motion.poses[0]
+        clearance = read_clearance(keys["clearance"]) if "clearance" in keys else None
+        obstacles[name] = Obstacle(name, read_shape(keys["shape"]), pose, clearance, motion)
     return tuple(obstacles.values())
 
 
@@ -277,51 +222,14 @@ def _attached(section: Field, obstacles: tuple[Obstacle, ...]) -> tuple[Attached
     standing = {obstacle.name for obstacle in obstacles}
     attached: dict[str, Attached] = {}
     for i, entry in enumerate(section.items(of="held objects")):
-        keys = entry.mapping(("name", "link", "shape", "pose", "touch_links"), required=["link", "shape"])
+        keys = entry.mapping(("name", "link", "shape", "pose", "touch_links", "mass"), required=["link", "shape"])
         name = keys["name"].text() if "name" in keys else f"attached{i}"
         if name in attached or name in standing:
             other = "obstacle" if name in standing else "earlier held object"
             raise entry.error(f"the name {name!r} is taken by an {other}; names must differ")
         pose = read_pose(keys["pose"]) if "pose" in keys else Pose()
         touching = keys["touch_links"].items(of="link names") if "touch_links" in keys else []
-        attached[name] = Attached(
-            name, keys["link"].text(), _shape(keys["shape"]), pose, tuple(link.text() for link in touching)
-        )
+        links = tuple(link.text() for link in touching)
+        mass = read_mass(keys["mass"]) if "mass" in keys else 0.0
+        attached[name] = Attached(name, keys["link"].text(), read_shape(keys["shape"]), pose, links, mass)
     return tuple(attached.values())
-
-
-def _shape(section: Field) -> Shape:
-    every_key = {"type", *(key for keys in SHAPE_KEYS.values() for key in keys)}
-    kind = section.mapping(every_key, required=["type"])["type"].choice(SHAPE_KEYS)
-    required = [key for key in SHAPE_KEYS[kind] if key != "scale"]
-    keys = section.mapping(("type", *SHAPE_KEYS[kind]), required)
-    match kind:
-        case "box":
-            return Box(read_vector(keys["size"], above=0.0, unit="m"))
-        case "sphere":
-            return Sphere(keys["radius"].number(above=0.0, unit="m"))
-        case "cylinder":
-            return Cylinder(keys["radius"].number(above=0.0, unit="m"), keys["length"].number(above=0.0, unit="m"))
-        case "capsule":
-            return Capsule(keys["radius"].number(above=0.0, unit="m"), keys["length"].number(low=0.0, unit="m"))
-        case "points":
-            return Points(_points(keys["points"]))
-        case _:
-            return Mesh(keys["file"].path(), _scale(keys["scale"]) if "scale" in keys else (1.0, 1.0, 1.0))
-
-
-def _points(entry: Field) -> tuple[Vector3, ...]:
-    points = tuple(read_vector(item, unit="m") for item in entry.items(of="points"))
-    spread = np.ptp(points, axis=0).max() if points else 0.0
-    if not points or np.linalg.matrix_rank(np.subtract(points, points[0]), tol=FLAT * spread) < 3:
-        raise entry.error(
-            f"must be points that span a volume (four or more, not in one plane), found {len(points)} that do not"
-        )
-    return points
-
-
-def _scale(entry: Field) -> Vector3:
-    if isinstance(entry.value, list):
-        return read_vector(entry, above=0.0)
-    factor = entry.number(above=0.0)
-    return factor, factor, factor

@@ -1,11 +1,14 @@
 """A `Scene` becomes a hdplan scene file, one obstacle or held object a line, that `load_scene` reads back the same.
 
-Every value is written as JSON, which YAML contains; numbers are the shortest that read back bit for bit.
+Every value is written as JSON, which YAML contains; numbers are the shortest that read back bit for bit, and
+infinity is `.inf`.
 """
 
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -17,14 +20,20 @@ from hdplan.scenes.model import (
     Cylinder,
     Goals,
     JointTarget,
+    JointValues,
+    Limits,
     Mesh,
     Obstacle,
+    PathConstraints,
     Points,
     Pose,
     PoseTarget,
     Scene,
+    SelfCollision,
     Shape,
     Sphere,
+    SteadyMotion,
+    TimedPoses,
 )
 
 VERSION = 1
@@ -49,6 +58,7 @@ def scene_text(scene: Scene) -> str:
     if scene.attached:
         lines += ["attached:", *(f"  - {_json(_attached(held))}" for held in scene.attached)]
     lines += [f"{name}: {_json(_target(target))}" for name, target in (("start", scene.start), ("goal", scene.goal))]
+    lines += [f"{name}: {_json(section)}" for name, section in _effects(scene).items()]
     settings = {field.name: getattr(scene.planner, field.name) for field in fields(scene.planner)}
     changed = {name: value for name, value in settings.items() if value != type(scene.planner).__dict__[name]}
     if changed:
@@ -57,12 +67,55 @@ def scene_text(scene: Scene) -> str:
 
 
 def _obstacle(obstacle: Obstacle) -> dict[str, Any]:
-    return {"name": obstacle.name, "shape": _shape(obstacle.shape), "pose": _pose(obstacle.pose)}
+    entry: dict[str, Any] = {"name": obstacle.name, "shape": _shape(obstacle.shape)}
+    if not isinstance(obstacle.motion, TimedPoses):
+        entry["pose"] = _pose(obstacle.pose)
+    if obstacle.clearance is not None:
+        entry["clearance"] = obstacle.clearance
+    match obstacle.motion:
+        case SteadyMotion(velocity, spin):
+            entry["motion"] = {"velocity": list(velocity), "spin": list(spin)}
+        case TimedPoses(times, poses):
+            entry["motion"] = {"times": list(times), "poses": [_pose(pose) for pose in poses]}
+    return entry
 
 
 def _attached(held: Attached) -> dict[str, Any]:
     entry = {"name": held.name, "link": held.link, "shape": _shape(held.shape), "pose": _pose(held.pose)}
-    return {**entry, "touch_links": list(held.touch_links)}
+    return {**entry, "touch_links": list(held.touch_links), **({"mass": held.mass} if held.mass else {})}
+
+
+def _effects(scene: Scene) -> dict[str, Any]:
+    """Return the sections that switch an effect on, by name; those that say nothing are not there."""
+    own, limits, payload, path, timing = scene.self_collision, scene.limits, scene.payload, scene.path, scene.timing
+    sections: dict[str, Any] = {}
+    if own != SelfCollision():
+        sections["self_collision"] = {"clearance": own.clearance} if own.checked else False
+    if limits != Limits():
+        asked = {name: _joint_values(getattr(limits, name)) for name in ("velocity", "acceleration", "jerk", "torque")}
+        ranges = {joint: list(span) for joint, span in limits.position.items()}
+        sections["limits"] = {name: value for name, value in {"position": ranges or None, **asked}.items() if value}
+    if payload is not None:
+        inertia = list(payload.inertia)
+        sections["payload"] = {"link": payload.link, "mass": payload.mass, "com": list(payload.com), "inertia": inertia}
+    if path != PathConstraints():
+        sections["path"] = {}
+    if (upright := path.upright) is not None:
+        entry = {"link": upright.link, "axis": list(upright.axis), "tolerance": upright.tolerance}
+        sections["path"]["upright"] = entry
+    if (within := path.position) is not None:
+        entry = {"link": within.link, "size": list(within.size), **_pose(within.pose), "point": list(within.point)}
+        sections["path"]["position"] = entry
+    if timing is not None:
+        when = {"scale": timing.scale} if timing.duration is None else {"duration": timing.duration}
+        sections["timing"] = {**when, "rate": timing.rate}
+    return sections
+
+
+def _joint_values(values: JointValues | None) -> Any:
+    if isinstance(values, Mapping):
+        return dict(values)
+    return list(values) if isinstance(values, tuple) else values
 
 
 def _shape(shape: Shape) -> dict[str, Any]:
@@ -115,6 +168,8 @@ def _json(value: object) -> str:
         return "{" + ", ".join(f"{json.dumps(str(key))}: {_json(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list):
         return "[" + ", ".join(_json(item) for item in value) + "]"
+    if value == math.inf:
+        return ".inf"
     if isinstance(value, float):
         digits, mark, exponent = repr(value).partition("e")
         return digits if not mark else f"{digits if '.' in digits else digits + '.0'}e{int(exponent):+d}"

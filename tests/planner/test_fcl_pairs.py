@@ -74,7 +74,7 @@ def placed(poses: Array) -> KinematicsBatch:
 def fcl(bodies: Sequence[LinkBody], others: Sequence[PlaneBody], margin: float = MARGIN) -> FclPairs:
     """Each body against the other of the same number."""
     pairs = body_pairs(bodies, others, [(k, k) for k in range(len(bodies))], margin, NO_JOINTS)
-    return FclPairs(pairs, bodies, others, margin)
+    return FclPairs(pairs, bodies, others)
 
 
 def poses(count: int, seed: int, spread: float) -> Array:
@@ -206,7 +206,7 @@ def test_links_among_each_other_and_the_gradient_in_joint_space(panda: Robot) ->
     outline = outline_of(panda, "fitted", "box")
     joints = Kinematics(panda.model)
     pairs = body_pairs(outline.bodies, outline.planes, outline.self_pairs, 0.1, joints.supports)
-    term = Clearance("self-collision", pairs, FclPairs(pairs, outline.bodies, outline.planes, 0.1))
+    term = Clearance("self-collision", pairs, FclPairs(pairs, outline.bodies, outline.planes))
     positions = panda.draw(np.random.default_rng(12), 40)
     kinematics = joints.evaluate(positions)
     inside = term.inside(kinematics)
@@ -236,7 +236,7 @@ def test_the_broad_phase_drops_no_pair_inside_the_margin(panda: Robot) -> None:
     outline, others = outline_of(panda, "fitted", "box"), clutter(30, 13)
     every = [(a, b) for a in range(len(outline.bodies)) for b in range(len(others))]
     pairs = body_pairs(outline.bodies, others, every, MARGIN, outline.kinematics.supports)
-    distance = FclPairs(pairs, outline.bodies, others, MARGIN)
+    distance = FclPairs(pairs, outline.bodies, others)
     kinematics = outline.kinematics.evaluate(panda.draw(np.random.default_rng(14), 60))
     wide = dataclasses.replace(pairs, half_sizes=pairs.half_sizes + 1e3)
     quick, whole = (Clearance("obstacles", each, distance).inside(kinematics) for each in (pairs, wide))

@@ -18,7 +18,7 @@ from hdplan.planner.nlp import Nlp, nlp
 from hdplan.planner.problem import SPACING, Problem, build
 from hdplan.planner.samples import MOST
 from hdplan.planner.terms import Smoothness
-from hdplan.scenes.model import Box, Cylinder, Obstacle, Points, Pose, Scene, Shape, Sphere
+from hdplan.scenes.model import Box, Cylinder, Obstacle, Points, Pose, Scene, SelfCollision, Shape, Sphere
 from hdplan.scenes.reader import load_scene
 
 Array = NDArray[np.float64]
@@ -50,6 +50,44 @@ def panda() -> Problem:
 @pytest.fixture(scope="module")
 def whole(planar: Problem) -> Nlp:
     return nlp(planar)
+
+
+def penalty(scene: Scene, configurations: Array) -> float:
+    problem = build(scene)
+    waypoints = dataclasses.replace(problem.samples, counts=(1,) * len(configurations))
+    kinematics = problem.kinematics.evaluate(configurations)
+    return sum(term.value(kinematics, waypoints).cost for term in problem.terms if term.name == "obstacles")
+
+
+@pytest.mark.parametrize("distance", ["hdsdf", "fcl"])
+def test_each_obstacle_has_its_own_clearance(distance: str) -> None:
+    """The penalty is the sum of what each obstacle costs alone, with its clearance the planner's."""
+    scene = load_scene("planar_arm")
+    ball, prism = (dataclasses.replace(obstacle, clearance=None) for obstacle in scene.obstacles)
+    settings = dataclasses.replace(scene.planner, distance=distance)
+    q = build(scene).robot.draw(np.random.default_rng(3), 200)
+
+    def alone(obstacle: Obstacle, clearance: float) -> float:
+        kept = dataclasses.replace(settings, clearance=clearance)
+        return penalty(dataclasses.replace(scene, obstacles=(obstacle,), planner=kept), q)
+
+    both = (dataclasses.replace(ball, clearance=0.1), dataclasses.replace(prism, clearance=0.02))
+    whole = penalty(dataclasses.replace(scene, obstacles=both, planner=settings), q)
+    assert whole == pytest.approx(alone(ball, 0.1) + alone(prism, 0.02), rel=1e-12)
+    assert alone(ball, 0.1) > 1.5 * alone(ball, 0.0) > 0.0
+    said = tuple(dataclasses.replace(obstacle, clearance=0.0) for obstacle in (ball, prism))
+    unsaid = dataclasses.replace(scene, obstacles=(ball, prism), planner=settings)
+    assert penalty(dataclasses.replace(unsaid, obstacles=said), q) == penalty(unsaid, q)
+
+
+def test_links_keep_the_clearance_that_the_scene_asks_of_them() -> None:
+    scene = load_scene("planar_arm")
+    found = []
+    for clearance in (0.0, 0.05):
+        problem = build(dataclasses.replace(scene, self_collision=SelfCollision(clearance=clearance)))
+        (own,) = (term for term in problem.pair_terms if term.name == "self-collision")
+        found.append(own.pairs.margins)
+    np.testing.assert_allclose(found[1], found[0] + 0.05, atol=1e-15)
 
 
 def motions(problem: Problem, count: int, spread: float) -> list[Array]:

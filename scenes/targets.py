@@ -1,0 +1,89 @@
+"""Where a motion begins and ends: the `start` and `goal` sections.
+
+A goal may leave a choice: several configurations, a link's pose, or several poses. What joints, links and states are
+called is checked when the robot is loaded.
+"""
+
+from __future__ import annotations
+
+import math
+
+from hdplan.scenes.fields import Field
+from hdplan.scenes.model import Goals, JointTarget, PoseTarget
+from hdplan.scenes.poses import pose_of
+
+GOAL_KEYS = ("joints", "state", "pose", "poses")
+POSE_KEYS = (
+    "link",
+    "position",
+    "quaternion_xyzw",
+    "rpy",
+    "position_tolerance",
+    "orientation_tolerance",
+    "free_rotation",
+)
+FREE_ROTATIONS = ("none", "x", "y", "z", "all")
+
+
+def read_target(section: Field) -> JointTarget:
+    """Read one configuration: joint values in order, by name, or a named state."""
+    keys = section.mapping(("joints", "state"))
+    if len(keys) != 1:
+        raise section.error(f"must have either 'joints' or 'state', found {'both' if keys else 'neither'}")
+    if "state" in keys:
+        return JointTarget(section.key, state=keys["state"].text())
+    return _joints(keys["joints"], section.key)
+
+
+def _joints(joints: Field, name: str) -> JointTarget:
+    match joints.value:
+        case [_, *_]:
+            return JointTarget(name, positions=joints.numbers(unit="rad or m"))
+        case {**named} if named:
+            values = {name: value.number(unit="rad or m") for name, value in joints.mapping().items()}
+            return JointTarget(name, by_name=values)
+        case _:
+            raise joints.wrong("a list of joint values, or a mapping from joint names to values [rad or m]")
+
+
+def read_goal(section: Field) -> JointTarget | Goals:
+    """Read one configuration, or what leaves a choice: several of them, a link's pose, or several poses."""
+    keys = section.mapping(GOAL_KEYS)
+    if len(keys) != 1:
+        found = " and ".join(f"'{key}'" for key in keys) or "none of them"
+        raise section.error(f"must have exactly one of the keys {', '.join(GOAL_KEYS)}, found {found}")
+    if "pose" in keys:
+        return Goals((_pose_target(keys["pose"]),))
+    if "poses" in keys:
+        return Goals(tuple(_pose_target(pose) for pose in _at_least_one(keys["poses"], "poses")))
+    if "joints" in keys and isinstance(keys["joints"].value, list) and _holds_containers(keys["joints"].value):
+        entries = keys["joints"].items(of="configurations")
+        return Goals(tuple(_joints(joints, joints.key) for joints in entries))
+    return read_target(section)
+
+
+def _holds_containers(values: list[object]) -> bool:
+    return any(isinstance(value, list | dict) for value in values)
+
+
+def _at_least_one(section: Field, of: str) -> list[Field]:
+    entries = section.items(of=of)
+    if not entries:
+        raise section.wrong(f"a list of one or more {of}")
+    return entries
+
+
+def _pose_target(section: Field) -> PoseTarget:
+    keys = section.mapping(POSE_KEYS, required=["link", "position"])
+    free = keys["free_rotation"].choice(FREE_ROTATIONS) if "free_rotation" in keys else PoseTarget.free_rotation
+    turn = next((keys[key] for key in ("quaternion_xyzw", "rpy", "orientation_tolerance") if key in keys), None)
+    if free == "all" and turn is not None:
+        raise turn.error("has no meaning with free_rotation: all, which lets the link turn as it likes; leave it out")
+    if free != "all" and "quaternion_xyzw" not in keys and "rpy" not in keys:
+        raise section.error("has no orientation: give 'quaternion_xyzw' or 'rpy', or free_rotation: all")
+    tolerances = {
+        key: keys[key].number(above=0.0, high=high, unit=unit)
+        for key, high, unit in (("position_tolerance", 1.0, "m"), ("orientation_tolerance", math.pi, "rad"))
+        if key in keys
+    }
+    return PoseTarget(section.key, keys["link"].text(), pose_of(section, keys), free_rotation=free, **tolerances)
