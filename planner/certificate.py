@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.intervals import Bodies, Body, Pairs
 from hdplan.planner.motion_bounds import Chain
+from hdplan.planner.path_check import PathCheck
 from hdplan.planner.pose_goals import miss_of
 from hdplan.planner.proximity import link_pieces, obstacle_pieces
 from hdplan.planner.robot import Robot
@@ -160,6 +161,7 @@ class Certifier:
         rows += [(a, b, 1) for first, second in robot.self_pairs for a in links[first] for b in links[second]]
         gathered = Bodies(_chain(robot), bodies, robot.pin_q)
         self.sweep = Sweep(gathered, Pairs.of(gathered, rows))
+        self.path = PathCheck(scene, robot, gathered.chain)
 
     def certify(
         self,

@@ -224,9 +224,11 @@ def _apart(q: Array) -> Array:
 
 
 def _free(certifier: Certifier, reached: Array, start: Array) -> list[tuple[float, Array]]:
-    """The PICKED nearest configurations without contact, each with its score, the best first."""
+    """The PICKED nearest configurations without contact that keep the path constraints, each with its score, the best
+    first."""
     scored = []
-    for q in itertools.islice((q for q in reached if not certifier.contacts(q)), PICKED):
+    fit = (q for q in reached if not certifier.path.at(q) and not certifier.contacts(q))
+    for q in itertools.islice(fit, PICKED):
         place = certifier.obstacle_within(q, CLOSE)
         crowded = 0.0 if place is None else 1.0 - place.distance / CLOSE
         scored.append((float(np.linalg.norm(q - start)) * (1.0 + crowded), q))
@@ -242,12 +244,16 @@ def _refusal(target: JointTarget | PoseTarget, certifier: Certifier, reached: Ar
             f"link '{target.link}' is not brought there: the best of {STARTS} tries is {nearest} off, "
             f"allowed are {allowed}"
         )
+    found = _configurations(len(reached))
+    where = "" if nearest is None else f" in the nearest of {found}"
+    if departures := certifier.path.at(reached[0]):
+        return f"off the path{where}: {departures[0].words}"
     first = certifier.contacts(reached[0])[0]
     depth = f"overlap by {first.depth * 1e3:.3g} mm" if first.depth else "touch"
     if nearest is None:
         return f"in collision: {first.link} and {first.other} {depth}"
-    found = _configurations(len(reached))
-    return f"in collision in all {found} found; in the nearest {first.link} and {first.other} {depth}"
+    path = " or off the path" if certifier.path.constraints else ""
+    return f"in collision{path} in all {found} found; in the nearest {first.link} and {first.other} {depth}"
 
 
 def _configurations(count: int) -> str:

@@ -2,8 +2,8 @@
 
 On a part of the motion q(s) = q_m + s δ + e(s), |s| ≤ 1, |e_j(s)| ≤ ε_j (`Curve.part`), everything taken at q_m:
 
-*Upright.* The link's axis a is turned by the revolute joints that carry it. With a' = Σ_j δ_j z_j × a and |∂²a/∂q_i∂q_j|
-≤ 1, the chord to the upward direction z is at most
+*Upright.* The link's axis a is turned by the revolute joints that carry it. With a' = Σ_j δ_j z_j × a and ‖∂²a/∂q_i
+∂q_j‖ ≤ 1, the chord to the upward direction z is at most
 
     ‖a(s) − z‖ ≤ max_{s = ±1} ‖a − z + s a'‖ + ½ (Σ_j |δ_j|)² + Σ_j ε_j,    angle = 2 arcsin(chord/2),
 
@@ -25,6 +25,7 @@ from typing import Protocol
 
 import numpy as np
 
+from hdplan.planner.intervals import Index
 from hdplan.planner.motion_bounds import Array, Chain, Motion, cross
 from hdplan.planner.pose_goals import link_frame
 from hdplan.planner.robot import Robot
@@ -98,7 +99,7 @@ class Motions(Protocol):
         """The number of rows."""
         ...
 
-    def part(self, interval: Array, start: Array, width: Array) -> tuple[Array, Array, Array]:
+    def part(self, interval: Index, start: Array, width: Array) -> tuple[Array, Array, Array]:
         """q_m, δ and ε, each (k, n), of parts of intervals."""
         ...
 
@@ -115,6 +116,8 @@ class PathCheck:
 
     def at(self, q: Array) -> tuple[Departure, ...]:
         """Return the constraints that configuration q (n,) breaks; exact to rounding."""
+        if not self.constraints:
+            return ()
         frames = self.chain.frames(self.robot.pin_q(q[None]))
         found = [(each, float(each.found(*frames)[0])) for each in self.constraints]
         departures = (Departure(each.field, each.link, 0, 0.0, 0.0, value, each.allowed) for each, value in found)
@@ -156,7 +159,13 @@ class PathCheck:
             interval = np.repeat(interval[~closed], 2)
         departures = [
             Departure(
-                held.field, held.link, i, float(place[i]), float((i + place[i]) / intervals), float(worst[i]), held.allowed
+                held.field,
+                held.link,
+                i,
+                float(place[i]),
+                float((i + place[i]) / intervals),
+                float(worst[i]),
+                held.allowed,
             )
             for i in np.flatnonzero(failed | broken).tolist()
         ]
@@ -180,7 +189,8 @@ class _Upright:
     def found(self, rotations: Array, _: Array) -> Array:
         """The angle (k,) to the upward direction, exact: Kahan's formula, as good near 0 and π as elsewhere."""
         axis = rotations[:, self.joint] @ self.axis
-        return 2.0 * np.arctan2(np.linalg.norm(axis - UP, axis=1), np.linalg.norm(axis + UP, axis=1))
+        chord, other = np.linalg.norm(axis - UP, axis=1), np.linalg.norm(axis + UP, axis=1)
+        return np.asarray(2.0 * np.arctan2(chord, other))
 
     def bound(
         self, chain: Chain, rotations: Array, _: Array, delta: Array, off: Array, travel: Array, found: Array
@@ -192,7 +202,7 @@ class _Upright:
         slope, turn = cross(np.einsum("kn,knc->kc", delta, axes), axis), np.abs(delta).sum(axis=1)
         ends = np.maximum(np.linalg.norm(axis - UP + slope, axis=1), np.linalg.norm(axis - UP - slope, axis=1))
         chord = ends + 0.5 * turn**2 + off
-        return np.minimum(2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0)), found + turn + off)
+        return np.asarray(np.minimum(2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0)), found + turn + off))
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,7 +245,7 @@ class _Within:
         return np.minimum((second - self.half).max(axis=1), found + motion.first + shift)
 
     def _in_box(self, vectors: Array) -> Array:
-        return vectors @ self.box[:3, :3]
+        return np.asarray(vectors @ self.box[:3, :3])
 
 
 def _constraint(asked: Upright | Within, robot: Robot) -> _Upright | _Within:

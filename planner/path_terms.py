@@ -5,8 +5,8 @@ that sets in a band b below it, as an obstacle's does within its activation:
 
     Σ_samples w_s Σ ½ max(g − (t − b), 0)²,    b = min(t/2, BAND)
 
-*Upright*: g = LEVER θ, with θ the angle between the axis a and the upward direction z. Its gradient, dθ/dq_j = −ω_j · (a
-× z)/‖a × z‖, is of length one in ω whatever the angle: it neither fades nor grows towards a half turn, where any
+*Upright*: g = LEVER θ, with θ the angle between the axis a and the upward direction z. Its slope, dθ/dq_j = −ω_j · (a ×
+z)/‖a × z‖, is of length one in ω whatever the angle: it neither fades nor grows towards a half turn, where any
 direction will do; at θ = 0 the hinge is off. *Within*: g = |u| in each axis of the box, u the point's place in it.
 
 Depth is the share of the band that is used up, times `planner.activation`, plus what is beyond t: so a motion counts as

@@ -22,7 +22,7 @@ from hdplan.planner.seeds import seeds
 from hdplan.planner.solvers import Solver, solver_named
 from hdplan.planner.solvers.solution import FIRST_WEIGHT, RAISE, Budget, Solution, Status, Step
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Goals, JointTarget, Scene
+from hdplan.scenes.model import Goals, JointTarget, PathConstraints, Scene
 
 ENDS_KEEP = 0.5  # share of an end's distance that is asked for where it is below planner.clearance
 DETOUR_WEIGHT = FIRST_WEIGHT * RAISE**3  # [1/m²] a guess that leads around obstacles is to stay there
@@ -67,12 +67,11 @@ def plan(
             KeyboardInterrupt does the same, except in the moments in which a C++ library swallows it.
 
     Raises:
-        InputError: for what scene or robot get wrong, among it a start or goal in collision, and for ipopt with the
-            distance fcl or with swept bodies.
+        InputError: for what scene or robot get wrong, among it a start or goal in collision or off a path constraint,
+            and for ipopt with the distance fcl, swept bodies or path constraints.
     """
     run = solver_named(solver)
-    if solver == "ipopt" and (scene.planner.distance == "fcl" or scene.planner.swept):
-        lacking = "planner.swept: true" if scene.planner.swept else "the distance fcl"
+    if solver == "ipopt" and (lacking := _without_second_derivatives(scene)):
         raise InputError(f"solver ipopt: needs exact second derivatives, which {lacking} does not have")
     began = time.perf_counter()
     robot = robot or load_scene_robot(scene)
@@ -241,11 +240,21 @@ def _taken(searches: Sequence[_Search], taken: int, goals: Sequence[JointTarget]
     )
 
 
+def _without_second_derivatives(scene: Scene) -> str | None:
+    """Name what the scene asks for that has no exact second derivatives."""
+    lacking = {
+        "planner.swept: true": scene.planner.swept,
+        "the distance fcl": scene.planner.distance == "fcl",
+        "a path constraint (section path)": scene.path != PathConstraints(),
+    }
+    return next((name for name, asked in lacking.items() if asked), None)
+
+
 def _reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tuple[float, tuple[str, ...]]:
     """The clearance that can be asked for [m]: the scene's, or less, with a word, where its own ends are closer than
     that.
 
-    Raises InputError if an end is in collision.
+    Raises InputError if an end is in collision, or breaks a path constraint.
     """
     required, words = scene.planner.clearance, []
     query = resolve_query(robot, scene)
@@ -257,6 +266,8 @@ def _reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tu
                 for c in contacts[:3]
             )
             raise InputError(f"{scene.source}: {field}: in collision: {said}")
+        if departures := certifier.path.at(q):
+            raise InputError(f"{scene.source}: {field}: off the path: {'; '.join(each.words for each in departures)}")
         if required > 0.0 and (obstacle := certifier.obstacle_within(q, required)) is not None:
             required = ENDS_KEEP * obstacle.distance
             words.append(
