@@ -1,7 +1,9 @@
 """The certificate: a proof that a whole continuous motion is free, from the scene and the trajectory alone.
 
 It shares nothing with the planner that made the trajectory: Pinocchio's own kinematics, the robot's real collision
-geometry, the scene's own shapes (`proximity`), and bounds on the motion between samples (`motion_bounds`, `sweep`).
+geometry, the scene's own shapes (`proximity`), and bounds on the executed curve between samples (`curve`,
+`motion_bounds`, `sweep`). Where the scene says so, it covers moving obstacles, limits of the joints (`rate_check`) and
+what is to hold all along the way (`path_check`).
 Distances are proven *lower bounds* in metres, positive = separated. Two bodies that do not move against each other (a
 robot's base and the floor on which it stands) are no part of a motion and are not compared.
 """
@@ -18,17 +20,20 @@ from enum import Enum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hdplan.planner.curve import Curve
 from hdplan.planner.intervals import Bodies, Body, Pairs
 from hdplan.planner.motion_bounds import Chain
-from hdplan.planner.path_check import PathCheck
+from hdplan.planner.path_check import Departure, Kept, PathCheck
 from hdplan.planner.pose_goals import miss_of
 from hdplan.planner.proximity import link_pieces, obstacle_pieces
+from hdplan.planner.rate_check import Use, rates
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.sweep import Spot, Sweep
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.model import JointTarget, PoseTarget, Scene
+from hdplan.scenes.moving import Passages
 
 Array = NDArray[np.float64]
 
@@ -48,6 +53,8 @@ class Status(Enum):
     OUTSIDE_LIMITS = "outside_limits"
     IN_CONTACT = "in_contact"
     TOO_CLOSE = "too_close"
+    OFF_PATH = "off_path"
+    TOO_FAST = "too_fast"
     NOT_PROVEN = "not_proven"
 
     @property
@@ -59,6 +66,8 @@ class Status(Enum):
             Status.OUTSIDE_LIMITS: "keep every waypoint within the robot's joint limits",
             Status.IN_CONTACT: "plan with more clearance, more waypoints or another seed",
             Status.TOO_CLOSE: "ask for less clearance, or plan with more",
+            Status.OFF_PATH: "allow more (path), or plan it with this constraint in the scene, or with more waypoints",
+            Status.TOO_FAST: "give it more time (timing), or plan it with these limits in the scene",
             Status.NOT_PROVEN: "the motion grazes a body: plan with more clearance",
         }[self]
 
@@ -70,6 +79,7 @@ class Place:
     interval: int  # between waypoints `interval` and `interval` + 1
     fraction: float  # of that interval, 0 to 1
     time: float  # path parameter of the whole motion, 0 to 1
+    seconds: float | None  # when; None for a path without times
     link: str
     other: str  # an obstacle or another link
     distance: float  # [m] met there, negative in contact (minus the depth, 0 if unknown)
@@ -86,9 +96,19 @@ class Certificate:
     worst: Place | None  # the closest place met between robot and obstacles
     self_worst: Place | None  # the same between the links
     failures: tuple[Place, ...]  # every waypoint interval and pair that is not proven, the worst place met there
+    uses: tuple[Use, ...]  # of the joints' limits on rates, where the scene has any
+    path: tuple[Kept, ...]  # how well the scene's path constraints are kept, where it has any
+    departures: tuple[Departure, ...]  # every waypoint interval and path constraint that is not proven
     configurations: int  # at which distances were computed
     exact_calls: int  # of the exact distance
     seconds: float  # spent
+
+    @property
+    def unproven(self) -> tuple[int, ...]:
+        """The waypoint intervals in which something about places is not proven, in order."""
+        return tuple(
+            sorted({place.interval for place in self.failures} | {place.interval for place in self.departures})
+        )
 
     @property
     def certified(self) -> bool:
@@ -114,7 +134,7 @@ def certify(
         scene: the scene; its own shapes count, not the planner's bodies.
         trajectory: joints by name, in any order.
         robot: the scene's robot, if it is loaded already.
-        required: clearance [m] that must be proven between robot and obstacles; 0 means free.
+        required: clearance [m] that must be proven between robot and obstacles that have no own; 0 means free.
         check_ends: whether the first and last waypoint must be the scene's start and goal.
 
     Raises:
@@ -156,7 +176,8 @@ class Certifier:
         for obstacle in scene.obstacles:
             with naming(scene.source):
                 pieces = obstacle_pieces(obstacle)
-            bodies.extend(Body(obstacle.name, piece, placement=obstacle.pose.matrix) for piece in pieces)
+            passages = None if obstacle.motion is None else Passages.of(obstacle)
+            bodies.extend(Body(obstacle.name, piece, 0, obstacle.pose.matrix, passages) for piece in pieces)
         rows = [(a, b, 0) for a in range(count) for b in range(count, len(bodies))]
         rows += [(a, b, 1) for first, second in robot.self_pairs for a in links[first] for b in links[second]]
         gathered = Bodies(_chain(robot), bodies, robot.pin_q)
@@ -174,19 +195,27 @@ class Certifier:
         """Certify one trajectory; see `certify`. With `stop_at_contact` the first contact found ends the search, and
         there may be more than the failures tell."""
         began = time.perf_counter()
-        waypoints = waypoints_of(self.robot, trajectory)
-        proof = self.sweep.prove(waypoints, required, stop_at_contact)
-        failures = tuple(self._place(spot, len(waypoints)) for spot in proof.failures)
-        worst, self_worst = (self._place(spot, len(waypoints)) if spot else None for spot in proof.closest)
+        curve = curve_of(self.robot, trajectory)
+        uses = self._uses(curve)
+        floor = self._floor(required)
+        proof = self.sweep.prove(curve, floor, stop_at_contact)
+        path = self.path.prove(curve)
+        failures = tuple(self._place(spot, curve) for spot in proof.failures)
+        worst, self_worst = (self._place(spot, curve) if spot else None for spot in proof.closest)
         unproven = {int(self.sweep.pairs.group[spot.pair]) for spot in proof.failures}
         clearance, self_clearance = (
             None if group in unproven or not np.isfinite(bound) else bound
             for group, bound in enumerate(proof.clearance)
         )
-        ends = self._wrong_ends(waypoints) if check_ends else None
-        limits = self._outside_limits(waypoints)
+        ends = self._wrong_ends(curve.rows) if check_ends else None
+        limits = self._outside_limits(curve)
+        too_fast = next((use for use in uses if not use.within), None)
+        asked = {place: floor[spot.pair] for place, spot in zip(failures, proof.failures, strict=True)}
+        off_path = max(path.departures, key=lambda place: place.excess, default=None)
         touching = [place for place, spot in zip(failures, proof.failures, strict=True) if spot.touching]
-        deepest = min(touching or failures, key=lambda place: place.distance, default=None)
+        deepest = min(
+            touching or failures, key=lambda place: (place.distance > 0.0, place.distance - asked[place]), default=None
+        )
         if ends:
             status, found = Status.WRONG_ENDS, ends
         elif limits:
@@ -196,12 +225,18 @@ class Certifier:
         elif deepest and touching:
             status, found = (
                 Status.TOO_CLOSE,
-                f"{_words(deepest)}, {required * 1e3:g} mm are required; {_others(failures)}",
+                f"{_words(deepest)}, {asked[deepest] * 1e3:g} mm are required; {_others(failures)}",
             )
+        elif off_path and off_path.violated:
+            status, found = Status.OFF_PATH, _departure(off_path, path.departures, curve)
+        elif off_path:
+            status, found = Status.NOT_PROVEN, _departure(off_path, path.departures, curve)
         elif deepest:
             status, found = Status.NOT_PROVEN, f"{_where(deepest, 'cannot be told apart')}; {_others(failures)}"
+        elif too_fast:
+            status, found = Status.TOO_FAST, _exceeded(too_fast, curve)
         else:
-            status, found = Status.CERTIFIED, _proven(clearance, self_clearance)
+            status, found = Status.CERTIFIED, _proven(clearance, self_clearance, uses, path.kept)
         text = f"{status.value.replace('_', ' ')}: {found}"
         return Certificate(
             status,
@@ -211,53 +246,86 @@ class Certifier:
             worst,
             self_worst,
             failures,
-            proof.configurations,
+            uses,
+            path.kept,
+            path.departures,
+            proof.configurations + path.configurations,
             proof.exact_calls,
             time.perf_counter() - began,
         )
 
-    def contacts(self, q: ArrayLike) -> tuple[Contact, ...]:
-        """Return the contacts of one configuration; see `check_configuration`."""
+    def _uses(self, curve: Curve) -> tuple[Use, ...]:
+        """Look at the rates, where the scene limits any. Raises InputError where the scene needs times and there are
+        none."""
+        moving = [obstacle.name for obstacle in self.scene.obstacles if obstacle.motion is not None]
+        if curve.times is None and (moving or self.scene.timed):
+            why = f"obstacle '{moving[0]}' moves" if moving else "the scene limits rates (limits, timing)"
+            raise InputError(f"trajectory: has no times, and {why}")
+        if not self.scene.timed:
+            return ()
+        with naming(self.scene.source):
+            return rates(curve, self.scene, self.robot)
+
+    def _floor(self, required: float) -> Array:
+        """Return what each pair must keep (P,) [m]."""
+        own = {obstacle.name: obstacle.clearance for obstacle in self.scene.obstacles if obstacle.clearance is not None}
+        between_links, pairs = self.scene.self_collision.clearance, self.sweep.pairs
+        asked = [own.get(self.sweep.bodies.names[b], required) for b in pairs.b.tolist()]
+        return np.where(pairs.group == 0, asked, between_links)
+
+    def contacts(self, q: ArrayLike, time: float = 0.0) -> tuple[Contact, ...]:
+        """Return the contacts of one configuration at a time [s]; see `check_configuration`."""
         depths: dict[tuple[str, str], float] = {}
-        for spot in self.sweep.distances(np.asarray(q, dtype=np.float64), within=0.0):
+        for spot in self.sweep.distances(np.asarray(q, dtype=np.float64), 0.0, time):
             if spot.touching:
                 names = self._names(spot.pair)
                 depths[names] = max(depths.get(names, 0.0), -spot.distance)
         return tuple(Contact(*names, depths[names]) for names in sorted(depths, key=lambda names: -depths[names]))
 
-    def nearest(self, q: ArrayLike, within: float = np.inf) -> tuple[Place | None, Place | None]:
-        """Return the closest places in one configuration, with exact distances: to an obstacle, between links; None
-        where nothing is `within` [m]."""
-        spots = self.sweep.nearest(np.asarray(q, dtype=np.float64), within)
-        to_obstacle, between_links = (self._place(spot, 2) if spot else None for spot in spots)
+    def too_close(self, q: ArrayLike, required: float, time: float = 0.0) -> tuple[tuple[Place, float], ...]:
+        """Return where one configuration, at a time [s], falls short of what its obstacles and links must keep, with
+        that [m]; the closest first."""
+        floor = self._floor(required)
+        found = []
+        within = float(floor.max(initial=0.0))
+        for spot in self.sweep.distances(np.asarray(q, dtype=np.float64), within, time, surfaces=True):
+            if spot.touching or spot.distance < floor[spot.pair]:
+                found.append((self._standing(spot), float(floor[spot.pair])))
+        return tuple(sorted(found, key=lambda each: each[0].distance))
+
+    def nearest(self, q: ArrayLike, within: float = np.inf, time: float = 0.0) -> tuple[Place | None, Place | None]:
+        """Return the closest places in one configuration at a time [s], with exact distances: to an obstacle, between
+        links; None where nothing is `within` [m]."""
+        spots = self.sweep.nearest(np.asarray(q, dtype=np.float64), within, time)
+        to_obstacle, between_links = (self._standing(spot) if spot else None for spot in spots)
         return to_obstacle, between_links
 
-    def closest(self, q: ArrayLike) -> tuple[Closest | None, Closest | None]:
-        """Return what is `nearest` in one configuration with the points between which it is."""
+    def closest(self, q: ArrayLike, time: float = 0.0) -> tuple[Closest | None, Closest | None]:
+        """Return what is `nearest` in one configuration at a time [s] with the points between which it is."""
         configuration = np.asarray(q, dtype=np.float64)
-        spots = self.sweep.nearest(configuration, NEAR)  # most often there is something, and little to compare
+        spots = self.sweep.nearest(configuration, NEAR, time)  # most often there is something, and little to compare
         if None in spots:
-            spots = self.sweep.nearest(configuration)
+            spots = self.sweep.nearest(configuration, time=time)
         to_obstacle, between_links = (
-            Closest(*self._names(spot.pair), spot.distance, self.sweep.witnesses(configuration, spot.pair))
+            Closest(*self._names(spot.pair), spot.distance, self.sweep.witnesses(configuration, spot.pair, time))
             if spot
             else None
             for spot in spots
         )
         return to_obstacle, between_links
 
-    def obstacle_within(self, q: ArrayLike, distance: float) -> Place | None:
-        """Return the obstacle closest to the robot in one configuration, exactly; None if it is farther away than
-        `distance` [m]."""
-        return self.nearest(q, distance)[0]
-
     def _names(self, pair: int) -> tuple[str, str]:
         pairs, names = self.sweep.pairs, self.sweep.bodies.names
         return names[pairs.a[pair]], names[pairs.b[pair]]
 
-    def _place(self, spot: Spot, count: int) -> Place:
-        time_ = (spot.interval + spot.fraction) / (count - 1)
-        return Place(spot.interval, spot.fraction, time_, *self._names(spot.pair), spot.distance)
+    def _place(self, spot: Spot, curve: Curve) -> Place:
+        parameter = (spot.interval + spot.fraction) / (len(curve) - 1)
+        seconds = None if curve.times is None else float(curve.time_of(parameter))
+        return Place(spot.interval, spot.fraction, parameter, seconds, *self._names(spot.pair), spot.distance)
+
+    def _standing(self, spot: Spot) -> Place:
+        """Name a place of a configuration that is no part of a motion."""
+        return Place(0, spot.fraction, spot.fraction, None, *self._names(spot.pair), spot.distance)
 
     def _wrong_ends(self, waypoints: Array) -> str | None:
         with naming(self.scene.source):
@@ -293,18 +361,22 @@ class Certifier:
             f"the scene's {field} at {target[joint]:g}"
         )
 
-    def _outside_limits(self, waypoints: Array) -> str | None:
-        """Look at the waypoints alone: a box is convex, so the lines between them stay within the same limits."""
-        slack = np.full((len(waypoints), 1), BEYOND_LIMIT)
+    def _outside_limits(self, curve: Curve) -> str | None:
+        """Look at the waypoints alone where straight lines join them: a box is convex, so they stay within the limits,
+        too; or else at bounds of the curve after each."""
+        straight = curve.degree == 1
+        low, high = (curve.rows, curve.rows) if straight else curve.bounds()
+        slack = np.full((len(low), 1), BEYOND_LIMIT)
         slack[[0, -1]] = AT_LIMIT
-        beyond = np.maximum(self.robot.lower - waypoints, waypoints - self.robot.upper) - slack
+        below, above = self.robot.lower - low, high - self.robot.upper
+        beyond = np.maximum(below, above) - slack
         row, joint = (int(i) for i in np.unravel_index(int(beyond.argmax()), beyond.shape))
         if beyond[row, joint] <= 0.0:
             return None
-        low, high = self.robot.lower[joint], self.robot.upper[joint]
+        found = low[row, joint] if below[row, joint] > above[row, joint] else high[row, joint]
         return (
-            f"waypoint {row} has joint '{self.robot.joint_names[joint]}' at {waypoints[row, joint]:g}, "
-            f"its limits are [{low:g}, {high:g}]"
+            f"{'' if straight else 'the curve after '}waypoint {row} has joint '{self.robot.joint_names[joint]}' at "
+            f"{found:g}, its limits are [{self.robot.lower[joint]:g}, {self.robot.upper[joint]:g}]"
         )
 
 
@@ -324,16 +396,18 @@ def _link_bodies(robot: Robot) -> tuple[Body, ...]:
     )
 
 
-def waypoints_of(robot: Robot, trajectory: Trajectory) -> Array:
-    """Return the trajectory's positions (N, n) in the order of the robot's planned joints.
+def curve_of(robot: Robot, trajectory: Trajectory) -> Curve:
+    """Return the trajectory's curve, its joints in the order of the robot's planned ones.
 
-    Columns of joints that the robot holds must stand still at the value at which it holds them. Raises InputError for
-    joints that are missing, unknown or held elsewhere.
+    Joints that the robot holds must stand still at the value at which it holds them. Raises InputError for joints that
+    are missing, unknown or held elsewhere.
     """
-    columns = dict(zip(trajectory.joint_names, trajectory.positions.T, strict=True))
-    if missing := [name for name in robot.joint_names if name not in columns]:
-        raise InputError(f"trajectory: joint '{missing[0]}' of {robot.name} is missing{nearest(missing[0], columns)}")
-    held: Mapping[str, ArrayLike] = {name: column for name, column in columns.items() if name not in robot.joint_names}
+    names, curve = trajectory.joint_names, trajectory.curve
+    if missing := [name for name in robot.joint_names if name not in names]:
+        raise InputError(f"trajectory: joint '{missing[0]}' of {robot.name} is missing{nearest(missing[0], names)}")
+    held: Mapping[str, ArrayLike] = {
+        name: curve.control[:, :, column] for column, name in enumerate(names) if name not in robot.joint_names
+    }
     for name, values in {**trajectory.locked, **held}.items():
         if name not in robot.locked:
             known = (*robot.joint_names, *robot.locked)
@@ -344,14 +418,15 @@ def waypoints_of(robot: Robot, trajectory: Trajectory) -> Array:
             raise InputError(
                 f"trajectory: joint '{name}' is at {found:g}, the scene holds it at {robot.locked[name]:g}"
             )
-    positions = np.stack([columns[name] for name in robot.joint_names], axis=1)
-    if np.abs(positions).max() > FARTHEST:
-        row, joint = np.unravel_index(np.abs(positions).argmax(), positions.shape)
+    curve = curve.columns([names.index(name) for name in robot.joint_names])
+    far = np.abs(curve.control).max(axis=1)
+    if far.max() > FARTHEST:
+        row, joint = np.unravel_index(far.argmax(), far.shape)
         raise InputError(
-            f"trajectory: waypoint {row}, joint '{robot.joint_names[joint]}': {positions[row, joint]:g} is larger than "
+            f"trajectory: waypoint {row}, joint '{robot.joint_names[joint]}': {far[row, joint]:g} is larger than "
             f"{FARTHEST:g}"
         )
-    return positions
+    return curve
 
 
 def _words(place: Place) -> str:
@@ -361,7 +436,8 @@ def _words(place: Place) -> str:
 
 
 def _where(place: Place, what: str) -> str:
-    return f"{place.link} and {place.other} {what} after waypoint {place.interval} (time {place.time:.3f})"
+    when = f"time {place.time:.3f}" if place.seconds is None else f"{place.seconds:.3f} s"
+    return f"{place.link} and {place.other} {what} after waypoint {place.interval} ({when})"
 
 
 def _length(metres: float) -> str:
@@ -377,7 +453,28 @@ def _others(failures: tuple[Place, ...]) -> str:
     )
 
 
-def _proven(clearance: float | None, self_clearance: float | None) -> str:
+def _departure(worst: Departure, departures: tuple[Departure, ...], curve: Curve) -> str:
+    when = f"time {worst.time:.3f}" if curve.times is None else f"{float(curve.time_of(worst.time)):.3f} s"
+    intervals = len({place.interval for place in departures})
+    return (
+        f"{worst.words}{'' if worst.violated else ', too close to tell'} after waypoint {worst.interval} ({when}); "
+        f"{intervals} interval{'s' * (intervals != 1)} between waypoints not proven"
+    )
+
+
+def _exceeded(use: Use, curve: Curve) -> str:
+    began = curve.time_of(use.interval / (len(curve) - 1))
+    after = f"after waypoint {use.interval} ({began:.3f} s)"
+    if np.isinf(use.share):
+        return f"joint '{use.joint}': {use.quantity} is infinite {after}, as what it is the change of jumps there"
+    return f"joint '{use.joint}': {use.quantity} up to {use.share:.1%} of its limit {use.limit:g} {after}"
+
+
+def _proven(
+    clearance: float | None, self_clearance: float | None, uses: tuple[Use, ...], path: tuple[Kept, ...]
+) -> str:
     obstacles = "no obstacles to meet" if clearance is None else f"at least {_length(clearance)} to every obstacle"
     links = "" if self_clearance is None else f", {_length(self_clearance)} between links"
-    return f"{obstacles}{links}, over the whole motion"
+    taken = "".join(f", {use.quantity} up to {use.share:.0%} of the limits" for use in uses)
+    kept = "".join(f", {constraint.words}" for constraint in path)
+    return f"{obstacles}{links}{taken}{kept}, over the whole motion"

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from hdplan.planner.certificate import Certifier, waypoints_of
+from hdplan.planner.certificate import Certifier, curve_of
 from hdplan.planner.kinematics import Kinematics
 from hdplan.planner.outline import kinematics_of
 from hdplan.planner.pose_goals import AXES, Miss, link_frame
@@ -64,7 +64,7 @@ def goal_choice(scene: Scene, robot: Robot, certifier: Certifier, seed: int = 0)
     found: list[tuple[float, JointTarget]] = []
     refused, words = [], []
     with naming(scene.source):
-        start = robot.configuration(scene.start)
+        start = robot.configuration(scene.start, scene.from_request)
         for target in scene.goal.targets:
             if isinstance(target, JointTarget):
                 reached, nearest = robot.configuration(target)[None], None
@@ -88,7 +88,7 @@ def settled(scene: Scene, robot: Robot, motion: Trajectory | None = None) -> Sce
         return scene
     certifier = Certifier(scene, robot)
     if motion is not None:
-        end = waypoints_of(robot, motion)[-1]
+        end = curve_of(robot, motion).rows[-1]
         with naming(scene.source):
             met = certifier.off_goal(end) is None
         if met:
@@ -227,9 +227,10 @@ def _free(certifier: Certifier, reached: Array, start: Array) -> list[tuple[floa
     """The PICKED nearest configurations without contact that keep the path constraints, each with its score, the best
     first."""
     scored = []
-    fit = (q for q in reached if not certifier.path.at(q) and not certifier.contacts(q))
+    time = certifier.scene.end_time
+    fit = (q for q in reached if not certifier.path.at(q) and not certifier.too_close(q, 0.0, time))
     for q in itertools.islice(fit, PICKED):
-        place = certifier.obstacle_within(q, CLOSE)
+        place, _ = certifier.nearest(q, CLOSE, time)
         crowded = 0.0 if place is None else 1.0 - place.distance / CLOSE
         scored.append((float(np.linalg.norm(q - start)) * (1.0 + crowded), q))
     return sorted(scored, key=lambda each: each[0])
@@ -244,16 +245,22 @@ def _refusal(target: JointTarget | PoseTarget, certifier: Certifier, reached: Ar
             f"link '{target.link}' is not brought there: the best of {STARTS} tries is {nearest} off, "
             f"allowed are {allowed}"
         )
-    found = _configurations(len(reached))
-    where = "" if nearest is None else f" in the nearest of {found}"
-    if departures := certifier.path.at(reached[0]):
-        return f"off the path{where}: {departures[0].words}"
-    first = certifier.contacts(reached[0])[0]
-    depth = f"overlap by {first.depth * 1e3:.3g} mm" if first.depth else "touch"
-    if nearest is None:
-        return f"in collision: {first.link} and {first.other} {depth}"
-    path = " or off the path" if certifier.path.constraints else ""
-    return f"in collision{path} in all {found} found; in the nearest {first.link} and {first.other} {depth}"
+    fault = _fault(certifier, reached[0])
+    return (
+        fault if nearest is None else f"none of {_configurations(len(reached))} found will do; the nearest is {fault}"
+    )
+
+
+def _fault(certifier: Certifier, q: Array) -> str:
+    """Say why a configuration may not end a motion."""
+    if departures := certifier.path.at(q):
+        return f"off the path: {departures[0].words}"
+    place, asked = certifier.too_close(q, 0.0, certifier.scene.end_time)[0]
+    if place.distance > 0.0:
+        found = f"{place.distance * 1e3:.3g} mm, {asked * 1e3:g} mm are asked for"
+        return f"too close: from {place.link} to {place.other} {found}"
+    depth = f"overlap by {-place.distance * 1e3:.3g} mm" if place.distance else "touch"
+    return f"in collision: {place.link} and {place.other} {depth}"
 
 
 def _configurations(count: int) -> str:

@@ -63,9 +63,8 @@ class Bounds:
         bodies, pairs = self.bodies, self.pairs
         center = nodes.center
         middle = 0.5 * (center.min(axis=0) + center.max(axis=0))  # (g, 3)
-        travel = nodes.speed.sum(axis=2)  # (k, g)
-        radius = (np.linalg.norm(center - middle, axis=2) + travel).max(axis=0) + bodies.radius
-        still: Mask = np.logical_not(bodies.chain.carried_by[bodies.joint].any(axis=1))
+        radius = (np.linalg.norm(center - middle, axis=2) + nodes.moved).max(axis=0) + bodies.radius
+        still: Mask = np.logical_not(bodies.chain.carried_by[bodies.joint].any(axis=1) | bodies.drifting)
         b = pairs.b
         local = np.einsum("pba,pb->pa", nodes.rotation[0, b], middle[pairs.a] - center[0, b])
         outside = np.maximum(np.abs(local) - bodies.half[b], 0.0)
@@ -85,6 +84,8 @@ class Bounds:
         normal = np.where(length > 0.0, outward / np.where(length > 0.0, length, 1.0), [0.0, 0.0, 1.0])
         travel = np.einsum("in,in->i", nodes.speed[items.node, a], self.pairs.moves_a[items.pair])
         travel += np.einsum("in,in->i", nodes.speed[items.node, b], self.pairs.moves_b[items.pair])
+        if nodes.drift is not None:
+            travel += nodes.drift.first[items.node, a] + nodes.drift.first[items.node, b]
         return distance - self.bodies.radius[a] - travel - ROUNDING, normal
 
     def with_motion(self, nodes: Intervals, items: Items) -> Items:

@@ -1,7 +1,8 @@
 """Bodies on the intervals of a motion: where the pieces of links and obstacles stand at each midpoint, how they move.
 
 Bodies and pairs of them are gathered into arrays once (`Bodies`, `Pairs`); `Intervals` holds, for many intervals of one
-motion at a time, the placements at their midpoints (Pinocchio's) and what the motion bounds need.
+motion at a time, the placements at their midpoints (Pinocchio's) and what the motion bounds need. Obstacles may move by
+themselves (`passages`), by the times of the motion.
 """
 
 from __future__ import annotations
@@ -15,8 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.planner.motion_bounds import Array, Chain, Mask, Motion
+from hdplan.planner.curve import Curve
+from hdplan.planner.motion_bounds import Array, Chain, Mask, Motion, cross
 from hdplan.planner.proximity import Piece, transform
+from hdplan.scenes.moving import Passages
 
 Index = NDArray[np.int64]
 
@@ -29,6 +32,7 @@ class Body:
     piece: Piece
     joint: int = 0  # of the model, that carries it; 0: the world
     placement: Array = field(default_factory=lambda: np.eye(4))  # (4, 4) of the piece in that joint's frame
+    passages: Passages | None = None  # of an obstacle that moves, in place of the placement
 
     def reach(self, chain: Chain, travel: Array) -> Array:
         """Return ρ (n,) of `motion_bounds`, for coordinates that range over `travel` (n, 2)."""
@@ -51,10 +55,39 @@ class Bodies:
         self.radius = np.array([piece.radius for piece in self.pieces])
         self.half = np.array([0.5 * (piece.high - piece.low) for piece in self.pieces]).reshape(-1, 3)  # box sizes / 2
         self.hollow = np.array([piece.surface is not None for piece in self.pieces], dtype=bool)
+        self.drifting = np.array([body.passages is not None for body in bodies], dtype=bool)  # (g,)
 
-    def reach(self, waypoints: Array) -> Array:
-        """Return ρ (g, n) for all configurations between the waypoints (N, n)."""
-        travel = np.stack([waypoints.min(axis=0), waypoints.max(axis=0)], axis=1)
+    def drift(self, middle: Array, half: Array) -> tuple[Array, Motion]:
+        """Return where the drifting bodies are at times `middle` (k,) [s], (k, g, 4, 4), and what they do within `half`
+        (k,) of them, (k, g); at rest if they do not drift.
+
+        Within one passage a point x moves by s (ω × (x − o) + v) `half`, but for ½ (|ω| half)² ‖x − o‖ at most, o being
+        the body's origin; over several passages no faster than in the fastest.
+        """
+        shape = (len(middle), len(self.bodies))
+        placements, omega, velocity = np.zeros((*shape, 4, 4)), np.zeros((*shape, 3)), np.zeros((*shape, 3))
+        first, second = np.zeros(shape), np.zeros(shape)
+        for g in np.flatnonzero(self.drifting).tolist():
+            passages, piece = self.bodies[g].passages, self.pieces[g]
+            assert passages is not None
+            lever = float(np.linalg.norm(piece.center)) + piece.radius  # no point is farther from the origin
+            placements[:, g] = passages.at(middle)
+            begin = passages.row(middle - half)
+            end = np.maximum(np.searchsorted(passages.begins, middle + half, side="left") - 1, begin)
+            turn = np.linalg.norm(passages.spin, axis=1)
+            speeds = np.linalg.norm(passages.velocity, axis=1) + turn * lever
+            first[:, g] = half * [speeds[i : j + 1].max() for i, j in zip(begin, end, strict=True)]
+            one = begin == end
+            omega[:, g] = np.where(one[:, None], half[:, None] * passages.spin[begin], 0.0)
+            velocity[:, g] = np.where(one[:, None], half[:, None] * passages.velocity[begin], 0.0)
+            velocity[:, g] -= cross(omega[:, g], placements[:, g, :3, 3])
+            second[:, g] = np.where(one, 0.5 * (half * turn[begin]) ** 2 * lever, first[:, g])
+        return placements, Motion(omega, velocity, first, second)
+
+    def reach(self, curve: Curve) -> Array:
+        """Return ρ (g, n) for all configurations of a motion."""
+        low, high = curve.bounds()
+        travel = np.stack([low.min(axis=0), high.max(axis=0)], axis=1)
         if self.chain.revolute.all():  # where nothing slides, it is the same for every motion
             rows = [_reach_of_turns(self.chain, body) for body in self.bodies]
         else:
@@ -83,7 +116,7 @@ class Pairs:
         table = np.array(rows, dtype=np.int64).reshape(-1, 3)
         carried_by = bodies.chain.carried_by[bodies.joint]
         a, b = carried_by[table[:, 0]], carried_by[table[:, 1]]
-        moving = (a != b).any(axis=1)
+        moving = (a != b).any(axis=1) | bodies.drifting[table[:, :2]].any(axis=1)
         return cls(table[moving, 0], table[moving, 1], table[moving, 2], (a & ~b)[moving], (b & ~a)[moving])
 
 
@@ -96,38 +129,55 @@ class Intervals:
     start: Array  # (k,) within it, 0 to 1
     width: Array  # (k,)
     delta: Array  # (k, n) half of the joints' motion, signed
+    deviation: Array  # (k, n) by how much they may leave the straight line between, ε
     rotation: Array  # (k, bodies, 3, 3) of the bodies
     origin: Array  # (k, bodies, 3)
     center: Array  # (k, bodies, 3) of their bounding balls and boxes
     axes: Array  # (k, n, 3) of the joints
     points: Array  # (k, n, 3) on the axes
     reach: Array  # (k, bodies, n) ρ
+    drift: Motion | None = None  # (k, bodies) of bodies that move by themselves
     transforms: dict[tuple[int, int], Any] = field(default_factory=dict)  # coal's, made when they are asked for
 
     @classmethod
-    def of(cls, bodies: Bodies, waypoints: Array, rho: Array, interval: Index, start: Array, width: Array) -> Intervals:
-        """Place the bodies; `rho` is `bodies.reach(waypoints)`, the others as above."""
+    def of(cls, bodies: Bodies, curve: Curve, rho: Array, interval: Index, start: Array, width: Array) -> Intervals:
+        """Place the bodies; `rho` is `bodies.reach(curve)`, the others as above."""
         chain = bodies.chain
-        step = waypoints[interval + 1] - waypoints[interval]
-        delta = 0.5 * width[:, None] * step
-        turned, moved = chain.frames(bodies.to_pinocchio(waypoints[interval] + (start + 0.5 * width)[:, None] * step))
+        middle, delta, deviation = curve.part(interval, start, width)
+        turned, moved = chain.frames(bodies.to_pinocchio(middle))
         rotation = turned[:, bodies.joint] @ bodies.rotation
         origin = np.einsum("kgij,gj->kgi", turned[:, bodies.joint], bodies.origin) + moved[:, bodies.joint]
+        drift = None
+        if bodies.drifting.any():
+            when, half = curve.span(interval, start, width)
+            placements, drift = bodies.drift(when, half)
+            rotation[:, bodies.drifting] = placements[:, bodies.drifting][..., :3, :3]
+            origin[:, bodies.drifting] = placements[:, bodies.drifting][..., :3, 3]
         center = np.einsum("kgij,gj->kgi", rotation, bodies.center) + origin
         axes, points = np.einsum("knij,nj->kni", turned[:, 1:], chain.axes), moved[:, 1:]
-        reach = chain.local_reach(rho, bodies.joint, center, bodies.radius, axes, points, np.abs(delta))
-        return cls(bodies, interval, start, width, delta, rotation, origin, center, axes, points, reach)
+        most = np.abs(delta) + deviation
+        reach = chain.local_reach(rho, bodies.joint, center, bodies.radius, axes, points, most)
+        return cls(
+            bodies, interval, start, width, delta, deviation, rotation, origin, center, axes, points, reach, drift
+        )
 
     def motion(self, row: Index, body: Index, moves: Mask) -> Motion:
         """Return what bodies (i,) do on intervals (i,) by the joints `moves` (i, n) alone."""
-        delta = self.delta[row] * moves
-        return Motion.of(self.bodies.chain, delta, self.axes[row], self.points[row], self.reach[row, body])
+        delta, deviation = self.delta[row] * moves, self.deviation[row] * moves
+        motion = Motion.of(self.bodies.chain, delta, deviation, self.axes[row], self.points[row], self.reach[row, body])
+        return motion if self.drift is None else motion + self.drift[row, body]
 
     @cached_property
     def speed(self) -> Array:
-        """How far each joint alone moves each body at most, |δ| ρ (k, bodies, n) [m]."""
-        result: Array = np.abs(self.delta)[:, None] * self.reach
+        """How far each joint alone moves each body at most, (|δ| + ε) ρ (k, bodies, n) [m]."""
+        result: Array = (np.abs(self.delta) + self.deviation)[:, None] * self.reach
         return result
+
+    @cached_property
+    def moved(self) -> Array:
+        """How far each body moves at most (k, bodies) [m]."""
+        result: Array = self.speed.sum(axis=2)
+        return result if self.drift is None else result + self.drift.first
 
     def transform(self, row: int, body: int) -> Any:
         """Return one body's placement for coal."""

@@ -1,25 +1,27 @@
-"""How far the points of a link can move while the joints run along a straight line: first and second order, rigorous.
+"""How far the points of a link can move while the joints run along a curve: first and second order, rigorous.
 
-For an interval of the motion, q(s) = q_m + s δ with s ∈ [−1, 1], and a point v of a link, in the frame of a body that
-carries the moving joints J (revolute or prismatic), all taken at the midpoint q_m:
+For an interval of the motion, q(s) = q_m + s δ + e(s) with s ∈ [−1, 1], |e_j| ≤ ε_j (0 on a straight line), and a point
+v of a link, in the frame of a body that carries the moving joints J (revolute or prismatic), all taken at the midpoint
+q_m:
 
     v(s) = v + s v' + r(s),    v' = Ω × v + U,    ‖r(s)‖ ≤ R
 
 with Ω = Σ_rev δ_j z_j,  U = Σ_rev δ_j o_j × z_j + Σ_pris δ_j z_j,  z_j and o_j the axis of joint j and a point of it.
 
-*First order.* ‖v(s) − v‖ ≤ Σ_j |δ_j| ρ_j: joint j alone moves v with speed |δ_j| ρ_j at most, ρ_j the greatest distance
-of the link from axis j (1 for a prismatic joint).
+*First order.* ‖v(s) − v‖ ≤ Σ_j (|δ_j| + ε_j) ρ_j: joint j alone moves v by its travel times ρ_j at most, ρ_j the
+greatest distance of the link from axis j (1 for a prismatic joint).
 
 *Second order.* ∂²v/∂q_i∂q_j for i at or before j in the chain is z_i × ∂v/∂q_j if i is revolute, of length ≤ ρ_j, and 0
-if i is prismatic. So R = ½ max‖v''‖ ≤ ½ Σ_j |δ_j| ρ_j (|δ_j|[j revolute] + 2 Σ_{i<j revolute} |δ_i|).
+if i is prismatic. So ½ max‖v''‖ ≤ ½ Σ_j |δ_j| ρ_j (|δ_j|[j revolute] + 2 Σ_{i<j revolute} |δ_i|) along the straight
+line; leaving it by e moves v by Σ_j ε_j ρ_j more. R is the sum of both.
 
 *ρ_j.* Two bounds, of which the smaller is taken. (a) For all configurations: seen from joint j, the link stays in a
 cylinder around axis j. At the joint that carries the link it is computed from the points; one joint further down, the
 cylinder of radius ρ and axial range [l, u] around an axis of direction a through t is enclosed by: radius max_{e ∈ {l,
 u}} ‖(t + e a)⊥‖ + ρ (a norm of something linear in e is greatest at an end), axial range (t + e a)·z ± ρ √(1 − (a·z)²);
 a prismatic joint lengthens the range by its travel. (b) For the interval: the distance from axis j to the link's
-bounding ball at q_m, plus what the joints after j, which alone move the link against axis j, can add: Σ_{k>j} |δ_k|
-ρ_k.
+bounding ball at q_m, plus what the joints after j, which alone move the link against axis j, can add: Σ_{k>j} (|δ_k| +
+ε_k) ρ_k.
 """
 
 from __future__ import annotations
@@ -51,23 +53,34 @@ class Motion:
 
     omega: Array  # (i, 3)
     velocity: Array  # (i, 3) U
-    first: Array  # (i,) Σ |δ_j| ρ_j [m]
+    first: Array  # (i,) Σ (|δ_j| + ε_j) ρ_j [m]
     second: Array  # (i,) R [m]
 
     @classmethod
-    def of(cls, chain: Chain, delta: Array, axes: Array, points: Array, reach: Array) -> Motion:
-        """Compute it from δ (i, n), 0 for joints that do not count, axes and points on them (i, n, 3) and ρ (i, n)."""
+    def of(cls, chain: Chain, delta: Array, deviation: Array, axes: Array, points: Array, reach: Array) -> Motion:
+        """Compute it from δ and ε (i, n), 0 for joints that do not count, axes and points on them (i, n, 3) and ρ (i,
+        n)."""
         turning = delta * chain.revolute
         speed, turn = np.abs(delta) * reach, np.abs(turning)
+        leaving = (deviation * reach).sum(axis=1)
         before = np.cumsum(turn, axis=1) - turn
         return cls(
             np.einsum("in,inc->ic", turning, axes),
             np.einsum("in,inc->ic", turning, cross(points, axes)) + np.einsum("in,inc->ic", delta - turning, axes),
-            speed.sum(axis=1),
-            0.5 * (speed * (turn + 2.0 * before)).sum(axis=1),
+            speed.sum(axis=1) + leaving,
+            0.5 * (speed * (turn + 2.0 * before)).sum(axis=1) + leaving,
         )
 
-    def __getitem__(self, rows: Mask | NDArray[np.int64]) -> Motion:
+    def __add__(self, other: Motion) -> Motion:
+        """Return two motions of the same bodies together, where one of them is rest."""
+        return Motion(
+            self.omega + other.omega,
+            self.velocity + other.velocity,
+            self.first + other.first,
+            self.second + other.second,
+        )
+
+    def __getitem__(self, rows: Mask | NDArray[np.int64] | tuple[NDArray[np.int64], NDArray[np.int64]]) -> Motion:
         """Return some of the rows."""
         return Motion(self.omega[rows], self.velocity[rows], self.first[rows], self.second[rows])
 
@@ -154,10 +167,10 @@ class Chain:
         """Return ρ (k, g, n) for k intervals and g bodies: the smaller of the bounds (a), given, and (b).
 
         rho (g, n); joints (g,) that carry the bodies; centers (k, g, 3) and radii (g,) of their bounding balls; axes
-        and origins (k, n, 3) of the joints, all at the midpoints; half (k, n) = |δ|.
+        and origins (k, n, 3) of the joints, all at the midpoints; half (k, n) = |δ| + ε.
         """
         local = np.zeros((len(centers), *rho.shape))
-        after = np.zeros(local.shape[:2])  # Σ_{k>j} |δ_k| ρ_k
+        after = np.zeros(local.shape[:2])  # Σ_{k>j} (|δ_k| + ε_k) ρ_k
         for j in reversed(range(rho.shape[1])):
             carried = self.carried_by[joints, j]
             if self.revolute[j]:

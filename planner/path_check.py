@@ -12,7 +12,7 @@ by Σ_j |δ_j| + ε_j at most.
 
 *Within.* The point's place u in the axes of the box is, with p' and R of `motion_bounds`, in each axis at most
 
-    |u(s)| ≤ max_{s = ±1} |u + s u'| + R + Σ_j ε_j ρ_j,    or    |u| + Σ_j (|δ_j| + ε_j) ρ_j.
+    |u(s)| ≤ max_{s = ±1} |u + s u'| + R,    or    |u| + Σ_j (|δ_j| + ε_j) ρ_j.
 
 A part whose bound does not suffice is halved; what is found at a midpoint is a fact. Angles in [rad], excursions in
 [m]: by how much the point is beyond the nearest side of the box, negative inside. Placements are Pinocchio's.
@@ -21,11 +21,10 @@ A part whose bound does not suffice is halved; what is found at a midpoint is a 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from hdplan.planner.intervals import Index
+from hdplan.planner.curve import Curve
 from hdplan.planner.motion_bounds import Array, Chain, Motion, cross
 from hdplan.planner.pose_goals import link_frame
 from hdplan.planner.robot import Robot
@@ -50,6 +49,11 @@ class Departure:
     time: float  # path parameter of the whole motion, 0 to 1
     found: float  # there: the angle [rad], or how far beyond the box [m]
     allowed: float  # the tolerance [rad], or 0 [m]
+
+    @property
+    def excess(self) -> float:
+        """By how much it is more than allowed [rad] or [m]; negative where it only could not be proven."""
+        return self.found - self.allowed
 
     @property
     def violated(self) -> bool:
@@ -92,18 +96,6 @@ class PathProof:
     configurations: int  # looked at
 
 
-class Motions(Protocol):
-    """A motion in parts, as `planner.curve.Curve` is one."""
-
-    def __len__(self) -> int:
-        """The number of rows."""
-        ...
-
-    def part(self, interval: Index, start: Array, width: Array) -> tuple[Array, Array, Array]:
-        """q_m, δ and ε, each (k, n), of parts of intervals."""
-        ...
-
-
 class PathCheck:
     """The path constraints of one scene, made ready for many motions."""
 
@@ -123,7 +115,7 @@ class PathCheck:
         departures = (Departure(each.field, each.link, 0, 0.0, 0.0, value, each.allowed) for each, value in found)
         return tuple(departure for departure in departures if departure.violated)
 
-    def prove(self, curve: Motions) -> PathProof:
+    def prove(self, curve: Curve) -> PathProof:
         """Prove every constraint over the whole motion, or find where it cannot be proven."""
         proofs = [self._prove(constraint, curve) for constraint in self.constraints]
         return PathProof(
@@ -132,7 +124,7 @@ class PathCheck:
             sum(count for _, _, count in proofs),
         )
 
-    def _prove(self, held: _Upright | _Within, curve: Motions) -> tuple[Kept, list[Departure], int]:
+    def _prove(self, held: _Upright | _Within, curve: Curve) -> tuple[Kept, list[Departure], int]:
         intervals, configurations = len(curve) - 1, 0
         interval, start, width = np.arange(intervals), np.zeros(intervals), np.ones(intervals)
         travel = _travel(*curve.part(interval, start, width))
@@ -237,12 +229,11 @@ class _Within:
         joints, radii = np.array([self.joint]), np.zeros(1)
         half = np.abs(delta) + off
         reach = chain.local_reach(everywhere[None], joints, place[:, None], radii, axes, points, half)[:, 0]
-        motion = Motion.of(chain, delta * carried, axes, points, reach)
-        shift = (off * reach).sum(axis=1)
+        motion = Motion.of(chain, delta * carried, off * carried, axes, points, reach)
         now = self._in_box(place - self.box[:3, 3])
         slope = self._in_box(cross(motion.omega, place) + motion.velocity)
-        second = np.maximum(np.abs(now + slope), np.abs(now - slope)) + (motion.second + shift)[:, None]
-        return np.minimum((second - self.half).max(axis=1), found + motion.first + shift)
+        second = np.maximum(np.abs(now + slope), np.abs(now - slope)) + motion.second[:, None]
+        return np.asarray(np.minimum((second - self.half).max(axis=1), found + motion.first))
 
     def _in_box(self, vectors: Array) -> Array:
         return np.asarray(vectors @ self.box[:3, :3])

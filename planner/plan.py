@@ -21,6 +21,8 @@ from hdplan.planner.scene_robot import load_scene_robot, resolve_query
 from hdplan.planner.seeds import seeds
 from hdplan.planner.solvers import Solver, solver_named
 from hdplan.planner.solvers.solution import FIRST_WEIGHT, RAISE, Budget, Solution, Status, Step
+from hdplan.planner.timing import Timekeeper
+from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Goals, JointTarget, PathConstraints, Scene
 
@@ -80,11 +82,12 @@ def plan(
     choice = goal_choice(scene, robot, certifier, seed)
     aims = [replace(scene, goal=goal) for goal in choice.goals]
     clearances = [_reachable_clearance(aim, robot, certifier) for aim in aims]  # ends in collision: before all fitting
+    timekeeper = Timekeeper(scene, robot) if scene.timed else None
     problems = [build(aim, robot) for aim in aims]
     built = time.perf_counter()
 
     searches = [
-        _Search(problem, certifier, run, required, built + time_limit, report, stop)
+        _Search(problem, certifier, timekeeper, run, required, built + time_limit, report, stop)
         for problem, (required, _) in zip(problems, clearances, strict=True)
     ]
     try:
@@ -105,7 +108,7 @@ def plan(
     return PlanResult(
         scene=scene.name,
         robot=robot.name,
-        trajectory=best.solution.trajectory,
+        trajectory=best.trajectory,
         certificate=best.certificate,
         solver=solver,
         seed=seed,
@@ -122,6 +125,7 @@ class _Best(NamedTuple):
     """The best motion so far."""
 
     solution: Solution
+    trajectory: Trajectory  # its motion, with times where the scene asks for them
     certificate: Certificate
     steps: tuple[Step, ...]
     whole: bool  # whether the certificate names every failure
@@ -134,13 +138,15 @@ class _Search:
         self,
         problem: Problem,
         certifier: Certifier,
+        timekeeper: Timekeeper | None,
         solver: Solver,
         required: float,
         deadline: float,
         report: Callable[[Event], None],
         stop: Callable[[], bool],
     ) -> None:
-        self.problem, self.certifier, self.solver, self.required = problem, certifier, solver, required
+        self.problem, self.certifier, self.timekeeper = problem, certifier, timekeeper
+        self.solver, self.required = solver, required
         self.deadline, self.report, self.stop = deadline, report, stop
         self.last: Solution | None = None  # solved, not yet certified
         self.best: _Best | None = None
@@ -157,15 +163,15 @@ class _Search:
         for _ in range(1 + REPAIRS):
             budget = Budget(self.deadline, first_weight=weight, report=self._report_step, stop=self.stop)
             solution = self.last = self.solver(problem, guess, budget)
-            certificate = self._certify(solution)
+            certificate, intervals = self._certify(solution)
             if solution.status is Status.INTERRUPTED or self.stop() or budget.spent():
                 return True
-            if certificate.certified:
+            if certificate.certified or not certificate.unproven:  # what else fails, other guesses cannot mend
                 return True
             if solution.status is Status.STALLED:
                 break
             guess, weight = solution.trajectory.positions, solution.weight * RAISE
-            problem = problem.resampled(guess).refined(sorted({place.interval for place in certificate.failures}))
+            problem = problem.resampled(guess).refined(intervals)
         return False
 
     def _report_step(self, step: Step, positions: Floats) -> None:
@@ -198,24 +204,31 @@ class _Search:
         """Return the best motion, with every failure named if it is not certified."""
         assert self.best is not None  # an attempt ends with a certificate
         if not self.best.whole and not self.best.certificate.certified:
-            certificate = self.certifier.certify(self.best.solution.trajectory, required=self.required)
+            certificate = self.certifier.certify(self.best.trajectory, required=self.required)
             self.certify_seconds += certificate.seconds
             self.report(Event(self.attempts, certificate=certificate))
             self.best = self.best._replace(certificate=certificate, whole=True)
         return self.best
 
-    def _certify(self, solution: Solution) -> Certificate:
-        """Certify a motion, and keep it if it is the best so far."""
+    def _certify(self, solution: Solution) -> tuple[Certificate, list[int]]:
+        """Certify a motion, and keep it if it is the best so far; return the waypoint intervals that fail, too."""
         hopeless = solution.status is Status.STALLED  # seldom certified: the first contact found settles it
-        certificate = self.certifier.certify(solution.trajectory, required=self.required, stop_at_contact=hopeless)
+        trajectory, parameter = solution.trajectory, None
+        if self.timekeeper is not None:
+            trajectory, parameter = self.timekeeper(trajectory)
+        certificate = self.certifier.certify(trajectory, required=self.required, stop_at_contact=hopeless)
         self.last = None
         self.iterations += solution.iterations
         self.certify_seconds += certificate.seconds
         self.steps += tuple(self._numbered(step) for step in solution.steps)
         if self.best is None or _rank(certificate) < _rank(self.best.certificate):
-            self.best = _Best(solution, certificate, self.steps, whole=not hopeless)
+            self.best = _Best(solution, trajectory, certificate, self.steps, whole=not hopeless)
         self.report(Event(self.attempts, certificate=certificate))
-        return certificate
+        failed = set(certificate.unproven)
+        if parameter is not None:  # rows in time lie closer than waypoints, and elsewhere
+            last = self.problem.waypoints - 2
+            failed = {min(int(parameter[row + end] * (last + 1)), last) for row in failed for end in (0, 1)}
+        return certificate, sorted(failed)
 
 
 def _search_in_turn(searches: Sequence[_Search], seed: int) -> None:
@@ -257,9 +270,10 @@ def _reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tu
     Raises InputError if an end is in collision, or breaks a path constraint.
     """
     required, words = scene.planner.clearance, []
+    lenient = {obstacle.name for obstacle in scene.obstacles if obstacle.clearance is None}
     query = resolve_query(robot, scene)
-    for field, q in ((scene.start.field, query.start), (scene.goal.field, query.goal)):
-        contacts = certifier.contacts(q)
+    for field, q, time_ in ((scene.start.field, query.start, 0.0), (scene.goal.field, query.goal, scene.end_time)):
+        contacts = certifier.contacts(q, time_)
         if contacts:
             said = "; ".join(
                 f"{c.link} and {c.other} " + (f"overlap by {c.depth * 1e3:.3g} mm" if c.depth else "touch")
@@ -268,18 +282,27 @@ def _reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tu
             raise InputError(f"{scene.source}: {field}: in collision: {said}")
         if departures := certifier.path.at(q):
             raise InputError(f"{scene.source}: {field}: off the path: {'; '.join(each.words for each in departures)}")
-        if required > 0.0 and (obstacle := certifier.obstacle_within(q, required)) is not None:
-            required = ENDS_KEEP * obstacle.distance
+        close = certifier.too_close(q, required, time_)
+        for place, asked in close:
+            if place.other not in lenient:
+                raise InputError(
+                    f"{scene.source}: {field}: {place.link} is {place.distance * 1e3:.3g} mm from {place.other}, "
+                    f"{asked * 1e3:g} mm are asked for (obstacles[].clearance, self_collision.clearance)"
+                )
+        if close:
+            place, _ = close[0]
+            required = ENDS_KEEP * place.distance
             words.append(
-                f"{field} is {obstacle.distance * 1e3:.3g} mm from {obstacle.other}: "
+                f"{field} is {place.distance * 1e3:.3g} mm from {place.other}: "
                 f"{required * 1e3:.3g} mm are proven for the whole motion instead of planner.clearance"
             )
     return required, tuple(words)
 
 
 def _rank(certificate: Certificate) -> tuple[float, ...]:
-    """Order of motions, best first: certified with most clearance, then with the shallowest contact."""
+    """Order of motions, best first: certified with most clearance, then with the shallowest contact or the smallest
+    departure from the path, a radian counted as a metre."""
     if certificate.certified:
         return (0.0, -(certificate.clearance or 0.0))
-    deepest = min((place.distance for place in certificate.failures), default=0.0)
-    return (1.0, -deepest)
+    depths = [-place.distance for place in certificate.failures] + [place.excess for place in certificate.departures]
+    return (1.0, max(depths, default=0.0))

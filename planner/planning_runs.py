@@ -198,7 +198,7 @@ def _situation(scene: Scene, wanted: int, stop: Callable[[], bool]) -> _Situatio
     for _ in range(TRIED):
         drawn = query.start + rng.uniform() * (query.goal - query.start) + SCATTER * rng.normal(size=robot.n)
         q = np.clip(drawn, robot.lower, robot.upper)
-        place = certifier.obstacle_within(q, NEAR)
+        place = certifier.nearest(q, NEAR)[0]
         if place is not None and 0 < place.distance < NEAR:
             near.append(q)
             distance.append(place.distance)

@@ -11,7 +11,7 @@ import io
 from dataclasses import dataclass
 from pathlib import Path
 
-from hdplan.planner.certificate import Certificate, Certifier, waypoints_of
+from hdplan.planner.certificate import Certificate, Certifier
 from hdplan.planner.output import check_writable, write_output
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot import Robot
@@ -41,7 +41,7 @@ class Subject:
         Raises InputError for joints that do not fit the robot.
         """
         certificate, robot = certifier.certify(trajectory), certifier.robot
-        ordered = Trajectory(robot.joint_names, waypoints_of(robot, trajectory), robot.locked, trajectory.times)
+        ordered = trajectory.of_joints(robot.joint_names, robot.locked)
         iterations = f", {len(steps)} iterations" if steps else ""
         return cls(certifier, ordered, certificate, steps, f"{name}: {len(ordered)} waypoints{iterations}")
 

@@ -1,6 +1,6 @@
 """The proof itself: lower bounds on the distance of moving bodies over a whole continuous motion.
 
-Waypoints and pairs of bodies → a proven lower bound, the closest place found, and every place where the proof fails.
+A curve and pairs of bodies → a proven lower bound, the closest place found, and every place where the proof fails.
 Each pair on each interval between waypoints is bounded, the most pressing first, by ever closer looks
 (`interval_bounds`); an interval whose bound does not suffice is halved.
 """
@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hdplan.planner.curve import Curve
 from hdplan.planner.interval_bounds import ROUNDING, Bounds, Items, travel_of
 from hdplan.planner.intervals import Bodies, Index, Intervals, Pairs
 from hdplan.planner.motion_bounds import Array, Mask
@@ -29,7 +30,7 @@ MOST_EXACT_CALLS = 300_000  # exact distances computed in one proof, then the re
 class Spot:
     """A place on the motion and the distance there."""
 
-    interval: int  # waypoint interval
+    interval: int  # between two rows of the curve
     fraction: float  # within it, 0 to 1
     pair: int  # row of the pairs
     distance: float  # [m] computed there: negative in contact (then minus the depth, where it is known)
@@ -55,45 +56,55 @@ class Sweep:
         self.bodies, self.pairs = bodies, pairs
         self.hollow = bodies.hollow[pairs.a] | bodies.hollow[pairs.b]  # (P,)
 
-    def distances(self, q: Array, within: float = np.inf) -> tuple[Spot, ...]:
-        """Return the signed distance of every pair at one configuration q (n,): negative in contact.
+    def distances(
+        self, q: Array, within: float = np.inf, time: float = 0.0, surfaces: bool = False
+    ) -> tuple[Spot, ...]:
+        """Return the signed distance of every pair at one configuration q (n,) at a time [s]: negative in contact.
 
-        Pairs that are certainly farther apart than `within` [m] are left out.
+        Pairs that are certainly farther apart than `within` [m] are left out. Hulls are told apart by themselves, or,
+        with `surfaces`, by what they are hulls of.
         """
-        return _Run(self, np.stack([q, q]), 0.0).at_start(within=within)
+        return self._standing(q, time).at_start(within=within, surfaces=surfaces)
 
-    def nearest(self, q: Array, within: float = np.inf) -> tuple[Spot | None, Spot | None]:
-        """Return the closest pair of each group at one configuration q (n,), exactly: by surfaces, not their hulls.
+    def nearest(self, q: Array, within: float = np.inf, time: float = 0.0) -> tuple[Spot | None, Spot | None]:
+        """Return the closest pair of each group at one configuration q (n,) at a time [s], exactly: by surfaces, not
+        their hulls.
 
         None for a group of which no pair is `within` [m], or none at all.
         """
-        return _Run(self, np.stack([q, q]), 0.0).nearest_at_start(within)
+        return self._standing(q, time).nearest_at_start(within)
 
-    def witnesses(self, q: Array, pair: int) -> Array:
-        """Return the points (2, 3) [m] at which two bodies are closest at one configuration q (n,), for pictures."""
-        return _Run(self, np.stack([q, q]), 0.0).witnesses_at_start(pair)
+    def witnesses(self, q: Array, pair: int, time: float = 0.0) -> Array:
+        """Return the points (2, 3) [m] at which two bodies are closest at one configuration q (n,) at a time [s], for
+        pictures."""
+        return self._standing(q, time).witnesses_at_start(pair)
 
-    def prove(self, waypoints: Array, required: float = 0.0, stop_at_contact: bool = False) -> Proof:
-        """Prove a motion through `waypoints` (N, n), or find where it cannot be proven.
+    def prove(self, curve: Curve, required: Array | float = 0.0, stop_at_contact: bool = False) -> Proof:
+        """Prove a motion, or find where it cannot be proven.
 
-        `required` [m] is what group 0 must keep; group 1 must not touch. With `stop_at_contact` the first places found
-        too close end the search: failures are then not complete.
+        `required` [m], one for each pair (P,) or one for all, is what pairs must keep; at 0 they must not touch. With
+        `stop_at_contact` the first places found too close end the search: failures are then not complete.
         """
-        return _Run(self, waypoints, required, stop_at_contact).prove()
+        floor = np.broadcast_to(np.asarray(required, dtype=np.float64), self.pairs.a.shape)
+        return _Run(self, curve, floor, stop_at_contact).prove()
+
+    def _standing(self, q: Array, time: float) -> _Run:
+        """Look at one configuration, at one time."""
+        return _Run(self, Curve.through(np.stack([q, q]), np.array([time, time])), np.zeros(len(self.pairs.a)))
 
 
 class _Run:
     """One motion's proof under way."""
 
-    def __init__(self, sweep: Sweep, waypoints: Array, required: float, stop_at_contact: bool = False) -> None:
+    def __init__(self, sweep: Sweep, curve: Curve, floor: Array, stop_at_contact: bool = False) -> None:
         self.bodies, self.pairs, self.hollow = sweep.bodies, sweep.pairs, sweep.hollow
         self.bounds = Bounds(sweep.bodies, sweep.pairs)
-        self.waypoints, self.floor, self.rho = waypoints, (required, 0.0), sweep.bodies.reach(waypoints)
+        self.curve, self.floor, self.rho = curve, floor, sweep.bodies.reach(curve)
         self.stop_at_contact = stop_at_contact
         self.clearance = [np.inf, np.inf]
         self.closest: list[Spot | None] = [None, None]
         self.failures: dict[tuple[int, int], Spot] = {}
-        self.failed = np.zeros((len(waypoints) - 1, len(self.pairs.a)), dtype=bool)
+        self.failed = np.zeros((len(curve) - 1, len(self.pairs.a)), dtype=bool)
         self.configurations = self.exact_calls = 0
 
     def prove(self) -> Proof:
@@ -113,14 +124,14 @@ class _Run:
     def _prove_all(self) -> None:
         """Prove the pairs in the order of how close they come, as a ball around the whole motion tells: what is far
         away is done with once it is known how close the closest come."""
-        count = len(self.waypoints) - 1
+        count = len(self.curve) - 1
         roots = self._place(np.arange(count), np.zeros(count), np.ones(count))
         far = self.bounds.over_all(roots)  # (P,)
         order, size = np.argsort(far, kind="stable"), max(MOST_ITEMS // count, 1)
         for first in range(0, len(order), size):
             pairs = order[first : first + size]
             group = self.pairs.group[pairs]
-            done = far[pairs] >= np.array([self._goal(0), self._goal(1)])[group]
+            done = far[pairs] >= self._enough(pairs)
             for which in (0, 1):
                 self.clearance[which] = min(
                     self.clearance[which], float(far[pairs[done & (group == which)]].min(initial=np.inf))
@@ -133,7 +144,7 @@ class _Run:
                 if items:
                     nodes, items = self._halve(nodes, items)
 
-    def at_start(self, only: Mask | None = None, within: float = np.inf) -> tuple[Spot, ...]:
+    def at_start(self, only: Mask | None = None, within: float = np.inf, surfaces: bool = False) -> tuple[Spot, ...]:
         """Return the signed distances of all pairs (or some) at the first waypoint, but for those that balls tell to be
         farther apart than `within`."""
         nodes = self._place(np.zeros(1, dtype=np.int64), np.zeros(1), np.zeros(1))
@@ -152,6 +163,8 @@ class _Run:
                 value = self._surface(nodes, 0, pair)
                 if contains(*self._posed(nodes, 0, pair)):
                     value = -max(value, ROUNDING)
+            elif surfaces and self.hollow[pair] and value <= within:
+                value = max(value, self._surface(nodes, 0, pair))
             spots.append(Spot(0, 0.0, pair, value, value <= 0.0))
         return tuple(spots)
 
@@ -215,8 +228,7 @@ class _Run:
 
     def _open(self, nodes: Intervals, items: Items) -> Items:
         """Drop the items that are proven as far as need be, or failed; what the former prove counts."""
-        group = self.pairs.group[items.pair]
-        enough = np.array([self._goal(0), self._goal(1)])[group]
+        group, enough = self.pairs.group[items.pair], self._enough(items.pair)
         failed = self.failed[nodes.interval[items.node], items.pair]
         closed = (items.bound >= enough) & (items.bound > 0.0) & ~failed
         for which in (0, 1):
@@ -225,27 +237,31 @@ class _Run:
                 self.clearance[which] = min(self.clearance[which], float(proven.min()))
         return items[~closed & ~failed]
 
+    def _enough(self, pairs: Index) -> Array:
+        """Return the bounds [m] at which pairs (i,) need no closer look."""
+        goals = np.array([self._goal(0), self._goal(1)])
+        return np.asarray(np.maximum(self.floor[pairs], goals[self.pairs.group[pairs]]))
+
     def _goal(self, group: int) -> float:
-        """Return the bound [m] at which a pair needs no closer look."""
+        """Return what a group can be proven to keep [m], at most and but for a tolerance."""
         spot = self.closest[group]
         if spot is None:
             return np.inf
         tolerance = min(max(TOLERANCE, RELATIVE_TOLERANCE * spot.distance), 0.5 * spot.distance)
-        return max(self.floor[group], spot.distance - tolerance)
+        return spot.distance - tolerance
 
     def _exactly(self, nodes: Intervals, items: Items) -> Items:
         """Raise the items' bounds by exact distances at the midpoints, and note the closest places and the contacts."""
         values, bound, normals = self._exact(nodes, items)
         bound = np.maximum(items.bound, bound)
-        group = self.pairs.group[items.pair]
-        goal = np.array([self._goal(0), self._goal(1)])[group]
+        group, goal = self.pairs.group[items.pair], self._enough(items.pair)
         hollow, travel = self.hollow[items.pair], travel_of(items)
         for i in np.flatnonzero(hollow & (values < goal) & (bound < goal)).tolist():
             values[i] = self._surface(nodes, int(items.node[i]), int(items.pair[i]))
             bound[i] = max(bound[i], values[i] - travel[i] - ROUNDING)
         for i in np.argsort(values).tolist():
             node, pair, value = int(items.node[i]), int(items.pair[i]), float(values[i])
-            spot = self._spot(nodes, node, pair, value, value <= self.floor[group[i]])
+            spot = self._spot(nodes, node, pair, value, value <= self.floor[pair])
             best = self.closest[group[i]]
             if best is None or value < best.distance:
                 self.closest[group[i]] = spot
@@ -255,7 +271,7 @@ class _Run:
 
     def _halve(self, nodes: Intervals, items: Items) -> tuple[Intervals, Items]:
         """Cut the intervals of the open items in two; give up those that are as short as they may become."""
-        moved = (np.abs(nodes.delta)[:, None] * nodes.reach).sum(axis=2)  # (k, bodies)
+        moved = nodes.moved
         still = moved[items.node, self.pairs.a[items.pair]] + moved[items.node, self.pairs.b[items.pair]] <= STILL
         hopeless = still | (nodes.width[items.node] <= SHORTEST) | (self.exact_calls > MOST_EXACT_CALLS)
         for node, pair, bound in zip(
@@ -285,7 +301,7 @@ class _Run:
 
     def _place(self, interval: Index, start: Array, width: Array) -> Intervals:
         self.configurations += len(interval)
-        return Intervals.of(self.bodies, self.waypoints, self.rho, interval, start, width)
+        return Intervals.of(self.bodies, self.curve, self.rho, interval, start, width)
 
     def _surface(self, nodes: Intervals, node: int, pair: int) -> float:
         self.exact_calls += 1

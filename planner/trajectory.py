@@ -1,8 +1,9 @@
 """A joint trajectory and its files: JSON, CSV and NPZ, read from any planner, written atomically with every bit kept.
 
-Between two rows the joints move along a straight line, q(i + s) = (1 − s) q_i + s q_(i+1), 0 ≤ s ≤ 1: that motion is
-what the certificate proves, so it is also what must be executed. Where a file says when each row is reached (`times` in
-JSON and NPZ, the column `time` in CSV), the times are kept; the path is the same with them and without.
+What a file holds is a curve (`curve`): straight lines between rows of positions; where each row also has its time and
+velocities, cubics; with accelerations too, quintics. That motion is what the certificate proves, so it is also what
+must be executed. JSON names the rule (`interpolation`) and holds `times`, `velocities` and `accelerations` as NPZ does;
+in CSV they are the columns `time`, `JOINT.velocity` and `JOINT.acceleration`.
 """
 
 from __future__ import annotations
@@ -13,31 +14,38 @@ import json
 import zipfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hdplan.planner.curve import Curve
 from hdplan.planner.output import write_output
 from hdplan.scenes.errors import InputError, naming
 
 FORMATS = (".json", ".csv", ".npz")
+TIMES = "times"
 TIME = "time"  # the CSV column of the times
+RATES = ("velocities", "accelerations")  # what rows may hold beside times and positions
+RATE_COLUMNS = (".velocity", ".acceleration")  # of each joint in CSV, behind its name
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Waypoints in joint space, joined by straight lines.
+    """Waypoints in joint space, and the curve through them.
 
     Raises InputError when the shapes do not fit, a joint name comes twice, a number is not finite, there are fewer than
-    2 rows, or the times do not rise.
+    2 rows, the times do not rise, or there are velocities without times or accelerations without velocities.
     """
 
     joint_names: tuple[str, ...]  # (n,) the columns
     positions: NDArray[np.float64]  # (N, n) one row per waypoint [rad] or [m]
     locked: Mapping[str, float] = field(default_factory=dict)  # joints that stand still -> value [rad] or [m]
     times: NDArray[np.float64] | None = None  # (N,) when each waypoint is reached, rising [s]; None for a path alone
+    velocities: NDArray[np.float64] | None = None  # (N, n) there [rad/s] or [m/s]
+    accelerations: NDArray[np.float64] | None = None  # (N, n) there [rad/s²] or [m/s²]
 
     def __post_init__(self) -> None:
         """Check and freeze."""
@@ -53,11 +61,7 @@ class Trajectory:
             raise InputError("joint_names: empty, a trajectory moves at least one joint")
         if repeated := [name for i, name in enumerate(names) if name in names[:i]]:
             raise InputError(f"joint_names: '{repeated[0]}' comes twice")
-        if not np.isfinite(positions).all():
-            row, column = (int(i) for i in np.argwhere(~np.isfinite(positions))[0])
-            raise InputError(
-                f"positions: waypoint {row}, joint '{names[column]}': {positions[row, column]} is not a finite number"
-            )
+        _check_finite(positions, "positions", names)
         values = _numbers(list(self.locked.values()), "locked").tolist()
         locked = dict(zip(map(str, self.locked), values, strict=True))
         for name, value in locked.items():
@@ -69,6 +73,28 @@ class Trajectory:
         object.__setattr__(self, "locked", locked)
         if self.times is not None:
             object.__setattr__(self, "times", _rising(self.times, len(positions)))
+        for key, needed in zip(RATES, (TIMES, RATES[0]), strict=True):
+            if (values := getattr(self, key)) is None:
+                continue
+            if getattr(self, needed) is None:
+                raise InputError(f"{key}: need {needed}, which are missing")
+            values = _numbers(values, key)
+            if values.shape != positions.shape:
+                raise InputError(f"{key}: shape {values.shape}, expected {positions.shape} as the positions have")
+            _check_finite(values, key, names)
+            values.setflags(write=False)
+            object.__setattr__(self, key, values)
+
+    @cached_property
+    def curve(self) -> Curve:
+        """The motion through the waypoints, to the last interpolation rule."""
+        return Curve.through(self.positions, self.times, self.velocities, self.accelerations)
+
+    def of_joints(self, names: tuple[str, ...], locked: Mapping[str, float]) -> Trajectory:
+        """Return the same motion with the columns of these joints alone, in that order."""
+        chosen = [self.joint_names.index(name) for name in names]
+        rates = (None if values is None else values[:, chosen] for values in (self.velocities, self.accelerations))
+        return Trajectory(names, self.positions[:, chosen], locked, self.times, *rates)
 
     def __len__(self) -> int:
         """Return the number of waypoints."""
@@ -76,10 +102,7 @@ class Trajectory:
 
     def at(self, time: ArrayLike) -> NDArray[np.float64]:
         """Return the configurations (…, n) at path parameters `time` in [0, 1]; the waypoints stand at equal steps."""
-        where = np.asarray(time, dtype=np.float64) * (len(self) - 1)
-        index = np.clip(np.floor(where).astype(int), 0, len(self) - 2)
-        fraction = (where - index)[..., None]
-        return np.asarray((1.0 - fraction) * self.positions[index] + fraction * self.positions[index + 1])
+        return self.curve.at_parameter(time)
 
     def save(
         self,
@@ -90,7 +113,8 @@ class Trajectory:
         """Write to `path`; its ending (.json, .csv, .npz) picks the format. The file is there whole, or not at all.
 
         JSON holds everything, the `verdict` and the solver's `steps`; NPZ holds the arrays; CSV holds the times and the
-        planned joints alone, one column each. Raises InputError for another ending or a path that cannot be written.
+        planned joints alone, a column for each of their positions, velocities and accelerations. Raises InputError for
+        another ending or a path that cannot be written.
         """
         path = Path(path)
         about = {key: said for key, said in (("verdict", verdict), ("steps", steps)) if said}
@@ -110,16 +134,23 @@ class Trajectory:
 
 def _to_json(trajectory: Trajectory, about: Mapping[str, Mapping[str, Any]]) -> bytes:
     """Write one line per key and per waypoint; Python's numbers are the shortest that read back bit for bit."""
-    rows = ",\n  ".join(json.dumps(row, allow_nan=False) for row in trajectory.positions.tolist())
+    timed = [] if trajectory.times is None else [f'"times": {json.dumps(trajectory.times.tolist(), allow_nan=False)}']
     lines = [
         '"hdplan_trajectory": 1',
         f'"joint_names": {json.dumps(trajectory.joint_names)}',
-        f'"positions": [\n  {rows}\n ]',
+        *([f'"interpolation": "{trajectory.curve.rule}"'] if timed else []),
+        _rows("positions", trajectory.positions),
         f'"locked": {json.dumps(dict(trajectory.locked), allow_nan=False)}',
-        *([] if trajectory.times is None else [f'"times": {json.dumps(trajectory.times.tolist(), allow_nan=False)}']),
+        *timed,
+        *(_rows(key, values) for key in RATES if (values := getattr(trajectory, key)) is not None),
         *(f'"{key}": {json.dumps(dict(said), allow_nan=False)}' for key, said in about.items()),
     ]
     return ("{\n " + ",\n ".join(lines) + "\n}\n").encode()
+
+
+def _rows(key: str, values: NDArray[np.float64]) -> str:
+    rows = ",\n  ".join(json.dumps(row, allow_nan=False) for row in values.tolist())
+    return f'"{key}": [\n  {rows}\n ]'
 
 
 def _from_json(data: bytes) -> Trajectory:
@@ -138,13 +169,23 @@ def _from_json(data: bytes) -> Trajectory:
     if not isinstance(locked, dict):
         raise InputError("locked: an object of joint names and numbers is expected")
     positions = _numbers(content["positions"], "positions")
-    return Trajectory(_names(content["joint_names"]), positions, locked, content.get("times"))
+    rates = (content.get(key) for key in RATES)
+    found = Trajectory(_names(content["joint_names"]), positions, locked, content.get("times"), *rates)
+    if content.get("interpolation", found.curve.rule) != found.curve.rule:
+        raise InputError(
+            f"interpolation: '{content['interpolation']}', but with what its rows hold it is {found.curve.rule}"
+        )
+    return found
 
 
 def _to_csv(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> bytes:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     names, rows = trajectory.joint_names, trajectory.positions
+    for key, ending in zip(RATES, RATE_COLUMNS, strict=True):
+        if (values := getattr(trajectory, key)) is not None:
+            names = (*names, *(name + ending for name in trajectory.joint_names))
+            rows = np.column_stack([rows, values])
     if trajectory.times is not None:
         names, rows = (TIME, *names), np.column_stack([trajectory.times, rows])
     writer.writerow(names)
@@ -170,23 +211,33 @@ def _from_csv(data: bytes) -> Trajectory:
         if wrong := [value for value in row if not _is_number(value)]:
             raise InputError(f"line {line}: '{wrong[0]}' is not a number")
     values = np.array([[float(value) for value in row] for _, row in rows]).reshape(-1, len(names))
-    if TIME not in names:
-        return Trajectory(names, values)
-    column = names.index(TIME)
-    joints = tuple(name for i, name in enumerate(names) if i != column)
-    return Trajectory(joints, np.delete(values, column, axis=1), times=values[:, column])
+    columns = dict(zip(names, values.T, strict=True))
+    if len(columns) < len(names):
+        raise InputError(f"line 1: '{next(name for i, name in enumerate(names) if name in names[:i])}' comes twice")
+    times = columns.pop(TIME, None)
+    joints = tuple(name for name in columns if not name.endswith(RATE_COLUMNS))
+    rates = []
+    for ending in RATE_COLUMNS:
+        given = [name for name in columns if name.endswith(ending)]
+        if given and (lacking := [name for name in joints if name + ending not in columns]):
+            raise InputError(f"line 1: column '{lacking[0]}{ending}' is missing beside '{given[0]}'")
+        if unknown := [name for name in given if name.removesuffix(ending) not in joints]:
+            raise InputError(f"line 1: column '{unknown[0]}' is of no joint with positions")
+        rates.append(np.column_stack([columns[name + ending] for name in joints]) if given else None)
+    positions = np.column_stack([columns[name] for name in joints]) if joints else values[:, :0]
+    return Trajectory(joints, positions, {}, times, *rates)
 
 
 def _to_npz(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> bytes:
     data = io.BytesIO()
-    times: dict[str, Any] = {} if trajectory.times is None else {"times": trajectory.times}
+    timed = {key: values for key in (TIMES, *RATES) if (values := getattr(trajectory, key)) is not None}
     np.savez(
         data,
         joint_names=np.array(trajectory.joint_names),
         positions=trajectory.positions,
         locked_names=np.array(list(trajectory.locked), dtype=str),
         locked_values=np.array(list(trajectory.locked.values()), dtype=np.float64),
-        **times,
+        **timed,
     )
     return data.getvalue()
 
@@ -205,7 +256,8 @@ def _from_npz(data: bytes) -> Trajectory:
     if len(locked) != values.size:
         raise InputError(f"locked_names: {names.size} names for {values.size} locked_values")
     positions = _numbers(arrays["positions"], "positions")
-    return Trajectory(_names(arrays["joint_names"].ravel()), positions, locked, arrays.get("times"))
+    timed = (arrays.get(key) for key in (TIMES, *RATES))
+    return Trajectory(_names(arrays["joint_names"].ravel()), positions, locked, *timed)
 
 
 def _format(path: Path) -> str:
@@ -230,6 +282,14 @@ def _numbers(values: object, name: str) -> NDArray[np.float64]:
     except (TypeError, ValueError):  # rows of different lengths
         pass
     raise InputError(f"{name}: numbers are expected, equally many in each row")
+
+
+def _check_finite(values: NDArray[np.float64], key: str, names: tuple[str, ...]) -> None:
+    if not np.isfinite(values).all():
+        row, column = (int(i) for i in np.argwhere(~np.isfinite(values))[0])
+        raise InputError(
+            f"{key}: waypoint {row}, joint '{names[column]}': {values[row, column]} is not a finite number"
+        )
 
 
 def _rising(values: object, count: int) -> NDArray[np.float64]:

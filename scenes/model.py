@@ -286,6 +286,11 @@ class Scene:
         return self.timing is not None or any(limit is not None for limit in asked)
 
     @property
+    def end_time(self) -> float:
+        """When the motion ends [s], as far as anything in the scene depends on it; else 0."""
+        return 0.0 if self.timing is None or self.timing.duration is None else self.timing.duration
+
+    @property
     def clearances(self) -> dict[str, float]:
         """What must be proven free around each obstacle [m]: its own clearance, or else planner.clearance."""
         return {

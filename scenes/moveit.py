@@ -8,11 +8,13 @@ colours) is passed over.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from pathlib import Path
 
 from hdplan.scenes.fields import Field, read_document
-from hdplan.scenes.model import Attached, Box, Cylinder, JointTarget, Obstacle, Pose, RobotSpec, Scene, Shape, Sphere
+from hdplan.scenes.model import Attached, JointTarget, Obstacle, PathConstraints, Pose, RobotSpec, Scene
+from hdplan.scenes.moveit_constraints import read_goal_constraints, read_path_constraints
+from hdplan.scenes.moveit_messages import is_filled, read_message_pose, read_primitive, refuse_other_frame
 from hdplan.scenes.poses import compose, read_quaternion, read_vector
 
 SCENE_KEYS = (
@@ -62,10 +64,6 @@ OBJECT_KEYS = (
     "subframe_poses",
     "operation",
 )
-GOAL_KEYS = ("name", "joint_constraints", "position_constraints", "orientation_constraints", "visibility_constraints")
-JOINT_KEYS = ("joint_name", "position", "tolerance_above", "tolerance_below", "weight")
-PRIMITIVES = {1: "box", 2: "sphere", 3: "cylinder", 4: "cone", 5: "prism"}  # numbers of shape_msgs/SolidPrimitive
-WORLD_FRAMES = ("", "world", "/world")
 IDENTITY = 1e-9  # largest entry by which a transform may differ from the identity
 
 
@@ -83,15 +81,16 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
     """Read a planning scene, whose document is read already, and its request.
 
     Obstacles are the scene's collision objects; the primitives of an object after its first are called ``id/1``,
-    ``id/2`` and so on. The start is the request's start state over the scene's robot state; the goal is the request's
-    joint goal. Both hold every joint that the files name: which of them the robot has is known when it is loaded.
+    ``id/2`` and so on. The start is the request's start state over the scene's robot state; the goal is the request's,
+    by joints or by a link's pose. Start and goal hold every joint that the files name: which of them the robot has is
+    known when it is loaded.
     Objects attached in the scene's robot state or the request's start state are held, a later one in place of an
     earlier one of the same name.
 
     Raises:
         InputError: a bad file or field, or something that hdplan cannot plan for: meshes, planes, cones, octomaps,
-            objects attached in another frame than their link's, moved frames, several goals, goals in Cartesian space,
-            path constraints.
+            objects attached in another frame than their link's, moved frames, several goals, and constraints that a
+            scene cannot say (see `moveit_constraints`).
     """
     scene, request = scene.with_text_numbers(), read_document(request_file).with_text_numbers()
     if is_moveit_scene(request.mapping()):
@@ -103,13 +102,13 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
         keys = transform.mapping(("header", "child_frame_id", "transform"))
         _refuse_moved(keys.get("transform"), "a fixed frame")
     for key in ("link_padding", "link_scale"):
-        if key in scene_keys and _is_filled(scene_keys[key].value):
+        if key in scene_keys and is_filled(scene_keys[key].value):
             scene_keys[key].note("is not applied: links keep their size; the planner's clearance pads them all")
     if "allowed_collision_matrix" in scene_keys:
         _note_allowed_objects(scene_keys["allowed_collision_matrix"], obstacles)
-    for key in ("path_constraints", "trajectory_constraints", "reference_trajectories"):
-        if key in request_keys and _is_filled(request_keys[key].value):
-            raise request_keys[key].error("is not supported yet: hdplan plans free motions between two configurations")
+    for key in ("trajectory_constraints", "reference_trajectories"):
+        if key in request_keys and is_filled(request_keys[key].value):
+            raise request_keys[key].error("is not supported: a motion is bound by path_constraints alone")
     start = _state(scene_keys.get("robot_state")) | _state(request_keys.get("start_state"))
     if not start:
         raise request.error(
@@ -118,6 +117,7 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
     attached = _attached(scene_keys.get("robot_state"), obstacles) | _attached(
         request_keys.get("start_state"), obstacles
     )
+    constraints = request_keys.get("path_constraints")
     return Scene(
         name=scene.document.file.stem,
         source=scene.document.file,
@@ -125,7 +125,8 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
         obstacles=tuple(obstacles.values()),
         attached=tuple(attached.values()),
         start=JointTarget(f"start ({request_file})", by_name=start),
-        goal=JointTarget(f"goal ({request_file})", by_name=_goal(request_keys["goal_constraints"])),
+        goal=read_goal_constraints(request_keys["goal_constraints"], f"goal ({request_file})"),
+        path=read_path_constraints(constraints) if constraints else PathConstraints(),
         from_request=True,
         notes=(*scene.document.notes, *request.document.notes),
     )
@@ -136,7 +137,7 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
 
 def _world(section: Field) -> dict[str, Obstacle]:
     keys = section.mapping(("collision_objects", "octomap"))
-    if "octomap" in keys and _is_filled(keys["octomap"].value):
+    if "octomap" in keys and is_filled(keys["octomap"].value):
         raise keys["octomap"].error("octomaps are not supported yet")
     obstacles: dict[str, Obstacle] = {}
     for i, entry in enumerate(keys["collision_objects"].items() if "collision_objects" in keys else ()):
@@ -151,11 +152,11 @@ def _collision_object(entry: Field, default_name: str, link: str = "") -> list[O
     """Return an object's primitives, each by a name of its own, in the world's frame or that of the link named."""
     keys = entry.mapping(OBJECT_KEYS)
     for key in ("meshes", "planes"):
-        if key in keys and _is_filled(keys[key].value):
+        if key in keys and is_filled(keys[key].value):
             raise keys[key].error(f"{key} in MoveIt scenes are not supported yet (box, cylinder and sphere are)")
     if "operation" in keys and keys["operation"].value != 0:
         raise keys["operation"].wrong("0 (ADD)")
-    _refuse_other_frame(entry, keys.get("header"), link)
+    refuse_other_frame(entry, keys.get("header"), link)
     name = keys["id"].text() if "id" in keys and keys["id"].value != "" else default_name
     primitives = keys["primitives"].items() if "primitives" in keys else []
     if not primitives:
@@ -163,50 +164,13 @@ def _collision_object(entry: Field, default_name: str, link: str = "") -> list[O
     placed = keys["primitive_poses"].items() if "primitive_poses" in keys else []
     if placed and len(placed) != len(primitives):
         raise keys["primitive_poses"].error(f"must be as many as the {len(primitives)} primitives, found {len(placed)}")
-    outer = _pose(keys["pose"]) if "pose" in keys else Pose()
-    inner = [_pose(pose) for pose in placed] or [Pose()] * len(primitives)
+    outer = read_message_pose(keys["pose"]) if "pose" in keys else Pose()
+    inner = [read_message_pose(pose) for pose in placed] or [Pose()] * len(primitives)
     names = [name, *(f"{name}/{i}" for i in range(1, len(primitives)))]
     return [
-        Obstacle(name, _shape(shape), compose(outer, pose))
+        Obstacle(name, read_primitive(shape), compose(outer, pose))
         for name, shape, pose in zip(names, primitives, inner, strict=True)
     ]
-
-
-def _shape(entry: Field) -> Shape:
-    keys = entry.mapping(("type", "dimensions", "polygon"), required=["type", "dimensions"])
-    kind, sizes = keys["type"], keys["dimensions"]
-    word = PRIMITIVES.get(kind.value) if isinstance(kind.value, int) else kind.value
-    match word:
-        case "box":
-            x, y, z = sizes.numbers(3, above=0.0, unit="m")
-            return Box((x, y, z))
-        case "sphere":
-            (radius,) = sizes.numbers(1, above=0.0, unit="m")
-            return Sphere(radius)
-        case "cylinder":
-            height, radius = sizes.numbers(2, above=0.0, unit="m")
-            return Cylinder(radius, height)
-        case "cone" | "prism":
-            raise kind.error(f"the primitive '{word}' is not supported yet (box, cylinder and sphere are)")
-        case _:
-            raise kind.wrong("box, cylinder or sphere")
-
-
-def _pose(entry: Field) -> Pose:
-    keys = entry.mapping(("position", "orientation"))
-    return Pose(
-        read_vector(keys["position"], unit="m") if "position" in keys else (0.0, 0.0, 0.0),
-        read_quaternion(keys["orientation"]) if "orientation" in keys else (0.0, 0.0, 0.0, 1.0),
-    )
-
-
-def _refuse_other_frame(entry: Field, header: Field | None, link: str) -> None:
-    frame = header.mapping(("frame_id", "stamp", "seq")).get("frame_id") if header else None
-    if link and (frame is None or frame.value != link):
-        found = frame.value if frame else ""
-        raise (frame or entry).error(f"must be given in the frame of its link '{link}' (frame_id), found {found!r}")
-    if not link and frame and frame.value not in WORLD_FRAMES:
-        raise frame.error(f"objects must be given in the world frame ('' or 'world'), found {frame.value!r}")
 
 
 def _attached(state: Field | None, standing: Collection[str]) -> dict[str, Attached]:
@@ -271,27 +235,6 @@ def _state(section: Field | None) -> dict[str, float]:
     return {name: value.number(unit="rad or m") for name, value in zip(names, values, strict=True)}
 
 
-def _goal(section: Field) -> dict[str, float]:
-    """Return joint name -> value [rad or m] of the one goal; tolerances are not used, the goal is met exactly."""
-    goals = section.items()
-    if len(goals) != 1:
-        raise section.error(f"must hold one goal, found {len(goals)}; a choice of goals is not supported yet")
-    keys = goals[0].mapping(GOAL_KEYS)
-    for key in ("position_constraints", "orientation_constraints", "visibility_constraints"):
-        if key in keys and _is_filled(keys[key].value):
-            raise keys[key].error("is not supported yet; a goal is given by joint_constraints")
-    joints: dict[str, float] = {}
-    for entry in keys["joint_constraints"].items() if "joint_constraints" in keys else ():
-        joint = entry.mapping(JOINT_KEYS, required=["joint_name", "position"])
-        name = joint["joint_name"].text()
-        if name in joints:
-            raise entry.error(f"the joint {name!r} has a goal already")
-        joints[name] = joint["position"].number(unit="rad or m")
-    if not joints:
-        raise goals[0].error("has no joint_constraints, so there is no goal")
-    return joints
-
-
 def _refuse_moved(transform: Field | None, what: str) -> None:
     keys = transform.mapping(("translation", "rotation")) if transform else {}
     shift = read_vector(keys["translation"], unit="m") if "translation" in keys else (0.0, 0.0, 0.0)
@@ -300,10 +243,3 @@ def _refuse_moved(transform: Field | None, what: str) -> None:
         raise transform.error(
             f"moves {what}, which is not supported: place the robot with `base` in the robot section (--robot FILE)"
         )
-
-
-def _is_filled(value: object) -> bool:
-    """Tell whether a message holds anything: a list with entries, at any depth. Names and zeros alone say nothing."""
-    if isinstance(value, Mapping):
-        return any(_is_filled(entry) for entry in value.values())
-    return isinstance(value, list) and len(value) > 0

@@ -16,7 +16,7 @@ FILES = sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob("*.p
 MAY_IMPORT = {
     "scenes": {"scenes"},
     "distance": {"distance", "scenes.model", "scenes.errors"},
-    "planner": {"planner", "distance", "scenes.model", "scenes.errors", "scenes.writer"},
+    "planner": {"planner", "distance", "scenes.model", "scenes.moving", "scenes.errors", "scenes.writer"},
 }
 
 # Each heavy library has few homes.
@@ -45,6 +45,7 @@ HOMES = {
         "planner/view/viewer.py",
     },
     "coacd": {"planner/convex_pieces.py"},
+    "toppra": {"planner/timing.py"},
     "yaml": {"scenes/fields.py"},
 }
 
@@ -64,6 +65,7 @@ SOLVER_SIDE = (
     "planner.nlp",
     "planner.samples",
     "planner.seeds",
+    "planner.timing",
     "planner.solvers",
     "planner.plan",
     "planner.goal_search",

@@ -12,7 +12,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from hdplan.planner.certificate import Certificate, Certifier, waypoints_of
+from hdplan.planner.certificate import Certificate, Certifier, curve_of
+from hdplan.planner.curve import Curve
 from hdplan.planner.robot import Robot
 from hdplan.planner.trajectory import Trajectory
 
@@ -28,7 +29,7 @@ class Motion:
 
     name: str
     trajectory: Trajectory
-    waypoints: Array  # (N, n) in the order of the robot's planned joints
+    curve: Curve  # its joints in the order of the robot's planned ones
     times: Array  # (K,) path parameters of the samples
     joints: Array  # (K, n) [rad] or [m] there
     tip: Array  # (K, 3) [m] the tip there
@@ -43,20 +44,23 @@ class Motion:
         """Sample a trajectory; certify it, if that has not been done. Raises InputError if its joints do not fit the
         robot."""
         robot = certifier.robot
-        waypoints = waypoints_of(robot, trajectory)
+        curve = curve_of(robot, trajectory)
         if certificate is None:
             certificate = certifier.certify(trajectory, required=certifier.scene.planner.clearance)
-        times = sample_times(len(waypoints))
-        joints = between(waypoints, times)
+        times = sample_times(len(curve))
+        joints = curve.at_parameter(times)
         distances = np.array(
-            [[np.inf if place is None else place.distance for place in certifier.nearest(q)] for q in joints]
+            [
+                [np.inf if place is None else place.distance for place in certifier.nearest(q, time=when)]
+                for q, when in zip(joints, curve.time_of(times).tolist(), strict=True)
+            ]
         )
         tip = Tip.of(robot).path(joints)
-        return cls(name, trajectory, waypoints, times, joints, tip, distances[:, 0], distances[:, 1], certificate)
+        return cls(name, trajectory, curve, times, joints, tip, distances[:, 0], distances[:, 1], certificate)
 
     def at(self, time: float) -> Array:
         """Return the configuration (n,) at path parameter `time`."""
-        return np.asarray(between(self.waypoints, np.array([time]))[0])
+        return self.curve.at_parameter(time)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,14 +107,6 @@ def sample_times(waypoints: int) -> Array:
     """Return path parameters at equal steps, every waypoint among them, SAMPLES of them or a few more."""
     per_interval = max(1, -(-(SAMPLES - 1) // (waypoints - 1)))
     return np.linspace(0.0, 1.0, per_interval * (waypoints - 1) + 1)
-
-
-def between(waypoints: Array, times: Array) -> Array:
-    """Return configurations (K, n) at path parameters (K,) along the straight lines between waypoints (N, n)."""
-    at = times * (len(waypoints) - 1)
-    index = np.clip(np.floor(at).astype(int), 0, len(waypoints) - 2)
-    fraction = (at - index)[:, None]
-    return np.asarray((1.0 - fraction) * waypoints[index] + fraction * waypoints[index + 1])
 
 
 def _corners(item: pin.GeometryObject) -> Array:

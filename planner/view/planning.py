@@ -18,11 +18,12 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from hdplan.planner.curve import Curve
 from hdplan.planner.plan import Event, plan
 from hdplan.planner.result import PlanResult
 from hdplan.planner.view.colors import ITERATE
 from hdplan.planner.view.handles import Handles
-from hdplan.planner.view.motion import between, sample_times
+from hdplan.planner.view.motion import sample_times
 from hdplan.planner.view.nodes import draw_path
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.model import JointTarget, Scene
@@ -158,9 +159,10 @@ class Planning:
         if positions is None:
             return
         viewer = self._viewer
-        joints = between(positions, sample_times(len(positions)))
+        curve = Curve.through(positions)
+        joints = curve.at_parameter(sample_times(len(positions)))
         self._path = draw_path(viewer.server, "iterate", viewer.tip.path(joints), ITERATE)
-        viewer.show_robot(NAME, between(positions, np.array([viewer.player.time]))[0])
+        viewer.show_robot(NAME, curve.at_parameter(viewer.player.time))
         self._say(words)
 
     def _look_back(self) -> None:

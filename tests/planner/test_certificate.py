@@ -333,8 +333,9 @@ def test_cut_pieces_hold_the_whole_surface() -> None:
 # --- the motion bounds ----------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("leaving", [0.0, 0.3], ids=["straight", "curved"])
 @pytest.mark.parametrize("name", ["panda", "kinova", "branched"])
-def test_no_point_moves_farther_than_its_bounds(name: str, branched_urdf: Path) -> None:
+def test_no_point_moves_farther_than_its_bounds(name: str, leaving: float, branched_urdf: Path) -> None:
     robot = load_robot(RobotSpec(urdf=branched_urdf) if name == "branched" else RobotSpec(name=name))
     chain, rng = Chain.of(robot.model), np.random.default_rng(2)
     items = [item for item in robot.collision.geometryObjects if item.parentJoint]
@@ -348,7 +349,9 @@ def test_no_point_moves_farther_than_its_bounds(name: str, branched_urdf: Path) 
     for _ in range(40):
         middle = rng.uniform(np.clip(robot.lower, -3, 3), np.clip(robot.upper, -3, 3))
         delta = rng.normal(size=robot.n) * 10.0 ** rng.uniform(-2.5, 0)
-        travel = np.stack([middle - np.abs(delta), middle + np.abs(delta)], axis=1)
+        deviation = leaving * rng.uniform(size=robot.n) * np.abs(delta).max()
+        most = np.abs(delta) + deviation
+        travel = np.stack([middle - most, middle + most], axis=1)
         rho = np.array(
             [chain.reach(int(joint), cloud, 0.0, travel) for joint, cloud in zip(joints, points, strict=True)]
         )
@@ -356,15 +359,16 @@ def test_no_point_moves_farther_than_its_bounds(name: str, branched_urdf: Path) 
         axes, origins = np.einsum("nij,nj->ni", turned[0, 1:], chain.axes), moved[0, 1:]
         centers = np.array([turned[0, j] @ c.mean(axis=0) + moved[0, j] for j, c in zip(joints, points, strict=True)])
         radii = np.array([np.linalg.norm(c - c.mean(axis=0), axis=1).max() for c in points])
-        local = chain.local_reach(rho, joints, centers[None], radii, axes[None], origins[None], np.abs(delta)[None])[0]
+        local = chain.local_reach(rho, joints, centers[None], radii, axes[None], origins[None], most[None])[0]
         count = len(items)
-        masked = delta * chain.carried_by[joints]
+        masked, left = delta * chain.carried_by[joints], deviation * chain.carried_by[joints]
         bounds = [
-            Motion.of(chain, masked, np.tile(axes, (count, 1, 1)), np.tile(origins, (count, 1, 1)), reach)
+            Motion.of(chain, masked, left, np.tile(axes, (count, 1, 1)), np.tile(origins, (count, 1, 1)), reach)
             for reach in (rho, local)
         ]
         for s in (*rng.uniform(-1, 1, size=3), 1.0, -1.0):
-            turned_s, moved_s = chain.frames(robot.pin_q(middle + s * delta)[None])
+            away = deviation * rng.choice([-1.0, 1.0], size=robot.n)
+            turned_s, moved_s = chain.frames(robot.pin_q(middle + s * delta + away)[None])
             for i, (joint, cloud) in enumerate(zip(joints, points, strict=True)):
                 before = cloud @ turned[0, joint].T + moved[0, joint]
                 after = cloud @ turned_s[0, joint].T + moved_s[0, joint]

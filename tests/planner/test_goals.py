@@ -136,7 +136,10 @@ def test_the_shipped_grasp_needs_its_free_axis_and_many_starts() -> None:
     assert any(note.startswith("goal taken of ") for note in result.notes)
 
     fixed = aimed(scene, dataclasses.replace(target, free_rotation="none"))
-    with pytest.raises(InputError, match=r"panda_grasp.yaml: goal\.pose: in collision in all \d+ configurations found"):
+    with pytest.raises(
+        InputError,
+        match=r"panda_grasp.yaml: goal\.pose: none of \d+ configurations found will do; the nearest is in collision: ",
+    ):
         plan(fixed)
 
     start = robot.configuration(scene.start)
@@ -144,6 +147,18 @@ def test_the_shipped_grasp_needs_its_free_axis_and_many_starts() -> None:
     guessed = dataclasses.replace(scene, goal=JointTarget("goal", tuple(nearest.tolist())))
     with pytest.raises(InputError, match="goal: in collision"):
         plan(guessed)
+
+
+def test_a_request_s_pose_is_planned_to_whatever_else_its_start_names() -> None:
+    """A MoveIt request speaks of whole robots: of joints that are held, and of some that are not there."""
+    scene = load_scene("panda_grasp")
+    start = load_scene_robot(scene).configuration(scene.start)
+    named = {**dict(zip(load_scene_robot(scene).joint_names, start.tolist(), strict=True)), "wheel": 1.0}
+    named["panda_finger_joint1"] = named["panda_finger_joint2"] = 0.04
+    asked = dataclasses.replace(scene, start=JointTarget("start", by_name=named), from_request=True)
+    result = plan(asked)
+    assert result.certificate.certified
+    assert any("wheel" in note for note in result.notes)
 
 
 def test_the_same_seed_gives_the_same_bytes() -> None:

@@ -263,15 +263,9 @@ REFUSED = [
         "request",
         "goal_constraints.0.position_constraints",
         [{"link_name": "a"}],
-        ["position_constraints: ", "not supported"],
+        ["position_constraints: ", "beside joint_constraints"],
     ),
-    (
-        "request",
-        "goal_constraints.0.orientation_constraints",
-        [{"w": 1}],
-        ["orientation_constraints: ", "not supported"],
-    ),
-    ("request", "path_constraints.orientation_constraints", [{"w": 1}], ["path_constraints: ", "not supported"]),
+    ("request", "trajectory_constraints.constraints", [{"name": "a"}], ["trajectory_constraints: ", "not supported"]),
     ("request", "goal_constraints.0.joint_constraints.0", {"joint_name": "a"}, ["'position' is missing"]),
     ("request", "goal_constrants", [], ["unknown key 'goal_constrants'", "'goal_constraints'"]),
 ]

@@ -12,7 +12,7 @@ from hdplan.planner.scene_robot import load_scene_robot, resolve_query
 from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.view.colors import FAR, SCALE, clearance_colors
 from hdplan.planner.view.goal import follow
-from hdplan.planner.view.motion import SAMPLES, Motion, Tip, between, sample_times
+from hdplan.planner.view.motion import SAMPLES, Motion, Tip, sample_times
 from hdplan.planner.view.plots import joint_table, with_bar
 from hdplan.scenes.reader import load_scene
 
@@ -42,7 +42,8 @@ def test_a_motion_is_sampled_as_the_trajectory_and_the_certificate_have_it(certi
     names = certifier.robot.joint_names[::-1]  # found by name, in any order
     motion = Motion.of("line", Trajectory(names, line[:, ::-1]), certifier)
     np.testing.assert_allclose(motion.joints, motion.trajectory.at(motion.times)[:, ::-1], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(between(line, motion.times), motion.joints, rtol=0, atol=1e-12)
+    joints = [np.interp(motion.times, np.linspace(0, 1, 5), column) for column in line.T]
+    np.testing.assert_allclose(np.transpose(joints), motion.joints, rtol=0, atol=1e-12)
     for k in (0, 30, len(motion.times) - 1):
         to_obstacle, between_links = certifier.nearest(motion.joints[k])
         assert to_obstacle is not None

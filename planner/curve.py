@@ -1,0 +1,191 @@
+"""The executed curve: what the joints do between the rows of a trajectory, to the last interpolation rule.
+
+Rows hold positions, and may hold times, velocities and accelerations. Between two rows every joint follows the
+polynomial of least degree that meets what both rows hold:
+
+    positions: a straight line; with velocities: a cubic; with accelerations too: a quintic (Hermite interpolation)
+
+which is the rule of ROS' joint_trajectory_controller. It is kept in Bernstein form, q(s) = Σ_i c_i B_i,d(s) between two
+rows, 0 ≤ s ≤ 1: a polynomial lies within the hull of its control points c_i, its parts and its derivatives within those
+of theirs (Farin, Curves and Surfaces for CAGD, chapters 4 and 5). So all bounds here are proven, up to rounding. Units:
+[rad] or [m], and [s].
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+PARTS = 8  # of an interval, each bounded by its own control points
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A piecewise polynomial motion of n joints through N rows."""
+
+    control: Array  # (N − 1, d + 1, n) control points of each interval
+    times: Array | None = None  # (N,) of the rows [s]; None: a path without times
+
+    @classmethod
+    def through(
+        cls,
+        positions: Array,
+        times: Array | None = None,
+        velocities: Array | None = None,
+        accelerations: Array | None = None,
+    ) -> Curve:
+        """Interpolate rows (N, n); velocities and accelerations need times, accelerations need velocities."""
+        first, last = positions[:-1], positions[1:]
+        if times is None or velocities is None:
+            return cls(np.stack([first, last], axis=1), times)
+        width = np.diff(times)[:, None]
+        if accelerations is None:
+            third = width / 3 * velocities
+            return cls(np.stack([first, first + third[:-1], last - third[1:], last], axis=1), times)
+        fifth, twentieth = width / 5, width**2 / 20
+        start, end = velocities[:-1] * fifth, velocities[1:] * fifth
+        bend, unbend = accelerations[:-1] * twentieth, accelerations[1:] * twentieth
+        inner = [first + start, first + 2 * start + bend, last - 2 * end + unbend, last - end]
+        return cls(np.stack([first, *inner, last], axis=1), times)
+
+    @property
+    def rule(self) -> str:
+        """How it interpolates, in one word."""
+        return {1: "linear", 3: "cubic", 5: "quintic"}[self.degree]
+
+    @property
+    def degree(self) -> int:
+        """d, of the polynomials."""
+        return int(self.control.shape[1]) - 1
+
+    def __len__(self) -> int:
+        """The number of rows N."""
+        return len(self.control) + 1
+
+    @property
+    def rows(self) -> Array:
+        """The positions at the rows (N, n)."""
+        return np.concatenate([self.control[:, 0], self.control[-1:, -1]])
+
+    @cached_property
+    def widths(self) -> Array:
+        """How long each interval takes (N − 1,) [s]; 1 for a path without times."""
+        return np.ones(len(self.control)) if self.times is None else np.diff(self.times)
+
+    def columns(self, chosen: Index | list[int]) -> Curve:
+        """Return the curve of some of the joints, or of all in another order."""
+        return Curve(self.control[:, :, chosen], self.times)
+
+    def at(self, interval: Index, fraction: Array) -> Array:
+        """Return the positions (k, n) on intervals (k,) at fractions (k,) of them."""
+        control = self.control[interval]
+        if self.degree == 1:
+            fraction = fraction[:, None]
+            return np.asarray((1.0 - fraction) * control[:, 0] + fraction * control[:, 1])
+        return _left(control, fraction)[:, -1]
+
+    def at_parameter(self, parameter: ArrayLike) -> Array:
+        """Return the positions (…, n) at path parameters in [0, 1], in which the rows stand at equal steps."""
+        where = np.asarray(parameter, dtype=np.float64) * len(self.control)
+        index = np.clip(np.floor(where).astype(np.int64), 0, len(self.control) - 1)
+        found = self.at(index.ravel(), (where - index).ravel())
+        return np.asarray(found.reshape(*where.shape, -1))
+
+    def parameter_of(self, time: ArrayLike) -> Array:
+        """Return the path parameters at times [s]; before the first row 0, after the last 1."""
+        rows = np.linspace(0.0, 1.0, len(self))
+        return np.asarray(np.interp(np.asarray(time), rows if self.times is None else self.times, rows))
+
+    def time_of(self, parameter: ArrayLike) -> Array:
+        """Return the times [s] at path parameters; themselves on a path without times."""
+        rows = np.linspace(0.0, 1.0, len(self))
+        return np.asarray(np.interp(np.asarray(parameter), rows, rows if self.times is None else self.times))
+
+    def derivative(self) -> Curve:
+        """Return the derivative by time: velocities of a position, accelerations of a velocity."""
+        if not self.degree:
+            return Curve(np.zeros_like(self.control), self.times)
+        return Curve(self.degree * np.diff(self.control, axis=1) / self.widths[:, None, None], self.times)
+
+    def over_time(self, order: int) -> Curve:
+        """Return the derivative of that order."""
+        return self if order == 0 else self.derivative().over_time(order - 1)
+
+    def part(self, interval: Index, start: Array, width: Array) -> tuple[Array, Array, Array]:
+        """Return what the curve does on parts of intervals: q_m (k, n), δ (k, n) and ε (k, n) with
+
+            |q(s) − q_m − s δ| ≤ ε,   −1 ≤ s ≤ 1 over the part,   q_m = q(0) on the curve,
+
+        since the difference has the control points c_i − q_m − s_i δ, s_i = 2 i/d − 1. ε is 0 for straight lines and
+        falls with the square of the width.
+        """
+        control = self.control[interval]
+        if self.degree == 1:
+            step = control[:, 1] - control[:, 0]
+            middle = control[:, 0] + (start + 0.5 * width)[:, None] * step
+            return middle, 0.5 * width[:, None] * step, np.zeros_like(step)
+        control = _between(control, start, start + width)
+        middle = _left(control, np.full(len(control), 0.5))[:, -1]
+        delta = 0.5 * (control[:, -1] - control[:, 0])
+        places = np.linspace(-1.0, 1.0, self.degree + 1)[:, None]
+        away = np.abs(control - middle[:, None] - places * delta[:, None]).max(axis=1)
+        return middle, delta, away
+
+    def span(self, interval: Index, start: Array, width: Array) -> tuple[Array, Array]:
+        """Return the middle of parts of intervals and half of how long they take (k,) [s]; on a curve with times."""
+        if self.times is None:
+            raise ValueError("a path without times takes no time")
+        taken = self.widths[interval]
+        return self.times[interval] + (start + 0.5 * width) * taken, 0.5 * width * taken
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return proven bounds (N − 1, n) on the curve's values on every interval: low, high."""
+        if self.degree <= 1:
+            return self.control.min(axis=1), self.control.max(axis=1)
+        count = len(self.control)
+        edges = np.linspace(0.0, 1.0, PARTS + 1)
+        control = np.repeat(self.control, PARTS, axis=0)
+        parts = _between(control, np.tile(edges[:-1], count), np.tile(edges[1:], count))
+        parts = parts.reshape(count, PARTS * parts.shape[1], -1)
+        return parts.min(axis=1), parts.max(axis=1)
+
+    def largest(self) -> Array:
+        """Return a proven bound (n,) on the curve's absolute values."""
+        low, high = self.bounds()
+        return np.asarray(np.maximum(-low, high).max(axis=0))
+
+    def jumps(self) -> Array:
+        """Return by how much (N, n) the curve, a derivative, jumps at each row; before the first and after the last it
+        is 0."""
+        ends = np.concatenate([np.zeros_like(self.control[:1, 0]), self.control[:, -1]])
+        starts = np.concatenate([self.control[:, 0], np.zeros_like(self.control[:1, 0])])
+        return np.asarray(np.abs(starts - ends))
+
+
+def _left(control: Array, fraction: Array) -> Array:
+    """Return the control points (k, d + 1, n) of the part from 0 to fraction (k,), by de Casteljau's algorithm."""
+    points, result = control, [control[:, 0]]
+    weight = fraction[:, None, None]
+    for _ in range(control.shape[1] - 1):
+        points = (1.0 - weight) * points[:, :-1] + weight * points[:, 1:]
+        result.append(points[:, 0])
+    return np.stack(result, axis=1)
+
+
+def _between(control: Array, first: Array, last: Array) -> Array:
+    """Return the control points (k, d + 1, n) of the part from first (k,) to last (k,), 0 ≤ first ≤ last ≤ 1."""
+    left = _left(control, last)
+    share = np.divide(first, last, out=np.zeros_like(first), where=last > 0.0)
+    return _left(left[:, ::-1], 1.0 - share)[:, ::-1]
+
+
+def row_count(duration: float, rate: float) -> int:
+    """Return the rows of a motion that are at most 1/rate [s] apart."""
+    return max(2, math.ceil(duration * rate - 1e-9) + 1)

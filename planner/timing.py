@@ -1,0 +1,261 @@
+"""When the motion is where: a smooth curve through a planned path, and a law of time along it.
+
+Waypoints and the scene's limits -> a `Trajectory` with times, velocities and accelerations, whose quintics between rows
+are what is executed and certified.
+
+*The path.* A polyline has corners, at which only a robot that stops can turn. The path is the cubic B-spline with as
+many control points as waypoints, each on the polyline at its Greville abscissa (Schoenberg's variation diminishing
+approximation): twice differentiable, with the polyline's ends, and within its hull, so within the joint limits.
+
+*The law* u(t), from path parameter 0 to 1. With `timing.duration` T the one of minimum jerk between rests (Flash &
+Hogan 1985), x = t/T:
+
+    u = 10 x³ − 15 x⁴ + 6 x⁵
+
+Otherwise the fastest within the limits of velocity and acceleration, by TOPP-RA (Pham & Pham, "A New Approach to
+Time-Optimal Path Parameterization Based on Reachability Analysis", T-RO 2018), then averaged over a window of τ, which
+makes its jerk finite and begins and ends it without acceleration,
+
+    ũ(t) = 1/τ ∫_{t−τ}^{t} u(s) ds,   dũ/dt = (u(t) − u(t − τ))/τ,   …
+
+then stretched in time until every limit holds on the executed curve, by bounds and not at samples: by k, velocities
+fall by k, accelerations by k², jerks by k³. Of several windows that with the shortest motion is taken.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+
+from hdplan.planner.curve import Curve, row_count
+from hdplan.planner.joint_limits import acceleration_limits, jerk_limits, velocity_limits
+from hdplan.planner.robot import Robot
+from hdplan.planner.trajectory import Trajectory
+from hdplan.scenes.errors import HdplanError, naming
+from hdplan.scenes.model import Scene, Timing
+
+Array = NDArray[np.float64]
+
+GRID = 200  # pieces of the path on which TOPP-RA works
+WINDOWS = 14  # lengths of the averaging window that are tried
+LEAST_WINDOW, MOST_WINDOW = 0.01, 1.0  # [–] of the fastest motion's duration
+FEWEST_ROWS = 2  # in a window
+LOOKS = 400  # at a law, to compare windows
+STRETCHES = 20  # at most, each by a little more than what is missing
+MARGIN = 1e-6  # [–] by which a limit is kept more than needed
+STANDS = 1e-9  # [rad] or [m] below which a path leads nowhere
+
+
+class Law(Protocol):
+    """A law of time u(t) from 0 to 1."""
+
+    @property
+    def duration(self) -> float:
+        """How long it takes [s]."""
+        ...
+
+    def __call__(self, times: Array) -> Array:
+        """Return u and its first three derivatives (4, k) at times (k,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class MinimumJerk:
+    """From rest to rest in a given time, with the least squared jerk."""
+
+    duration: float  # [s]
+
+    def __call__(self, times: Array) -> Array:
+        """Return u and its first three derivatives (4, k) at times (k,)."""
+        x = times / self.duration
+        derivatives = [
+            x**3 * (10 - 15 * x + 6 * x**2),
+            30 * x**2 * (1 - x) ** 2,
+            60 * x * (1 - 3 * x + 2 * x**2),
+            60 * (1 - 6 * x + 6 * x**2),
+        ]
+        return np.stack([value / self.duration**order for order, value in enumerate(derivatives)])
+
+    def time_at(self, parameter: Array) -> Array:
+        """Return the times (k,) [s] at path parameters (k,)."""
+        share = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 2001))  # close together near both ends, where it is slow
+        times = share * self.duration
+        return np.asarray(np.interp(parameter, self(times)[0], times))
+
+
+@dataclass(frozen=True, eq=False)
+class Averaged:
+    """A law that changes its pace evenly between knots, averaged over a window."""
+
+    knots: Array  # (m,) [s], from 0
+    values: Array  # (m,) u there
+    paces: Array  # (m,) du/dt there [1/s]
+    window: float  # τ [s]
+
+    @property
+    def duration(self) -> float:
+        """How long it takes [s]."""
+        return float(self.knots[-1]) + self.window
+
+    def __call__(self, times: Array) -> Array:
+        """Return ũ and its first three derivatives (4, k) at times (k,)."""
+        difference: Array = (self._sharp(times) - self._sharp(times - self.window)) / self.window
+        return difference
+
+    def _sharp(self, times: Array) -> Array:
+        """Return ∫u, u, du/dt and d²u/dt² (4, k) of the law itself, which rests before 0 and at the end."""
+        widths = np.diff(self.knots)
+        change = np.diff(self.paces) / widths
+        area = widths * (self.values[:-1] + widths * (self.paces[:-1] / 2 + widths * change / 6))
+        before = np.concatenate([[0.0], np.cumsum(area)])
+        row = np.clip(np.searchsorted(self.knots, times, side="right") - 1, 0, len(widths) - 1)
+        t = np.clip(times, 0.0, self.knots[-1]) - self.knots[row]
+        u, pace, bend = self.values[row], self.paces[row], change[row]
+        late = np.maximum(times - self.knots[-1], 0.0)
+        moving = (times > 0.0) & (late == 0.0)
+        return np.stack(
+            [
+                before[row] + t * (u + t * (pace / 2 + t * bend / 6)) + late,
+                u + t * (pace + t * bend / 2),
+                np.where(moving, pace + t * bend, 0.0),
+                np.where(moving, bend, 0.0),
+            ]
+        )
+
+
+class Timed(NamedTuple):
+    """A motion with times."""
+
+    trajectory: Trajectory
+    parameter: Array  # (rows,) where each row is on the planned path, 0 to 1
+
+
+class Timekeeper:
+    """Gives paths of one scene their times."""
+
+    def __init__(self, scene: Scene, robot: Robot) -> None:
+        """Resolve the limits. Raises InputError for some that do not fit the robot."""
+        self.timing = scene.timing or Timing()
+        with naming(scene.source):
+            self.velocity = velocity_limits(scene, robot)
+            self.acceleration = acceleration_limits(scene, robot)
+            self.jerk = jerk_limits(scene, robot)
+
+    def __call__(self, path: Trajectory) -> Timed:
+        """Return a path's motion in time; of a fixed duration whether the limits hold or not."""
+        spline = smooth(path.positions)
+        law: Law
+        if self.timing.duration is not None:
+            law, duration = MinimumJerk(self.timing.duration), self.timing.duration
+        elif np.ptp(path.positions, axis=0).max() < STANDS:
+            law = MinimumJerk(1.0 / self.timing.rate)
+            duration = law.duration
+        else:
+            law = self._fastest(spline)
+            duration = self._allowed(spline, law) / self.timing.scale
+        times, parameter, rows = _rows(spline, law, duration, self.timing.rate)
+        return Timed(Trajectory(path.joint_names, rows[0], path.locked, times, rows[1], rows[2]), parameter)
+
+    def _fastest(self, spline: BSpline) -> Averaged:
+        """Return the law that takes least time once it is stretched to the limits."""
+        knots, values, paces = self._time_optimal(spline)
+        shortest = FEWEST_ROWS / self.timing.rate
+        tried = np.maximum(knots[-1] * np.geomspace(LEAST_WINDOW, MOST_WINDOW, WINDOWS), shortest)
+        laws = [Averaged(knots, values, paces, float(window)) for window in np.unique(tried)]
+        return min(laws, key=lambda law: law.duration * self._stretch_at_looks(spline, law))
+
+    def _time_optimal(self, spline: BSpline) -> tuple[Array, Array, Array]:
+        """Return times, parameters and paces of the fastest law within the limits of velocity and acceleration."""
+        from toppra import constraint
+        from toppra.algorithm import TOPPRA
+
+        limits = [constraint.JointVelocityConstraint(_both(self.velocity))]
+        limits.append(constraint.JointAccelerationConstraint(_both(self.acceleration)))
+        grid = np.linspace(0.0, 1.0, GRID + 1)
+        _, paces, _ = TOPPRA(limits, _Path(spline), gridpoints=grid).compute_parameterization(0.0, 0.0)
+        if paces is None or not np.isfinite(paces).all():
+            raise HdplanError("no law of time was found within the limits of velocity and acceleration")
+        widths = 2.0 * np.diff(grid) / (paces[1:] + paces[:-1])
+        return np.concatenate([[0.0], np.cumsum(widths)]), grid, paces
+
+    def _stretch_at_looks(self, spline: BSpline, law: Law) -> float:
+        """Return by how much a law must be stretched for the limits to hold at many places."""
+        u, first, second, third = law(np.linspace(0.0, law.duration, LOOKS))[:, :, None]
+        slope, bend, twist = (spline(u[:, 0], order) for order in (1, 2, 3))
+        rates = (
+            slope * first,
+            bend * first**2 + slope * second,
+            twist * first**3 + 3 * bend * first * second + slope * third,
+        )
+        stretches = [
+            float((np.abs(rate).max(axis=0) / limit).max()) ** (1 / order)
+            for order, (rate, limit) in enumerate(zip(rates, self._limits, strict=True), start=1)
+            if limit is not None
+        ]
+        return float(max(stretches))
+
+    def _allowed(self, spline: BSpline, law: Law) -> float:
+        """Return a duration in which the limits hold all along the executed curve: whole rows, and not much more."""
+        duration = law.duration * self._stretch_at_looks(spline, law)
+        for _ in range(STRETCHES):
+            duration = (row_count(duration, self.timing.rate) - 1) / self.timing.rate
+            times, _, rows = _rows(spline, law, duration, self.timing.rate)
+            curve, missing = Curve.through(rows[0], times, rows[1], rows[2]), 1.0
+            for order, limit in enumerate(self._limits, start=1):
+                if limit is not None:
+                    share = float((curve.over_time(order).largest() / limit).max())
+                    missing = max(missing, ((1 + MARGIN) * share) ** (1 / order))
+            if missing <= 1.0 + MARGIN:
+                return duration
+            duration *= missing
+        raise HdplanError("no law of time was found within the limits on the executed curve")
+
+    @property
+    def _limits(self) -> tuple[Array | None, ...]:
+        return (self.velocity, self.acceleration, self.jerk)
+
+
+def smooth(waypoints: Array) -> BSpline:
+    """Return the B-spline over [0, 1] with control points on the polyline of waypoints (N, n); see the module."""
+    count, degree = len(waypoints), min(3, len(waypoints) - 1)
+    inner = np.linspace(0.0, 1.0, count - degree + 1)
+    knots = np.concatenate([np.zeros(degree), inner, np.ones(degree)])
+    greville = np.array([knots[i + 1 : i + degree + 1].mean() for i in range(count)])
+    even = np.linspace(0.0, 1.0, count)
+    control = np.stack([np.interp(greville, even, column) for column in waypoints.T], axis=1)
+    return BSpline(knots, control, degree)
+
+
+def _rows(spline: BSpline, law: Law, duration: float, rate: float) -> tuple[Array, Array, tuple[Array, Array, Array]]:
+    """Return times, parameters (rows,) and positions, velocities, accelerations (rows, n) of a law stretched to a
+    duration."""
+    count = row_count(duration, rate)
+    share = np.linspace(0.0, 1.0, count)
+    stretch = duration / law.duration
+    u, first, second, _ = law(share * law.duration)
+    u, first, second = np.clip(u, 0.0, 1.0), first[:, None] / stretch, second[:, None] / stretch**2
+    slope, bend = spline(u, 1), spline(u, 2)
+    return share * duration, u, (spline(u), slope * first, bend * first**2 + slope * second)
+
+
+class _Path:
+    """A spline as TOPP-RA asks for paths."""
+
+    def __init__(self, spline: BSpline) -> None:
+        self.spline = spline
+        self.dof = spline.c.shape[1]
+        self.path_interval = np.array([0.0, 1.0])
+
+    def __call__(self, path_positions: Array, order: int = 0) -> Array:
+        return np.asarray(self.spline(path_positions, order))
+
+
+def _both(limit: Array | None) -> Array:
+    """Return limits (n, 2) of both signs."""
+    if limit is None:
+        raise ValueError("a law of time needs limits of velocity and acceleration")
+    return np.stack([-limit, limit], axis=1)

@@ -1,0 +1,62 @@
+"""Where a moving obstacle is at a time: each motion is a row of passages, in which it moves and turns evenly.
+
+    p(t) = p_0 + v (t − t_0),   R(t) = exp([ω]ₓ (t − t_0)) R_0    for t in a passage from t_0 to t_1
+
+with v [m/s] and ω [rad/s] in the world: of a `SteadyMotion` its own, between two timed poses those that lead from the
+one to the other the shortest way (exact).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from hdplan.scenes.model import Obstacle, SteadyMotion
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Passages:
+    """The motion of one obstacle, over all time: the first passage reaches back, the last on without end."""
+
+    begins: Array  # (m,) [s] rising, the first is −inf
+    anchors: Array  # (m,) [s] a time of each passage,
+    poses: Array  # (m, 4, 4) and where the obstacle is then, in the world
+    velocity: Array  # (m, 3) of its origin [m/s]
+    spin: Array  # (m, 3) about its origin [rad/s]
+
+    @classmethod
+    def of(cls, obstacle: Obstacle) -> Passages:
+        """Read an obstacle's motion; of one that stands still, a passage at rest."""
+        motion, rest = obstacle.motion, np.zeros((1, 3))
+        if motion is None or isinstance(motion, SteadyMotion):
+            velocity, spin = (rest, rest) if motion is None else np.array([[motion.velocity], [motion.spin]])
+            return cls(np.array([-np.inf]), np.zeros(1), obstacle.pose.matrix[None].copy(), velocity, spin)
+        times, poses = np.array(motion.times), np.array([pose.matrix for pose in motion.poses])
+        widths = np.diff(times)[:, None]
+        turns = Rotation.from_matrix(poses[1:, :3, :3] @ poses[:-1, :3, :3].transpose(0, 2, 1)).as_rotvec()
+        return cls(
+            np.concatenate([[-np.inf], times]),
+            np.concatenate([times[:1], times]),
+            np.concatenate([poses[:1], poses]),
+            np.concatenate([rest, np.diff(poses[:, :3, 3], axis=0) / widths, rest]),
+            np.concatenate([rest, turns / widths, rest]),
+        )
+
+    def at(self, times: Array) -> Array:
+        """Return the obstacle's placements (k, 4, 4) at times (k,) [s]."""
+        row = self.row(times)
+        passed = (times - self.anchors[row])[:, None]
+        placements = self.poses[row].copy()
+        turned = Rotation.from_rotvec(passed * self.spin[row]).as_matrix()
+        placements[:, :3, :3] = turned @ placements[:, :3, :3]
+        placements[:, :3, 3] += passed * self.velocity[row]
+        return placements
+
+    def row(self, times: Array) -> NDArray[np.int64]:
+        """Return which passage each time (k,) lies in."""
+        return np.searchsorted(self.begins, times, side="right") - 1
