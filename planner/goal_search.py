@@ -99,7 +99,7 @@ def settled(scene: Scene, robot: Robot, motion: Trajectory | None = None) -> Sce
 def reaching(robot: Robot, target: PoseTarget, start: Array, rng: np.random.Generator) -> tuple[Array, Miss]:
     """Return configurations (K, n) that reach a pose, APART from each other and nearest to `start` first, and the least
     miss of all that were tried."""
-    pose = _Pose.of(robot, target)
+    pose = LinkPose.of(robot, target)
     q = np.vstack([np.clip(start, robot.lower, robot.upper), robot.draw(rng, STARTS - 1)])
     going = np.arange(len(q))
     for _ in range(STEPS):
@@ -118,7 +118,7 @@ def reaching(robot: Robot, target: PoseTarget, start: Array, rng: np.random.Gene
     return _apart(met[np.argsort(np.linalg.norm(met - start, axis=1), kind="stable")]), least
 
 
-class _Pose(NamedTuple):
+class LinkPose(NamedTuple):
     """A target, and the link that is to reach it."""
 
     robot: Robot
@@ -128,7 +128,8 @@ class _Pose(NamedTuple):
     placement: Array  # (4, 4) of the link in the joint's frame
 
     @classmethod
-    def of(cls, robot: Robot, target: PoseTarget) -> _Pose:
+    def of(cls, robot: Robot, target: PoseTarget) -> LinkPose:
+        """Take a robot and its target. Raises InputError as `link_frame`."""
         frame = robot.model.frames[link_frame(robot, target.link, target.field)]
         return cls(robot, target, kinematics_of(robot), frame.parentJoint, frame.placement.homogeneous)
 
@@ -163,7 +164,7 @@ def damped_step(robot: Robot, q: Array, error: Array, jacobian: Array, longest: 
     return moved
 
 
-def _centred(pose: _Pose, q: Array) -> Array:
+def _centred(pose: LinkPose, q: Array) -> Array:
     """Configurations that reach the pose, moved on towards its centre as long as both errors shrink."""
     error, jacobian = pose.linearized(q)
     for _ in range(CENTRING):
