@@ -30,6 +30,7 @@ from hdplan.planner.rate_check import Use, rates
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.sweep import Spot, Sweep
+from hdplan.planner.torque_check import Overload, TorqueLimits
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.model import JointTarget, PoseTarget, Scene
@@ -55,6 +56,7 @@ class Status(Enum):
     TOO_CLOSE = "too_close"
     OFF_PATH = "off_path"
     TOO_FAST = "too_fast"
+    OVERLOADED = "overloaded"
     NOT_PROVEN = "not_proven"
 
     @property
@@ -67,6 +69,7 @@ class Status(Enum):
             Status.IN_CONTACT: "plan with more clearance, more waypoints or another seed",
             Status.TOO_CLOSE: "ask for less clearance, or plan with more",
             Status.OFF_PATH: "allow more (path), or plan it with this constraint in the scene, or with more waypoints",
+            Status.OVERLOADED: "going slower does not help: take another way, or a lighter load",
             Status.TOO_FAST: "give it more time (timing), or plan it with these limits in the scene",
             Status.NOT_PROVEN: "the motion grazes a body: plan with more clearance",
         }[self]
@@ -99,6 +102,7 @@ class Certificate:
     uses: tuple[Use, ...]  # of the joints' limits on rates, where the scene has any
     path: tuple[Kept, ...]  # how well the scene's path constraints are kept, where it has any
     departures: tuple[Departure, ...]  # every waypoint interval and path constraint that is not proven
+    overloaded: tuple[int, ...]  # every waypoint interval in which gravity alone is too much for a joint
     configurations: int  # at which distances were computed
     exact_calls: int  # of the exact distance
     seconds: float  # spent
@@ -106,9 +110,8 @@ class Certificate:
     @property
     def unproven(self) -> tuple[int, ...]:
         """The waypoint intervals in which something about places is not proven, in order."""
-        return tuple(
-            sorted({place.interval for place in self.failures} | {place.interval for place in self.departures})
-        )
+        places = {place.interval for place in self.failures} | {place.interval for place in self.departures}
+        return tuple(sorted(places | set(self.overloaded)))
 
     @property
     def certified(self) -> bool:
@@ -183,6 +186,7 @@ class Certifier:
         gathered = Bodies(_chain(robot), bodies, robot.pin_q)
         self.sweep = Sweep(gathered, Pairs.of(gathered, rows))
         self.path = PathCheck(scene, robot, gathered.chain)
+        self.torques = TorqueLimits.of(scene, robot)
 
     def certify(
         self,
@@ -197,6 +201,9 @@ class Certifier:
         began = time.perf_counter()
         curve = curve_of(self.robot, trajectory)
         uses = self._uses(curve)
+        torques = None if self.torques is None else self.torques.check(curve)
+        if torques is not None:
+            uses = (*uses, torques.use)
         floor = self._floor(required)
         proof = self.sweep.prove(curve, floor, stop_at_contact)
         path = self.path.prove(curve)
@@ -233,6 +240,10 @@ class Certifier:
             status, found = Status.NOT_PROVEN, _departure(off_path, path.departures, curve)
         elif deepest:
             status, found = Status.NOT_PROVEN, f"{_where(deepest, 'cannot be told apart')}; {_others(failures)}"
+        elif torques is not None and torques.exceeded and torques.overload is not None:
+            status, found = Status.OVERLOADED, torques.text
+        elif torques is not None and too_fast is torques.use:
+            status, found = Status.TOO_FAST, torques.text
         elif too_fast:
             status, found = Status.TOO_FAST, _exceeded(too_fast, curve)
         else:
@@ -249,6 +260,7 @@ class Certifier:
             uses,
             path.kept,
             path.departures,
+            torques.overloaded if torques is not None and torques.exceeded else (),
             proof.configurations + path.configurations,
             proof.exact_calls,
             time.perf_counter() - began,
@@ -272,6 +284,10 @@ class Certifier:
         between_links, pairs = self.scene.self_collision.clearance, self.sweep.pairs
         asked = [own.get(self.sweep.bodies.names[b], required) for b in pairs.b.tolist()]
         return np.where(pairs.group == 0, asked, between_links)
+
+    def overload(self, q: ArrayLike) -> Overload | None:
+        """Return the joint that gravity overloads in one configuration; None if there is none, or no torque limit."""
+        return None if self.torques is None else self.torques.overload(np.asarray(q, dtype=np.float64))
 
     def contacts(self, q: ArrayLike, time: float = 0.0) -> tuple[Contact, ...]:
         """Return the contacts of one configuration at a time [s]; see `check_configuration`."""

@@ -12,20 +12,21 @@ Hogan 1985), x = t/T:
 
     u = 10 x³ − 15 x⁴ + 6 x⁵
 
-Otherwise the fastest within the limits of velocity and acceleration, by TOPP-RA (Pham & Pham, "A New Approach to
-Time-Optimal Path Parameterization Based on Reachability Analysis", T-RO 2018), then averaged over a window of τ, which
-makes its jerk finite and begins and ends it without acceleration,
+Otherwise the fastest within the limits of velocity, acceleration and torque, by TOPP-RA (Pham & Pham, "A New Approach
+to Time-Optimal Path Parameterization Based on Reachability Analysis", T-RO 2018), then averaged over a window of τ,
+which makes its jerk finite and begins and ends it without acceleration,
 
     ũ(t) = 1/τ ∫_{t−τ}^{t} u(s) ds,   dũ/dt = (u(t) − u(t − τ))/τ,   …
 
 then stretched in time until every limit holds on the executed curve, by bounds and not at samples: by k, velocities
-fall by k, accelerations by k², jerks by k³. Of several windows that with the shortest motion is taken.
+fall by k, accelerations by k², jerks by k³ (torques: `torque_timing`). Of several windows that with the shortest motion
+is taken.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,9 @@ from hdplan.planner.robot import Robot
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import HdplanError, naming
 from hdplan.scenes.model import Scene, Timing
+
+if TYPE_CHECKING:
+    from hdplan.planner.torque_timing import TorqueLimits
 
 Array = NDArray[np.float64]
 
@@ -144,6 +148,7 @@ class Timekeeper:
             self.velocity = velocity_limits(scene, robot)
             self.acceleration = acceleration_limits(scene, robot)
             self.jerk = jerk_limits(scene, robot)
+        self.torque = _torque_limits(scene, robot)
 
     def __call__(self, path: Trajectory) -> Timed:
         """Return a path's motion in time; of a fixed duration whether the limits hold or not."""
@@ -169,14 +174,18 @@ class Timekeeper:
         return min(laws, key=lambda law: law.duration * self._stretch_at_looks(spline, law))
 
     def _time_optimal(self, spline: BSpline) -> tuple[Array, Array, Array]:
-        """Return times, parameters and paces of the fastest law within the limits of velocity and acceleration."""
+        """Return times, parameters and paces of the fastest law within the limits of velocity, acceleration and
+        torque."""
         from toppra import constraint
         from toppra.algorithm import TOPPRA
 
+        path, grid = _Path(spline), np.linspace(0.0, 1.0, GRID + 1)
         limits = [constraint.JointVelocityConstraint(_both(self.velocity))]
-        limits.append(constraint.JointAccelerationConstraint(_both(self.acceleration)))
-        grid = np.linspace(0.0, 1.0, GRID + 1)
-        _, paces, _ = TOPPRA(limits, _Path(spline), gridpoints=grid).compute_parameterization(0.0, 0.0)
+        if self.acceleration is not None or self.torque is None:
+            limits.append(constraint.JointAccelerationConstraint(_both(self.acceleration)))
+        if self.torque is not None and (torque := self.torque.constraint(path, grid)) is not None:
+            limits.append(torque)
+        _, paces, _ = TOPPRA(limits, path, gridpoints=grid).compute_parameterization(0.0, 0.0)
         if paces is None or not np.isfinite(paces).all():
             raise HdplanError("no law of time was found within the limits of velocity and acceleration")
         widths = 2.0 * np.diff(grid) / (paces[1:] + paces[:-1])
@@ -196,6 +205,8 @@ class Timekeeper:
             for order, (rate, limit) in enumerate(zip(rates, self._limits, strict=True), start=1)
             if limit is not None
         ]
+        if self.torque is not None:
+            stretches.append(self.torque.stretch(spline(u[:, 0]), rates[0], rates[1]))
         return float(max(stretches))
 
     def _allowed(self, spline: BSpline, law: Law) -> float:
@@ -209,6 +220,8 @@ class Timekeeper:
                 if limit is not None:
                     share = float((curve.over_time(order).largest() / limit).max())
                     missing = max(missing, ((1 + MARGIN) * share) ** (1 / order))
+            if self.torque is not None:
+                missing = max(missing, self.torque.missing(curve))
             if missing <= 1.0 + MARGIN:
                 return duration
             duration *= missing
@@ -240,6 +253,15 @@ def _rows(spline: BSpline, law: Law, duration: float, rate: float) -> tuple[Arra
     u, first, second = np.clip(u, 0.0, 1.0), first[:, None] / stretch, second[:, None] / stretch**2
     slope, bend = spline(u, 1), spline(u, 2)
     return share * duration, u, (spline(u), slope * first, bend * first**2 + slope * second)
+
+
+def _torque_limits(scene: Scene, robot: Robot) -> TorqueLimits | None:
+    """Return a scene's torque limits, None if it has none: then nothing of dynamics is built, or loaded."""
+    if scene.limits.torque is None:
+        return None
+    from hdplan.planner.torque_timing import TorqueLimits
+
+    return TorqueLimits.of(scene, robot)
 
 
 class _Path:
