@@ -15,6 +15,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,8 +31,10 @@ from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.sweep import Spot, Sweep
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError, naming, nearest
-from hdplan.scenes.model import JointTarget, PoseTarget, Scene
-from hdplan.scenes.moving import Passages
+from hdplan.scenes.model import JointTarget, Obstacle, PoseTarget, Scene
+
+if TYPE_CHECKING:
+    from hdplan.scenes.moving import Passages
 
 Array = NDArray[np.float64]
 
@@ -163,7 +166,7 @@ class Certifier:
         for obstacle in scene.obstacles:
             with naming(scene.source):
                 pieces = obstacle_pieces(obstacle)
-            passages = None if obstacle.motion is None else Passages.of(obstacle)
+            passages = _passages(obstacle)
             bodies.extend(Body(obstacle.name, piece, 0, obstacle.pose.matrix, passages) for piece in pieces)
         rows = [(a, b, 0) for a in range(count) for b in range(count, len(bodies))]
         rows += [(a, b, 1) for first, second in robot.self_pairs for a in links[first] for b in links[second]]
@@ -372,6 +375,15 @@ def _link_bodies(robot: Robot) -> tuple[Body, ...]:
         for link, item in items
         for piece in link_pieces(item.geometry, item.name)
     )
+
+
+def _passages(obstacle: Obstacle) -> Passages | None:
+    """Return how an obstacle moves; None if it stands."""
+    if obstacle.motion is None:
+        return None
+    from hdplan.scenes.moving import Passages
+
+    return Passages.of(obstacle)
 
 
 def curve_of(robot: Robot, trajectory: Trajectory) -> Curve:

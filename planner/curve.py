@@ -47,8 +47,8 @@ class Curve:
             return cls(np.stack([first, last], axis=1), times)
         width = np.diff(times)[:, None]
         if accelerations is None:
-            third = width / 3 * velocities
-            return cls(np.stack([first, first + third[:-1], last - third[1:], last], axis=1), times)
+            start, end = width / 3 * velocities[:-1], width / 3 * velocities[1:]
+            return cls(np.stack([first, first + start, last - end, last], axis=1), times)
         fifth, twentieth = width / 5, width**2 / 20
         start, end = velocities[:-1] * fifth, velocities[1:] * fifth
         bend, unbend = accelerations[:-1] * twentieth, accelerations[1:] * twentieth

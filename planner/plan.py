@@ -10,7 +10,7 @@ import itertools
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from hdplan.planner.certificate import Certificate, Certifier
 from hdplan.planner.goal_search import goal_choice
@@ -21,10 +21,12 @@ from hdplan.planner.scene_robot import load_scene_robot, resolve_query
 from hdplan.planner.seeds import seeds
 from hdplan.planner.solvers import Solver, solver_named
 from hdplan.planner.solvers.solution import FIRST_WEIGHT, RAISE, Budget, Solution, Status, Step
-from hdplan.planner.timing import Timekeeper
 from hdplan.planner.trajectory import Trajectory
-from hdplan.scenes.errors import InputError
+from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.model import Goals, JointTarget, Scene
+
+if TYPE_CHECKING:
+    from hdplan.planner.timing import Timekeeper
 
 ENDS_KEEP = 0.5  # share of an end's distance that is asked for where it is below planner.clearance
 DETOUR_WEIGHT = FIRST_WEIGHT * RAISE**3  # [1/m²] a guess that leads around obstacles is to stay there
@@ -73,6 +75,8 @@ def plan(
             distance fcl or with swept bodies.
     """
     run = solver_named(solver)
+    if solver == "ipopt" and any(obstacle.motion is not None for obstacle in scene.obstacles):
+        raise InputError("solver ipopt: cannot plan among obstacles that move: gauss_newton and chomp can")
     if solver == "ipopt" and (scene.planner.distance == "fcl" or scene.planner.swept):
         lacking = "planner.swept: true" if scene.planner.swept else "the distance fcl"
         raise InputError(f"solver ipopt: needs exact second derivatives, which {lacking} does not have")
@@ -83,8 +87,11 @@ def plan(
     choice = goal_choice(scene, robot, certifier, seed)
     aims = [replace(scene, goal=goal) for goal in choice.goals]
     clearances = [_reachable_clearance(aim, robot, certifier) for aim in aims]  # ends in collision: before all fitting
-    timekeeper = Timekeeper(scene, robot) if scene.timed else None
+    timekeeper = _timekeeper(scene, robot)
     problems = [build(aim, robot) for aim in aims]
+    if timekeeper is not None:
+        with naming(scene.source):
+            timekeeper.check(problems[0].start, problems[0].goal, robot.joint_names)
     built = time.perf_counter()
 
     searches = [
@@ -120,6 +127,15 @@ def plan(
         notes=(*problems[taken].notes, *words),
         goal=choice.goals[taken] if several else None,
     )
+
+
+def _timekeeper(scene: Scene, robot: Robot) -> Timekeeper | None:
+    """Return what gives motions their times, where the scene asks for them."""
+    if not scene.timed:
+        return None
+    from hdplan.planner.timing import Timekeeper
+
+    return Timekeeper(scene, robot)
 
 
 class _Best(NamedTuple):
@@ -167,9 +183,9 @@ class _Search:
             certificate, intervals = self._certify(solution)
             if solution.status is Status.INTERRUPTED or self.stop() or budget.spent():
                 return True
-            if certificate.certified or not certificate.failures:  # what else fails, other guesses cannot mend
+            if certificate.certified:
                 return True
-            if solution.status is Status.STALLED:
+            if solution.status is Status.STALLED or not certificate.failures:
                 break
             guess, weight = solution.trajectory.positions, solution.weight * RAISE
             problem = problem.resampled(guess).refined(intervals)

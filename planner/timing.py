@@ -35,7 +35,7 @@ from hdplan.planner.curve import Curve, row_count
 from hdplan.planner.joint_limits import acceleration_limits, jerk_limits, velocity_limits
 from hdplan.planner.robot import Robot
 from hdplan.planner.trajectory import Trajectory
-from hdplan.scenes.errors import HdplanError, naming
+from hdplan.scenes.errors import HdplanError, InputError, naming
 from hdplan.scenes.model import Scene, Timing
 
 Array = NDArray[np.float64]
@@ -144,6 +144,18 @@ class Timekeeper:
             self.velocity = velocity_limits(scene, robot)
             self.acceleration = acceleration_limits(scene, robot)
             self.jerk = jerk_limits(scene, robot)
+
+    def check(self, start: Array, goal: Array, names: tuple[str, ...]) -> None:
+        """Raise InputError if no motion between two configurations (n,) takes as little time as the scene gives it."""
+        if self.timing.duration is None or self.velocity is None:
+            return
+        least = np.abs(goal - start) / self.velocity
+        joint = int(least.argmax())
+        if least[joint] > self.timing.duration:
+            raise InputError(
+                f"timing.duration: {self.timing.duration:g} s, but joint '{names[joint]}' alone needs at least "
+                f"{least[joint]:.3g} s from start to goal"
+            )
 
     def __call__(self, path: Trajectory) -> Timed:
         """Return a path's motion in time; of a fixed duration whether the limits hold or not."""
