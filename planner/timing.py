@@ -249,7 +249,9 @@ def _rows(spline: BSpline, law: Law, duration: float, rate: float) -> tuple[Arra
     share = np.linspace(0.0, 1.0, count)
     stretch = duration / law.duration
     u, first, second, _ = law(share * law.duration)
-    u, first, second = np.clip(u, 0.0, 1.0), first[:, None] / stretch, second[:, None] / stretch**2
+    u = np.clip(u, 0.0, 1.0)
+    u[0], u[-1] = 0.0, 1.0  # to the last bit: the motion ends where its path does
+    first, second = first[:, None] / stretch, second[:, None] / stretch**2
     slope, bend = spline(u, 1), spline(u, 2)
     return share * duration, u, (spline(u), slope * first, bend * first**2 + slope * second)
 
