@@ -23,9 +23,11 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich import box
 from rich.cells import cell_len
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Table
 from rich.text import Text
 
 from hdplan.scenes.errors import HdplanError, InputError, naming
@@ -35,9 +37,11 @@ if TYPE_CHECKING:
     from hdplan.planner.plan import Event
     from hdplan.planner.report import Report
     from hdplan.planner.result import PlanResult
+    from hdplan.planner.simulate import JointUse, Peak, Simulation
     from hdplan.scenes.model import PlannerSettings, Scene
 
 INTERRUPTED = 130  # what shells say of a command ended by Ctrl-C
+BAR = 14  # [columns] of a torque at its limit
 WIDTH = 80  # [columns] of tables where the output is no terminal
 TyperError: type[Exception] = typer.BadParameter.__mro__[2]  # ClickException, wherever this Typer keeps its click
 
@@ -47,6 +51,7 @@ app = typer.Typer(
 Examples:
   hdplan plan panda_cage -o motion.json --plot motion.png
   hdplan check panda_cage motion.json
+  hdplan simulate panda_cage motion.json
   hdplan plot panda_cage motion.json -o motion.pdf
   hdplan view panda_cage motion.json
   hdplan explain my_scene.yaml
@@ -58,8 +63,8 @@ Examples:
 Shipped scenes go by their bare names: empty, kinova_shelf, panda_bookshelf, panda_cage, panda_carry,
 panda_corridor, panda_grasp, panda_table_pick, planar_arm, ur5_table, xarm7_post.
 
-Exit codes: 0 certified; 1 nothing certified was found (plan still writes its best attempt, marked as such), or a study
-was interrupted (what it had found is written, marked as such); 2 bad input.""",
+Exit codes: 0 certified; 1 nothing certified was found (plan still writes its best attempt, marked as such), a
+simulated motion failed, or a study was interrupted (what it had found is written, marked as such); 2 bad input.""",
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -250,6 +255,43 @@ def check(
             motion_row = ("motion", f"{len(motion)} waypoints of {certifier.robot.name} in {problem.name}")
             show(_table([motion_row, *_closest_rows(certificate), ("proof", effort)]))
     raise typer.Exit(0 if certificate.certified else 1)
+
+
+@app.command()
+def simulate(
+    scene: SceneFile,
+    trajectory: Motion,
+    request: Request = None,
+    robot: RobotFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """Replay a joint trajectory, with dynamics if there are any.
+
+    Without `limits.torque` in the scene the motion is kinematics alone, read a thousand times a second as a controller
+    would. With it the robot is simulated with its loads under computed-torque control, torques cut at their limits.
+
+    Exit code 1 where tracking is lost, a limit is exceeded, or something touches.
+    """
+    from hdplan.planner.scene_robot import load_scene_robot
+    from hdplan.planner.simulate import simulate as replay
+    from hdplan.planner.trajectory import Trajectory
+
+    problem = _load(scene, request, robot)
+    motion = Trajectory.load(trajectory)
+    arm = load_scene_robot(problem)
+    with _waiting("simulating", shown=not as_json), naming(trajectory):  # it may not fit the scene
+        simulation = replay(problem, motion, arm)
+    with _printing() as show:
+        if as_json:
+            about = {"scene": problem.name, "robot": arm.name, "trajectory": str(trajectory)}
+            show(json.dumps({**simulation.summary(), **about}))
+        else:
+            show(Text(simulation.text, style="green" if simulation.succeeded else "red"))
+            show(_table(_simulation_rows(simulation, problem, arm.name)))
+            show(_rates_table(simulation.joints))
+            if simulation.execution is not None:
+                show(_torques_table(simulation.joints))
+    raise typer.Exit(0 if simulation.succeeded else 1)
 
 
 @app.command()
@@ -706,6 +748,66 @@ def _closest_rows(certificate: Certificate) -> list[tuple[str, str]]:
 def _place(place: Place) -> str:
     distance = f"{place.distance * 1e3:.2f} mm" if place.distance >= 0 else f"{-place.distance * 1e3:.2f} mm deep"
     return f"{place.link} to {place.other}, {distance} at time {place.time:.3f} of 1"
+
+
+def _simulation_rows(simulation: Simulation, scene: Scene, robot: str) -> list[tuple[str, str]]:
+    if simulation.duration is None:
+        motion, when = "a path without times", "at {:.3f} of 1"
+    else:
+        motion, when = f"{simulation.duration:.3f} s", "at {:.3f} s"
+    places = {"closest": simulation.closest, "own links": simulation.self_closest}
+    return [
+        ("motion", f"{motion} of {robot} in {scene.name}, {simulation.rule} between rows"),
+        *(
+            (name, f"{close.link} to {close.other}, {close.distance * 1e3:.2f} mm {when.format(close.time)}")
+            for name, close in places.items()
+            if close is not None
+        ),
+        ("looked at", f"{simulation.looks} configurations, by exact distances"),
+        ("units", "rad, Nm and s; m and N where a joint slides"),
+    ]
+
+
+def _rates_table(joints: Sequence[JointUse]) -> Table:
+    """Lay out how far and how fast each joint moved, and how much of its limits that takes."""
+    rates = [what for what in joints[0].peaks if what != "torque"]
+    table = _joint_table("travel", *rates)
+    for joint in joints:
+        table.add_row(joint.name, f"{joint.travel:.3f}", *(_peak(joint.peaks[what]) for what in rates))
+    return table
+
+
+def _torques_table(joints: Sequence[JointUse]) -> Table:
+    """Lay out what drove each joint, what is left of its limit, and how well it followed."""
+    table = _joint_table("torque", "", "left", "at [s]", "error", "rms")
+    table.columns[2].justify = "left"
+    for joint in joints:
+        torque = joint.peaks["torque"]
+        bar = Text("█" * round(BAR * min(torque.share or 0.0, 1.0)) or "▏", style=_style(torque))
+        figures = (f"{torque.left:.3g}", f"{torque.time:.3f}", f"{joint.error:.1e}", f"{joint.error_rms:.1e}")
+        table.add_row(joint.name, _peak(torque), bar, *figures)
+    return table
+
+
+def _joint_table(*columns: str) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=0, header_style="bold")
+    table.add_column("joint", no_wrap=True)
+    for column in columns:
+        table.add_column(column, justify="right", no_wrap=True)
+    return table
+
+
+def _peak(peak: Peak) -> Text:
+    """Write a largest value with its share of the limit, if there is one."""
+    if peak.share is None:
+        return Text(f"{peak.value:.4g}")
+    return Text.assemble(f"{peak.value:.4g} ", (f"{100 * peak.share:4.0f} %", _style(peak)))
+
+
+def _style(peak: Peak) -> str:
+    """Colour a share of a limit by how close it is."""
+    share = peak.share or 0.0
+    return "red" if share > 1.001 else "yellow" if share > 0.95 else "green"
 
 
 def _table(rows: Sequence[tuple[str, str]]) -> str:

@@ -47,7 +47,7 @@ class Curve:
             return cls(np.stack([first, last], axis=1), times)
         width = np.diff(times)[:, None]
         if accelerations is None:
-            start, end = width / 3 * velocities[:-1], width / 3 * velocities[1:]
+            start, end = velocities[:-1] * width / 3, velocities[1:] * width / 3
             return cls(np.stack([first, first + start, last - end, last], axis=1), times)
         fifth, twentieth = width / 5, width**2 / 20
         start, end = velocities[:-1] * fifth, velocities[1:] * fifth
@@ -160,6 +160,10 @@ class Curve:
         """Return a proven bound (n,) on the curve's absolute values."""
         low, high = self.bounds()
         return np.asarray(np.maximum(-low, high).max(axis=0))
+
+    def largest_on(self, interval: Index, start: Array, end: Array) -> Array:
+        """Return proven bounds (k, n) on the absolute values on parts of intervals (k,), from start to end (k,)."""
+        return np.asarray(np.abs(_between(self.control[interval], start, end)).max(axis=1))
 
     def jumps(self) -> Array:
         """Return by how much (N, n) the curve, a derivative, jumps at each row; before the first and after the last it

@@ -23,7 +23,7 @@ from hdplan.planner.solvers import Solver, solver_named
 from hdplan.planner.solvers.solution import FIRST_WEIGHT, RAISE, Budget, Solution, Status, Step
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.model import Goals, JointTarget, Scene
+from hdplan.scenes.model import Goals, JointTarget, PathConstraints, Scene
 
 if TYPE_CHECKING:
     from hdplan.planner.timing import Timekeeper
@@ -71,14 +71,11 @@ def plan(
             KeyboardInterrupt does the same, except in the moments in which a C++ library swallows it.
 
     Raises:
-        InputError: for what scene or robot get wrong, among it a start or goal in collision, and for ipopt with the
-            distance fcl or with swept bodies.
+        InputError: for what scene or robot get wrong, among it a start or goal in collision or off a path constraint,
+            and for ipopt with the distance fcl, swept bodies or path constraints.
     """
     run = solver_named(solver)
-    if solver == "ipopt" and any(obstacle.motion is not None for obstacle in scene.obstacles):
-        raise InputError("solver ipopt: cannot plan among obstacles that move: gauss_newton and chomp can")
-    if solver == "ipopt" and (scene.planner.distance == "fcl" or scene.planner.swept):
-        lacking = "planner.swept: true" if scene.planner.swept else "the distance fcl"
+    if solver == "ipopt" and (lacking := _without_second_derivatives(scene)):
         raise InputError(f"solver ipopt: needs exact second derivatives, which {lacking} does not have")
     began = time.perf_counter()
     robot = robot or load_scene_robot(scene)
@@ -185,7 +182,7 @@ class _Search:
                 return True
             if certificate.certified:
                 return True
-            if solution.status is Status.STALLED or not certificate.failures:
+            if solution.status is Status.STALLED or not certificate.unproven:
                 break
             guess, weight = solution.trajectory.positions, solution.weight * RAISE
             problem = problem.resampled(guess).refined(intervals)
@@ -241,7 +238,7 @@ class _Search:
         if self.best is None or _rank(certificate) < _rank(self.best.certificate):
             self.best = _Best(solution, trajectory, certificate, self.steps, whole=not hopeless)
         self.report(Event(self.attempts, certificate=certificate))
-        failed = {place.interval for place in certificate.failures}
+        failed = set(certificate.unproven)
         if parameter is not None:  # rows in time lie closer than waypoints, and elsewhere
             last = self.problem.waypoints - 2
             failed = {min(int(parameter[row + end] * (last + 1)), last) for row in failed for end in (0, 1)}
@@ -270,11 +267,22 @@ def _taken(searches: Sequence[_Search], taken: int, goals: Sequence[JointTarget]
     )
 
 
+def _without_second_derivatives(scene: Scene) -> str | None:
+    """Name what the scene asks for that has no exact second derivatives."""
+    lacking = {
+        "planner.swept: true": scene.planner.swept,
+        "the distance fcl": scene.planner.distance == "fcl",
+        "a path constraint (section path)": scene.path != PathConstraints(),
+        "an obstacle that moves": any(obstacle.motion is not None for obstacle in scene.obstacles),
+    }
+    return next((name for name, asked in lacking.items() if asked), None)
+
+
 def _reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tuple[float, tuple[str, ...]]:
     """The clearance that can be asked for [m]: the scene's, or less, with a word, where its own ends are closer than
     that.
 
-    Raises InputError if an end is in collision.
+    Raises InputError if an end is in collision, or breaks a path constraint.
     """
     required, words = scene.planner.clearance, []
     lenient = {obstacle.name for obstacle in scene.obstacles if obstacle.clearance is None}
@@ -287,6 +295,8 @@ def _reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tu
                 for c in contacts[:3]
             )
             raise InputError(f"{scene.source}: {field}: in collision: {said}")
+        if departures := certifier.path.at(q):
+            raise InputError(f"{scene.source}: {field}: off the path: {'; '.join(each.words for each in departures)}")
         close = certifier.too_close(q, required, time_)
         for place, asked in close:
             if place.other not in lenient:
@@ -305,8 +315,9 @@ def _reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tu
 
 
 def _rank(certificate: Certificate) -> tuple[float, ...]:
-    """Order of motions, best first: certified with most clearance, then with the shallowest contact."""
+    """Order of motions, best first: certified with most clearance, then with the shallowest contact or the smallest
+    departure from the path, a radian counted as a metre."""
     if certificate.certified:
         return (0.0, -(certificate.clearance or 0.0))
-    deepest = min((place.distance for place in certificate.failures), default=0.0)
-    return (1.0, -deepest)
+    depths = [-place.distance for place in certificate.failures] + [place.excess for place in certificate.departures]
+    return (1.0, max(depths, default=0.0))

@@ -25,6 +25,7 @@ from hdplan.planner.kinematics import Kinematics
 from hdplan.planner.link_bodies import LinkBody
 from hdplan.planner.outline import outline_of
 from hdplan.planner.pairs import BodyPairs, body_pairs
+from hdplan.planner.path_terms import PathTerm, path_terms
 from hdplan.planner.plane_bodies import PlaneBody, from_obstacle, plane_counts
 from hdplan.planner.robot import Robot
 from hdplan.planner.samples import Samples
@@ -82,6 +83,11 @@ class Problem:
     def pair_terms(self) -> tuple[Clearance, ...]:
         """The terms that keep pairs of bodies apart."""
         return tuple(term for term in self.terms if isinstance(term, Clearance))
+
+    @property
+    def path_terms(self) -> tuple[PathTerm, ...]:
+        """The terms that hold the scene's path constraints."""
+        return tuple(term for term in self.terms if isinstance(term, PathTerm))
 
     def clip(self, positions: Floats) -> Floats:
         """Move interior waypoints into the joint limits and set the ends."""
@@ -210,6 +216,7 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
         laid_out = body_pairs(bodies, outline.planes, outline.self_pairs, margin, kinematics.supports)
         distance = _distance(laid_out, bodies, outline.planes, settings)
         terms.append(Clearance("self-collision", laid_out, distance))
+    terms.extend(path_terms(scene, robot, kinematics.supports))
 
     return Problem(
         scene=scene,

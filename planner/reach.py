@@ -1,5 +1,5 @@
-"""How far a body can get: a ball around its chain's first joint that holds it at every configuration within the
-limits."""
+"""How far a body can get, a ball around its chain's first joint that holds it at every configuration within the limits;
+and how fast at most."""
 
 from __future__ import annotations
 
@@ -51,10 +51,30 @@ def reach_of(model: pin.Model, joint: int, body: ConvexBody) -> Reach:
     return Reach(np.array(model.jointPlacements[joint].translation), radius)
 
 
+def levers(model: pin.Model, bodies: Sequence[tuple[int, ConvexBody]]) -> Floats:
+    """Bound how fast any point of the bodies (joint, body) moves per unit of each joint's speed (n,), wherever the
+    joints stand: [m] for a joint that turns, 1 for one that slides.
+
+    From a joint's origin to the body's farthest point, from joint to joint, by the triangle inequality as above.
+    """
+    found = np.zeros(model.njoints - 1)
+    for joint, body in bodies:
+        length, at = float(np.linalg.norm(body.vertices, axis=1).max()) + body.radius, joint
+        while at > 0:
+            found[at - 1] = max(found[at - 1], 1.0 if _slides(model, at) else length + _travel(model, at))
+            length += _travel(model, at) + float(np.linalg.norm(model.jointPlacements[at].translation))
+            at = int(model.parents[at])
+    return found
+
+
+def _slides(model: pin.Model, joint: int) -> bool:
+    return "P" in model.joints[joint].shortname().removeprefix("JointModel")[:1]
+
+
 def _travel(model: pin.Model, joint: int) -> float:
     """Largest displacement of a prismatic joint within its limits [m]; 0 for one that turns."""
     kind = model.joints[joint]
-    if "P" not in kind.shortname().removeprefix("JointModel")[:1]:
+    if not _slides(model, joint):
         return 0.0
     low, high = model.lowerPositionLimit[kind.idx_q], model.upperPositionLimit[kind.idx_q]
     return float(max(abs(low), abs(high)))

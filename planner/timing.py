@@ -47,6 +47,7 @@ FEWEST_ROWS = 2  # in a window
 LOOKS = 400  # at a law, to compare windows
 STRETCHES = 20  # at most, each by a little more than what is missing
 MARGIN = 1e-6  # [–] by which a limit is kept more than needed
+TIGHT = 0.99  # [–] of what could be stretched that is not worth another try
 STANDS = 1e-9  # [rad] or [m] below which a path leads nowhere
 
 
@@ -212,19 +213,25 @@ class Timekeeper:
 
     def _allowed(self, spline: BSpline, law: Law) -> float:
         """Return a duration in which the limits hold all along the executed curve: whole rows, and not much more."""
-        duration = law.duration * self._stretch_at_looks(spline, law)
+        duration, best = law.duration * self._stretch_at_looks(spline, law), np.inf
         for _ in range(STRETCHES):
             duration = (row_count(duration, self.timing.rate) - 1) / self.timing.rate
+            if duration >= best:
+                break
             times, _, rows = _rows(spline, law, duration, self.timing.rate)
-            curve, missing = Curve.through(rows[0], times, rows[1], rows[2]), 1.0
+            curve, stretch = Curve.through(rows[0], times, rows[1], rows[2]), 0.0
             for order, limit in enumerate(self._limits, start=1):
                 if limit is not None:
                     share = float((curve.over_time(order).largest() / limit).max())
-                    missing = max(missing, ((1 + MARGIN) * share) ** (1 / order))
-            if missing <= 1.0 + MARGIN:
-                return duration
-            duration *= missing
-        raise HdplanError("no law of time was found within the limits on the executed curve")
+                    stretch = max(stretch, ((1 + MARGIN) * share) ** (1 / order))
+            if stretch <= 1.0:
+                best = duration
+                if stretch > TIGHT:
+                    break
+            duration *= stretch
+        if not np.isfinite(best):
+            raise HdplanError("no law of time was found within the limits on the executed curve")
+        return best
 
     @property
     def _limits(self) -> tuple[Array | None, ...]:

@@ -212,6 +212,42 @@ def test_check_another_planners_motion(
     assert as_json["text"] == done.out.splitlines()[0]
 
 
+# --- replaying -----------------------------------------------------------------------------------------------
+
+
+def test_simulate_replays_what_plan_wrote(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+    timed = arm_scene(tmp_path, limits={"velocity": 2.0, "acceleration": 4.0})
+    assert hdplan("plan", timed, "--quiet", "-o", "motion.json").code == 0
+    kinematic = hdplan("simulate", timed, "motion.json")
+    assert (kinematic.code, kinematic.err) == (0, "")
+    assert kinematic.out.startswith("replayed: kinematics alone")
+    assert "torque" not in kinematic.out
+    strong = arm_scene(tmp_path, "strong.yaml", limits={"velocity": 2.0, "acceleration": 4.0, "torque": 20.0})
+    done = hdplan("simulate", strong, "motion.json")
+    assert (done.code, done.err) == (0, "")
+    assert done.out.startswith("executed: simulated with dynamics, tracked within ")
+    assert max(map(len, done.out.splitlines()[1:])) <= 80
+    result = json.loads(hdplan("simulate", strong, "motion.json", "--json").out)
+    assert (result["status"], result["dynamics"], result["failures"]) == ("succeeded", True, [])
+    assert [joint["name"] for joint in result["joints"]] == ["shoulder", "elbow"]
+    for joint in result["joints"]:
+        assert joint["error_rms"] <= joint["error"] < 1e-3
+        assert 0 < joint["torque"]["largest"] < joint["torque"]["limit"] == 20.0
+    weak = arm_scene(tmp_path, "weak.yaml", limits={"velocity": 2.0, "acceleration": 4.0, "torque": 0.5})
+    done = hdplan("simulate", weak, "motion.json")
+    assert (done.code, done.err) == (1, "")
+    assert done.out.startswith("failed: joint 'shoulder' needs a torque of ")
+
+
+def test_simulate_needs_times_where_the_scene_asks_for_them(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+    assert hdplan("plan", "planar_arm", "--quiet", "-o", "path.csv").code == 0
+    assert hdplan("simulate", "planar_arm", "path.csv").code == 0
+    done = hdplan("simulate", arm_scene(tmp_path, timing={"duration": 2.0}), "path.csv")
+    assert (done.code, done.out) == (2, "")
+    assert done.err.startswith("hdplan: path.csv: times: missing; ")
+    assert len(done.err.splitlines()) == 1
+
+
 # --- a user's own robot --------------------------------------------------------------------------------------
 
 URDF = """<robot name="mine">
@@ -525,7 +561,9 @@ def test_bad_moveit_input(
 # --- reading matter ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("command", [[], ["plan"], ["check"], ["plot"], ["view"], ["explain"], ["robots"]])
+@pytest.mark.parametrize(
+    "command", [[], ["plan"], ["check"], ["simulate"], ["plot"], ["view"], ["explain"], ["robots"]]
+)
 def test_help_fits_a_terminal(hdplan: Callable[..., Done], command: list[str]) -> None:
     done = hdplan(*command, "--help")
     assert (done.code, done.err) == (0, "")

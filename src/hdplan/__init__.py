@@ -15,6 +15,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from hdplan import control
     from hdplan.distance.bodies import ConvexBody
     from hdplan.planner.certificate import Certificate, certify, check_configuration
     from hdplan.planner.plan import plan
@@ -65,6 +66,7 @@ __all__ = [
     "build",
     "certify",
     "check_configuration",
+    "control",
     "load_robot",
     "load_scene",
     "plan",
@@ -73,6 +75,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name == "control":
+        return importlib.import_module("hdplan.control")
     if name not in _HOMES:
         raise AttributeError(f"module 'hdplan' has no attribute '{name}'")
     return getattr(importlib.import_module(_HOMES[name]), name)

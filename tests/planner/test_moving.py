@@ -178,5 +178,7 @@ def test_a_path_without_times_meets_no_moving_obstacle(crossing: Scene) -> None:
     path = Trajectory(robot.joint_names, np.zeros((2, robot.n)), robot.locked)
     with pytest.raises(InputError, match="has no times, and obstacle 'ball' moves"):
         Certifier(crossing, robot).certify(path)
-    with pytest.raises(InputError, match="solver ipopt: cannot plan among obstacles that move"):
+    with pytest.raises(
+        InputError, match="solver ipopt: needs exact second derivatives, which an obstacle that moves does not have"
+    ):
         hdplan.plan(crossing, solver="ipopt")

@@ -4,6 +4,7 @@ without need, and what breaks them is told."""
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -37,7 +38,7 @@ def wild(robot: Robot, seed: int) -> Trajectory:
     """A polyline with sharp corners and uneven pieces."""
     rng = np.random.default_rng(seed)
     corners = robot.draw(rng, 4)
-    pieces = [np.linspace(a, b, rng.integers(2, 14))[:-1] for a, b in zip(corners[:-1], corners[1:], strict=True)]
+    pieces = [np.linspace(a, b, rng.integers(2, 14))[:-1] for a, b in itertools.pairwise(corners)]
     return Trajectory(robot.joint_names, np.vstack([*pieces, corners[-1:]]), robot.locked)
 
 
@@ -53,7 +54,7 @@ def test_limits_hold_everywhere_and_one_of_them_is_used(limits: Limits, seed: in
         if limit is not None:
             shares.append(np.max(np.abs(trajectory.curve.over_time(order).at_parameter(when)) / limit))
     assert max(shares) <= 1.0
-    assert max(shares) >= 0.9  # time is not given away: whole rows, and bounds a little above the values
+    assert max(shares) >= 0.93  # time is not given away: whole rows, and bounds a little above the values
     assert np.all(np.diff(parameter) >= 0)
     assert (parameter[0], parameter[-1]) == (0.0, 1.0)
 

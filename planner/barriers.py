@@ -1,0 +1,182 @@
+"""The barriers of a controller: the distance Δ of every pair of bodies at one configuration, with exact derivatives.
+
+In: outer link bodies, obstacles (standing, or moving), the distance and the growth. Out, at (q, t): Δ
+(P,) [m], ∂Δ/∂q (P, n) and ∂Δ/∂t (P,) [m/s]. The derivative by q is the distance's wrench on the first body times the
+geometric Jacobian; Δ depends on the relative pose alone, so the second body's wrench is the opposite one, and a moving
+obstacle of world twist (v, ω) gives ∂Δ/∂t = −(F·v + T·ω).
+
+A moving obstacle is one more frame beside the joints', so that every `PairDistance` takes it as it takes a link.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.box_pairs import BoxPairs, GdfPairs
+from hdplan.planner.fcl_pairs import FclPairs
+from hdplan.planner.hdsdf_pairs import HdsdfPairs
+from hdplan.planner.kinematics import Kinematics, KinematicsBatch
+from hdplan.planner.link_bodies import LinkBody
+from hdplan.planner.outline import outline_of
+from hdplan.planner.pairs import BodyPairs, body_pairs
+from hdplan.planner.plane_bodies import PlaneBody, from_link_body, from_obstacle
+from hdplan.planner.reach import levers
+from hdplan.planner.robot import Robot
+from hdplan.planner.terms import PairDistance
+from hdplan.scenes.errors import InputError, naming, nearest
+from hdplan.scenes.model import Pose, Scene
+from hdplan.scenes.moving import Passages
+
+Floats = NDArray[np.float64]
+
+DISTANCES = ("hdsdf", "hdsdf-boxes", "euclidean", "gdf")
+
+
+@dataclass(frozen=True)
+class BarrierSettings:
+    """Which distance, and what it is taken to."""
+
+    distance: str = "hdsdf"  # hdsdf (planes of the obstacle), hdsdf-boxes (the paper's set), euclidean (exact) or gdf
+    gamma: int = 2  # order of differentiability of the HD-SDF
+    shaping_length: float = 1e-3  # width of its flat spot [m]
+    growth: float = 0.02  # of the obstacles [m], g
+    self_growth: float = 0.005  # of a link beside another [m]
+    normals: str = "box"  # planes of an obstacle: faces, box or sphere; of hdsdf-boxes: paper or paper-multiset
+
+    def __post_init__(self) -> None:
+        """Refuse what is none of it."""
+        if self.distance not in DISTANCES:
+            raise InputError(f"control.distance: unknown '{self.distance}'{nearest(self.distance, DISTANCES)}")
+        known = ("paper", "paper-multiset") if self.distance == "hdsdf-boxes" else ("faces", "box", "sphere")
+        if self.normals not in known:
+            raise InputError(f"control.normals: '{self.normals}' for {self.distance}{nearest(self.normals, known)}")
+        for name in ("growth", "self_growth"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise InputError(f"control.{name}: found {getattr(self, name):g} m, allowed is 0 to 1 m")
+
+
+@dataclass(frozen=True, eq=False)
+class BarrierRows:
+    """Δ and its derivatives at one configuration and time, P pairs."""
+
+    value: Floats  # (P,) [m]
+    gradient: Floats  # (P, n) by the configuration
+    drift: Floats  # (P,) by time alone [m/s]
+
+
+class Barriers:
+    """The pairs of bodies that a controller keeps apart: robot and obstacles first, then the robot's own links."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        kinematics: Kinematics,
+        bodies: Sequence[LinkBody],
+        self_pairs: Sequence[tuple[int, int]],
+        obstacles: Sequence[PlaneBody],
+        settings: BarrierSettings,
+        movers: Sequence[tuple[Passages, Sequence[PlaneBody]]] = (),
+        clearances: Mapping[str, float] | None = None,
+    ) -> None:
+        """Lay out the pairs. `obstacles` stand; the bodies beside a motion are given in its obstacle's own frame;
+        `clearances` [m], by name, are grown on obstacles beside the settings' growth."""
+        self.robot, self.kinematics, self.settings = robot, kinematics, settings
+        self.movers = tuple(motion for motion, _ in movers)
+        carried = [
+            replace(body, joint=kinematics.nj + index) for index, (_, moved) in enumerate(movers) for body in moved
+        ]
+        others = [*obstacles, *carried]
+        moving_links = [index for index, body in enumerate(bodies) if body.joint > 0]
+        outer = [(a, b) for a in moving_links for b in range(len(others))]
+        # links that stand are in no pair: if a moving obstacle meets one, no motion of the robot prevents it
+        supports = np.vstack([kinematics.supports, np.zeros((len(movers), kinematics.n), dtype=np.bool_)])
+        self.groups: list[tuple[BodyPairs, PairDistance]] = []
+        names: list[tuple[str, str]] = []
+        if outer:
+            extra = np.array([(clearances or {}).get(body.name, 0.0) for body in others])
+            pairs = body_pairs(bodies, others, outer, settings.growth + extra, supports)
+            self.groups.append((pairs, _distance(pairs, bodies, others, settings)))
+            names += [(bodies[a].link, others[b].name) for a, b in outer]
+        if self_pairs:
+            normals = settings.normals if settings.distance == "hdsdf" else "box"
+            planes = [from_link_body(body.link, body.joint, body.body, normals) for body in bodies]
+            pairs = body_pairs(bodies, planes, self_pairs, settings.self_growth, supports)
+            self.groups.append((pairs, _distance(pairs, bodies, planes, settings)))
+            names += [(bodies[a].link, bodies[b].link) for a, b in self_pairs]
+        self.names = tuple(names)  # (P,) link and obstacle, or link and link
+        self.obstacle_pairs = len(outer)  # the first of the P
+        self.levers = levers(robot.model, [(body.joint, body.body) for body in bodies])  # (n,) [m]
+
+    def evaluate(self, q: Floats, time: float = 0.0) -> BarrierRows:
+        """Return Δ and its derivatives at configuration q (n,) and a time [s]."""
+        return self.rows(self.kinematics.evaluate(q), time)
+
+    def rows(self, kinematics: KinematicsBatch, time: float = 0.0) -> BarrierRows:
+        """The same at the kinematics of one configuration."""
+        joints, now = kinematics.placements.shape[1], np.array([time])
+        poses = [motion.at(now)[0] for motion in self.movers]
+        if poses:
+            flat = np.array([np.append(pose[:3, :3].ravel(), pose[:3, 3]) for pose in poses])
+            kinematics = replace(kinematics, placements=np.concatenate([kinematics.placements, flat[None]], axis=1))
+        values, gradients, drifts = [], [], []
+        for pairs, distance in self.groups:
+            every = np.arange(len(pairs))
+            value, wrench, _ = distance(kinematics, np.zeros(len(pairs), dtype=np.int64), every)
+            values.append(value)
+            gradients.append((wrench @ kinematics.columns[0].T) * pairs.moves)
+            drift = np.zeros(len(pairs))
+            for index, (motion, pose) in enumerate(zip(self.movers, poses, strict=True)):
+                carried, passage = pairs.joint_b == joints + index, int(motion.row(now)[0])
+                speed, spin = motion.velocity[passage], motion.spin[passage]
+                drift[carried] = -wrench[carried] @ np.append(speed - np.cross(spin, pose[:3, 3]), spin)
+            drifts.append(drift)
+        n = self.kinematics.n
+        return BarrierRows(
+            np.concatenate([np.empty(0), *values]),
+            np.concatenate([np.empty((0, n)), *gradients]),
+            np.concatenate([np.empty(0), *drifts]),
+        )
+
+
+def _distance(
+    pairs: BodyPairs,
+    bodies: Sequence[LinkBody],
+    others: Sequence[PlaneBody],
+    settings: BarrierSettings,
+) -> PairDistance:
+    match settings.distance:
+        case "hdsdf":
+            return HdsdfPairs(pairs, settings.gamma, settings.shaping_length)
+        case "hdsdf-boxes":
+            return BoxPairs(pairs, bodies, others, settings.gamma, settings.shaping_length, settings.normals)
+        case "euclidean":
+            return FclPairs(pairs, bodies, others)
+        case _:
+            return GdfPairs(pairs, bodies, others)
+
+
+def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Barriers:
+    """Return the barriers of a scene: the outer bodies of the planner, every obstacle, grown by what the scene wants
+    free around it as well, and the robot's own pairs.
+
+    Link bodies are the scene's setting `planner.link_bodies`, boxes for the distances that know nothing else. Raises
+    InputError for an obstacle that the distance cannot take.
+    """
+    boxes = settings.distance in ("hdsdf-boxes", "gdf")
+    planes = settings.normals if settings.distance == "hdsdf" else "box"
+    outline = outline_of(robot, "box" if boxes else scene.planner.link_bodies, planes)
+    standing: list[PlaneBody] = []
+    movers: list[tuple[Passages, Sequence[PlaneBody]]] = []
+    with naming(scene.source):
+        for obstacle in scene.obstacles:
+            if obstacle.motion is None:
+                standing += from_obstacle(obstacle, planes)[0]
+            else:
+                movers.append((Passages.of(obstacle), from_obstacle(replace(obstacle, pose=Pose()), planes)[0]))
+        return Barriers(
+            robot, outline.kinematics, outline.bodies, outline.self_pairs, standing, settings, movers, scene.clearances
+        )

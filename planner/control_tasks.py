@@ -1,0 +1,77 @@
+"""What a controller is to do: a quadratic in the joint velocity, ½ uᵀ H u + fᵀ u, smallest at the nominal velocity."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.goal_search import LinkPose
+from hdplan.planner.robot import Robot
+from hdplan.scenes.model import PoseTarget
+
+Array = NDArray[np.float64]
+
+
+class Task(Protocol):
+    """A nominal velocity, as the quadratic that is least there."""
+
+    def objective(self, q: Array, time: float) -> tuple[Array, Array]:
+        """Return H (n, n), positive definite, and f (n,) at configuration q (n,) and a time [s]."""
+        ...
+
+    def met(self, q: Array, time: float) -> bool:
+        """Whether there is nothing left to do."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class PoseTask:
+    """Bring a link to a pose: min ‖J u − k e‖² + λ ‖u‖², with e the way and turn that are missing."""
+
+    robot: Robot
+    target: PoseTarget
+    gain: float = 0.4  # k: the part of the error that is gone in a second [1/s]
+    regularization: float = 0.01  # λ: what keeps u short near singular configurations
+
+    def objective(self, q: Array, time: float) -> tuple[Array, Array]:
+        """The quadratic at q; it does not depend on the time."""
+        error, jacobian = LinkPose.of(self.robot, self.target).linearized(q[None])
+        return _least_squares(jacobian[0], self.gain * error[0], self.regularization)
+
+    def met(self, q: Array, time: float) -> bool:
+        """Whether the link is within the target's tolerances."""
+        error = LinkPose.of(self.robot, self.target).linearized(q[None])[0][0]
+        position, angle = float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))
+        return position <= self.target.position_tolerance and angle <= self.target.orientation_tolerance
+
+
+@dataclass(frozen=True, eq=False)
+class TrackTask:
+    """Follow a moving configuration r(t): min ‖u − ṙ − k (r − q)‖²."""
+
+    reference: Callable[[float], tuple[Array, Array]]  # time [s] -> r (n,), ṙ (n,)
+    gain: float = 2.0  # k [1/s]
+    end: float = 0.0  # when the reference stands still [s]
+    tolerance: float = 1e-3  # [rad] or [m] of each joint
+
+    def objective(self, q: Array, time: float) -> tuple[Array, Array]:
+        """The quadratic at q and a time."""
+        wanted, speed = self.reference(time)
+        return np.eye(len(q)), -(speed + self.gain * (wanted - q))
+
+    def met(self, q: Array, time: float) -> bool:
+        """Whether the reference stands still and is reached."""
+        return time >= self.end and bool(np.abs(self.reference(time)[0] - q).max() <= self.tolerance)
+
+
+def standing(q: Array, gain: float = 2.0) -> TrackTask:
+    """Return the task of going to a configuration and staying there."""
+    return TrackTask(lambda time: (q, np.zeros_like(q)), gain)
+
+
+def _least_squares(jacobian: Array, wanted: Array, regularization: float) -> tuple[Array, Array]:
+    return jacobian.T @ jacobian + regularization * np.eye(jacobian.shape[1]), -jacobian.T @ wanted

@@ -1,0 +1,355 @@
+"""Laws of the controller: exact barriers, the best command, no contact, honest stops, refused settings."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.gdf import gdf
+from hdplan.distance.pair_distance import hdsdf_function
+from hdplan.distance.reference import hdsdf
+from hdplan.planner.barrier_rules import boundary_slope, separation_bound, shaped, touching_value, unshaped
+from hdplan.planner.barriers import Barriers, BarrierSettings, scene_barriers
+from hdplan.planner.box_pairs import BoxPairs
+from hdplan.planner.certificate import Certifier
+from hdplan.planner.control import Controller, ControlSettings, Mode
+from hdplan.planner.control_run import fast_energy, simulate, total_variation
+from hdplan.planner.control_tasks import PoseTask, TrackTask, standing
+from hdplan.planner.link_bodies import LinkBody
+from hdplan.planner.outline import kinematics_of
+from hdplan.planner.plane_bodies import from_obstacle
+from hdplan.planner.robot import Robot
+from hdplan.planner.scene_robot import load_scene_robot
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import Box, JointTarget, Obstacle, Pose, PoseTarget, RobotSpec, Scene, SteadyMotion
+from hdplan.scenes.moving import Passages
+
+Array = NDArray[np.float64]
+
+READY = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)
+DISTANCES = (
+    BarrierSettings(),
+    BarrierSettings("hdsdf-boxes", shaping_length=0.03, normals="paper"),
+    BarrierSettings("hdsdf-boxes", shaping_length=0.01, normals="paper-multiset"),
+    BarrierSettings("euclidean"),
+    BarrierSettings("gdf"),
+)
+
+
+def scene_of(*obstacles: Obstacle) -> Scene:
+    ends = [JointTarget(name, READY) for name in ("start", "goal")]
+    return Scene("room", Path("room.yaml"), RobotSpec("panda"), obstacles, *ends)
+
+
+def random_boxes(rng: np.random.Generator, count: int) -> tuple[Obstacle, ...]:
+    return tuple(Obstacle(f"box{k}", Box(tuple(rng.uniform(0.05, 0.3, 3))), random_pose(rng)) for k in range(count))
+
+
+def random_pose(rng: np.random.Generator) -> Pose:
+    turn, direction = rng.normal(size=4), rng.normal(size=3)
+    where = direction / np.linalg.norm(direction) * rng.uniform(0.35, 0.9)
+    return Pose((where[0], where[1], abs(where[2]) + 0.1), tuple(turn / np.linalg.norm(turn)))
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_scene_robot(scene_of())
+
+
+# --- gradients, three ways ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("settings", DISTANCES, ids=lambda s: f"{s.distance}-{s.normals}")
+def test_gradients_are_those_of_finite_differences(settings: BarrierSettings, robot: Robot) -> None:
+    rng = np.random.default_rng(1)
+    barriers = scene_barriers(scene_of(*random_boxes(rng, 4)), robot, settings)
+    step, loose = (1e-4, 2e-2) if settings.distance == "gdf" else (1e-6, 1e-5)  # the GDF's iteration ends roughly
+    errors = []
+    for q in robot.draw(rng, 4):
+        rows = barriers.evaluate(q)
+        for j, unit in enumerate(np.eye(robot.n)):
+            ahead, behind = barriers.evaluate(q + step * unit).value, barriers.evaluate(q - step * unit).value
+            errors.append(np.abs((ahead - behind) / (2 * step) - rows.gradient[:, j]))
+    # exact distances have kinks, and the GDF none where bodies meet: a few differences may straddle one
+    assert np.quantile(np.concatenate(errors), 0.99) < loose
+    if settings.distance.startswith("hdsdf"):
+        assert np.max(errors) < loose
+
+
+@pytest.mark.parametrize("normals", ["paper", "paper-multiset"])
+def test_gradients_are_those_of_casadi(normals: str, robot: Robot) -> None:
+    rng = np.random.default_rng(2)
+    kinematics, sides = kinematics_of(robot), np.array([0.08, 0.12, 0.2])
+    obstacle = Obstacle("wall", Box((0.3, 0.1, 0.4)), random_pose(rng))
+    settings = BarrierSettings("hdsdf-boxes", 2, 0.02, 0.0, 0.0, normals)
+    body = LinkBody("panda_link5", 5, ConvexBody.box(sides))
+    barriers = Barriers(robot, kinematics, [body], [], from_obstacle(obstacle)[0], settings)
+
+    distance = hdsdf_function(
+        ConvexBody.box(sides), ConvexBody.box([0.3, 0.1, 0.4]), gamma=2, shaping_length=0.02, normals=normals
+    )
+    q = ca.MX.sym("q", robot.n)
+    turns, origins = kinematics.function(q)
+    pose = ca.vertcat(ca.horzcat(turns[:, 15:18], origins[:, 5]), ca.DM([[0, 0, 0, 1]]))
+    value = distance(pose, obstacle.pose.matrix)
+    automatic = ca.Function("automatic", [q], [value, ca.jacobian(value, q)])
+    for configuration in robot.draw(rng, 20):
+        rows = barriers.evaluate(configuration)
+        expected, gradient = automatic(configuration)
+        np.testing.assert_allclose(rows.value, np.array(expected).ravel(), atol=1e-12)
+        np.testing.assert_allclose(rows.gradient, np.array(gradient), atol=1e-10)
+
+
+def test_barriers_are_their_distances(robot: Robot) -> None:
+    rng = np.random.default_rng(3)
+    kinematics, sides = kinematics_of(robot), np.array([0.08, 0.12, 0.2])
+    box = ConvexBody.box(sides)
+    obstacle = random_boxes(rng, 1)[0]
+    size = obstacle.shape.size  # type: ignore[union-attr]
+    for q in robot.draw(rng, 10):
+        state, pose = kinematics.evaluate(q), np.eye(4)
+        pose[:3, :3], pose[:3, 3] = state.rotations[0, 5], state.translations[0, 5]
+        for settings in DISTANCES[1:]:
+            at = replace(settings, growth=0.01)
+            rows = Barriers(robot, kinematics, [LinkBody("five", 5, box)], [], from_obstacle(obstacle)[0], at).evaluate(
+                q
+            )
+            other = ConvexBody.box(size)
+            if settings.distance == "gdf":
+                expected = gdf(box, pose, other, obstacle.pose.matrix, tolerance=2e-4, iterations=300).distance - 0.01
+            elif settings.distance == "hdsdf-boxes":
+                expected = hdsdf(
+                    box, pose, other.inflated(0.01), obstacle.pose.matrix,
+                    gamma=2, shaping_length=settings.shaping_length, normals=settings.normals,
+                )  # fmt: skip
+            else:
+                continue  # FclPairs has its own tests
+            assert rows.value[0] == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_moving_obstacle_enters_with_its_own_speed(robot: Robot) -> None:
+    motion = SteadyMotion((0.1, -0.3, 0.05), (0.2, -0.1, 0.7))
+    obstacle = Obstacle("it", Box((0.1, 0.2, 0.3)), Pose((0.5, 0.2, 0.4)), motion=motion)
+    rng = np.random.default_rng(4)
+    for settings in (DISTANCES[0], DISTANCES[1]):
+        bodies = from_obstacle(Obstacle("it", Box((0.1, 0.2, 0.3))))[0]
+        moved = [(Passages.of(obstacle), bodies)]
+        still = scene_barriers(scene_of(), robot, settings)
+        links = [LinkBody("five", 5, ConvexBody.box([0.08, 0.12, 0.2]))]
+        barriers = Barriers(robot, still.kinematics, links, [], [], settings, moved)
+        for q, time in zip(robot.draw(rng, 8), rng.uniform(0, 1, 8), strict=True):
+            rows = barriers.evaluate(q, time)
+            ahead, behind = barriers.evaluate(q, time + 1e-6).value, barriers.evaluate(q, time - 1e-6).value
+            np.testing.assert_allclose(rows.drift, (ahead - behind) / 2e-6, atol=1e-6)
+
+
+# --- the rules ---------------------------------------------------------------------------------------------
+
+
+def test_shaping_is_inverted() -> None:
+    for value in np.geomspace(1e-12, 10.0, 40).tolist():
+        for gamma, length in ((1, 1e-3), (2, 0.03), (8, 1e-2)):
+            assert shaped(unshaped(value, gamma, length), gamma, length) == pytest.approx(value, rel=1e-9)
+
+
+@pytest.mark.parametrize("normals", ["paper", "paper-multiset"])
+def test_what_a_barrier_reads_bounds_the_separation(normals: str, robot: Robot) -> None:
+    """D ≥ δ leaves D̃ no less than `separation_bound`, wherever the boxes are, deep overlaps too."""
+    rng = np.random.default_rng(5)
+    length = 0.03
+    settings = BarrierSettings("hdsdf-boxes", 2, length, 0.0, 0.0, normals)
+    count = 12 * (1 if normals == "paper" else 5)
+    tightest = np.inf
+    for _ in range(12):
+        body = LinkBody("seven", 7, ConvexBody.box(rng.uniform(0.03, 0.3, 3)))
+        barriers = Barriers(
+            robot, kinematics_of(robot), [body], [], from_obstacle(random_boxes(rng, 1)[0])[0], settings
+        )
+        _, distance = barriers.groups[0]
+        assert isinstance(distance, BoxPairs)
+        state = barriers.kinematics.evaluate(robot.draw(rng, 400))
+        values, _, separations = distance(state, np.arange(400), np.zeros(400, dtype=np.int64))
+        for value, separation in zip(values.tolist(), separations.tolist(), strict=True):
+            bound = separation_bound(value, 2, length, count, 4)
+            assert separation >= bound - 1e-12
+            tightest = min(tightest, separation - bound)
+    assert tightest < 0.05  # and it is not empty words
+
+
+def test_a_vertex_that_touches_reads_no_less(robot: Robot) -> None:
+    """What `refuse_unsafe` says of a touching vertex is true of one."""
+    growth, length = 0.025, 0.03
+    box, wall = ConvexBody.box([0.2, 0.2, 0.2]), ConvexBody.box([0.4 + 2 * growth] * 3)
+    x = np.array([1.0, 1.0, 1.0]) / math.sqrt(3)  # the box stands on a corner
+    y = np.array([1.0, -1.0, 0.0]) / math.sqrt(2)
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([np.cross(y, x), y, x])  # its diagonal along z
+    pose[:3, 3] = [0, 0, 0.2 - (box.vertices @ pose[:3, :3].T)[:, 2].min()]  # touches the wall as it is
+    for normals, alike in (("paper", 1), ("paper-multiset", 5)):
+        value = float(hdsdf(box, pose, wall, np.eye(4), gamma=2, shaping_length=length, normals=normals))
+        assert touching_value(growth, 2, length, 4, alike) - 1e-12 <= value < 0.0
+
+
+def test_provably_unsafe_settings_are_refused_by_name() -> None:
+    boxes = BarrierSettings("hdsdf-boxes", 2, 0.03, 0.025, 0.025, "paper-multiset")
+    for wrong, word in (
+        (dict(rate=300.0, period=0.005), "control.rate"),
+        (dict(margin=0.0), "flat spot"),
+        (dict(self_margin=0.0), "flat spot"),
+        (dict(margin=-1e-9), "flat spot"),
+        (dict(margin=-0.05), "lets bodies touch"),
+        (dict(barriers=boxes, margin=-5e-3, self_margin=-1e-3), "lets bodies touch"),  # the paper's published code
+        (dict(barriers=BarrierSettings("euclidean", growth=0.01, self_growth=0.0), margin=-0.02), "inside the true"),
+        (dict(period=0.0), "control.period"),
+        (dict(speed=1.5), "control.speed"),
+    ):
+        with pytest.raises(InputError, match=word) as refused:
+            ControlSettings(**wrong)  # type: ignore[arg-type]
+        assert "\n" not in str(refused.value)
+    ControlSettings(margin=0.0, as_published=True)
+    for wrong, word in (
+        (dict(distance="hdsd"), "hdsdf"),
+        (dict(normals="paper"), "normals"),
+        (dict(growth=-1.0), "growth"),
+    ):
+        with pytest.raises(InputError, match=word):
+            BarrierSettings(**wrong)  # type: ignore[arg-type]
+
+
+def test_flat_spot_is_where_the_gradient_fades() -> None:
+    assert boundary_slope(0.0, 2, 1e-3) == 0.0
+    slopes = [boundary_slope(-delta, 2, 1e-3) for delta in np.geomspace(1e-15, 1e-3, 20)]
+    assert (np.diff(slopes) > 0).all()
+
+
+# --- the quadratic program ---------------------------------------------------------------------------------
+
+
+def test_commands_are_the_best_that_the_barriers_allow(robot: Robot) -> None:
+    rng = np.random.default_rng(6)
+    settings = ControlSettings(look_ahead=False)
+    barriers = scene_barriers(scene_of(*random_boxes(rng, 6)), robot, settings.barriers)
+    controller = Controller(robot, barriers, settings)
+    seen = 0
+    for q, goal in zip(robot.draw(rng, 40), robot.draw(rng, 40), strict=True):
+        task = standing(goal)
+        step = controller.step(q, task)
+        if step.mode is not Mode.MOVING:
+            continue
+        margins = np.where(
+            np.arange(len(barriers.names)) < barriers.obstacle_pairs, settings.margin, settings.self_margin
+        )
+        slack = step.rows.gradient @ step.velocity + settings.rate * (step.rows.value - margins)
+        scale = np.maximum(np.linalg.norm(step.rows.gradient, axis=1), 1e-9)
+        assert (slack / scale).min() > -1e-6
+        lower = np.maximum(-robot.model.velocityLimit, -settings.rate * (q - robot.lower))
+        upper = np.minimum(robot.model.velocityLimit, settings.rate * (robot.upper - q))
+        assert ((step.velocity >= lower - 1e-6) & (step.velocity <= upper + 1e-6)).all()
+        hessian, linear = task.objective(q, 0.0)
+        near = np.flatnonzero(slack / scale < 1.0)
+        found = minimize(
+            lambda u, h=hessian, f=linear: (0.5 * u @ h @ u + f @ u, h @ u + f), step.velocity,
+            jac=True, method="SLSQP",
+            bounds=list(zip(lower, upper, strict=True)), options={"ftol": 1e-12, "maxiter": 200},
+            constraints={"type": "ineq",
+                         "fun": lambda u, g=step.rows.gradient[near] / scale[near, None], s=(slack / scale)[near],
+                         u0=step.velocity: g @ (u - u0) + s},
+        )  # fmt: skip
+        cost = 0.5 * step.velocity @ hessian @ step.velocity + linear @ step.velocity
+        assert cost <= found.fun + 1e-6 * (1 + abs(found.fun))
+        seen += 1
+    assert seen > 10
+
+
+def test_a_barrier_that_cannot_be_met_stops_the_robot(robot: Robot) -> None:
+    """A box around the wrist: nothing gets out of it."""
+    tight = Obstacle("tight", Box((0.6, 0.6, 0.6)), Pose((0.3, 0.0, 0.5)))
+    for look_ahead in (True, False):
+        settings = ControlSettings(look_ahead=look_ahead)
+        controller = Controller.of(scene_of(tight), settings, robot)
+        step = controller.step(np.array(READY), standing(np.zeros(7) + READY))
+        assert step.mode is Mode.INFEASIBLE
+        assert step.stopped
+        assert not step.velocity.any()
+        assert step.slack < 0.0
+        assert step.proven is None
+
+
+# --- closed loop -------------------------------------------------------------------------------------------
+
+
+def test_a_free_robot_reaches_its_pose_and_tracks(robot: Robot) -> None:
+    settings = ControlSettings()
+    controller = Controller.of(scene_of(), settings, robot)
+    target = PoseTarget("goal.pose", "panda_hand", Pose((0.45, 0.2, 0.5), (1.0, 0.0, 0.0, 0.0)))
+    reached = simulate(controller, np.array(READY), PoseTask(robot, target, gain=3.0), 6.0)
+    assert reached.met is not None
+    start, wave = np.array(READY), np.array([0.3, 0.1, -0.2, 0.1, 0.2, 0.1, 0.3])
+    follow = TrackTask(lambda t: (start + wave * math.sin(t), wave * math.cos(t)), end=3.0)
+    run = simulate(controller, start, follow, 3.0)
+    wanted = start + wave * np.sin(run.times)[:, None]
+    assert np.abs(run.positions - wanted).max() < 1e-2
+    assert set(run.modes) == {Mode.MOVING}
+
+
+def test_joint_limits_are_never_crossed(robot: Robot) -> None:
+    settings = ControlSettings(rate=20.0)
+    controller = Controller.of(scene_of(), settings, robot)
+    for goal in (robot.upper + 1.0, robot.lower - 1.0):
+        run = simulate(controller, np.array(READY), standing(goal), 2.0)
+        assert (run.positions >= robot.lower - 1e-9).all()
+        assert (run.positions <= robot.upper + 1e-9).all()
+
+
+def test_never_a_contact_from_random_starts(robot: Robot) -> None:
+    """A few of the 1,000 starts of benchmarks/control.py: exact distances of the real meshes at every tenth period."""
+    rng = np.random.default_rng(7)
+    settings = ControlSettings(period=0.01)
+    starts = 0
+    held = 0
+    while starts < 12:
+        scene = scene_of(*random_boxes(rng, 5))
+        certifier = Certifier(scene, robot)
+        q = robot.draw(rng, 1)[0]
+        if certifier.contacts(q):
+            continue
+        starts += 1
+        controller = Controller.of(scene, settings, robot)
+        run = simulate(controller, q, standing(robot.draw(rng, 1)[0]), 1.5)
+        for configuration in [*run.positions[::10], run.positions[-1]]:
+            assert not certifier.contacts(configuration)
+        held += bool((run.slacks < 5e-3).any())
+        if run.proven is not None and np.isfinite(run.proven):
+            places = [certifier.nearest(configuration)[0] for configuration in run.positions[::10]]
+            assert min(place.distance for place in places if place) >= run.proven
+    assert held  # barriers had something to do
+
+
+def test_slacks_stay_above_zero_once_they_are(robot: Robot) -> None:
+    """The look-ahead's law: Δ ≥ δ at every sample, whatever the kinks, even with a distance that has them."""
+    rng = np.random.default_rng(8)
+    for barriers_settings, margin in ((BarrierSettings(), -2.5e-4), (BarrierSettings("euclidean", growth=0.0), 0.01)):
+        settings = ControlSettings(barriers_settings, margin, 1e-3 if margin > 0 else margin, rate=20.0, period=0.02)
+        scene = scene_of(*random_boxes(rng, 5))
+        controller = Controller.of(scene, settings, robot)
+        for q in robot.draw(rng, 10):
+            run = simulate(controller, q, standing(robot.draw(rng, 1)[0]), 0.8)
+            first = run.slacks[0]
+            assert run.slacks.min() >= min(first, 0.0) - 1e-9
+
+
+def test_measures_of_commands() -> None:
+    time = np.arange(1000) * 0.01
+    slow, fast = np.sin(2 * math.pi * 0.5 * time), 0.1 * np.sin(2 * math.pi * 20.0 * time)
+    assert total_variation(np.stack([slow, slow], 1)) == pytest.approx(2 * total_variation(slow))
+    assert total_variation(slow) == pytest.approx(20.0, rel=0.01)
+    assert fast_energy(slow, 0.01) < 1e-3
+    assert fast_energy(slow + fast, 0.01) == pytest.approx(0.1**2 / 2 * 10.0, rel=0.1)
