@@ -8,7 +8,6 @@ apart: a configuration in which gravity alone asks for too much. Shares nothing 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -18,7 +17,6 @@ from hdplan.planner.curve import Curve
 from hdplan.planner.joint_limits import torque_limits
 from hdplan.planner.loads import loaded_model
 from hdplan.planner.motion_bounds import Chain
-from hdplan.planner.rate_check import Use
 from hdplan.planner.robot import Robot
 from hdplan.planner.torque_bounds import torque_curvature
 from hdplan.scenes.errors import InputError
@@ -56,7 +54,6 @@ class TorqueCheck:
     proven: Array  # (n,) bound on |τ| over the whole motion, between the samples too
     found: Array  # (n,) largest |τ| at a sample
     times: Array  # (n,) when that was [s]
-    intervals: NDArray[np.int64]  # (n,) and between which rows
     overload: Overload | None  # the worst by share of its limit, if there is any
     overloaded: tuple[int, ...]  # intervals between rows in which gravity alone is too much
     samples: int  # at which torques were computed
@@ -70,13 +67,6 @@ class TorqueCheck:
     def exceeded(self) -> bool:
         """Whether a sample is beyond its limit; where neither this nor `within` holds, nothing is proven."""
         return bool((self.found > self.limits).any())
-
-    @cached_property
-    def use(self) -> Use:
-        """How much of the limits the motion takes: as proven, or as found where that is too much."""
-        i = self.worst
-        share = float((self.found if self.exceeded else self.proven)[i] / self.limits[i])
-        return Use("torque", share, self.joint_names[i], int(self.intervals[i]), float(self.limits[i]))
 
     @property
     def worst(self) -> int:
@@ -97,7 +87,7 @@ class TorqueCheck:
             )
         if over is None:
             return f"joint '{name}' needs a torque of {self.found[i]:.4g} {when}, its limit is {limit:g}"
-        return f"{over.words}, at {over.time:.3f} s"
+        return f"{over.words}, at {over.time:.3f} s: going slower does not help"
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +162,6 @@ def check_torques(model: pin.Model, robot: Robot, curve: Curve, limits: Array) -
         proven=proven,
         found=sampled.found,
         times=sampled.times,
-        intervals=sampled.intervals,
         overload=sampled.overload,
         overloaded=tuple(sorted(sampled.overloaded)),
         samples=sampled.samples,
@@ -185,7 +174,6 @@ class _Torques:
     def __init__(self, model: pin.Model, robot: Robot, orders: list[Curve], limits: Array) -> None:
         self.model, self.data, self.robot, self.orders, self.limits = model, model.createData(), robot, orders, limits
         self.found, self.times = np.zeros(robot.n), np.zeros(robot.n)
-        self.intervals = np.zeros(robot.n, dtype=np.int64)
         self.overload: Overload | None = None
         self.overloaded: set[int] = set()
         self.samples = 0
@@ -209,7 +197,6 @@ class _Torques:
         largest = np.abs(torques)[rows, np.arange(len(rows))]
         larger = largest > self.found
         self.found, self.times = np.where(larger, largest, self.found), np.where(larger, times[rows], self.times)
-        self.intervals = np.where(larger, interval[rows], self.intervals)
         shares = np.abs(gravity) / self.limits
         self.overloaded.update(interval[(shares > 1.0).any(axis=1)].tolist())
         row, joint = (int(i) for i in np.unravel_index(int(shares.argmax()), shares.shape))
