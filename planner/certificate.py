@@ -16,12 +16,14 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.curve import Curve
 from hdplan.planner.intervals import Bodies, Body, Pairs
+from hdplan.planner.joint_limits import torque_limits
 from hdplan.planner.motion_bounds import Chain
 from hdplan.planner.path_check import Departure, Kept, PathCheck
 from hdplan.planner.pose_goals import miss_of
@@ -32,8 +34,11 @@ from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.sweep import Spot, Sweep
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError, naming, nearest
-from hdplan.scenes.model import JointTarget, PoseTarget, Scene
-from hdplan.scenes.moving import Passages
+from hdplan.scenes.model import JointTarget, Obstacle, PoseTarget, Scene
+
+if TYPE_CHECKING:
+    from hdplan.planner.torque_check import TorqueCheck
+    from hdplan.scenes.moving import Passages
 
 Array = NDArray[np.float64]
 
@@ -55,6 +60,7 @@ class Status(Enum):
     TOO_CLOSE = "too_close"
     OFF_PATH = "off_path"
     TOO_FAST = "too_fast"
+    OVERLOADED = "overloaded"
     NOT_PROVEN = "not_proven"
 
     @property
@@ -68,6 +74,7 @@ class Status(Enum):
             Status.TOO_CLOSE: "ask for less clearance, or plan with more",
             Status.OFF_PATH: "allow more (path), or plan it with this constraint in the scene, or with more waypoints",
             Status.TOO_FAST: "give it more time (timing), or plan it with these limits in the scene",
+            Status.OVERLOADED: "carry less, give it more time (timing), or plan it with limits.torque in the scene",
             Status.NOT_PROVEN: "the motion grazes a body: plan with more clearance",
         }[self]
 
@@ -96,7 +103,7 @@ class Certificate:
     worst: Place | None  # the closest place met between robot and obstacles
     self_worst: Place | None  # the same between the links
     failures: tuple[Place, ...]  # every waypoint interval and pair that is not proven, the worst place met there
-    uses: tuple[Use, ...]  # of the joints' limits on rates, where the scene has any
+    uses: tuple[Use, ...]  # of the joints' limits on rates and torques, where the scene has any
     path: tuple[Kept, ...]  # how well the scene's path constraints are kept, where it has any
     departures: tuple[Departure, ...]  # every waypoint interval and path constraint that is not proven
     configurations: int  # at which distances were computed
@@ -176,7 +183,7 @@ class Certifier:
         for obstacle in scene.obstacles:
             with naming(scene.source):
                 pieces = obstacle_pieces(obstacle)
-            passages = None if obstacle.motion is None else Passages.of(obstacle)
+            passages = _passages(obstacle)
             bodies.extend(Body(obstacle.name, piece, 0, obstacle.pose.matrix, passages) for piece in pieces)
         rows = [(a, b, 0) for a in range(count) for b in range(count, len(bodies))]
         rows += [(a, b, 1) for first, second in robot.self_pairs for a in links[first] for b in links[second]]
@@ -196,7 +203,7 @@ class Certifier:
         there may be more than the failures tell."""
         began = time.perf_counter()
         curve = curve_of(self.robot, trajectory)
-        uses = self._uses(curve)
+        uses, torques = self._uses(curve), self._torques(curve)
         floor = self._floor(required)
         proof = self.sweep.prove(curve, floor, stop_at_contact)
         path = self.path.prove(curve)
@@ -235,8 +242,14 @@ class Certifier:
             status, found = Status.NOT_PROVEN, f"{_where(deepest, 'cannot be told apart')}; {_others(failures)}"
         elif too_fast:
             status, found = Status.TOO_FAST, _exceeded(too_fast, curve)
+        elif torques and not torques.within:
+            status, found = (Status.OVERLOADED if torques.exceeded else Status.NOT_PROVEN), torques.text
         else:
             status, found = Status.CERTIFIED, _proven(clearance, self_clearance, uses, path.kept)
+            if torques:
+                found = f"{found}; {torques.text}"
+        if torques:
+            uses = (*uses, _use_of(torques, curve))
         text = f"{status.value.replace('_', ' ')}: {found}"
         return Certificate(
             status,
@@ -265,6 +278,17 @@ class Certifier:
             return ()
         with naming(self.scene.source):
             return rates(curve, self.scene, self.robot)
+
+    def _torques(self, curve: Curve) -> TorqueCheck | None:
+        """Look at the torques, where the scene limits them."""
+        with naming(self.scene.source):
+            limits = torque_limits(self.scene, self.robot)
+        if limits is None:
+            return None
+        from hdplan.planner.loads import loaded_model
+        from hdplan.planner.torque_check import check_torques
+
+        return check_torques(loaded_model(self.scene, self.robot), self.robot, curve, limits)
 
     def _floor(self, required: float) -> Array:
         """Return what each pair must keep (P,) [m]."""
@@ -396,6 +420,15 @@ def _link_bodies(robot: Robot) -> tuple[Body, ...]:
     )
 
 
+def _passages(obstacle: Obstacle) -> Passages | None:
+    """Return how an obstacle moves; None if it stands."""
+    if obstacle.motion is None:
+        return None
+    from hdplan.scenes.moving import Passages
+
+    return Passages.of(obstacle)
+
+
 def curve_of(robot: Robot, trajectory: Trajectory) -> Curve:
     """Return the trajectory's curve, its joints in the order of the robot's planned ones.
 
@@ -460,6 +493,13 @@ def _departure(worst: Departure, departures: tuple[Departure, ...], curve: Curve
         f"{worst.words}{'' if worst.violated else ', too close to tell'} after waypoint {worst.interval} ({when}); "
         f"{intervals} interval{'s' * (intervals != 1)} between waypoints not proven"
     )
+
+
+def _use_of(torques: TorqueCheck, curve: Curve) -> Use:
+    joint, last = torques.worst, len(curve) - 2
+    interval = min(int(curve.parameter_of(torques.times[joint]) * (last + 1)), last)
+    share = float(torques.proven[joint] / torques.limits[joint])
+    return Use("torque", share, torques.joint_names[joint], interval, float(torques.limits[joint]))
 
 
 def _exceeded(use: Use, curve: Curve) -> str:

@@ -66,7 +66,7 @@ class Problem:
     goal: Floats  # (n,)
     kinematics: Kinematics
     bodies: tuple[LinkBody, ...]  # the links' outer bodies
-    plane_bodies: tuple[PlaneBody, ...]  # the obstacles' convex pieces
+    plane_bodies: tuple[PlaneBody, ...]  # the obstacles' convex pieces, those last that move
     smoothness: Smoothness
     terms: tuple[Term, ...]  # what the scene calls for: obstacles, self-collision, …
     samples: Samples
@@ -173,7 +173,8 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
     outline = outline_of(robot, settings.link_bodies, settings.normals)
     kinematics, bodies = outline.kinematics, outline.bodies
     with naming(scene.source):
-        enclosed = [from_obstacle(obstacle, settings.normals) for obstacle in scene.obstacles]
+        standing = [obstacle for obstacle in scene.obstacles if obstacle.motion is None]
+        enclosed = [from_obstacle(obstacle, settings.normals) for obstacle in standing]
     plane_bodies = tuple(body for pieces, _ in enclosed for body in pieces)
     notes = [*scene.notes, *robot.notes, *query.notes, *(word for _, words in enclosed for word in words)]
 
@@ -196,6 +197,20 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
             if settings.swept
             else Clearance("obstacles", laid_out, distance)
         )
+    if len(standing) < len(scene.obstacles) and any(body.joint > 0 for body in bodies):
+        from hdplan.planner.moving_clearance import moving_clearance
+
+        with naming(scene.source):
+            term, drifting, words = moving_clearance(
+                scene,
+                bodies,
+                kinematics.supports,
+                lambda pairs, bodies, pieces: _distance(
+                    pairs, bodies, pieces, settings, plane_counts(settings.normals)
+                ),
+            )
+        terms.append(term)
+        plane_bodies, notes = (*plane_bodies, *drifting), [*notes, *words]
     if outline.self_pairs:
         margin = self_margin(scene)
         laid_out = body_pairs(bodies, outline.planes, outline.self_pairs, margin, kinematics.supports)
