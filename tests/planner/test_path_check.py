@@ -26,8 +26,8 @@ Array = NDArray[np.float64]
 LOOKS = 2000
 CRANE = """<robot name="crane">
   <link name="base"/><link name="mast"/><link name="boom"/><link name="trolley"/><link name="hook"/>
-  <joint name="slew" type="continuous"><parent link="base"/><child link="mast"/><origin xyz="0.1 0 0.2" rpy="0.1 0.2 0"/>
-    <axis xyz="0 0 1"/></joint>
+  <joint name="slew" type="continuous"><parent link="base"/><child link="mast"/>
+    <origin xyz="0.1 0 0.2" rpy="0.1 0.2 0"/><axis xyz="0 0 1"/></joint>
   <joint name="luff" type="revolute"><parent link="mast"/><child link="boom"/><origin xyz="0 0.1 0.5"/>
     <axis xyz="0 1 0.2"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
   <joint name="run" type="prismatic"><parent link="boom"/><child link="trolley"/><origin xyz="0 0 0.1" rpy="0.2 0 0.4"/>
