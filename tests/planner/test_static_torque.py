@@ -38,7 +38,8 @@ SLIDING = (
     '<axis xyz="0 1 0"/>{limit}</joint>'
     '<joint name="reach" type="prismatic"><parent link="l2"/><child link="l3"/><axis xyz="1 0 0"/>{limit}</joint>'
     '<joint name="twist" type="continuous"><parent link="l3"/><child link="l4"/><axis xyz="0 0 1"/>{limit}</joint>'
-    '<joint name="other" type="revolute"><parent link="l1"/><child link="l5"/><axis xyz="1 0 0"/>{limit}</joint></robot>'
+    '<joint name="other" type="revolute"><parent link="l1"/><child link="l5"/><axis xyz="1 0 0"/>{limit}</joint>'
+    "</robot>"
 )
 LINK = (
     '<link name="l{}"><inertial><origin xyz="0.1 -0.05 0.2"/><mass value="2"/>'
