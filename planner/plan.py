@@ -10,7 +10,7 @@ import itertools
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from hdplan.planner.certificate import Certificate, Certifier
 from hdplan.planner.goal_search import goal_choice
@@ -21,10 +21,12 @@ from hdplan.planner.scene_robot import load_scene_robot, resolve_query
 from hdplan.planner.seeds import seeds
 from hdplan.planner.solvers import Solver, solver_named
 from hdplan.planner.solvers.solution import FIRST_WEIGHT, RAISE, Budget, Solution, Status, Step
-from hdplan.planner.timing import Timekeeper
 from hdplan.planner.trajectory import Trajectory
-from hdplan.scenes.errors import InputError
+from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.model import Goals, JointTarget, PathConstraints, Scene
+
+if TYPE_CHECKING:
+    from hdplan.planner.timing import Timekeeper
 
 ENDS_KEEP = 0.5  # share of an end's distance that is asked for where it is below planner.clearance
 DETOUR_WEIGHT = FIRST_WEIGHT * RAISE**3  # [1/m²] a guess that leads around obstacles is to stay there
@@ -82,8 +84,11 @@ def plan(
     choice = goal_choice(scene, robot, certifier, seed)
     aims = [replace(scene, goal=goal) for goal in choice.goals]
     clearances = [_reachable_clearance(aim, robot, certifier) for aim in aims]  # ends in collision: before all fitting
-    timekeeper = Timekeeper(scene, robot) if scene.timed else None
+    timekeeper = _timekeeper(scene, robot)
     problems = [build(aim, robot) for aim in aims]
+    if timekeeper is not None:
+        with naming(scene.source):
+            timekeeper.check(problems[0].start, problems[0].goal, robot.joint_names)
     built = time.perf_counter()
 
     searches = [
@@ -119,6 +124,15 @@ def plan(
         notes=(*problems[taken].notes, *words),
         goal=choice.goals[taken] if several else None,
     )
+
+
+def _timekeeper(scene: Scene, robot: Robot) -> Timekeeper | None:
+    """Return what gives motions their times, where the scene asks for them."""
+    if not scene.timed:
+        return None
+    from hdplan.planner.timing import Timekeeper
+
+    return Timekeeper(scene, robot)
 
 
 class _Best(NamedTuple):
@@ -166,9 +180,9 @@ class _Search:
             certificate, intervals = self._certify(solution)
             if solution.status is Status.INTERRUPTED or self.stop() or budget.spent():
                 return True
-            if certificate.certified or not certificate.unproven:  # what else fails, other guesses cannot mend
+            if certificate.certified:
                 return True
-            if solution.status is Status.STALLED:
+            if solution.status is Status.STALLED or not certificate.unproven:
                 break
             guess, weight = solution.trajectory.positions, solution.weight * RAISE
             problem = problem.resampled(guess).refined(intervals)
@@ -259,6 +273,8 @@ def _without_second_derivatives(scene: Scene) -> str | None:
         "planner.swept: true": scene.planner.swept,
         "the distance fcl": scene.planner.distance == "fcl",
         "a path constraint (section path)": scene.path != PathConstraints(),
+        "a torque limit (limits.torque)": scene.limits.torque is not None,
+        "an obstacle that moves": any(obstacle.motion is not None for obstacle in scene.obstacles),
     }
     return next((name for name, asked in lacking.items() if asked), None)
 
@@ -282,6 +298,8 @@ def _reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tu
             raise InputError(f"{scene.source}: {field}: in collision: {said}")
         if departures := certifier.path.at(q):
             raise InputError(f"{scene.source}: {field}: off the path: {'; '.join(each.words for each in departures)}")
+        if overload := certifier.overload(q):
+            raise InputError(f"{scene.source}: {field}: {overload.words}")
         close = certifier.too_close(q, required, time_)
         for place, asked in close:
             if place.other not in lenient:

@@ -30,6 +30,7 @@ from hdplan.planner.plane_bodies import PlaneBody, from_obstacle, plane_counts
 from hdplan.planner.robot import Robot
 from hdplan.planner.samples import Samples
 from hdplan.planner.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.static_torque import static_torque
 from hdplan.planner.swept_clearance import SweptClearance
 from hdplan.planner.terms import Clearance, PairDistance, Smoothness, Term
 from hdplan.scenes.errors import InputError, naming, nearest
@@ -65,7 +66,7 @@ class Problem:
     goal: Floats  # (n,)
     kinematics: Kinematics
     bodies: tuple[LinkBody, ...]  # the links' outer bodies
-    plane_bodies: tuple[PlaneBody, ...]  # the obstacles' convex pieces
+    plane_bodies: tuple[PlaneBody, ...]  # the obstacles' convex pieces, those last that move
     smoothness: Smoothness
     terms: tuple[Term, ...]  # what the scene calls for: obstacles, self-collision, …
     samples: Samples
@@ -173,7 +174,8 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
     outline = outline_of(robot, settings.link_bodies, settings.normals)
     kinematics, bodies = outline.kinematics, outline.bodies
     with naming(scene.source):
-        enclosed = [from_obstacle(obstacle, settings.normals) for obstacle in scene.obstacles]
+        standing = [obstacle for obstacle in scene.obstacles if obstacle.motion is None]
+        enclosed = [from_obstacle(obstacle, settings.normals) for obstacle in standing]
     plane_bodies = tuple(body for pieces, _ in enclosed for body in pieces)
     notes = [*scene.notes, *robot.notes, *query.notes, *(word for _, words in enclosed for word in words)]
 
@@ -196,6 +198,20 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
             if settings.swept
             else Clearance("obstacles", laid_out, distance)
         )
+    if len(standing) < len(scene.obstacles) and any(body.joint > 0 for body in bodies):
+        from hdplan.planner.moving_clearance import moving_clearance
+
+        with naming(scene.source):
+            term, drifting, words = moving_clearance(
+                scene,
+                bodies,
+                kinematics.supports,
+                lambda pairs, bodies, pieces: _distance(
+                    pairs, bodies, pieces, settings, plane_counts(settings.normals)
+                ),
+            )
+        terms.append(term)
+        plane_bodies, notes = (*plane_bodies, *drifting), [*notes, *words]
     margin = self_margin(scene)
     kept = [(pair, kept > margin) for pair, kept in zip(outline.self_pairs, outline.distances_kept, strict=True)]
     own = [pair for pair, proven in kept if not proven]
@@ -204,6 +220,8 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
         distance = _distance(laid_out, bodies, outline.planes, settings)
         terms.append(Clearance("self-collision", laid_out, distance))
     terms.extend(path_terms(scene, robot, kinematics.supports))
+    if (gravity := static_torque(scene, robot)) is not None:
+        terms.append(gravity)
 
     return Problem(
         scene=scene,

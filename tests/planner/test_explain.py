@@ -45,7 +45,11 @@ def test_sections_in_reading_order_as_plain_text(planar: Problem) -> None:
         (arm(clearance=0.2), "off: the scene has no obstacles", "on: grows where two links come within 0.205 m"),
         (arm(FAR_AWAY), "off: every obstacle is out of the robot's reach", "off: every pair of links is proven"),
         (arm(FAR_AWAY, ignore=True), "off: every obstacle is out of the robot's reach", "off: no pair of links"),
-        (load_scene("planar_arm"), "on: grows where a moving link comes within 0.02 m of an obstacle", "off: every pair"),
+        (
+            load_scene("planar_arm"),
+            "on: grows where a moving link comes within 0.02 m of an obstacle",
+            "off: every pair",
+        ),
     ],
     ids=["none", "out of reach", "nothing at all", "shipped"],
 )

@@ -250,7 +250,9 @@ def bare(*obstacles: Obstacle, ignore: bool = False, wide: bool = False) -> Scen
     asks of them more than what is proven anyway."""
     scene = load_scene("planar_arm")
     robot = dataclasses.replace(scene.robot, ignore_pairs=(("pedestal", "forearm"),) if ignore else ())
-    return dataclasses.replace(scene, obstacles=obstacles, robot=robot, self_collision=WIDE if wide else SelfCollision())
+    return dataclasses.replace(
+        scene, obstacles=obstacles, robot=robot, self_collision=WIDE if wide else SelfCollision()
+    )
 
 
 FAR_AWAY = Obstacle("far", Box((1.0, 1.0, 1.0)), Pose((5.0, 0.0, 0.0)))
