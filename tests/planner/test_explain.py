@@ -72,8 +72,7 @@ def test_joints_with_and_without_limits() -> None:
 
 
 def test_pairs_kept_and_pruned_add_up() -> None:
-    scene = load_scene("planar_arm")
-    problem = build(dataclasses.replace(scene, obstacles=(*scene.obstacles, FAR_AWAY)))
+    problem = build(arm(*load_scene("planar_arm").obstacles, FAR_AWAY, clearance=0.2))
     moving = sum(body.joint > 0 for body in problem.bodies)
     kept = next(len(term.pairs) for term in problem.terms if term.name == "obstacles")
     assert moving <= 3 * moving - kept, "at least those of the far body are pruned"
