@@ -507,6 +507,22 @@ def conservativeness(output: Folder = OUT, quick: Quick = False) -> None:
 
 
 @figures.command()
+def corridor(output: Folder = OUT, quick: Quick = False) -> None:
+    """Steer a Panda of boxes into a corridor, under each distance.
+
+    The paper's robot experiment: the same controller with the exact distance, the GDF and the HD-SDF, with the text's
+    parameters and with its published code's; then one setting changed at a time, and which of them are safe. Writes
+    corridor.csv, corridor_commands.csv, corridor_settings.csv and corridor.png. Takes some minutes; Ctrl-C ends with
+    what was found so far.
+    """
+    from hdplan.planner.reproduce_corridor import reproduce_corridor
+
+    with _measuring() as (report, stop):
+        found = reproduce_corridor(output, quick, report, stop)
+    _show_report(found)
+
+
+@figures.command()
 def kinks(output: Folder = OUT) -> None:
     """Follow two squares past each other.
 

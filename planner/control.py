@@ -130,6 +130,15 @@ class Controller:
             [robot.model.velocityLimit[robot.model.joints[j].idx_v] for j in range(1, robot.model.njoints)]
         )
 
+    @property
+    def assured(self) -> float | None:
+        """Clearance [m] to obstacles proven at every time, at any speed within the limits, once Δ ≥ δ: that of the
+        samples, less the farthest way to the middle of a period; None without proof, not above 0 where it fails."""
+        clearance = self.settings.clearance
+        if clearance is None or not self.settings.look_ahead or self.barriers.movers:
+            return None
+        return clearance - 0.5 * self.settings.period * float(self._fastest @ self.barriers.levers)
+
     @classmethod
     def of(cls, scene: Scene, settings: ControlSettings | None = None, robot: Robot | None = None) -> Controller:
         """Return the controller of a scene. Raises InputError as `scene_barriers` and for the scene's robot."""

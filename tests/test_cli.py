@@ -561,7 +561,9 @@ def test_bad_moveit_input(
 # --- reading matter ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("command", [[], ["plan"], ["check"], ["simulate"], ["plot"], ["view"], ["explain"], ["robots"]])
+@pytest.mark.parametrize(
+    "command", [[], ["plan"], ["check"], ["simulate"], ["plot"], ["view"], ["explain"], ["robots"]]
+)
 def test_help_fits_a_terminal(hdplan: Callable[..., Done], command: list[str]) -> None:
     done = hdplan(*command, "--help")
     assert (done.code, done.err) == (0, "")
