@@ -2,7 +2,8 @@
 
 It shares nothing with the planner that made the trajectory: Pinocchio's own kinematics, the robot's real collision
 geometry, the scene's own shapes (`proximity`), and bounds on the executed curve between samples (`curve`,
-`motion_bounds`, `sweep`). Where the scene says so, it covers moving obstacles and limits of the joints (`rate_check`).
+`motion_bounds`, `sweep`). Where the scene says so, it covers moving obstacles, limits of the joints (`rate_check`) and
+what is to hold all along the way (`path_check`).
 Distances are proven *lower bounds* in metres, positive = separated. Two bodies that do not move against each other (a
 robot's base and the floor on which it stands) are no part of a motion and are not compared.
 """
@@ -15,6 +16,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from hdplan.planner.curve import Curve
 from hdplan.planner.intervals import Bodies, Body, Pairs
 from hdplan.planner.motion_bounds import Chain
+from hdplan.planner.path_check import Departure, Kept, PathCheck
 from hdplan.planner.pose_goals import miss_of
 from hdplan.planner.proximity import link_pieces, obstacle_pieces
 from hdplan.planner.rate_check import Use, rates
@@ -30,8 +33,10 @@ from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.sweep import Spot, Sweep
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError, naming, nearest
-from hdplan.scenes.model import JointTarget, PoseTarget, Scene
-from hdplan.scenes.moving import Passages
+from hdplan.scenes.model import JointTarget, Obstacle, PoseTarget, Scene
+
+if TYPE_CHECKING:
+    from hdplan.scenes.moving import Passages
 
 Array = NDArray[np.float64]
 
@@ -51,6 +56,7 @@ class Status(Enum):
     OUTSIDE_LIMITS = "outside_limits"
     IN_CONTACT = "in_contact"
     TOO_CLOSE = "too_close"
+    OFF_PATH = "off_path"
     TOO_FAST = "too_fast"
     NOT_PROVEN = "not_proven"
 
@@ -63,6 +69,7 @@ class Status(Enum):
             Status.OUTSIDE_LIMITS: "keep every waypoint within the robot's joint limits",
             Status.IN_CONTACT: "plan with more clearance, more waypoints or another seed",
             Status.TOO_CLOSE: "ask for less clearance, or plan with more",
+            Status.OFF_PATH: "allow more (path), or plan it with this constraint in the scene, or with more waypoints",
             Status.TOO_FAST: "give it more time (timing), or plan it with these limits in the scene",
             Status.NOT_PROVEN: "the motion grazes a body: plan with more clearance",
         }[self]
@@ -93,9 +100,18 @@ class Certificate:
     self_worst: Place | None  # the same between the links
     failures: tuple[Place, ...]  # every waypoint interval and pair that is not proven, the worst place met there
     uses: tuple[Use, ...]  # of the joints' limits on rates, where the scene has any
+    path: tuple[Kept, ...]  # how well the scene's path constraints are kept, where it has any
+    departures: tuple[Departure, ...]  # every waypoint interval and path constraint that is not proven
     configurations: int  # at which distances were computed
     exact_calls: int  # of the exact distance
     seconds: float  # spent
+
+    @property
+    def unproven(self) -> tuple[int, ...]:
+        """The waypoint intervals in which something about places is not proven, in order."""
+        return tuple(
+            sorted({place.interval for place in self.failures} | {place.interval for place in self.departures})
+        )
 
     @property
     def certified(self) -> bool:
@@ -163,12 +179,13 @@ class Certifier:
         for obstacle in scene.obstacles:
             with naming(scene.source):
                 pieces = obstacle_pieces(obstacle)
-            passages = None if obstacle.motion is None else Passages.of(obstacle)
+            passages = _passages(obstacle)
             bodies.extend(Body(obstacle.name, piece, 0, obstacle.pose.matrix, passages) for piece in pieces)
         rows = [(a, b, 0) for a in range(count) for b in range(count, len(bodies))]
         rows += [(a, b, 1) for first, second in robot.self_pairs for a in links[first] for b in links[second]]
         gathered = Bodies(_chain(robot), bodies, robot.pin_q)
         self.sweep = Sweep(gathered, Pairs.of(gathered, rows))
+        self.path = PathCheck(scene, robot, gathered.chain)
 
     def certify(
         self,
@@ -185,6 +202,7 @@ class Certifier:
         uses = self._uses(curve)
         floor = self._floor(required)
         proof = self.sweep.prove(curve, floor, stop_at_contact)
+        path = self.path.prove(curve)
         failures = tuple(self._place(spot, curve) for spot in proof.failures)
         worst, self_worst = (self._place(spot, curve) if spot else None for spot in proof.closest)
         unproven = {int(self.sweep.pairs.group[spot.pair]) for spot in proof.failures}
@@ -196,6 +214,7 @@ class Certifier:
         limits = self._outside_limits(curve)
         too_fast = next((use for use in uses if not use.within), None)
         asked = {place: floor[spot.pair] for place, spot in zip(failures, proof.failures, strict=True)}
+        off_path = max(path.departures, key=lambda place: place.excess, default=None)
         touching = [place for place, spot in zip(failures, proof.failures, strict=True) if spot.touching]
         deepest = min(
             touching or failures, key=lambda place: (place.distance > 0.0, place.distance - asked[place]), default=None
@@ -211,12 +230,16 @@ class Certifier:
                 Status.TOO_CLOSE,
                 f"{_words(deepest)}, {asked[deepest] * 1e3:g} mm are required; {_others(failures)}",
             )
+        elif off_path and off_path.violated:
+            status, found = Status.OFF_PATH, _departure(off_path, path.departures, curve)
+        elif off_path:
+            status, found = Status.NOT_PROVEN, _departure(off_path, path.departures, curve)
         elif deepest:
             status, found = Status.NOT_PROVEN, f"{_where(deepest, 'cannot be told apart')}; {_others(failures)}"
         elif too_fast:
             status, found = Status.TOO_FAST, _exceeded(too_fast, curve)
         else:
-            status, found = Status.CERTIFIED, _proven(clearance, self_clearance, uses)
+            status, found = Status.CERTIFIED, _proven(clearance, self_clearance, uses, path.kept)
         text = f"{status.value.replace('_', ' ')}: {found}"
         return Certificate(
             status,
@@ -227,7 +250,9 @@ class Certifier:
             self_worst,
             failures,
             uses,
-            proof.configurations,
+            path.kept,
+            path.departures,
+            proof.configurations + path.configurations,
             proof.exact_calls,
             time.perf_counter() - began,
         )
@@ -374,6 +399,15 @@ def _link_bodies(robot: Robot) -> tuple[Body, ...]:
     )
 
 
+def _passages(obstacle: Obstacle) -> Passages | None:
+    """Return how an obstacle moves; None if it stands."""
+    if obstacle.motion is None:
+        return None
+    from hdplan.scenes.moving import Passages
+
+    return Passages.of(obstacle)
+
+
 def curve_of(robot: Robot, trajectory: Trajectory) -> Curve:
     """Return the trajectory's curve, its joints in the order of the robot's planned ones.
 
@@ -431,6 +465,15 @@ def _others(failures: tuple[Place, ...]) -> str:
     )
 
 
+def _departure(worst: Departure, departures: tuple[Departure, ...], curve: Curve) -> str:
+    when = f"time {worst.time:.3f}" if curve.times is None else f"{float(curve.time_of(worst.time)):.3f} s"
+    intervals = len({place.interval for place in departures})
+    return (
+        f"{worst.words}{'' if worst.violated else ', too close to tell'} after waypoint {worst.interval} ({when}); "
+        f"{intervals} interval{'s' * (intervals != 1)} between waypoints not proven"
+    )
+
+
 def _exceeded(use: Use, curve: Curve) -> str:
     began = curve.time_of(use.interval / (len(curve) - 1))
     after = f"after waypoint {use.interval} ({began:.3f} s)"
@@ -439,8 +482,11 @@ def _exceeded(use: Use, curve: Curve) -> str:
     return f"joint '{use.joint}': {use.quantity} up to {use.share:.1%} of its limit {use.limit:g} {after}"
 
 
-def _proven(clearance: float | None, self_clearance: float | None, uses: tuple[Use, ...]) -> str:
+def _proven(
+    clearance: float | None, self_clearance: float | None, uses: tuple[Use, ...], path: tuple[Kept, ...]
+) -> str:
     obstacles = "no obstacles to meet" if clearance is None else f"at least {_length(clearance)} to every obstacle"
     links = "" if self_clearance is None else f", {_length(self_clearance)} between links"
     taken = "".join(f", {use.quantity} up to {use.share:.0%} of the limits" for use in uses)
-    return f"{obstacles}{links}{taken}, over the whole motion"
+    kept = "".join(f", {constraint.words}" for constraint in path)
+    return f"{obstacles}{links}{taken}{kept}, over the whole motion"

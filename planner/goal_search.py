@@ -130,7 +130,7 @@ class LinkPose(NamedTuple):
     @classmethod
     def of(cls, robot: Robot, target: PoseTarget) -> LinkPose:
         """Take a robot and its target. Raises InputError as `link_frame`."""
-        frame = robot.model.frames[link_frame(robot, target)]
+        frame = robot.model.frames[link_frame(robot, target.link, target.field)]
         return cls(robot, target, kinematics_of(robot), frame.parentJoint, frame.placement.homogeneous)
 
     def linearized(self, q: Array) -> tuple[Array, Array]:
@@ -155,9 +155,9 @@ class LinkPose(NamedTuple):
 
 
 def damped_step(robot: Robot, q: Array, error: Array, jacobian: Array, longest: float = LONGEST) -> Array:
-    """One step of damped least squares from q (B, n), within the limits: error (B, 6), jacobian (B, 6, n); no joint
+    """One step of damped least squares from q (B, n), within the limits: error (B, m), jacobian (B, m, n); no joint
     moves by more than `longest`."""
-    square = jacobian @ jacobian.transpose(0, 2, 1) + DAMPING**2 * np.eye(6)
+    square = jacobian @ jacobian.transpose(0, 2, 1) + DAMPING**2 * np.eye(error.shape[1])
     step = np.einsum("bij,bi->bj", jacobian, np.linalg.solve(square, error[..., None])[..., 0])
     step *= np.minimum(1.0, longest / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-12))
     moved: Array = np.clip(q + step, robot.lower, robot.upper)
@@ -225,10 +225,12 @@ def _apart(q: Array) -> Array:
 
 
 def _free(certifier: Certifier, reached: Array, start: Array) -> list[tuple[float, Array]]:
-    """The PICKED nearest configurations without contact, each with its score, the best first."""
+    """The PICKED nearest configurations without contact that keep the path constraints, each with its score, the best
+    first."""
     scored = []
     time = certifier.scene.end_time
-    for q in itertools.islice((q for q in reached if not certifier.too_close(q, 0.0, time)), PICKED):
+    fit = (q for q in reached if not certifier.path.at(q) and not certifier.too_close(q, 0.0, time))
+    for q in itertools.islice(fit, PICKED):
         place, _ = certifier.nearest(q, CLOSE, time)
         crowded = 0.0 if place is None else 1.0 - place.distance / CLOSE
         scored.append((float(np.linalg.norm(q - start)) * (1.0 + crowded), q))
@@ -244,12 +246,22 @@ def _refusal(target: JointTarget | PoseTarget, certifier: Certifier, reached: Ar
             f"link '{target.link}' is not brought there: the best of {STARTS} tries is {nearest} off, "
             f"allowed are {allowed}"
         )
-    first = certifier.contacts(reached[0])[0]
-    depth = f"overlap by {first.depth * 1e3:.3g} mm" if first.depth else "touch"
-    if nearest is None:
-        return f"in collision: {first.link} and {first.other} {depth}"
-    found = _configurations(len(reached))
-    return f"in collision in all {found} found; in the nearest {first.link} and {first.other} {depth}"
+    fault = _fault(certifier, reached[0])
+    return (
+        fault if nearest is None else f"none of {_configurations(len(reached))} found will do; the nearest is {fault}"
+    )
+
+
+def _fault(certifier: Certifier, q: Array) -> str:
+    """Say why a configuration may not end a motion."""
+    if departures := certifier.path.at(q):
+        return f"off the path: {departures[0].words}"
+    place, asked = certifier.too_close(q, 0.0, certifier.scene.end_time)[0]
+    if place.distance > 0.0:
+        found = f"{place.distance * 1e3:.3g} mm, {asked * 1e3:g} mm are asked for"
+        return f"too close: from {place.link} to {place.other} {found}"
+    depth = f"overlap by {-place.distance * 1e3:.3g} mm" if place.distance else "touch"
+    return f"in collision: {place.link} and {place.other} {depth}"
 
 
 def _configurations(count: int) -> str:

@@ -11,7 +11,7 @@ import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 from hdplan.planner.curve import Curve
 from hdplan.planner.motion_bounds import Array, Chain, Mask, Motion, cross
 from hdplan.planner.proximity import Piece, transform
-from hdplan.scenes.moving import Passages
+
+if TYPE_CHECKING:
+    from hdplan.scenes.moving import Passages
 
 Index = NDArray[np.int64]
 

@@ -10,7 +10,7 @@ import itertools
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from hdplan.planner.certificate import Certificate, Certifier
 from hdplan.planner.goal_search import goal_choice
@@ -21,10 +21,12 @@ from hdplan.planner.scene_robot import load_scene_robot, resolve_query
 from hdplan.planner.seeds import seeds
 from hdplan.planner.solvers import Solver, solver_named
 from hdplan.planner.solvers.solution import FIRST_WEIGHT, RAISE, Budget, Solution, Status, Step
-from hdplan.planner.timing import Timekeeper
 from hdplan.planner.trajectory import Trajectory
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Goals, JointTarget, Scene
+from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.model import Goals, JointTarget, PathConstraints, Scene
+
+if TYPE_CHECKING:
+    from hdplan.planner.timing import Timekeeper
 
 ENDS_KEEP = 0.5  # share of an end's distance that is asked for where it is below planner.clearance
 DETOUR_WEIGHT = FIRST_WEIGHT * RAISE**3  # [1/m²] a guess that leads around obstacles is to stay there
@@ -69,12 +71,11 @@ def plan(
             KeyboardInterrupt does the same, except in the moments in which a C++ library swallows it.
 
     Raises:
-        InputError: for what scene or robot get wrong, among it a start or goal in collision, and for ipopt with the
-            distance fcl or with swept bodies.
+        InputError: for what scene or robot get wrong, among it a start or goal in collision or off a path constraint,
+            and for ipopt with the distance fcl, swept bodies or path constraints.
     """
     run = solver_named(solver)
-    if solver == "ipopt" and (scene.planner.distance == "fcl" or scene.planner.swept):
-        lacking = "planner.swept: true" if scene.planner.swept else "the distance fcl"
+    if solver == "ipopt" and (lacking := _without_second_derivatives(scene)):
         raise InputError(f"solver ipopt: needs exact second derivatives, which {lacking} does not have")
     began = time.perf_counter()
     robot = robot or load_scene_robot(scene)
@@ -83,8 +84,11 @@ def plan(
     choice = goal_choice(scene, robot, certifier, seed)
     aims = [replace(scene, goal=goal) for goal in choice.goals]
     clearances = [_reachable_clearance(aim, robot, certifier) for aim in aims]  # ends in collision: before all fitting
-    timekeeper = Timekeeper(scene, robot) if scene.timed else None
+    timekeeper = _timekeeper(scene, robot)
     problems = [build(aim, robot) for aim in aims]
+    if timekeeper is not None:
+        with naming(scene.source):
+            timekeeper.check(problems[0].start, problems[0].goal, robot.joint_names)
     built = time.perf_counter()
 
     searches = [
@@ -120,6 +124,15 @@ def plan(
         notes=(*problems[taken].notes, *words),
         goal=choice.goals[taken] if several else None,
     )
+
+
+def _timekeeper(scene: Scene, robot: Robot) -> Timekeeper | None:
+    """Return what gives motions their times, where the scene asks for them."""
+    if not scene.timed:
+        return None
+    from hdplan.planner.timing import Timekeeper
+
+    return Timekeeper(scene, robot)
 
 
 class _Best(NamedTuple):
@@ -167,9 +180,9 @@ class _Search:
             certificate, intervals = self._certify(solution)
             if solution.status is Status.INTERRUPTED or self.stop() or budget.spent():
                 return True
-            if certificate.certified or not certificate.failures:  # what else fails, other guesses cannot mend
+            if certificate.certified:
                 return True
-            if solution.status is Status.STALLED:
+            if solution.status is Status.STALLED or not certificate.unproven:
                 break
             guess, weight = solution.trajectory.positions, solution.weight * RAISE
             problem = problem.resampled(guess).refined(intervals)
@@ -225,7 +238,7 @@ class _Search:
         if self.best is None or _rank(certificate) < _rank(self.best.certificate):
             self.best = _Best(solution, trajectory, certificate, self.steps, whole=not hopeless)
         self.report(Event(self.attempts, certificate=certificate))
-        failed = {place.interval for place in certificate.failures}
+        failed = set(certificate.unproven)
         if parameter is not None:  # rows in time lie closer than waypoints, and elsewhere
             last = self.problem.waypoints - 2
             failed = {min(int(parameter[row + end] * (last + 1)), last) for row in failed for end in (0, 1)}
@@ -254,11 +267,22 @@ def _taken(searches: Sequence[_Search], taken: int, goals: Sequence[JointTarget]
     )
 
 
+def _without_second_derivatives(scene: Scene) -> str | None:
+    """Name what the scene asks for that has no exact second derivatives."""
+    lacking = {
+        "planner.swept: true": scene.planner.swept,
+        "the distance fcl": scene.planner.distance == "fcl",
+        "a path constraint (section path)": scene.path != PathConstraints(),
+        "an obstacle that moves": any(obstacle.motion is not None for obstacle in scene.obstacles),
+    }
+    return next((name for name, asked in lacking.items() if asked), None)
+
+
 def _reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tuple[float, tuple[str, ...]]:
     """The clearance that can be asked for [m]: the scene's, or less, with a word, where its own ends are closer than
     that.
 
-    Raises InputError if an end is in collision.
+    Raises InputError if an end is in collision, or breaks a path constraint.
     """
     required, words = scene.planner.clearance, []
     lenient = {obstacle.name for obstacle in scene.obstacles if obstacle.clearance is None}
@@ -271,6 +295,8 @@ def _reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tu
                 for c in contacts[:3]
             )
             raise InputError(f"{scene.source}: {field}: in collision: {said}")
+        if departures := certifier.path.at(q):
+            raise InputError(f"{scene.source}: {field}: off the path: {'; '.join(each.words for each in departures)}")
         close = certifier.too_close(q, required, time_)
         for place, asked in close:
             if place.other not in lenient:
@@ -289,8 +315,9 @@ def _reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tu
 
 
 def _rank(certificate: Certificate) -> tuple[float, ...]:
-    """Order of motions, best first: certified with most clearance, then with the shallowest contact."""
+    """Order of motions, best first: certified with most clearance, then with the shallowest contact or the smallest
+    departure from the path, a radian counted as a metre."""
     if certificate.certified:
         return (0.0, -(certificate.clearance or 0.0))
-    deepest = min((place.distance for place in certificate.failures), default=0.0)
-    return (1.0, -deepest)
+    depths = [-place.distance for place in certificate.failures] + [place.excess for place in certificate.departures]
+    return (1.0, max(depths, default=0.0))

@@ -41,21 +41,21 @@ class Miss(NamedTuple):
         return f"{self.position * 1e3:.3g} mm" + f" and {self.angle:.3g} rad" * (self.angle > 0.0)
 
 
-def link_frame(robot: Robot, target: PoseTarget) -> int:
-    """Return the index of the target's link among the model's frames. Raises InputError for a link that the robot does
-    not have, or that does not move."""
+def link_frame(robot: Robot, link: str, field: str) -> int:
+    """Return the index of a link among the model's frames. Raises InputError, naming the scene's `field`, for a link
+    that the robot does not have, or that does not move."""
     frames = robot.model.frames
     links = {str(frame.name): index for index, frame in enumerate(frames) if frame.type == pin.FrameType.BODY}
-    if target.link not in links:
-        raise InputError(f"{target.field}.link: unknown link '{target.link}'{nearest(target.link, links)}")
-    if frames[links[target.link]].parentJoint == 0:
-        raise InputError(f"{target.field}.link: '{target.link}' is fixed to the world, so no motion brings it anywhere")
-    return links[target.link]
+    if link not in links:
+        raise InputError(f"{field}.link: unknown link '{link}'{nearest(link, links)}")
+    if frames[links[link]].parentJoint == 0:
+        raise InputError(f"{field}.link: '{link}' is fixed to the world, so no motion brings it anywhere")
+    return links[link]
 
 
 def miss_of(robot: Robot, target: PoseTarget, q: Array) -> Miss:
     """Return how far configuration q (n,) misses the target; exact to rounding. Raises InputError as `link_frame`."""
-    frame, data = link_frame(robot, target), robot.model.createData()
+    frame, data = link_frame(robot, target.link, target.field), robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
     found, wanted = data.oMf[frame], target.pose.matrix
     off = float(np.linalg.norm(found.translation - wanted[:3, 3]))

@@ -25,6 +25,7 @@ from hdplan.planner.kinematics import Kinematics
 from hdplan.planner.link_bodies import LinkBody
 from hdplan.planner.outline import outline_of
 from hdplan.planner.pairs import BodyPairs, body_pairs
+from hdplan.planner.path_terms import PathTerm, path_terms
 from hdplan.planner.plane_bodies import PlaneBody, from_obstacle, plane_counts
 from hdplan.planner.robot import Robot
 from hdplan.planner.samples import Samples
@@ -65,7 +66,7 @@ class Problem:
     goal: Floats  # (n,)
     kinematics: Kinematics
     bodies: tuple[LinkBody, ...]  # the links' outer bodies
-    plane_bodies: tuple[PlaneBody, ...]  # the obstacles' convex pieces
+    plane_bodies: tuple[PlaneBody, ...]  # the obstacles' convex pieces, those last that move
     smoothness: Smoothness
     terms: tuple[Term, ...]  # what the scene calls for: obstacles, self-collision, …
     samples: Samples
@@ -82,6 +83,11 @@ class Problem:
     def pair_terms(self) -> tuple[Clearance, ...]:
         """The terms that keep pairs of bodies apart."""
         return tuple(term for term in self.terms if isinstance(term, Clearance))
+
+    @property
+    def path_terms(self) -> tuple[PathTerm, ...]:
+        """The terms that hold the scene's path constraints."""
+        return tuple(term for term in self.terms if isinstance(term, PathTerm))
 
     def clip(self, positions: Floats) -> Floats:
         """Move interior waypoints into the joint limits and set the ends."""
@@ -167,7 +173,8 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
     outline = outline_of(robot, settings.link_bodies, settings.normals)
     kinematics, bodies = outline.kinematics, outline.bodies
     with naming(scene.source):
-        enclosed = [from_obstacle(obstacle, settings.normals) for obstacle in scene.obstacles]
+        standing = [obstacle for obstacle in scene.obstacles if obstacle.motion is None]
+        enclosed = [from_obstacle(obstacle, settings.normals) for obstacle in standing]
     plane_bodies = tuple(body for pieces, _ in enclosed for body in pieces)
     notes = [*scene.notes, *robot.notes, *query.notes, *(word for _, words in enclosed for word in words)]
 
@@ -190,11 +197,26 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
             if settings.swept
             else Clearance("obstacles", laid_out, distance)
         )
+    if len(standing) < len(scene.obstacles) and any(body.joint > 0 for body in bodies):
+        from hdplan.planner.moving_clearance import moving_clearance
+
+        with naming(scene.source):
+            term, drifting, words = moving_clearance(
+                scene,
+                bodies,
+                kinematics.supports,
+                lambda pairs, bodies, pieces: _distance(
+                    pairs, bodies, pieces, settings, plane_counts(settings.normals)
+                ),
+            )
+        terms.append(term)
+        plane_bodies, notes = (*plane_bodies, *drifting), [*notes, *words]
     if outline.self_pairs:
         margin = self_margin(scene)
         laid_out = body_pairs(bodies, outline.planes, outline.self_pairs, margin, kinematics.supports)
         distance = _distance(laid_out, bodies, outline.planes, settings)
         terms.append(Clearance("self-collision", laid_out, distance))
+    terms.extend(path_terms(scene, robot, kinematics.supports))
 
     return Problem(
         scene=scene,

@@ -3,7 +3,8 @@
 The roadmap's nodes are random configurations, clear of everything, denser about the straight line; an edge costs its
 length, times more where bodies come too close along it. A way that has been tried costs more the next time. So a guess
 may pass through obstacles, but not far, and no two are alike (a soft form of the probabilistic roadmap, Kavraki et al.
-1996). All draws come from one seeded generator: the same seed gives the same guesses.
+1996). Where the scene asks something of the whole way, configurations are moved there before they are looked at. All
+draws come from one seeded generator: the same seed gives the same guesses.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
+from hdplan.planner.goal_search import damped_step
 from hdplan.planner.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -26,6 +28,8 @@ NEIGHBOURS = 8  # nearest nodes to which a new one is joined
 LOOKS, CLOSE_LOOKS = 6, 48  # configurations at which an edge is scored: every one, and those of a way to be taken
 DEPTH = 0.01  # [m] inside the margin that doubles the cost of a piece of an edge
 WORN = 3.0  # factor on the cost of an edge that has been tried
+PULLS = 30  # steps that bring a configuration to where the path constraints hold
+BEYOND = 1.2  # how much farther than to their rim each aims: damped steps only come close to where they aim
 
 
 def seeds(problem: Problem, seed: int) -> Iterator[Floats]:
@@ -47,6 +51,19 @@ def through(problem: Problem, via: Floats) -> Floats:
     return np.stack([np.interp(wanted, lengths, column) for column in corners.T], axis=1)
 
 
+def onto_path(problem: Problem, q: Floats) -> Floats:
+    """Configurations (B, n) moved until they keep the path constraints, as far as PULLS steps of damped least squares
+    bring them: hardly one that is drawn at random keeps them."""
+    for _ in range(PULLS):
+        kinematics = problem.kinematics.evaluate(q)
+        inside, slopes = zip(*(term.inside(kinematics) for term in problem.path_terms), strict=True)
+        missing, slope = -BEYOND * np.concatenate(inside, axis=1), np.concatenate(slopes, axis=1)
+        if not missing.any():
+            break
+        q = damped_step(problem.robot, q, missing, slope)
+    return q
+
+
 class Roadmap:
     """Configurations joined by straight lines, and what each line costs; nodes 0 and 1 are start and goal."""
 
@@ -65,6 +82,8 @@ class Roadmap:
         spread = self.rng.choice(SPREADS, size=(NODES, 1))
         drawn = middle + spread * (self.problem.robot.draw(self.rng, NODES) - middle)
         drawn = np.clip(drawn, self.problem.robot.lower, self.problem.robot.upper)
+        if self.problem.path_terms:
+            drawn = onto_path(self.problem, drawn)
         before = len(self.nodes)
         self.nodes = np.vstack([self.nodes, drawn[self.problem.depth(drawn) == 0.0]])
         apart = np.linalg.norm(self.nodes[before:, None] - self.nodes[None], axis=2)

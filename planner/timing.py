@@ -35,7 +35,7 @@ from hdplan.planner.curve import Curve, row_count
 from hdplan.planner.joint_limits import acceleration_limits, jerk_limits, velocity_limits
 from hdplan.planner.robot import Robot
 from hdplan.planner.trajectory import Trajectory
-from hdplan.scenes.errors import HdplanError, naming
+from hdplan.scenes.errors import HdplanError, InputError, naming
 from hdplan.scenes.model import Scene, Timing
 
 Array = NDArray[np.float64]
@@ -47,6 +47,7 @@ FEWEST_ROWS = 2  # in a window
 LOOKS = 400  # at a law, to compare windows
 STRETCHES = 20  # at most, each by a little more than what is missing
 MARGIN = 1e-6  # [–] by which a limit is kept more than needed
+TIGHT = 0.99  # [–] of what could be stretched that is not worth another try
 STANDS = 1e-9  # [rad] or [m] below which a path leads nowhere
 
 
@@ -145,6 +146,18 @@ class Timekeeper:
             self.acceleration = acceleration_limits(scene, robot)
             self.jerk = jerk_limits(scene, robot)
 
+    def check(self, start: Array, goal: Array, names: tuple[str, ...]) -> None:
+        """Raise InputError if no motion between two configurations (n,) takes as little time as the scene gives it."""
+        if self.timing.duration is None or self.velocity is None:
+            return
+        least = np.abs(goal - start) / self.velocity
+        joint = int(least.argmax())
+        if least[joint] > self.timing.duration:
+            raise InputError(
+                f"timing.duration: {self.timing.duration:g} s, but joint '{names[joint]}' alone needs at least "
+                f"{least[joint]:.3g} s from start to goal"
+            )
+
     def __call__(self, path: Trajectory) -> Timed:
         """Return a path's motion in time; of a fixed duration whether the limits hold or not."""
         spline = smooth(path.positions)
@@ -200,19 +213,25 @@ class Timekeeper:
 
     def _allowed(self, spline: BSpline, law: Law) -> float:
         """Return a duration in which the limits hold all along the executed curve: whole rows, and not much more."""
-        duration = law.duration * self._stretch_at_looks(spline, law)
+        duration, best = law.duration * self._stretch_at_looks(spline, law), np.inf
         for _ in range(STRETCHES):
             duration = (row_count(duration, self.timing.rate) - 1) / self.timing.rate
+            if duration >= best:
+                break
             times, _, rows = _rows(spline, law, duration, self.timing.rate)
-            curve, missing = Curve.through(rows[0], times, rows[1], rows[2]), 1.0
+            curve, stretch = Curve.through(rows[0], times, rows[1], rows[2]), 0.0
             for order, limit in enumerate(self._limits, start=1):
                 if limit is not None:
                     share = float((curve.over_time(order).largest() / limit).max())
-                    missing = max(missing, ((1 + MARGIN) * share) ** (1 / order))
-            if missing <= 1.0 + MARGIN:
-                return duration
-            duration *= missing
-        raise HdplanError("no law of time was found within the limits on the executed curve")
+                    stretch = max(stretch, ((1 + MARGIN) * share) ** (1 / order))
+            if stretch <= 1.0:
+                best = duration
+                if stretch > TIGHT:
+                    break
+            duration *= stretch
+        if not np.isfinite(best):
+            raise HdplanError("no law of time was found within the limits on the executed curve")
+        return best
 
     @property
     def _limits(self) -> tuple[Array | None, ...]:
@@ -237,7 +256,9 @@ def _rows(spline: BSpline, law: Law, duration: float, rate: float) -> tuple[Arra
     share = np.linspace(0.0, 1.0, count)
     stretch = duration / law.duration
     u, first, second, _ = law(share * law.duration)
-    u, first, second = np.clip(u, 0.0, 1.0), first[:, None] / stretch, second[:, None] / stretch**2
+    u = np.clip(u, 0.0, 1.0)
+    u[0], u[-1] = 0.0, 1.0  # to the last bit: the motion ends where its path does
+    first, second = first[:, None] / stretch, second[:, None] / stretch**2
     slope, bend = spline(u, 1), spline(u, 2)
     return share * duration, u, (spline(u), slope * first, bend * first**2 + slope * second)
 

@@ -59,6 +59,7 @@ SOLVER_SIDE = (
     "planner.hdsdf_pairs",
     "planner.outline",
     "planner.pairs",
+    "planner.path_terms",
     "planner.plane_bodies",
     "planner.link_bodies",
     "planner.kinematics",
