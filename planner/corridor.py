@@ -29,6 +29,7 @@ from hdplan.planner.kinematics import Kinematics
 from hdplan.planner.link_bodies import LinkBody
 from hdplan.planner.outline import kinematics_of
 from hdplan.planner.plane_bodies import PlaneBody, from_obstacle
+from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Box, JointTarget, Obstacle, Pose, RobotSpec, Scene, Vector3
@@ -205,6 +206,13 @@ def corridor_scene() -> Scene:
     return Scene("corridor", Path("corridor"), RobotSpec("panda", locked=locked), _obstacles(0.0), start, goal)
 
 
+def tool_task(robot: Robot) -> AxesTask:
+    """Return the experiment's task: the published tool's frame at TARGET."""
+    tool = np.eye(4)
+    tool[:3, :3], tool[2, 3] = _turn_z(-np.pi / 4), TOOL
+    return AxesTask(kinematics_of(robot), robot.n, tool, TARGET)
+
+
 def run_variant(variant: Variant, duration: float = DURATION) -> Outcome:
     """Run one variant, and measure it with the exact distance along the way."""
     scene = corridor_scene()
@@ -212,9 +220,7 @@ def run_variant(variant: Variant, duration: float = DURATION) -> Outcome:
     kinematics, bodies, self_pairs = kinematics_of(robot), link_boxes(), _self_pairs()
     barriers = Barriers(robot, kinematics, bodies, self_pairs, _planes(variant.growth), variant.settings.barriers)
     exact = Barriers(robot, kinematics, bodies, self_pairs, _planes(0.0), VARIANTS[0].settings.barriers)
-    tool = np.eye(4)
-    tool[:3, :3], tool[2, 3] = _turn_z(-np.pi / 4), TOOL
-    task = AxesTask(kinematics, robot.n, tool, TARGET)
+    task = tool_task(robot)
     certifier = Certifier(scene, robot)
     watch = _Watch(barriers, exact, certifier, variant.settings.period)
     run = simulate(Controller(robot, barriers, variant.settings), np.array(START), task, duration, until_met=False,
