@@ -36,6 +36,7 @@ from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.model import JointTarget, Obstacle, PoseTarget, Scene
 
 if TYPE_CHECKING:
+    from hdplan.planner.torque_check import Overload, TorqueCheck, TorqueLimits
     from hdplan.scenes.moving import Passages
 
 Array = NDArray[np.float64]
@@ -58,6 +59,7 @@ class Status(Enum):
     TOO_CLOSE = "too_close"
     OFF_PATH = "off_path"
     TOO_FAST = "too_fast"
+    OVERLOADED = "overloaded"
     NOT_PROVEN = "not_proven"
 
     @property
@@ -71,6 +73,7 @@ class Status(Enum):
             Status.TOO_CLOSE: "ask for less clearance, or plan with more",
             Status.OFF_PATH: "allow more (path), or plan it with this constraint in the scene, or with more waypoints",
             Status.TOO_FAST: "give it more time (timing), or plan it with these limits in the scene",
+            Status.OVERLOADED: "carry less, give it more time (timing), or plan it with limits.torque in the scene",
             Status.NOT_PROVEN: "the motion grazes a body: plan with more clearance",
         }[self]
 
@@ -99,19 +102,19 @@ class Certificate:
     worst: Place | None  # the closest place met between robot and obstacles
     self_worst: Place | None  # the same between the links
     failures: tuple[Place, ...]  # every waypoint interval and pair that is not proven, the worst place met there
-    uses: tuple[Use, ...]  # of the joints' limits on rates, where the scene has any
+    uses: tuple[Use, ...]  # of the joints' limits on rates and torques, where the scene has any
     path: tuple[Kept, ...]  # how well the scene's path constraints are kept, where it has any
     departures: tuple[Departure, ...]  # every waypoint interval and path constraint that is not proven
+    overloaded: tuple[int, ...]  # every waypoint interval in which gravity alone is too much for a joint
     configurations: int  # at which distances were computed
     exact_calls: int  # of the exact distance
     seconds: float  # spent
 
     @property
     def unproven(self) -> tuple[int, ...]:
-        """The waypoint intervals in which something about places is not proven, in order."""
-        return tuple(
-            sorted({place.interval for place in self.failures} | {place.interval for place in self.departures})
-        )
+        """The waypoint intervals in which something about places is not proven or cannot be, in order."""
+        places = {place.interval for place in self.failures} | {place.interval for place in self.departures}
+        return tuple(sorted(places | set(self.overloaded)))
 
     @property
     def certified(self) -> bool:
@@ -186,6 +189,7 @@ class Certifier:
         gathered = Bodies(_chain(robot), bodies, robot.pin_q)
         self.sweep = Sweep(gathered, Pairs.of(gathered, rows))
         self.path = PathCheck(scene, robot, gathered.chain)
+        self.torques = _torque_limits(scene, robot)
 
     def certify(
         self,
@@ -200,6 +204,7 @@ class Certifier:
         began = time.perf_counter()
         curve = curve_of(self.robot, trajectory)
         uses = self._uses(curve)
+        torques = None if self.torques is None else self.torques.check(curve)
         floor = self._floor(required)
         proof = self.sweep.prove(curve, floor, stop_at_contact)
         path = self.path.prove(curve)
@@ -238,8 +243,14 @@ class Certifier:
             status, found = Status.NOT_PROVEN, f"{_where(deepest, 'cannot be told apart')}; {_others(failures)}"
         elif too_fast:
             status, found = Status.TOO_FAST, _exceeded(too_fast, curve)
+        elif torques and not torques.within:
+            status, found = (Status.OVERLOADED if torques.exceeded else Status.NOT_PROVEN), torques.text
         else:
             status, found = Status.CERTIFIED, _proven(clearance, self_clearance, uses, path.kept)
+            if torques:
+                found = f"{found}; {torques.text}"
+        if torques:
+            uses = (*uses, _use_of(torques, curve))
         text = f"{status.value.replace('_', ' ')}: {found}"
         return Certificate(
             status,
@@ -252,6 +263,7 @@ class Certifier:
             uses,
             path.kept,
             path.departures,
+            torques.overloaded if torques and torques.exceeded else (),
             proof.configurations + path.configurations,
             proof.exact_calls,
             time.perf_counter() - began,
@@ -275,6 +287,10 @@ class Certifier:
         between_links, pairs = self.scene.self_collision.clearance, self.sweep.pairs
         asked = [own.get(self.sweep.bodies.names[b], required) for b in pairs.b.tolist()]
         return np.where(pairs.group == 0, asked, between_links)
+
+    def overload(self, q: ArrayLike) -> Overload | None:
+        """Return the joint that gravity overloads in one configuration; None if there is none, or no torque limit."""
+        return None if self.torques is None else self.torques.overload(np.asarray(q, dtype=np.float64))
 
     def contacts(self, q: ArrayLike, time: float = 0.0) -> tuple[Contact, ...]:
         """Return the contacts of one configuration at a time [s]; see `check_configuration`."""
@@ -399,6 +415,15 @@ def _link_bodies(robot: Robot) -> tuple[Body, ...]:
     )
 
 
+def _torque_limits(scene: Scene, robot: Robot) -> TorqueLimits | None:
+    """Return what the joints can drive; None if the scene limits no torque."""
+    if scene.limits.torque is None:
+        return None
+    from hdplan.planner.torque_check import TorqueLimits
+
+    return TorqueLimits.of(scene, robot)
+
+
 def _passages(obstacle: Obstacle) -> Passages | None:
     """Return how an obstacle moves; None if it stands."""
     if obstacle.motion is None:
@@ -472,6 +497,13 @@ def _departure(worst: Departure, departures: tuple[Departure, ...], curve: Curve
         f"{worst.words}{'' if worst.violated else ', too close to tell'} after waypoint {worst.interval} ({when}); "
         f"{intervals} interval{'s' * (intervals != 1)} between waypoints not proven"
     )
+
+
+def _use_of(torques: TorqueCheck, curve: Curve) -> Use:
+    joint, last = torques.worst, len(curve) - 2
+    interval = min(int(curve.parameter_of(torques.times[joint]) * (last + 1)), last)
+    share = float(torques.proven[joint] / torques.limits[joint])
+    return Use("torque", share, torques.joint_names[joint], interval, float(torques.limits[joint]))
 
 
 def _exceeded(use: Use, curve: Curve) -> str:

@@ -156,7 +156,7 @@ def _proven(axis: Any, certificate: Certificate) -> None:
 
 def _unproven(axis: Any, subject: Subject, height: float) -> None:
     """Shade the waypoint intervals whose proof fails, neighbours together, up to a part of the panel's height."""
-    intervals = np.array(sorted({place.interval for place in subject.certificate.failures}), dtype=np.int64)
+    intervals = np.array(subject.certificate.unproven, dtype=np.int64)
     if not len(intervals):
         return
     style = {"facecolor": "none", "edgecolor": CONTACT, "alpha": 0.5, "hatch": "////", "linewidth": 0.5}

@@ -80,13 +80,18 @@ class PlanResult:
 
 def verdict(certificate: Certificate) -> dict[str, Any]:
     """The certificate's figures as JSON: proven clearances [m] (null without proof or obstacles) and the closest
-    place."""
+    place; and how the path constraints are kept [rad] or [m], where the scene has any."""
     worst = certificate.worst
+    path = [
+        {"constraint": kept.field, "link": kept.link, "worst": kept.worst, "allowed": kept.allowed}
+        for kept in certificate.path
+    ]
     return {
         "clearance_m": certificate.clearance,
         "self_clearance_m": certificate.self_clearance,
         "worst": worst
         and {"time": worst.time, "link": worst.link, "obstacle": worst.other, "distance_m": worst.distance},
+        **({"path": path} if path else {}),
     }
 
 

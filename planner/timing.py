@@ -19,24 +19,28 @@ makes its jerk finite and begins and ends it without acceleration,
     ũ(t) = 1/τ ∫_{t−τ}^{t} u(s) ds,   dũ/dt = (u(t) − u(t − τ))/τ,   …
 
 then stretched in time until every limit holds on the executed curve, by bounds and not at samples: by k, velocities
-fall by k, accelerations by k², jerks by k³. Of several windows that with the shortest motion is taken.
+fall by k, accelerations by k², jerks by k³. Of several windows that with the shortest motion is taken. Limits of
+torque, where the scene has them, hold too: what moving takes of them falls by k², what gravity takes does not.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from hdplan.planner.curve import Curve, row_count
-from hdplan.planner.joint_limits import acceleration_limits, jerk_limits, velocity_limits
+from hdplan.planner.joint_limits import acceleration_limits, jerk_limits, torque_limits, velocity_limits
 from hdplan.planner.robot import Robot
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import HdplanError, InputError, naming
 from hdplan.scenes.model import Scene, Timing
+
+if TYPE_CHECKING:
+    from hdplan.planner.dynamics import InverseDynamics
 
 Array = NDArray[np.float64]
 
@@ -48,6 +52,8 @@ LOOKS = 400  # at a law, to compare windows
 STRETCHES = 20  # at most, each by a little more than what is missing
 MARGIN = 1e-6  # [–] by which a limit is kept more than needed
 TIGHT = 0.99  # [–] of what could be stretched that is not worth another try
+TORQUE_LOOKS = 2  # between two rows
+TORQUE_MARGIN = 2e-3  # [–] of the torques' limits that is left: they are looked at, not bounded
 STANDS = 1e-9  # [rad] or [m] below which a path leads nowhere
 
 
@@ -145,6 +151,8 @@ class Timekeeper:
             self.velocity = velocity_limits(scene, robot)
             self.acceleration = acceleration_limits(scene, robot)
             self.jerk = jerk_limits(scene, robot)
+            self.torque = torque_limits(scene, robot)
+        self.dynamics = None if self.torque is None else _dynamics(scene, robot)
 
     def check(self, start: Array, goal: Array, names: tuple[str, ...]) -> None:
         """Raise InputError if no motion between two configurations (n,) takes as little time as the scene gives it."""
@@ -188,8 +196,15 @@ class Timekeeper:
 
         limits = [constraint.JointVelocityConstraint(_both(self.velocity))]
         limits.append(constraint.JointAccelerationConstraint(_both(self.acceleration)))
+        if self.dynamics is not None:
+            torques, most = self.dynamics.torques, (1 - TORQUE_MARGIN) * _both(self.torque)
+            drive = constraint.SecondOrderConstraint.joint_torque_constraint
+            limits.append(drive(lambda q, v, a: torques(q, v, a)[0], most, np.zeros(len(most))))
         grid = np.linspace(0.0, 1.0, GRID + 1)
         _, paces, _ = TOPPRA(limits, _Path(spline), gridpoints=grid).compute_parameterization(0.0, 0.0)
+        if self.dynamics is not None and (paces is None or not np.isfinite(paces).all()):
+            # gravity alone overloads a joint somewhere: no law of time helps, and the certificate says where
+            _, paces, _ = TOPPRA(limits[:2], _Path(spline), gridpoints=grid).compute_parameterization(0.0, 0.0)
         if paces is None or not np.isfinite(paces).all():
             raise HdplanError("no law of time was found within the limits of velocity and acceleration")
         widths = 2.0 * np.diff(grid) / (paces[1:] + paces[:-1])
@@ -209,6 +224,9 @@ class Timekeeper:
             for order, (rate, limit) in enumerate(zip(rates, self._limits, strict=True), start=1)
             if limit is not None
         ]
+        if self.dynamics is not None and self.torque is not None:
+            drive = self.dynamics.coefficients(spline(u[:, 0]), slope, bend)
+            stretches.append(_torque_stretch(drive.a * second + drive.b * first**2, drive.c, self.torque))
         return float(max(stretches))
 
     def _allowed(self, spline: BSpline, law: Law) -> float:
@@ -224,6 +242,11 @@ class Timekeeper:
                 if limit is not None:
                     share = float((curve.over_time(order).largest() / limit).max())
                     stretch = max(stretch, ((1 + MARGIN) * share) ** (1 / order))
+            if self.dynamics is not None and self.torque is not None:
+                looks = np.linspace(0.0, 1.0, TORQUE_LOOKS * (len(times) - 1) + 1)
+                q, v, a = (curve.over_time(order).at_parameter(looks) for order in range(3))
+                gravity = self.dynamics.torques(q, 0.0 * v, 0.0 * a)
+                stretch = max(stretch, _torque_stretch(self.dynamics.torques(q, v, a) - gravity, gravity, self.torque))
             if stretch <= 1.0:
                 best = duration
                 if stretch > TIGHT:
@@ -261,6 +284,22 @@ def _rows(spline: BSpline, law: Law, duration: float, rate: float) -> tuple[Arra
     first, second = first[:, None] / stretch, second[:, None] / stretch**2
     slope, bend = spline(u, 1), spline(u, 2)
     return share * duration, u, (spline(u), slope * first, bend * first**2 + slope * second)
+
+
+def _torque_stretch(moving: Array, gravity: Array, limit: Array) -> float:
+    """Return the k by which time must be stretched for |gravity + moving/k²| ≤ limit, each (m, n) and the limit (n,);
+    where gravity alone is too much no stretch helps, and none is asked for."""
+    limit = (1 - TORQUE_MARGIN) * limit
+    room = np.where(moving > 0.0, limit - gravity, limit + gravity)
+    shares = np.divide(np.abs(moving), room, out=np.zeros_like(moving), where=room > 0.0)
+    return float(np.sqrt(shares.max(initial=0.0)))
+
+
+def _dynamics(scene: Scene, robot: Robot) -> InverseDynamics:
+    from hdplan.planner.dynamics import InverseDynamics
+    from hdplan.planner.loads import loaded_model
+
+    return InverseDynamics(loaded_model(scene, robot))
 
 
 class _Path:

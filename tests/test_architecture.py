@@ -64,6 +64,8 @@ SOLVER_SIDE = (
     "planner.link_bodies",
     "planner.kinematics",
     "planner.dynamics",
+    "planner.hinge",
+    "planner.static_torque",
     "planner.nlp",
     "planner.samples",
     "planner.seeds",

@@ -180,6 +180,18 @@ def test_a_motion_too_fast_is_not_certified_and_one_without_times_is_refused() -
         certifier.certify(Trajectory(slow.joint_names, slow.positions, slow.locked))
 
 
+def test_the_pallets_motion_is_too_rough_without_its_limit_of_jerk() -> None:
+    scene = load_scene("ur5_pallet")
+    result = hdplan.plan(scene)
+    assert result.certified, result.certificate.text
+    assert [use.quantity for use in result.certificate.uses] == ["velocity", "acceleration", "jerk"]
+    rough = hdplan.plan(dataclasses.replace(scene, limits=dataclasses.replace(scene.limits, jerk=None)))
+    assert rough.certified
+    verdict = Certifier(scene, load_scene_robot(scene)).certify(rough.trajectory)
+    assert verdict.status is Status.TOO_FAST
+    assert "jerk" in verdict.text
+
+
 def test_what_the_scene_does_not_limit_is_not_looked_at() -> None:
     scene = load_scene("panda_bookshelf")
     assert hdplan.plan(scene).certificate.uses == ()
