@@ -7,8 +7,8 @@ that waits for the robot,
 
 so that a robot that is held up is not led through what holds it up. The controller takes the velocity nearest to u*
 that its barriers allow (`control`). A path without times is followed from rest to rest, at half of the joints' speed
-limits or over the scene's `timing.duration`. The commands are held over a period, so the motion is straight between its rows: what is written down and
-certified is exactly what was simulated.
+limits or over the scene's `timing.duration`. The commands are held over a period, so the motion is straight between
+its rows: what is written down and certified is exactly what was simulated.
 """
 
 from __future__ import annotations
