@@ -82,6 +82,7 @@ SOLVER_SIDE = (
     "planner.control_run",
     "planner.control_tasks",
     "planner.corridor",
+    "planner.follow",
     "distance.axis",
     "distance.axis_motion",
     "distance.batch",
