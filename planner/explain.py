@@ -106,6 +106,8 @@ def _terms(problem: Problem) -> Rows:
         own = f"on: grows where two links come within {self_margin(problem.scene):g} m"
     elif problem.unresolved:
         own = "off: the outer bodies of all pairs of links overlap anyway"
+    elif problem.apart:
+        own = "off: every pair of links is proven to keep apart within the joint limits"
     else:
         own = "off: no pair of links can meet, or all are disabled" if problem.bodies else obstacles
     bounded = int(np.isfinite(problem.robot.lower).sum())
