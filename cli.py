@@ -33,11 +33,11 @@ from rich.text import Text
 from hdplan.scenes.errors import HdplanError, InputError, naming
 
 if TYPE_CHECKING:
-    from hdplan.planner.certificate import Certificate, Place
     from hdplan.planner.plan import Event
     from hdplan.planner.report import Report
     from hdplan.planner.result import PlanResult
     from hdplan.planner.simulate import JointUse, Peak, Simulation
+    from hdplan.planner.verdict import Certificate, Place
     from hdplan.scenes.model import PlannerSettings, Scene
 
 INTERRUPTED = 130  # what shells say of a command ended by Ctrl-C

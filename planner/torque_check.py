@@ -14,10 +14,14 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from hdplan.planner.curve import Curve
+from hdplan.planner.joint_limits import torque_limits
+from hdplan.planner.loads import loaded_model
 from hdplan.planner.motion_bounds import Chain
+from hdplan.planner.rate_check import Use
 from hdplan.planner.robot import Robot
 from hdplan.planner.torque_bounds import torque_curvature
-from hdplan.scenes.errors import InputError
+from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.model import Scene
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -64,6 +68,13 @@ class TorqueCheck:
         shares = (self.found if self.exceeded else self.proven) / self.limits
         return int(shares.argmax())
 
+    def use(self, curve: Curve) -> Use:
+        """Return how much of the limits is taken, on the curve that was checked."""
+        joint, last = self.worst, len(curve) - 2
+        interval = min(int(curve.parameter_of(self.times[joint]) * (last + 1)), last)
+        share = float(self.proven[joint] / self.limits[joint])
+        return Use("torque", share, self.joint_names[joint], interval, float(self.limits[joint]))
+
     @property
     def text(self) -> str:
         """What was found, in one sentence."""
@@ -81,6 +92,16 @@ class TorqueCheck:
             f"joint '{over.joint}' needs a torque of {over.torque:.4g} at {over.time:.3f} s to hold still against "
             f"gravity, its limit is {over.limit:g}: going slower does not help"
         )
+
+
+def torques_of(scene: Scene, robot: Robot, curve: Curve) -> TorqueCheck:
+    """Check a curve against what the scene says: its limits and its loads. Raises InputError for some that do not fit
+    the robot, and as `check_torques`."""
+    with naming(scene.source):
+        limits = torque_limits(scene, robot)
+    if limits is None:
+        raise ValueError("the scene does not limit torques")
+    return check_torques(loaded_model(scene, robot), robot, curve, limits)
 
 
 def check_torques(model: pin.Model, robot: Robot, curve: Curve, limits: Array) -> TorqueCheck:
