@@ -53,6 +53,7 @@ Examples:
   hdplan check panda_cage motion.json
   hdplan simulate panda_cage motion.json
   hdplan plot panda_cage motion.json -o motion.pdf
+  hdplan follow panda_cage motion.json -o executed.json
   hdplan view panda_cage motion.json
   hdplan explain my_scene.yaml
   hdplan robots panda
@@ -255,6 +256,53 @@ def check(
             motion_row = ("motion", f"{len(motion)} waypoints of {certifier.robot.name} in {problem.name}")
             show(_table([motion_row, *_closest_rows(certificate), ("proof", effort)]))
     raise typer.Exit(0 if certificate.certified else 1)
+
+
+@app.command()
+def follow(
+    scene: SceneFile,
+    trajectory: Motion,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Write the executed motion, as .json, .csv or .npz."),
+    ] = None,
+    request: Request = None,
+    robot: RobotFile = None,
+    as_json: AsJson = False,
+) -> None:
+    """Follow a joint trajectory in simulation, giving way to what comes.
+
+    A controller keeps the robot clear of obstacles, moving ones too, of itself and of its joint limits, and as close to
+    the trajectory as that allows; the trajectory waits while it is held up. The executed motion, with its times, is
+    certified against the moving obstacles; `hdplan view` plays it and `hdplan check` reads it.
+
+    Exit code 1 where the robot does not arrive, or is not proven free all the way.
+    """
+    from hdplan.planner.follow import follow as run
+    from hdplan.planner.output import check_writable
+    from hdplan.planner.result import verdict
+    from hdplan.planner.scene_robot import load_scene_robot
+    from hdplan.planner.trajectory import FORMATS, Trajectory
+
+    if output is not None:
+        check_writable(output, FORMATS)
+    problem = _load(scene, request, robot)
+    motion = Trajectory.load(trajectory)
+    arm = load_scene_robot(problem)
+    with _waiting("following", shown=not as_json), naming(trajectory):  # it may not fit the scene
+        found = run(problem, motion, arm)
+    if output is not None:
+        found.trajectory.save(output, verdict(found.certificate))
+    with _printing() as show:
+        if as_json:
+            about = {"scene": problem.name, "robot": arm.name, "trajectory": str(trajectory)}
+            show(json.dumps({**about, **found.summary()}))
+        else:
+            show(Text(found.text, style="green" if found.succeeded else "red"))
+            show(_verdict(found.certificate))
+            rows = [*found.rows(), *_closest_rows(found.certificate)]
+            show(_table([*rows, *([("written", str(output))] if output is not None else [])]))
+    raise typer.Exit(0 if found.succeeded else 1)
 
 
 @app.command()
@@ -503,6 +551,22 @@ def conservativeness(output: Folder = OUT, quick: Quick = False) -> None:
 
     with _measuring() as (report, stop):
         found = reproduce_conservativeness(output, quick, report, stop)
+    _show_report(found)
+
+
+@figures.command()
+def corridor(output: Folder = OUT, quick: Quick = False) -> None:
+    """Steer a Panda of boxes into a corridor, under each distance.
+
+    The paper's robot experiment: the same controller with the exact distance, the GDF and the HD-SDF, with the text's
+    parameters and with its published code's; then one setting changed at a time, and which of them are safe. Writes
+    corridor.csv, corridor_commands.csv, corridor_settings.csv and corridor.png. Takes some minutes; Ctrl-C ends with
+    what was found so far.
+    """
+    from hdplan.planner.reproduce_corridor import reproduce_corridor
+
+    with _measuring() as (report, stop):
+        found = reproduce_corridor(output, quick, report, stop)
     _show_report(found)
 
 

@@ -34,7 +34,7 @@ from hdplan.scenes.model import Obstacle, PathConstraints, Scene
 if TYPE_CHECKING:
     from hdplan.planner.path_check import Departure, PathCheck
     from hdplan.planner.rate_check import Use
-    from hdplan.planner.torque_check import TorqueCheck
+    from hdplan.planner.torque_check import Overload, TorqueLimits
     from hdplan.scenes.moving import Passages
 
 Array = NDArray[np.float64]
@@ -91,6 +91,7 @@ class Certifier:
         self.sweep = Sweep(gathered, Pairs.of(gathered, rows))
         self.ends = EndCheck(scene, robot)
         self.path = None if scene.path == PathConstraints() else _path_check(scene, robot, gathered.chain)
+        self.torques = None if scene.limits.torque is None else _torque_limits(scene, robot)
 
     def certify(
         self,
@@ -104,7 +105,8 @@ class Certifier:
         there may be more than the failures tell."""
         began = time.perf_counter()
         curve = curve_of(self.robot, trajectory)
-        uses, torques = self._uses(curve), self._torques(curve)
+        uses = self._uses(curve)
+        torques = None if self.torques is None else self.torques.check(curve)
         floor = self._floor(required)
         proof = self.sweep.prove(curve, floor, stop_at_contact)
         path = None if self.path is None else self.path.prove(curve)
@@ -141,6 +143,7 @@ class Certifier:
             uses if torques is None else (*uses, torques.use(curve)),
             kept,
             departures,
+            torques.overloaded if torques and torques.exceeded else (),
             proof.configurations + (path.configurations if path else 0),
             proof.exact_calls,
             time.perf_counter() - began,
@@ -159,14 +162,6 @@ class Certifier:
 
         with naming(self.scene.source):
             return rates(curve, self.scene, self.robot)
-
-    def _torques(self, curve: Curve) -> TorqueCheck | None:
-        """Look at the torques, where the scene limits them."""
-        if self.scene.limits.torque is None:
-            return None
-        from hdplan.planner.torque_check import torques_of
-
-        return torques_of(self.scene, self.robot, curve)
 
     def _floor(self, required: float) -> Array:
         """Return what each pair must keep (P,) [m]."""
@@ -187,6 +182,10 @@ class Certifier:
     def off_path(self, q: Array) -> tuple[Departure, ...]:
         """Return the path constraints that configuration q (n,) breaks; exact to rounding."""
         return () if self.path is None else self.path.at(q)
+
+    def overload(self, q: ArrayLike) -> Overload | None:
+        """Return the joint that gravity overloads in one configuration; None if there is none, or no torque limit."""
+        return None if self.torques is None else self.torques.overload(np.asarray(q, dtype=np.float64))
 
     def too_close(self, q: ArrayLike, required: float, time: float = 0.0) -> tuple[tuple[Place, float], ...]:
         """Return where one configuration, at a time [s], falls short of what its obstacles and links must keep, with
@@ -254,6 +253,12 @@ def _path_check(scene: Scene, robot: Robot, chain: Chain) -> PathCheck:
     from hdplan.planner.path_check import PathCheck
 
     return PathCheck(scene, robot, chain)
+
+
+def _torque_limits(scene: Scene, robot: Robot) -> TorqueLimits | None:
+    from hdplan.planner.torque_check import TorqueLimits
+
+    return TorqueLimits.of(scene, robot)
 
 
 def _passages(obstacle: Obstacle) -> Passages | None:

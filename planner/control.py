@@ -22,7 +22,7 @@ planner: it can come to rest where no velocity brings it on, short of its target
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from time import perf_counter
 
@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 from hdplan.planner.barrier_rules import guaranteed_clearance, refuse_unsafe
 from hdplan.planner.barriers import BarrierRows, Barriers, BarrierSettings, scene_barriers
 from hdplan.planner.control_tasks import Task
+from hdplan.planner.joint_limits import velocity_limits
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.scenes.errors import InputError
@@ -121,20 +122,33 @@ class Step:
 class Controller:
     """Steps a robot toward a task, clear of obstacles and of itself."""
 
-    def __init__(self, robot: Robot, barriers: Barriers, settings: ControlSettings) -> None:
-        """Take the pairs; settings' barriers must be those that `barriers` were laid out with."""
+    def __init__(
+        self, robot: Robot, barriers: Barriers, settings: ControlSettings, limits: Array | None = None
+    ) -> None:
+        """Take the pairs; settings' barriers must be those that `barriers` were laid out with. limits: (n,) the
+        greatest speeds [rad/s or m/s], by default the URDF's."""
         self.robot, self.barriers, self.settings = robot, barriers, settings
         count, outer = len(barriers.names), barriers.obstacle_pairs
         self._margins = np.where(np.arange(count) < outer, settings.margin, settings.self_margin)
-        self._fastest = settings.speed * np.array(
-            [robot.model.velocityLimit[robot.model.joints[j].idx_v] for j in range(1, robot.model.njoints)]
-        )
+        self.fastest = settings.speed * (np.array(robot.model.velocityLimit) if limits is None else limits)  # (n,)
+
+    @property
+    def assured(self) -> float | None:
+        """Clearance [m] to obstacles proven at every time, at any speed within the limits, once Δ ≥ δ: that of the
+        samples, less the farthest way to the middle of a period; None without proof, not above 0 where it fails."""
+        clearance = self.settings.clearance
+        if clearance is None or not self.settings.look_ahead or self.barriers.movers:
+            return None
+        return clearance - 0.5 * self.settings.period * float(self.fastest @ self.barriers.levers)
 
     @classmethod
     def of(cls, scene: Scene, settings: ControlSettings | None = None, robot: Robot | None = None) -> Controller:
-        """Return the controller of a scene. Raises InputError as `scene_barriers` and for the scene's robot."""
+        """Return the controller of a scene. Raises InputError as `scene_barriers`, for the scene's robot, and for a
+        joint that neither scene nor URDF gives a speed limit."""
         settings, robot = settings or ControlSettings(), robot or load_scene_robot(scene)
-        return cls(robot, scene_barriers(scene, robot, settings.barriers), settings)
+        given = scene.limits if scene.limits.velocity is not None else replace(scene.limits, velocity="urdf")
+        limits = velocity_limits(replace(scene, limits=given), robot)
+        return cls(robot, scene_barriers(scene, robot, settings.barriers), settings, limits)
 
     def step(self, q: Array, task: Task, time: float = 0.0) -> Step:
         """Return the command at configuration q (n,) and a time [s]."""
@@ -166,8 +180,8 @@ class Controller:
         and OSQP 886, with the same answers to 1e-13 (quadprog), 2e-5 (the others): benchmarks/control.py.
         """
         settings, robot = self.settings, self.robot
-        lower = np.maximum(-self._fastest, -settings.rate * (q - robot.lower))
-        upper = np.minimum(self._fastest, settings.rate * (robot.upper - q))
+        lower = np.maximum(-self.fastest, -settings.rate * (q - robot.lower))
+        upper = np.minimum(self.fastest, settings.rate * (robot.upper - q))
         bound = -settings.rate * (rows.value - self._margins) - rows.drift
         length = np.linalg.norm(rows.gradient, axis=1)
         # a row that no velocity within the limits can break is left out: exact, and most are

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -37,14 +38,18 @@ class PoseTask:
     gain: float = 0.4  # k: the part of the error that is gone in a second [1/s]
     regularization: float = 0.01  # λ: what keeps u short near singular configurations
 
+    @cached_property
+    def _pose(self) -> LinkPose:
+        return LinkPose.of(self.robot, self.target)
+
     def objective(self, q: Array, time: float) -> tuple[Array, Array]:
         """The quadratic at q; it does not depend on the time."""
-        error, jacobian = LinkPose.of(self.robot, self.target).linearized(q[None])
+        error, jacobian = self._pose.linearized(q[None])
         return _least_squares(jacobian[0], self.gain * error[0], self.regularization)
 
     def met(self, q: Array, time: float) -> bool:
         """Whether the link is within the target's tolerances."""
-        error = LinkPose.of(self.robot, self.target).linearized(q[None])[0][0]
+        error = self._pose.linearized(q[None])[0][0]
         position, angle = float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))
         return position <= self.target.position_tolerance and angle <= self.target.orientation_tolerance
 

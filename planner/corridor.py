@@ -12,13 +12,15 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
+from hdplan.planner.barrier_rules import refuse_unsafe
 from hdplan.planner.barriers import Barriers, BarrierSettings
 from hdplan.planner.certificate import Certifier
 from hdplan.planner.control import Controller, ControlSettings, Step
@@ -27,7 +29,9 @@ from hdplan.planner.kinematics import Kinematics
 from hdplan.planner.link_bodies import LinkBody
 from hdplan.planner.outline import kinematics_of
 from hdplan.planner.plane_bodies import PlaneBody, from_obstacle
+from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot
+from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Box, JointTarget, Obstacle, Pose, RobotSpec, Scene, Vector3
 
 Array = NDArray[np.float64]
@@ -40,11 +44,12 @@ WALLS: dict[str, tuple[Vector3, Vector3]] = {  # centre and sides [m]
 }
 TARGET = np.array([[0.0, 0.0, 1.0, 0.64], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.75], [0.0, 0.0, 0.0, 1.0]])
 TOOL = 0.177  # [m] of the tool's frame along the last joint's axis, turned by −45° as the hand is
-DURATION = 35.0  # [s]
+DURATION = 60.0  # [s]; the published run ends after 35 s
 CRITICAL = 5.0  # [s] the phase that the paper plots
 REACHED = 0.02, 0.175  # [m] and [rad] within which the target counts as reached: the task creeps towards its end
 JUMP = 0.02  # [m] in one period: a point of application that moves farther jumps
-MESH_EVERY = 0.1  # [s] between looks at the real meshes
+SWEPT = 20.0  # [s] of the runs in which one setting is changed
+EXACT_EVERY, MESH_EVERY = 0.02, 0.1  # [s] between looks at the exact distance of the boxes, and of the real meshes
 
 
 @dataclass(frozen=True)
@@ -54,6 +59,24 @@ class Variant:
     name: str
     settings: ControlSettings
     growth: float = 0.0  # of the obstacles' boxes on each side [m]
+
+    @property
+    def refused(self) -> str | None:
+        """Why the controller would refuse the obstacles' barrier as provably not safe; None if it would not."""
+        b, settings = self.settings.barriers, self.settings
+        try:
+            refuse_unsafe(
+                b.distance, settings.margin, self.growth, b.gamma, b.shaping_length, b.normals, settings.rate,
+                settings.period,
+            )  # fmt: skip
+        except InputError as error:
+            return str(error)
+        return None
+
+    @property
+    def clearance(self) -> float | None:
+        """True clearance [m] to obstacles that Δ ≥ δ proves at a sample: a lower bound; None if nothing is proven."""
+        return replace(self.settings, barriers=replace(self.settings.barriers, growth=self.growth)).clearance
 
 
 def _hdsdf(name: str, epsilon: float, growth: float, normals: str) -> Variant:
@@ -66,15 +89,18 @@ def published(barriers: BarrierSettings, margin: float, self_margin: float) -> C
     return ControlSettings(barriers, margin, self_margin, 0.5, 0.01, look_ahead=False, as_published=True)
 
 
+AS_SAFE = "HD-SDF, as safe"  # grown until it keeps the clearance that the Euclidean run keeps
 VARIANTS = (
     Variant("Euclidean", published(BarrierSettings("euclidean", growth=0.0, self_growth=0.0), 0.03, 1e-4)),
     Variant("GDF", published(BarrierSettings("gdf", growth=0.0, self_growth=0.0), 2e-3, 1e-4)),
     _hdsdf("HD-SDF, code", 9e-4, 0.025, "paper-multiset"),
+    _hdsdf(AS_SAFE, 1e-4, 0.033, "paper"),
     _hdsdf("HD-SDF, ε 9e-4, 2.5 cm", 9e-4, 0.025, "paper"),
     _hdsdf("HD-SDF, ε 1e-4, 2.5 cm", 1e-4, 0.025, "paper"),
     _hdsdf("HD-SDF, ε 9e-4, 5 cm", 9e-4, 0.05, "paper"),
     _hdsdf("HD-SDF, text", 1e-4, 0.05, "paper"),
 )
+NAMES = tuple(variant.name for variant in VARIANTS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,9 +110,11 @@ class Outcome:
     variant: Variant
     run: Run
     reached: float | None  # when the target was reached [s]
-    clearances: Array  # (N,) exact distance of the links' boxes to the obstacles as they are [m]
-    between_links: Array  # (N,) the same between the links' boxes
+    clearances: Array  # exact distance of the links' boxes to the obstacles as they are, every EXACT_EVERY [m]
+    between_links: Array  # the same between the links' boxes [m]
     mesh_clearance: float  # least exact distance of the real meshes to the obstacles [m]
+    missing: float  # how far the tool is from its target at the end [m]
+    way: float  # the farthest that any point of the robot can have moved in half a period [m]
     jumps: Array  # (N,) whether the point where the nearest pair's barrier acts jumped in this period
 
     def variation(self, seconds: float, joint: int | None = None) -> float:
@@ -100,6 +128,34 @@ class Outcome:
     def _commands(self, seconds: float, joint: int | None) -> Array:
         commands = self.run.velocities[: round(seconds / self.run.period)]
         return commands if joint is None else commands[:, joint]
+
+
+def sweep() -> tuple[tuple[str, Variant], ...]:
+    """Return what is changed, one setting at a time, with its variant; the first is the one they start from."""
+    base = VARIANTS[NAMES.index("HD-SDF, ε 1e-4, 2.5 cm")]
+    exact = VARIANTS[0]
+    found = [("HD-SDF: η 0.5, δ −5 mm, shaping 1 cm, 100 Hz", base)]
+
+    def add(words: str, variant: Variant, barriers: BarrierSettings | None = None, **changes: Any) -> None:
+        settings = replace(variant.settings, barriers=barriers or variant.settings.barriers, **changes)
+        found.append((words, replace(variant, settings=settings)))
+
+    for rate in (2.0, 5.0, 20.0):
+        add(f"η {rate:g} /s", base, rate=rate)
+    for margin in (0.0, -1e-6, -1e-3, -2e-2, 5e-3):
+        add(f"δ {margin * 1e3:g} mm", base, margin=margin)
+    for length in (1e-3, 3e-3, 3e-2, 6e-2):
+        add(f"shaping {length * 1e3:g} mm", base, replace(base.settings.barriers, shaping_length=length))
+    for period in (1e-3, 0.05, 0.2):
+        add(f"{1 / period:g} Hz", base, period=period)
+    add("look-ahead", base, look_ahead=True)
+    add("Euclidean: η 0.5, δ 30 mm, 100 Hz", exact)
+    for rate in (2.0, 5.0, 20.0):
+        add(f"Euclidean, η {rate:g} /s", exact, rate=rate)
+    for period in (1e-3, 0.05, 0.2):
+        add(f"Euclidean, {1 / period:g} Hz", exact, period=period)
+    add("Euclidean, look-ahead", exact, look_ahead=True)
+    return tuple(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +206,13 @@ def corridor_scene() -> Scene:
     return Scene("corridor", Path("corridor"), RobotSpec("panda", locked=locked), _obstacles(0.0), start, goal)
 
 
+def tool_task(robot: Robot) -> AxesTask:
+    """Return the experiment's task: the published tool's frame at TARGET."""
+    tool = np.eye(4)
+    tool[:3, :3], tool[2, 3] = _turn_z(-np.pi / 4), TOOL
+    return AxesTask(kinematics_of(robot), robot.n, tool, TARGET)
+
+
 def run_variant(variant: Variant, duration: float = DURATION) -> Outcome:
     """Run one variant, and measure it with the exact distance along the way."""
     scene = corridor_scene()
@@ -157,28 +220,26 @@ def run_variant(variant: Variant, duration: float = DURATION) -> Outcome:
     kinematics, bodies, self_pairs = kinematics_of(robot), link_boxes(), _self_pairs()
     barriers = Barriers(robot, kinematics, bodies, self_pairs, _planes(variant.growth), variant.settings.barriers)
     exact = Barriers(robot, kinematics, bodies, self_pairs, _planes(0.0), VARIANTS[0].settings.barriers)
-    tool = np.eye(4)
-    tool[:3, :3], tool[2, 3] = _turn_z(-np.pi / 4), TOOL
-    task = AxesTask(kinematics, robot.n, tool, TARGET)
+    task = tool_task(robot)
     certifier = Certifier(scene, robot)
-    every = max(1, round(MESH_EVERY / variant.settings.period))
-    watch = _Watch(barriers, exact, certifier, every)
+    watch = _Watch(barriers, exact, certifier, variant.settings.period)
     run = simulate(Controller(robot, barriers, variant.settings), np.array(START), task, duration, until_met=False,
                    watch=watch)  # fmt: skip
+    missing = float(np.linalg.norm(task.at(run.positions[-1])[:3, 3] - TARGET[:3, 3]))
     return Outcome(
-        variant, run, run.met, np.array(watch.clearances), np.array(watch.between), min(watch.meshes),
-        np.array(watch.jumps),
+        variant, run, run.met, np.array(watch.clearances), np.array(watch.between), min(watch.meshes), missing,
+        0.5 * run.period * float((np.abs(run.velocities) @ barriers.levers).max(initial=0.0)), np.array(watch.jumps),
     )  # fmt: skip
 
 
 @dataclass
 class _Watch:
-    """Looks at every period of a run."""
+    """Looks at the periods of a run."""
 
     barriers: Barriers
     exact: Barriers
     certifier: Certifier
-    every: int
+    period: float  # [s]
     clearances: list[float] = field(default_factory=list)
     between: list[float] = field(default_factory=list)
     meshes: list[float] = field(default_factory=list)
@@ -187,23 +248,24 @@ class _Watch:
 
     def __call__(self, time: float, q: Array, step: Step) -> None:
         """Take one period in."""
-        kinematics, outer = self.exact.kinematics.evaluate(q), self.exact.obstacle_pairs
-        true = self.exact.rows(kinematics).value
-        nearest = int(np.argmin(true[:outer]))
-        if len(self.clearances) % self.every == 0:
+        outer, period = self.exact.obstacle_pairs, len(self.jumps)
+        if period % max(1, round(EXACT_EVERY / self.period)) == 0:
+            true = self.exact.evaluate(q).value
+            self.clearances.append(float(true[:outer].min()))
+            self.between.append(float(true[outer:].min()))
+        if period % max(1, round(MESH_EVERY / self.period)) == 0:
             place = self.certifier.nearest(q)[0]
             assert place is not None  # there are obstacles
             self.meshes.append(place.distance)
-        self.clearances.append(float(true[nearest]))
-        self.between.append(float(true[outer:].min()))
+        nearest = int(np.argmin(step.rows.value[:outer]))
         _, distance = self.barriers.groups[0]
-        force, torque = np.split(distance(kinematics, np.zeros(1, np.int64), np.array([nearest]))[1][0], 2)
+        wrench = distance(self.barriers.kinematics.evaluate(q), np.zeros(1, np.int64), np.array([nearest]))[1][0]
+        force, torque = np.split(wrench, 2)
         square = float(force @ force)
         point = np.cross(force, torque) / square if square > 0 else np.zeros(3)  # of the line of action
-        jumped = (
+        self.jumps.append(
             self.last is not None and self.last[0] == nearest and float(np.linalg.norm(point - self.last[1])) > JUMP
         )
-        self.jumps.append(jumped)
         self.last = nearest, point
 
 

@@ -230,7 +230,9 @@ def _free(certifier: Certifier, reached: Array, start: Array) -> list[tuple[floa
     first."""
     scored = []
     time = certifier.scene.end_time
-    fit = (q for q in reached if not certifier.off_path(q) and not certifier.too_close(q, 0.0, time))
+    fit = (
+        q for q in reached if not (certifier.off_path(q) or certifier.overload(q) or certifier.too_close(q, 0.0, time))
+    )
     for q in itertools.islice(fit, PICKED):
         place, _ = certifier.nearest(q, CLOSE, time)
         crowded = 0.0 if place is None else 1.0 - place.distance / CLOSE
@@ -257,6 +259,8 @@ def _fault(certifier: Certifier, q: Array) -> str:
     """Say why a configuration may not end a motion."""
     if departures := certifier.off_path(q):
         return f"off the path: {departures[0].words}"
+    if overload := certifier.overload(q):
+        return f"too heavy: {overload.words}"
     place, asked = certifier.too_close(q, 0.0, certifier.scene.end_time)[0]
     if place.distance > 0.0:
         found = f"{place.distance * 1e3:.3g} mm, {asked * 1e3:g} mm are asked for"

@@ -1,16 +1,10 @@
 """What a scene asks of the whole way, as penalties: a link's axis stays upright, a point of a link stays in a box.
 
-Each constraint is one or several measures g(q) in [m] that are to stay below a bound t, and enters as a squared hinge
-that sets in a band b below it, as an obstacle's does within its activation:
-
-    Σ_samples w_s Σ ½ max(g − (t − b), 0)²,    b = min(t/2, BAND)
+Each constraint is one or several measures in [m] that are to stay below a bound (`hinge`).
 
 *Upright*: g = LEVER θ, with θ the angle between the axis a and the upward direction z. Its slope, dθ/dq_j = −ω_j · (a ×
 z)/‖a × z‖, is of length one in ω whatever the angle: it neither fades nor grows towards a half turn, where any
 direction will do; at θ = 0 the hinge is off. *Within*: g = |u| in each axis of the box, u the point's place in it.
-
-Depth is the share of the band that is used up, times `planner.activation`, plus what is beyond t: so a motion counts as
-clear with half of the band left as room for what happens between the samples.
 """
 
 from __future__ import annotations
@@ -20,62 +14,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.planner.hinge import Hinge, Measures
 from hdplan.planner.kinematics import KinematicsBatch
 from hdplan.planner.pose_goals import link_frame
 from hdplan.planner.robot import Robot
-from hdplan.planner.samples import Samples
-from hdplan.planner.terms import Penalty
 from hdplan.scenes.errors import naming
 from hdplan.scenes.model import Scene, Upright, Within
 
 Floats = NDArray[np.float64]
 
-BAND = 0.02  # [m] widest band below the bound in which the penalty sets in
 LEVER = 1.0  # [m] arm at which an angle counts as a length
 UP = np.array([0.0, 0.0, 1.0])  # in the world
 PARALLEL = 1e-12  # sine below which two directions have no axis of their own
 
 
-@dataclass(frozen=True)
-class Measures:
-    """m measures at B configurations."""
-
-    value: Floats  # (B, m) g, never negative [m]
-    slope: Floats  # (B, m, n) dg/dq
-
-
-class PathTerm:
+class PathTerm(Hinge):
     """A constraint on the whole way as a squared hinge on its measures."""
-
-    def __init__(self, name: str, measure: UprightMeasure | WithinMeasure, activation: float) -> None:
-        """Take what is measured, and how much of `depth` a used-up band counts [m]."""
-        self.name, self.measure, self.activation = name, measure, activation
-
-    def inside(self, kinematics: KinematicsBatch) -> tuple[Floats, Floats]:
-        """How far each measure is within its band or beyond (B, m) [m], 0 where it is not, and the slope (B, m, n) of
-        that."""
-        found = self.measure(kinematics)
-        bound = self.measure.bound
-        inside = np.maximum(found.value - (bound - _band(bound)), 0.0)
-        return inside, found.slope * (inside > 0.0)[..., None]
-
-    def depth(self, kinematics: KinematicsBatch, time: Floats | None = None) -> Floats:
-        """How much of the band is used up, as a depth (B,) [m], the same at any time."""
-        inside, _ = self.inside(kinematics)
-        return self._depth(inside)
-
-    def value(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
-        """The penalty at the samples of a motion."""
-        inside, slope = self.inside(kinematics)
-        weight = samples.weight[:, None]
-        gradient = ((weight * inside)[:, None] @ slope)[:, 0]
-        curvature = weight[..., None] * (slope.transpose(0, 2, 1) @ slope)
-        return Penalty(float(0.5 * np.sum(weight * inside**2)), gradient, curvature, self._depth(inside))
-
-    def _depth(self, inside: Floats) -> Floats:
-        band = _band(self.measure.bound)
-        depth: Floats = (self.activation * inside / band + np.maximum(inside - band, 0.0)).max(axis=1)
-        return depth
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +97,3 @@ def _measure(
     sides = np.isfinite(half)
     point = placement.act(np.array(asked.point))
     return WithinMeasure(joint, point, supports[joint], box[:3, 3], box[:3, :3].T[sides], half[sides])
-
-
-def _band(bound: Floats) -> Floats:
-    return np.minimum(0.5 * bound, BAND)

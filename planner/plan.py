@@ -274,6 +274,7 @@ def _without_second_derivatives(scene: Scene) -> str | None:
         "planner.swept: true": scene.planner.swept,
         "the distance fcl": scene.planner.distance == "fcl",
         "a path constraint (section path)": scene.path != PathConstraints(),
+        "a torque limit (limits.torque)": scene.limits.torque is not None,
         "an obstacle that moves": any(obstacle.motion is not None for obstacle in scene.obstacles),
     }
     return next((name for name, asked in lacking.items() if asked), None)
@@ -298,6 +299,8 @@ def _reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tu
             raise InputError(f"{scene.source}: {field}: in collision: {said}")
         if departures := certifier.off_path(q):
             raise InputError(f"{scene.source}: {field}: off the path: {'; '.join(each.words for each in departures)}")
+        if overload := certifier.overload(q):
+            raise InputError(f"{scene.source}: {field}: {overload.words}")
         close = certifier.too_close(q, required, time_)
         for place, asked in close:
             if place.other not in lenient:

@@ -22,7 +22,7 @@ from hdplan.planner.loads import loaded_model
 from hdplan.planner.robot import Robot
 from hdplan.planner.robot_curve import curve_of
 from hdplan.planner.trajectory import Trajectory
-from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Scene
 
 Array = NDArray[np.float64]
@@ -140,9 +140,8 @@ def simulate(scene: Scene, trajectory: Trajectory, robot: Robot) -> Simulation:
     timed = curve.times is not None
     if scene.timed and not timed:
         raise InputError("times: missing; the scene says when the motion is to be where (timing, limits)")
-    with naming(scene.source):
-        rate_limits = [of(scene, robot) for of in (velocity_limits, acceleration_limits, jerk_limits)]
-        torques = torque_limits(scene, robot)
+    rate_limits = [of(scene, robot) for of in (velocity_limits, acceleration_limits, jerk_limits)]
+    torques = torque_limits(scene, robot)
     first, last = (0.0, 1.0) if curve.times is None else (float(curve.times[0]), float(curve.times[-1]))
     count = max(int(np.ceil((last - first) / STEP)), 1) if timed else PATH_SAMPLES
     times = np.linspace(first, last, count + 1)

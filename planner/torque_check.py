@@ -20,7 +20,7 @@ from hdplan.planner.motion_bounds import Chain
 from hdplan.planner.rate_check import Use
 from hdplan.planner.robot import Robot
 from hdplan.planner.torque_bounds import torque_curvature
-from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Scene
 
 Array = NDArray[np.float64]
@@ -35,9 +35,15 @@ class Overload:
     """A joint that gravity alone overloads, in a configuration of the motion: going slower does not help."""
 
     joint: str
-    time: float  # [s]
+    time: float  # [s]; 0 for a configuration that is no part of a motion
     torque: float  # that holds still against gravity [Nm] or [N]
     limit: float
+
+    @property
+    def words(self) -> str:
+        """What is too much."""
+        what = f"joint '{self.joint}' needs a torque of {self.torque:.4g} to hold still against gravity"
+        return f"{what}, its limit is {self.limit:g}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +56,7 @@ class TorqueCheck:
     found: Array  # (n,) largest |τ| at a sample
     times: Array  # (n,) when that was [s]
     overload: Overload | None  # the worst by share of its limit, if there is any
+    overloaded: tuple[int, ...]  # intervals between rows in which gravity alone is too much
     samples: int  # at which torques were computed
 
     @property
@@ -88,20 +95,34 @@ class TorqueCheck:
             )
         if over is None:
             return f"joint '{name}' needs a torque of {self.found[i]:.4g} {when}, its limit is {limit:g}"
-        return (
-            f"joint '{over.joint}' needs a torque of {over.torque:.4g} at {over.time:.3f} s to hold still against "
-            f"gravity, its limit is {over.limit:g}: going slower does not help"
-        )
+        return f"{over.words}, at {over.time:.3f} s: going slower does not help"
 
 
-def torques_of(scene: Scene, robot: Robot, curve: Curve) -> TorqueCheck:
-    """Check a curve against what the scene says: its limits and its loads. Raises InputError for some that do not fit
-    the robot, and as `check_torques`."""
-    with naming(scene.source):
+@dataclass(frozen=True, eq=False)
+class TorqueLimits:
+    """What a scene's joints can drive, with its loads."""
+
+    model: pin.Model  # with all loads
+    robot: Robot
+    limits: Array  # (n,)
+
+    @classmethod
+    def of(cls, scene: Scene, robot: Robot) -> TorqueLimits | None:
+        """Return a scene's; None if it limits no torque. Raises InputError for what does not fit the robot."""
         limits = torque_limits(scene, robot)
-    if limits is None:
-        raise ValueError("the scene does not limit torques")
-    return check_torques(loaded_model(scene, robot), robot, curve, limits)
+        return None if limits is None else cls(loaded_model(scene, robot), robot, limits)
+
+    def check(self, curve: Curve) -> TorqueCheck:
+        """Compare the torques along a timed curve with the limits; see `check_torques`."""
+        return check_torques(self.model, self.robot, curve, self.limits)
+
+    def overload(self, q: Array) -> Overload | None:
+        """Return the joint that gravity overloads most in one configuration (n,); None if there is none."""
+        torques = np.abs(pin.computeGeneralizedGravity(self.model, self.model.createData(), self.robot.pin_q(q)))
+        joint = int((torques / self.limits).argmax())
+        if torques[joint] <= self.limits[joint]:
+            return None
+        return Overload(self.robot.joint_names[joint], 0.0, float(torques[joint]), float(self.limits[joint]))
 
 
 def check_torques(model: pin.Model, robot: Robot, curve: Curve, limits: Array) -> TorqueCheck:
@@ -144,7 +165,14 @@ def check_torques(model: pin.Model, robot: Robot, curve: Curve, limits: Array) -
         interval, start, end = np.tile(interval, 2), np.r_[start, middle], np.r_[middle, end]
         at_start, at_end = np.vstack([at_start[open_], between]), np.vstack([between, at_end[open_]])
     return TorqueCheck(
-        robot.joint_names, limits, proven, sampled.found, sampled.times, sampled.overload, sampled.samples
+        joint_names=robot.joint_names,
+        limits=limits,
+        proven=proven,
+        found=sampled.found,
+        times=sampled.times,
+        overload=sampled.overload,
+        overloaded=tuple(sorted(sampled.overloaded)),
+        samples=sampled.samples,
     )
 
 
@@ -155,6 +183,7 @@ class _Torques:
         self.model, self.data, self.robot, self.orders, self.limits = model, model.createData(), robot, orders, limits
         self.found, self.times = np.zeros(robot.n), np.zeros(robot.n)
         self.overload: Overload | None = None
+        self.overloaded: set[int] = set()
         self.samples = 0
 
     def at(self, interval: Index, fraction: Array) -> Array:
@@ -167,16 +196,17 @@ class _Torques:
             gravity[row] = pin.computeGeneralizedGravity(self.model, self.data, configuration)
         curve = self.orders[0]
         start = np.zeros(len(curve)) if curve.times is None else curve.times
-        self._keep(torques, gravity, start[interval] + fraction * curve.widths[interval])
+        self._keep(torques, gravity, interval, start[interval] + fraction * curve.widths[interval])
         return torques
 
-    def _keep(self, torques: Array, gravity: Array, times: Array) -> None:
+    def _keep(self, torques: Array, gravity: Array, interval: Index, times: Array) -> None:
         self.samples += len(torques)
         rows = np.abs(torques).argmax(axis=0)
         largest = np.abs(torques)[rows, np.arange(len(rows))]
         larger = largest > self.found
         self.found, self.times = np.where(larger, largest, self.found), np.where(larger, times[rows], self.times)
         shares = np.abs(gravity) / self.limits
+        self.overloaded.update(interval[(shares > 1.0).any(axis=1)].tolist())
         row, joint = (int(i) for i in np.unravel_index(int(shares.argmax()), shares.shape))
         if shares[row, joint] > max(1.0, self._overloaded()):
             name, torque = self.robot.joint_names[joint], float(abs(gravity[row, joint]))

@@ -80,16 +80,16 @@ class Certificate:
     uses: tuple[Use, ...]  # of the joints' limits on rates and torques, where the scene has any
     path: tuple[Kept, ...]  # how well the scene's path constraints are kept, where it has any
     departures: tuple[Departure, ...]  # every waypoint interval and path constraint that is not proven
+    overloaded: tuple[int, ...]  # every waypoint interval in which gravity alone is too much for a joint
     configurations: int  # at which distances were computed
     exact_calls: int  # of the exact distance
     seconds: float  # spent
 
     @property
     def unproven(self) -> tuple[int, ...]:
-        """The waypoint intervals in which something about places is not proven, in order."""
-        return tuple(
-            sorted({place.interval for place in self.failures} | {place.interval for place in self.departures})
-        )
+        """The waypoint intervals in which something about places is not proven or cannot be, in order."""
+        places = {place.interval for place in self.failures} | {place.interval for place in self.departures}
+        return tuple(sorted(places | set(self.overloaded)))
 
     @property
     def certified(self) -> bool:

@@ -136,7 +136,7 @@ def test_gravity_that_no_speed_helps_against_is_told_apart() -> None:
     assert slow.overload.joint == "shoulder"
     assert slow.overload.time == pytest.approx(50, abs=0.1)
     assert slow.overload.torque == pytest.approx(level, rel=1e-4)
-    assert "going slower does not help" in slow.text
+    assert "to hold still against gravity" in slow.text
     fast = check_torques(robot.model, robot, Curve.through(ends, np.array([0.0, 0.5]), zero, zero), limits)
     assert fast.exceeded
     assert fast.overload is None

@@ -1,0 +1,247 @@
+"""The controller measured: solvers of its quadratic program, time of one step, and contacts from random starts.
+
+    python benchmarks/control.py solvers | steps | starts [--starts 1000] [--rate 200] [--speed 0.5]
+
+`solvers` wants quadprog, piqp, proxsuite and osqp beside daqp (pip install them; hdplan needs daqp alone). `starts`
+proves every simulated motion by the certificate, between its samples too: real meshes, the scene's own shapes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.control import BarrierSettings, Controller, ControlSettings, PoseTask, simulate, standing
+from hdplan.planner.certificate import Certifier
+from hdplan.planner.robot import Robot
+from hdplan.planner.scene_robot import load_scene_robot
+from hdplan.planner.trajectory import Trajectory
+from hdplan.scenes.model import (
+    Box,
+    Capsule,
+    Cylinder,
+    JointTarget,
+    Obstacle,
+    Pose,
+    PoseTarget,
+    RobotSpec,
+    Scene,
+    Shape,
+    Sphere,
+)
+
+Array = NDArray[np.float64]
+Solver = Callable[[Array, Array, Array, Array, Array, Array], Array]
+
+READY = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)
+
+
+def random_scene(rng: np.random.Generator, count: int) -> Scene:
+    """Return a Panda among obstacles of every kind, none within 25 cm of its base."""
+    obstacles = []
+    for index in range(count):
+        a, b, c = rng.uniform(0.03, 0.15, 3).tolist()
+        shapes: tuple[Shape, ...] = (Box((2 * a, 2 * b, 2 * c)), Sphere(a), Cylinder(a, 2 * b), Capsule(a / 2, 2 * b))
+        turn, direction = rng.normal(size=4), rng.normal(size=3)
+        where = direction / np.linalg.norm(direction) * rng.uniform(0.35, 0.9)
+        pose = Pose((where[0], where[1], abs(where[2]) + 0.05), tuple((turn / np.linalg.norm(turn)).tolist()))
+        obstacles.append(Obstacle(f"body{index}", shapes[index % 4], pose))
+    ends = (JointTarget("start", READY), JointTarget("goal", READY))
+    return Scene("random", Path("random"), RobotSpec("panda"), tuple(obstacles), *ends)
+
+
+def starts(count: int, rate: float, speed: float) -> None:
+    """Count contacts over simulated motions from random collision-free starts toward random targets."""
+    rng = np.random.default_rng(0)
+    settings = ControlSettings(period=1.0 / rate, speed=speed)
+    verdicts: Counter[str] = Counter()
+    modes: Counter[str] = Counter()
+    least, begun_inside, reached = np.inf, 0, 0
+    robot, promise = load_scene_robot(random_scene(rng, 0)), ""
+    for number in range(count):
+        scene, certifier, q = free_start(rng, robot)
+        controller = Controller.of(scene, settings, robot)
+        promise = "nothing" if controller.assured is None else f"{1e3 * controller.assured:.1f} mm"
+        run = simulate(controller, q, task(rng, robot, number), 3.0)
+        begun_inside += bool(len(run.slacks)) and run.slacks[0] < 0
+        reached += run.met is not None
+        modes.update(mode.value for mode in run.modes)
+        if len(run.positions) < 2:
+            verdicts["no motion"] += 1
+            continue
+        moved = np.append(True, np.abs(np.diff(run.positions, axis=0)).max(axis=1) > 0)
+        rows = run.positions[moved] if moved.sum() > 1 else run.positions[:2]
+        certificate = certifier.certify(Trajectory(robot.joint_names, rows, robot.locked), check_ends=False)
+        verdicts[certificate.status.value] += 1
+        if certificate.clearance is not None and run.slacks[0] >= 0:
+            least = min(least, certificate.clearance)
+    print(f"{count} starts at {rate:g} Hz, {speed:g} of the speed limits: {dict(verdicts)}")
+    print(f"begun inside a margin {begun_inside}, target reached in 3 s {reached}, periods {dict(modes)}")
+    print(
+        f"least clearance of those begun outside, by the certificate: {1e3 * least:.1f} mm; the rule promises {promise}"
+    )
+
+
+def free_start(rng: np.random.Generator, robot: Robot) -> tuple[Scene, Certifier, Array]:
+    """Return a random scene and a random configuration that touches nothing in it, by exact distance."""
+    while True:  # another scene where the shoulder itself is in the way
+        scene = random_scene(rng, int(rng.integers(3, 11)))
+        certifier = Certifier(scene, robot)
+        for q in robot.draw(rng, 30):
+            if not certifier.contacts(q):
+                return scene, certifier, q
+
+
+def task(rng: np.random.Generator, robot: Robot, number: int) -> Any:
+    """Return a random configuration, or a pose, as the target."""
+    if number % 2:
+        return replace(standing(robot.draw(rng, 1)[0], gain=4.0), tolerance=0.05)
+    turn, way = rng.normal(size=4), rng.uniform([-0.7, -0.7, 0.1], [0.7, 0.7, 0.9])
+    pose = Pose(tuple(way.tolist()), tuple((turn / np.linalg.norm(turn)).tolist()))
+    return PoseTask(robot, PoseTarget("target", "panda_hand", pose, 0.01, 0.05), gain=4.0)
+
+
+def steps(obstacles: int = 10, runs: int = 20) -> None:
+    """Time single steps."""
+    print(f"a Panda and {obstacles} obstacles, {runs} runs of 100 steps: median / 95 % / worst [ms]")
+    exact = BarrierSettings("euclidean", growth=0.0, self_growth=0.0)
+    for name, settings in (
+        ("HD-SDF", ControlSettings()),
+        ("HD-SDF, no look-ahead", ControlSettings(look_ahead=False)),
+        ("Euclidean", ControlSettings(exact, 0.01, 0.005)),
+    ):
+        rng = np.random.default_rng(1)
+        robot = load_scene_robot(random_scene(rng, 0))
+        distance, program, whole, pairs = [], [], [], 0
+        for number in range(runs):
+            scene = random_scene(rng, obstacles)
+            controller, goal = Controller.of(scene, settings, robot), task(rng, robot, number)
+            q, pairs = robot.draw(rng, 1)[0], len(controller.barriers.names)
+            for _ in range(100):
+                began = perf_counter()
+                step = controller.step(q, goal)
+                whole.append(perf_counter() - began)
+                distance.append(step.distance_seconds)
+                program.append(step.program_seconds)
+                q = q + settings.period * step.velocity
+        parts = (("distance", distance), ("program", program), ("step", whole))
+        words = ", ".join(f"{part} {_quantiles(seconds)}" for part, seconds in parts)
+        over = 100.0 * np.mean(np.array(whole) > 1e-3)
+        print(f"{name}: {pairs} pairs, {words}; {over:.2g} % of the steps take more than 1 ms")
+
+
+def solvers() -> None:
+    """Time the quadratic program alone, 7 joints and bounds on them."""
+    rng = np.random.default_rng(0)
+    print("rows, solver: median / 95 % / worst [ms], largest difference from the first")
+    for rows in (20, 60, 100):
+        problems = []
+        for _ in range(200):
+            jacobian = rng.normal(size=(6, 7))
+            matrix, bound = 0.3 * rng.normal(size=(rows, 7)), -0.5 * rng.uniform(0.0, 0.3, rows)
+            problems.append((jacobian.T @ jacobian + 0.01 * np.eye(7), 0.5 * rng.normal(size=7), matrix, bound))
+        first: list[Array] = []
+        for name, solve in SOLVERS.items():
+            try:
+                importlib.import_module(name)
+            except ImportError:
+                print(f"{rows}, {name}: not installed")
+                continue
+            seconds, answers = [], []
+            for hessian, linear, matrix, bound in problems:
+                began = perf_counter()
+                answers.append(solve(hessian, linear, matrix, bound, np.full(7, -0.5), np.full(7, 0.5)))
+                seconds.append(perf_counter() - began)
+            first = first or answers
+            error = max(float(np.abs(a - b).max()) for a, b in zip(first, answers, strict=True))
+            print(f"{rows}, {name}: {_quantiles(seconds)}, {error:.0e}")
+
+
+def _quantiles(seconds: list[float]) -> str:
+    values = 1e3 * np.array(seconds)
+    return f"{np.median(values):.3f} / {np.quantile(values, 0.95):.3f} / {values.max():.2f}"
+
+
+def _daqp(hessian: Array, linear: Array, matrix: Array, bound: Array, low: Array, high: Array) -> Array:
+    import daqp
+
+    upper = np.concatenate([high, np.full(len(matrix), 1e30)])
+    sense = np.zeros(len(upper), dtype=np.int32)
+    return np.array(daqp.solve(hessian, linear, matrix, upper, np.concatenate([low, bound]), sense)[0])
+
+
+def _quadprog(hessian: Array, linear: Array, matrix: Array, bound: Array, low: Array, high: Array) -> Array:
+    import quadprog
+
+    rows = np.vstack([matrix, np.eye(7), -np.eye(7)])
+    return np.asarray(quadprog.solve_qp(hessian, -linear, rows.T, np.concatenate([bound, low, -high]))[0])
+
+
+def _piqp(hessian: Array, linear: Array, matrix: Array, bound: Array, low: Array, high: Array) -> Array:
+    import piqp
+
+    solver = piqp.DenseSolver()
+    solver.settings.verbose = False
+    solver.setup(hessian, linear, None, None, matrix, bound, None, low, high)
+    solver.solve()
+    return np.array(solver.result.x)
+
+
+def _proxsuite(hessian: Array, linear: Array, matrix: Array, bound: Array, low: Array, high: Array) -> Array:
+    import proxsuite
+
+    rows, upper = np.vstack([matrix, np.eye(7)]), np.concatenate([np.full(len(matrix), 1e20), high])
+    result = proxsuite.proxqp.dense.solve(
+        H=hessian, g=linear, A=None, b=None, C=rows, l=np.concatenate([bound, low]), u=upper, eps_abs=1e-9
+    )
+    return np.array(result.x)
+
+
+def _osqp(hessian: Array, linear: Array, matrix: Array, bound: Array, low: Array, high: Array) -> Array:
+    import osqp
+    from scipy.sparse import csc_matrix
+
+    solver = osqp.OSQP()
+    rows, upper = csc_matrix(np.vstack([matrix, np.eye(7)])), np.concatenate([np.full(len(matrix), np.inf), high])
+    lower = np.concatenate([bound, low])
+    solver.setup(csc_matrix(hessian), linear, rows, lower, upper, verbose=False, eps_abs=1e-7, eps_rel=1e-7,
+                 max_iter=20000)  # fmt: skip
+    return np.array(solver.solve().x)
+
+
+SOLVERS: dict[str, Solver] = {
+    "daqp": _daqp,
+    "quadprog": _quadprog,
+    "piqp": _piqp,
+    "proxsuite": _proxsuite,
+    "osqp": _osqp,
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=("solvers", "steps", "starts"))
+    parser.add_argument("--starts", type=int, default=1000)
+    parser.add_argument("--rate", type=float, default=200.0)
+    parser.add_argument("--speed", type=float, default=0.5)
+    given = parser.parse_args()
+    match given.what:
+        case "solvers":
+            solvers()
+        case "steps":
+            steps()
+        case _:
+            starts(given.starts, given.rate, given.speed)
+
+
+if __name__ == "__main__":
+    main()

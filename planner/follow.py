@@ -1,0 +1,168 @@
+"""Follow a planned trajectory with the controller as its safety filter: it yields to what comes, and takes up again.
+
+Scene (obstacles may move) + trajectory → what the robot does. The reference is the trajectory's own curve at a phase τ
+that waits for the robot,
+
+    τ̇ = max(0, 1 − |r(τ) − q| / LAG),   nominal velocity  u* = τ̇ r'(τ) + k (r(τ) − q),
+
+so that a robot that is held up is not led through what holds it up. The controller takes the velocity nearest to u*
+that its barriers allow (`control`). A path without times is followed from rest to rest, at half of the joints' speed
+limits or over the scene's `timing.duration`. The commands are held over a period, so the motion is straight between
+its rows: what is written down and certified is exactly what was simulated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.barriers import BarrierSettings
+from hdplan.planner.certificate import Certifier
+from hdplan.planner.control import Controller, ControlSettings
+from hdplan.planner.control_run import Run, simulate
+from hdplan.planner.curve import Curve
+from hdplan.planner.robot import Robot
+from hdplan.planner.robot_curve import curve_of
+from hdplan.planner.scene_robot import load_scene_robot
+from hdplan.planner.timing import MinimumJerk
+from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.verdict import Certificate
+from hdplan.scenes.model import Scene
+
+Array = NDArray[np.float64]
+
+LAG = 0.3  # [rad] or [m] of some joint behind the reference at which it waits
+GAIN = 4.0  # k [1/s]
+ARRIVED = 2e-3  # [rad] or [m] of every joint from the trajectory's end
+SHARE = 0.5  # of the speed limits that a path without times is followed at
+PATIENCE = 3.0, 10.0  # times the trajectory's own duration, and [s] beside, after which it is given up
+GROWTH = 0.005  # [m] of obstacles and links: plans pass closer than a controller that goes where it likes should
+HELD = 0.05  # [rad] or [m] behind the trajectory, in some joint, from which on the robot counts as held up
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """What became of a trajectory."""
+
+    trajectory: Trajectory  # as executed: a row for each period, with its time
+    run: Run
+    certificate: Certificate  # of that, over all time, with the obstacles where they then were
+    duration: float  # of the trajectory itself [s]
+    arrived: float | None  # when the robot was at its end [s]; None: it was not
+    away: float  # the farthest that a joint was from the trajectory at the same phase [rad] or [m]
+    held: float  # how long it was HELD or more behind or beside [s]
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether the robot arrived, proven free all the way."""
+        return self.arrived is not None and self.certificate.certified
+
+    @property
+    def text(self) -> str:
+        """One sentence."""
+        if self.arrived is None:
+            return f"not arrived: given up after {self.run.times[-1]:.1f} s, the trajectory takes {self.duration:.1f} s"
+        return f"arrived after {self.arrived:.1f} s, {self.arrived - self.duration:.1f} s later than the trajectory"
+
+    def rows(self) -> list[tuple[str, str]]:
+        """What happened, for reading."""
+        seconds = self.run.distance_seconds + self.run.program_seconds
+        counted = ", ".join(f"{count} {mode.value}" for mode, count in self.run.counted.most_common())
+        return [
+            ("away", f"{self.away:.3g} rad from the trajectory at most, held up for {self.held:.1f} s"),
+            ("periods", f"{counted}, of {1e3 * self.run.period:g} ms"),
+            ("time", f"{1e3 * np.median(seconds):.2f} ms a step, {1e3 * np.quantile(seconds, 0.95):.2f} ms at 95 %"),
+        ]
+
+    def summary(self) -> dict[str, object]:
+        """The same as JSON takes it."""
+        return {
+            "status": self.certificate.status.value,
+            "text": self.text,
+            "arrived_s": self.arrived,
+            "duration_s": self.duration,
+            "away": self.away,
+            "held_s": self.held,
+            "clearance_m": self.certificate.clearance,
+            "self_clearance_m": self.certificate.self_clearance,
+            "periods": {mode.value: count for mode, count in self.run.counted.items()},
+            "period_s": self.run.period,
+        }
+
+
+def follow(
+    scene: Scene, trajectory: Trajectory, robot: Robot | None = None, settings: ControlSettings | None = None
+) -> Followed:
+    """Simulate a robot that follows `trajectory` in `scene`, from the trajectory's first row on at time 0.
+
+    Raises InputError for joints that do not fit, settings that are provably not safe, and joints without a speed limit.
+    """
+    robot = robot or load_scene_robot(scene)
+    settings = settings or ControlSettings(BarrierSettings(growth=GROWTH, self_growth=GROWTH), rate=4.0)
+    controller = Controller.of(scene, settings, robot)
+    curve = curve_of(robot, trajectory)
+    if curve.times is None:
+        curve = paced(curve, SHARE * controller.fastest, scene.end_time)
+    task = FollowTask(curve, settings.period)
+    most = PATIENCE[0] * task.duration + PATIENCE[1]
+    run = simulate(controller, curve.rows[0], task, most)
+    if len(run.positions) < 2:  # there from the first: a trajectory has two rows all the same
+        run = replace(run, positions=np.repeat(run.positions, 2, axis=0))
+    executed = Trajectory(robot.joint_names, run.positions, robot.locked, run.times)
+    behind = np.array(task.behind)
+    return Followed(
+        executed,
+        run,
+        Certifier(scene, robot).certify(executed, check_ends=False),
+        task.duration,
+        run.met,
+        float(behind.max(initial=0.0)),
+        settings.period * int((behind >= HELD).sum()),
+    )
+
+
+@dataclass(eq=False)
+class FollowTask:
+    """The task of following a curve with times, whose phase waits for the robot. One step a period: it has a state."""
+
+    curve: Curve
+    period: float  # T [s]
+    phase: float = 0.0  # τ [s] since the curve's first row
+    behind: list[float] = field(default_factory=list)  # [rad] or [m] of the worst joint, at each period
+
+    def __post_init__(self) -> None:
+        """Differentiate the curve."""
+        self._velocity = self.curve.derivative()
+
+    @property
+    def duration(self) -> float:
+        """Of the curve [s]."""
+        return float(self.curve.widths.sum())
+
+    def objective(self, q: Array, time: float) -> tuple[Array, Array]:
+        """The quadratic at q; moves the phase on by one period."""
+        wanted, speed = self._at(self.curve), self._at(self._velocity)
+        behind = float(np.abs(wanted - q).max())
+        self.behind.append(behind)
+        pace = max(0.0, 1.0 - behind / LAG) if self.phase < self.duration else 0.0
+        self.phase = min(self.phase + pace * self.period, self.duration)
+        return np.eye(len(q)), -(pace * speed + GAIN * (wanted - q))
+
+    def met(self, q: Array, time: float) -> bool:
+        """Whether the robot is at the curve's end."""
+        return self.phase >= self.duration and bool(np.abs(self.curve.rows[-1] - q).max() <= ARRIVED)
+
+    def _at(self, curve: Curve) -> Array:
+        assert self.curve.times is not None  # `follow` gives it times
+        return curve.at_parameter(self.curve.parameter_of(self.curve.times[0] + self.phase))
+
+
+def paced(path: Curve, fastest: Array, duration: float = 0.0) -> Curve:
+    """Return a path without times as one from rest to rest, no joint faster than `fastest` (n,), over `duration` [s] or
+    as long as that takes."""
+    needed = np.maximum(np.abs(np.diff(path.rows, axis=0) / fastest).max(axis=1), 1e-6)
+    law = MinimumJerk(max(duration, 1.875 * float(needed.sum())))  # its peak speed is 1.875 times the mean
+    share = np.concatenate([[0.0], np.cumsum(needed)]) / needed.sum()
+    return replace(path, times=law.time_at(share))

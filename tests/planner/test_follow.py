@@ -1,0 +1,145 @@
+"""A robot that follows a trajectory: it arrives where nothing is in the way, gives way to what comes, and goes on."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hdplan
+from hdplan import cli
+from hdplan.planner.certificate import Certifier
+from hdplan.planner.control import Mode
+from hdplan.planner.follow import ARRIVED, follow, paced
+from hdplan.planner.outline import kinematics_of
+from hdplan.planner.robot import Robot
+from hdplan.planner.scene_robot import load_scene_robot
+from hdplan.planner.trajectory import Trajectory
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import Obstacle, Pose, Scene, Sphere, SteadyMotion, Timing
+from hdplan.scenes.writer import scene_text
+
+
+@pytest.fixture(scope="module")
+def room() -> Scene:
+    return hdplan.load_scene("empty")
+
+
+@pytest.fixture(scope="module")
+def robot(room: Scene) -> Robot:
+    return load_scene_robot(room)
+
+
+@pytest.fixture(scope="module")
+def sweep(robot: Robot) -> Trajectory:
+    """The base turns by a quarter, the arm stretched out."""
+    rows = np.zeros((20, 7)) + [0.0, 0.3, 0.0, -1.6, 0.0, 1.9, 0.8]
+    rows[:, 0] = np.linspace(-0.8, 0.8, 20)
+    return Trajectory(robot.joint_names, rows, robot.locked)
+
+
+def ball_that_comes(robot: Robot, sweep: Trajectory, velocity: tuple[float, float, float], when: float) -> Obstacle:
+    """A ball that is at the hand's place halfway along the trajectory at a time, and moves on."""
+    q = sweep.positions[len(sweep) // 2]
+    hand = kinematics_of(robot).evaluate(q).translations[0, 7]
+    start = hand - when * np.array(velocity)
+    return Obstacle("ball", Sphere(0.07), Pose(tuple(start.tolist())), motion=SteadyMotion(velocity))
+
+
+def test_a_free_robot_arrives_about_on_time(room: Scene, robot: Robot, sweep: Trajectory) -> None:
+    found = follow(room, sweep, robot)
+    assert found.succeeded
+    assert found.arrived is not None
+    assert found.duration <= found.arrived < found.duration + 1.5
+    assert np.abs(found.trajectory.positions[-1] - sweep.positions[-1]).max() <= ARRIVED
+    assert set(found.run.modes) == {Mode.MOVING}
+    assert np.abs(found.run.velocities).max() <= robot.model.velocityLimit.max()
+
+
+def test_times_of_the_file_are_kept_to(room: Scene, robot: Robot, sweep: Trajectory) -> None:
+    slow = replace(sweep, times=np.linspace(1.0, 7.0, len(sweep)))
+    found = follow(room, slow, robot)
+    assert found.duration == pytest.approx(6.0)
+    assert found.arrived is not None
+    assert 6.0 <= found.arrived < 7.5
+    assert found.held == 0.0
+    middle = found.trajectory.curve.at_parameter(found.trajectory.curve.parameter_of(3.0))
+    np.testing.assert_allclose(middle, sweep.at(0.5), atol=0.15)
+
+
+def test_it_yields_and_recovers(room: Scene, robot: Robot, sweep: Trajectory) -> None:
+    free = follow(room, sweep, robot)
+    assert free.arrived is not None
+    for velocity in ((-0.25, 0.0, 0.0), (0.0, -0.25, 0.0)):
+        obstacle = ball_that_comes(robot, sweep, velocity, 0.5 * free.arrived)
+        scene = replace(room, obstacles=(obstacle,))
+        found = follow(scene, sweep, robot)
+        assert found.succeeded, found.certificate.text
+        assert found.arrived is not None
+        assert found.arrived > free.arrived
+        assert found.held > free.held
+        # without the filter the same motion, as it was executed in the empty room, runs into the ball
+        assert not Certifier(scene, robot).certify(free.trajectory, check_ends=False).certified
+
+
+def test_a_way_that_stays_blocked_is_given_up(room: Scene, robot: Robot, sweep: Trajectory) -> None:
+    obstacle = replace(ball_that_comes(robot, sweep, (0.0, 0.0, 0.0), 0.0), motion=None, shape=Sphere(0.3))
+    scene = replace(room, obstacles=(obstacle,))
+    found = follow(scene, replace(sweep, times=np.linspace(0.0, 0.5, len(sweep))), robot)
+    assert not found.succeeded
+    assert found.arrived is None
+    assert found.certificate.certified
+    assert "not arrived" in found.text
+
+
+def test_a_paced_path_keeps_to_the_speeds(sweep: Trajectory, robot: Robot) -> None:
+    fastest = 0.5 * np.array(robot.model.velocityLimit)
+    curve = paced(sweep.curve, fastest)
+    assert curve.times is not None
+    times = np.linspace(*curve.times[[0, -1]], 2000)
+    speeds = np.abs(np.diff(curve.at_parameter(curve.parameter_of(times)), axis=0)) / np.diff(times)[:, None]
+    assert (speeds <= fastest * 1.02).all()
+    assert speeds[0].max() < 0.5 * speeds.max()
+
+
+def test_a_joint_without_a_speed_limit_is_refused(stick_scene, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    scene = stick_scene(Obstacle("ball", Sphere(0.05), Pose((0.0, 0.0, 2.0))))
+    urdf = tmp_path / "stick.urdf"
+    urdf.write_text(urdf.read_text().replace('velocity="1"', 'velocity="0"'))
+    with pytest.raises(InputError, match=r"limits\.velocity"):
+        follow(scene, Trajectory(("turn",), np.array([[0.0], [0.5]])))
+
+
+def test_command(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, room: Scene, robot: Robot,
+    sweep: Trajectory,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    ball = ball_that_comes(robot, sweep, (-0.3, 0.0, 0.0), 1.0)
+    scene = replace(room, obstacles=(ball,), timing=Timing(duration=2.0))
+    (tmp_path / "scene.yaml").write_text(scene_text(scene), encoding="utf-8")
+    sweep.save(tmp_path / "plan.json")
+
+    def run(*arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["hdplan", *arguments])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        out, err = capsys.readouterr()
+        return int(end.value.code or 0), out, err
+
+    code, out, err = run("follow", "scene.yaml", "plan.json", "-o", "done.json")
+    assert (code, err) == (0, "")
+    assert out.startswith("arrived after")
+    assert "certified" in out
+    executed = Trajectory.load("done.json")
+    assert executed.times is not None
+    code, out, err = run("follow", "scene.yaml", "plan.json", "--json")
+    assert json.loads(out)["status"] == "certified"
+    code, out, err = run("follow", "scene.yaml", "missing.json")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    code, out, err = run("follow", "scene.yaml", "plan.json", "-o", "done.txt")
+    assert (code, out, err.count("\n")) == (2, "", 1)
