@@ -58,6 +58,8 @@ SOLVER_SIDE = (
     "planner.fcl_pairs",
     "planner.hdsdf_pairs",
     "planner.outline",
+    "planner.separation",
+    "planner.reach",
     "planner.pairs",
     "planner.path_terms",
     "planner.plane_bodies",

@@ -17,6 +17,8 @@ NAMES = {
     "panda_grasp",
     "panda_cage",
     "panda_carry",
+    "panda_heavy",
+    "ur5_payload",
     "ur5_table",
     "xarm7_post",
     "kinova_shelf",
