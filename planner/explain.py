@@ -10,9 +10,13 @@ from collections import Counter
 
 import numpy as np
 
+from hdplan.planner.dynamics import InverseDynamics
+from hdplan.planner.hinge import BAND
+from hdplan.planner.loads import loaded_model, moved_mass
 from hdplan.planner.pose_goals import pose_words
 from hdplan.planner.problem import Floats, Problem, self_margin
 from hdplan.planner.robot import Robot
+from hdplan.planner.static_torque import ARM, StaticTorque
 from hdplan.planner.terms import Clearance
 from hdplan.scenes.model import (
     Box,
@@ -120,6 +124,7 @@ def _terms(problem: Problem) -> Rows:
         ("obstacles", obstacles),
         ("self-collision", own),
         *_path(problem.scene.path),
+        *_torque_terms(problem),
     ]
 
 
@@ -138,6 +143,24 @@ def _path(path: PathConstraints) -> Rows:
         box = f"the box of size ({size}) m around ({centre})"
         rows.append(("path.position", f"on: point ({point}) of {path.position.link} stays in {box}, all along the way"))
     return rows
+
+
+def _torque_terms(problem: Problem) -> Rows:
+    """What keeps torques within limits, where the scene limits them: in the motion's shape, and in its law of time."""
+    if problem.scene.limits.torque is None:
+        return []
+    model = loaded_model(problem.scene, problem.robot)
+    term = next((term for term in problem.terms if isinstance(term, StaticTorque)), None)
+    if term is None:
+        shape = "off: gravity alone can load no joint so much"
+    else:
+        joints = ", ".join(problem.robot.joint_names[i] for i in term.measure.joints.tolist())
+        shape = f"on: grows where gravity alone takes {1 - BAND / ARM:.0%} of the limit of {joints}"
+    instructions = InverseDynamics(model).instructions
+    added = moved_mass(model) - moved_mass(problem.robot.model)
+    loads = f", of which {added:g} kg are loads" if added else ""
+    law = f"on: inverse dynamics of {moved_mass(model):.3g} kg{loads}; {instructions} instructions"
+    return [("static torque", shape), ("joint torques", law)]
 
 
 def _obstacles(problem: Problem) -> Rows:
@@ -164,11 +187,12 @@ def _attached(problem: Problem) -> Rows:
     rows: Rows = []
     for held in problem.robot.attached:
         links = sum(held.name in pair for pair in problem.robot.self_pairs)
+        mass = f", {held.mass:g} kg" if held.mass else ""
         touching = f", may touch {', '.join(held.touch_links)}" if held.touch_links else ""
         rows.append(
             (
                 held.name,
-                f"{_shape(held.shape)}, held by {held.link}{touching}; outer bodies: {bodies[held.name]}; "
+                f"{_shape(held.shape)}{mass}, held by {held.link}{touching}; outer bodies: {bodies[held.name]}; "
                 f"kept apart from obstacles and {_count(links, 'link')}",
             )
         )

@@ -110,6 +110,8 @@ class GravityMeasure:
 class StaticTorque(Hinge):
     """Keeps a motion away from configurations in which gravity alone asks too much of a joint."""
 
+    measure: GravityMeasure
+
 
 def static_torque(scene: Scene, robot: Robot) -> StaticTorque | None:
     """Return the term where the scene limits torques and gravity may come near a limit; else None.
