@@ -33,12 +33,12 @@ from rich.text import Text
 from hdplan.scenes.errors import HdplanError, InputError, naming
 
 if TYPE_CHECKING:
-    from hdplan.planner.certificate import Certificate, Place
     from hdplan.planner.plan import Event
     from hdplan.planner.report import Report
     from hdplan.planner.result import PlanResult
     from hdplan.planner.simulate import JointUse, Peak, Simulation
     from hdplan.planner.trajectory import Trajectory
+    from hdplan.planner.verdict import Certificate, Place
     from hdplan.scenes.model import PlannerSettings, Scene
 
 INTERRUPTED = 130  # what shells say of a command ended by Ctrl-C
@@ -63,9 +63,10 @@ Examples:
   hdplan study planning --quick
   hdplan reproduce conservativeness
 
-Shipped scenes go by their bare names: empty, kinova_shelf, panda_bookshelf, panda_cage, panda_carry,
-panda_conveyor, panda_corridor, panda_grasp, panda_heavy, panda_table_pick, planar_arm, ur5_pallet,
-ur5_payload, ur5_table, xarm7_post.
+Shipped scenes go by their bare names: empty, kinova_shelf, panda_bookshelf,
+panda_cage, panda_carry, panda_conveyor, panda_corridor, panda_cup, panda_fold,
+panda_grasp, panda_heavy, panda_table_pick, panda_vase, planar_arm, ur5_ceiling,
+ur5_pallet, ur5_payload, ur5_scan, ur5_table, xarm7_post.
 
 Exit codes: 0 certified; 1 nothing certified was found (plan still writes its best attempt, marked as such), a
 simulated motion failed, or a study was interrupted (what it had found is written, marked as such); 2 bad input.""",

@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.planner.certificate import Certifier, curve_of
+from hdplan.planner.certificate import Certifier
 from hdplan.planner.curve import Curve
 from hdplan.planner.execution import LOST, STEP, Arm, Execution, execute, sampled
 from hdplan.planner.joint_limits import acceleration_limits, jerk_limits, torque_limits, velocity_limits
 from hdplan.planner.loads import loaded_model
 from hdplan.planner.robot import Robot
+from hdplan.planner.robot_curve import curve_of
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Scene

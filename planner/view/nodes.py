@@ -13,8 +13,8 @@ import pinocchio as pin
 import viser
 from numpy.typing import NDArray
 
-from hdplan.planner.certificate import Closest
 from hdplan.planner.robot import Robot
+from hdplan.planner.verdict import Closest
 from hdplan.planner.view.colors import CONTACT, INK, LINKS, OBSTACLE, clearance_colors
 from hdplan.planner.view.skins import Color, Skin, obstacle_mesh, shaded
 from hdplan.scenes.model import Obstacle, Pose

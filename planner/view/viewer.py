@@ -16,11 +16,12 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from hdplan.planner.certificate import Certificate, Certifier, Contact
+from hdplan.planner.certificate import Certifier
 from hdplan.planner.goal_search import settled
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import resolve_query
 from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.verdict import Certificate, Contact
 from hdplan.planner.view.colors import CONTACT, GOAL, OTHERS, START, clearance_colors, hex_of, legend
 from hdplan.planner.view.layers import Layers
 from hdplan.planner.view.motion import Motion, Tip
