@@ -25,6 +25,7 @@ from hdplan.scenes.model import (
     Goals,
     JointTarget,
     Mesh,
+    PathConstraints,
     PlannerSettings,
     Points,
     PoseTarget,
@@ -122,8 +123,26 @@ def _terms(problem: Problem) -> Rows:
         ("joint limits", limits + (f"; {_count(free, 'joint')} without" if free and bounded else "")),
         ("obstacles", obstacles),
         ("self-collision", own),
+        *_path(problem.scene.path),
         *_torque_terms(problem),
     ]
+
+
+def _path(path: PathConstraints) -> Rows:
+    """What the scene asks of the whole way, if anything."""
+    rows: Rows = []
+    if path.upright:
+        axis = ", ".join(f"{part:g}" for part in path.upright.axis)
+        tilt = f"tilted by {path.upright.tolerance:g} rad at most"
+        rows.append(("path.upright", f"on: axis ({axis}) of {path.upright.link} points up, {tilt}, all along the way"))
+    if path.position:
+        size, centre = (
+            ", ".join(f"{part:g}" for part in vector) for vector in (path.position.size, path.position.pose.position)
+        )
+        point = ", ".join(f"{part:g}" for part in path.position.point)
+        box = f"the box of size ({size}) m around ({centre})"
+        rows.append(("path.position", f"on: point ({point}) of {path.position.link} stays in {box}, all along the way"))
+    return rows
 
 
 def _torque_terms(problem: Problem) -> Rows:
