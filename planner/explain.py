@@ -10,13 +10,9 @@ from collections import Counter
 
 import numpy as np
 
-from hdplan.planner.dynamics import InverseDynamics
-from hdplan.planner.hinge import BAND
-from hdplan.planner.loads import loaded_model, moved_mass
 from hdplan.planner.pose_goals import pose_words
 from hdplan.planner.problem import Floats, Problem, self_margin
 from hdplan.planner.robot import Robot
-from hdplan.planner.static_torque import ARM, StaticTorque
 from hdplan.planner.terms import Clearance
 from hdplan.scenes.model import (
     Box,
@@ -149,6 +145,11 @@ def _torque_terms(problem: Problem) -> Rows:
     """What keeps torques within limits, where the scene limits them: in the motion's shape, and in its law of time."""
     if problem.scene.limits.torque is None:
         return []
+    from hdplan.planner.dynamics import InverseDynamics
+    from hdplan.planner.hinge import BAND
+    from hdplan.planner.loads import loaded_model, moved_mass
+    from hdplan.planner.static_torque import ARM, StaticTorque
+
     model = loaded_model(problem.scene, problem.robot)
     term = next((term for term in problem.terms if isinstance(term, StaticTorque)), None)
     if term is None:
