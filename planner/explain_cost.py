@@ -31,6 +31,12 @@ def functions(problem: Problem) -> Rows:
         rows += [(f"{term.name}{which}", _sizes(function)) for which, function in found]
         if not found:
             rows.append((term.name, "nothing compiled: NumPy, or a library"))
+    if problem.scene.limits.torque is not None:
+        from hdplan.planner.dynamics import InverseDynamics
+        from hdplan.planner.loads import loaded_model
+
+        dynamics = InverseDynamics(loaded_model(problem.scene, problem.robot))
+        rows.append(("law of time, torques", _sizes(dynamics.function)))
     return rows
 
 

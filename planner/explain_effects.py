@@ -5,7 +5,7 @@ In: a built `Problem`. Out: `Effect`s in reading order.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -129,9 +129,18 @@ def _ends(scene: Scene) -> tuple[Effect, ...]:
 
 def _on_the_way(scene: Scene) -> tuple[Effect, ...]:
     upright, within = scene.path.upright, scene.path.position
-    tilted = f"{upright.link} tilted by no more than {upright.tolerance:g} rad all the way" if upright else ""
-    boxed = f"a point of {within.link} kept in a box all the way" if within else ""
-    return Effect("upright", tilted, "needs path.upright"), Effect("box on the way", boxed, "needs path.position")
+    tilted, boxed = "", ""
+    if upright:
+        axis = _numbers(upright.axis)
+        tilted = f"axis {axis} of {upright.link} points up all the way, tilted by {upright.tolerance:g} rad at most"
+    if within:
+        size, centre = _numbers(within.size), _numbers(within.pose.position)
+        boxed = f"point {_numbers(within.point)} of {within.link} stays in the box of size {size} m around {centre}"
+    return Effect("path.upright", tilted, "needs path.upright"), Effect("path.position", boxed, "needs path.position")
+
+
+def _numbers(vector: Sequence[float]) -> str:
+    return f"({', '.join(f'{part:g}' for part in vector)})"
 
 
 def _timed(problem: Problem) -> tuple[Effect, ...]:
@@ -151,22 +160,35 @@ def _timed(problem: Problem) -> tuple[Effect, ...]:
         "jerk": limits.jerk,
     }
     kept = [f"{quantity} ({_origin(value)})" for quantity, value in rates.items() if value is not None]
-    torque = ""
-    if limits.torque is not None:
-        heavy = _has(problem, "static torque")
-        gravity = "a term keeps away from what gravity overloads" if heavy else "no term, as gravity overloads no joint"
-        torque = f"{_origin(limits.torque)}: kept by the law of time; {gravity}"
     return (
         Effect("times", law, "needs timing.duration, or limits.acceleration"),
         Effect("limits of rates", ", ".join(kept), "needs limits.velocity, limits.acceleration or limits.jerk"),
-        Effect("limits of torque", torque, "needs limits.torque"),
+        Effect("limits of torque", _torque(problem), "needs limits.torque"),
     )
+
+
+def _torque(problem: Problem) -> str:
+    """What keeps torques within limits: the law of time, and the motion's shape where gravity may be too much."""
+    limits = problem.scene.limits.torque
+    if limits is None:
+        return ""
+    from hdplan.planner.hinge import BAND
+    from hdplan.planner.loads import loaded_model, moved_mass
+    from hdplan.planner.static_torque import ARM, StaticTorque
+
+    mass = moved_mass(loaded_model(problem.scene, problem.robot))
+    words = f"{_origin(limits)}, moving {mass:.3g} kg: kept by the law of time"
+    for term in problem.terms:
+        if isinstance(term, StaticTorque):
+            joints = ", ".join(problem.robot.joint_names[i] for i in term.measure.joints.tolist())
+            return f"{words}; grows where gravity alone takes {1 - BAND / ARM:.0%} of the limit of {joints}"
+    return f"{words}; no term, as gravity alone overloads no joint"
 
 
 def _origin(values: JointValues) -> str:
     if values == "urdf":
         return "the URDF's"
-    return "the scene's, else the URDF's" if isinstance(values, Mapping) else "the scene's"
+    return "by joint" if isinstance(values, Mapping) else "the scene's"
 
 
 def _has(problem: Problem, name: str) -> bool:

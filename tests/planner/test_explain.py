@@ -95,7 +95,7 @@ def test_every_effect_has_its_line(tmp_path: Path) -> None:
         ("loads", "1 kg on panda_hand, 0.4 kg of cup"),
         ("base", "stands at (0, 0, 1.6), upside down"),
         ("moving obstacles", "1; each sample of the motion meets them where they are at its time"),
-        ("upright", "panda_hand tilted by no more than 0.5 rad all the way"),
+        ("path.upright", "axis (0, 0, 1) of panda_hand points up all the way, tilted by 0.5 rad at most"),
         ("times", "minimum jerk in 4 s, 100 rows per second"),
     ):
         assert on[name] == words
