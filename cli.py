@@ -62,9 +62,10 @@ Examples:
   hdplan study planning --quick
   hdplan reproduce conservativeness
 
-Shipped scenes go by their bare names: empty, kinova_shelf, panda_bookshelf, panda_cage, panda_carry,
-panda_conveyor, panda_corridor, panda_grasp, panda_heavy, panda_table_pick, planar_arm, ur5_pallet,
-ur5_payload, ur5_table, xarm7_post.
+Shipped scenes go by their bare names: empty, kinova_shelf, panda_bookshelf,
+panda_cage, panda_carry, panda_conveyor, panda_corridor, panda_cup, panda_fold,
+panda_grasp, panda_heavy, panda_table_pick, panda_vase, planar_arm, ur5_ceiling,
+ur5_pallet, ur5_payload, ur5_scan, ur5_table, xarm7_post.
 
 Exit codes: 0 certified; 1 nothing certified was found (plan still writes its best attempt, marked as such), a
 simulated motion failed, or a study was interrupted (what it had found is written, marked as such); 2 bad input.""",
@@ -323,13 +324,16 @@ def simulate(
     Exit code 1 where tracking is lost, a limit is exceeded, or something touches.
     """
     from hdplan.planner.scene_robot import load_scene_robot
+    from hdplan.planner.simulate import fitting
     from hdplan.planner.simulate import simulate as replay
     from hdplan.planner.trajectory import Trajectory
 
     problem = _load(scene, request, robot)
     motion = Trajectory.load(trajectory)
     arm = load_scene_robot(problem)
-    with _waiting("simulating", shown=not as_json), naming(trajectory):  # it may not fit the scene
+    with naming(trajectory):
+        fitting(problem, motion, arm)
+    with _waiting("simulating", shown=not as_json):
         simulation = replay(problem, motion, arm)
     with _printing() as show:
         if as_json:

@@ -10,13 +10,9 @@ from collections import Counter
 
 import numpy as np
 
-from hdplan.planner.dynamics import InverseDynamics
-from hdplan.planner.hinge import BAND
-from hdplan.planner.loads import loaded_model, moved_mass
 from hdplan.planner.pose_goals import pose_words
 from hdplan.planner.problem import Floats, Problem, self_margin
 from hdplan.planner.robot import Robot
-from hdplan.planner.static_torque import ARM, StaticTorque
 from hdplan.planner.terms import Clearance
 from hdplan.scenes.model import (
     Box,
@@ -25,6 +21,7 @@ from hdplan.scenes.model import (
     Goals,
     JointTarget,
     Mesh,
+    PathConstraints,
     PlannerSettings,
     Points,
     PoseTarget,
@@ -122,14 +119,37 @@ def _terms(problem: Problem) -> Rows:
         ("joint limits", limits + (f"; {_count(free, 'joint')} without" if free and bounded else "")),
         ("obstacles", obstacles),
         ("self-collision", own),
+        *_path(problem.scene.path),
         *_torque_terms(problem),
     ]
+
+
+def _path(path: PathConstraints) -> Rows:
+    """What the scene asks of the whole way, if anything."""
+    rows: Rows = []
+    if path.upright:
+        axis = ", ".join(f"{part:g}" for part in path.upright.axis)
+        tilt = f"tilted by {path.upright.tolerance:g} rad at most"
+        rows.append(("path.upright", f"on: axis ({axis}) of {path.upright.link} points up, {tilt}, all along the way"))
+    if path.position:
+        size, centre = (
+            ", ".join(f"{part:g}" for part in vector) for vector in (path.position.size, path.position.pose.position)
+        )
+        point = ", ".join(f"{part:g}" for part in path.position.point)
+        box = f"the box of size ({size}) m around ({centre})"
+        rows.append(("path.position", f"on: point ({point}) of {path.position.link} stays in {box}, all along the way"))
+    return rows
 
 
 def _torque_terms(problem: Problem) -> Rows:
     """What keeps torques within limits, where the scene limits them: in the motion's shape, and in its law of time."""
     if problem.scene.limits.torque is None:
         return []
+    from hdplan.planner.dynamics import InverseDynamics
+    from hdplan.planner.hinge import BAND
+    from hdplan.planner.loads import loaded_model, moved_mass
+    from hdplan.planner.static_torque import ARM, StaticTorque
+
     model = loaded_model(problem.scene, problem.robot)
     term = next((term for term in problem.terms if isinstance(term, StaticTorque)), None)
     if term is None:

@@ -17,7 +17,7 @@ from hdplan.planner.result import PlanResult
 from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.verdict import Status
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Box, Goals, JointTarget, Obstacle, Pose, Scene, Sphere
+from hdplan.scenes.model import Box, Goals, JointTarget, Obstacle, PathConstraints, Pose, Scene, Sphere
 from hdplan.scenes.reader import load_scene, shipped_scenes
 
 EXACT = 1e-9  # [m] of a distance known in closed form: the certificate's own bound is 1e-9 of the sizes
@@ -69,7 +69,9 @@ def test_shipped_scenes_are_certified_by_default(name: str) -> None:
     assert result.certified, result.certificate.text
     assert_sound(result, scene)
     summary = json.loads(json.dumps(result.summary()))
-    assert set(summary) == KEYS | ({"goal"} if isinstance(scene.goal, Goals) else set())
+    assert set(summary) == KEYS | ({"goal"} if isinstance(scene.goal, Goals) else set()) | (
+        {"path"} if scene.path != PathConstraints() else set()
+    )
     assert set(summary["time_s"]) == TIMES
     assert summary["status"] == "certified"
     assert summary["waypoints"] == len(result.trajectory)
