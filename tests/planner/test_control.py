@@ -28,6 +28,7 @@ from hdplan.planner.outline import kinematics_of
 from hdplan.planner.plane_bodies import from_obstacle
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot
+from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Box, JointTarget, Obstacle, Pose, PoseTarget, RobotSpec, Scene, SteadyMotion
 from hdplan.scenes.moving import Passages
@@ -309,28 +310,36 @@ def test_joint_limits_are_never_crossed(robot: Robot) -> None:
         assert (run.positions <= robot.upper + 1e-9).all()
 
 
-def test_never_a_contact_from_random_starts(robot: Robot) -> None:
-    """A few of the 1,000 starts of benchmarks/control.py: exact distances of the real meshes at every tenth period."""
+@pytest.mark.parametrize("starts", [30, pytest.param(1000, marks=pytest.mark.slow)])
+def test_never_a_contact_from_random_starts(starts: int, robot: Robot) -> None:
+    """With settings that the rule calls safe: every motion is certified, between its samples too, on the real meshes,
+    and where the barriers held at the start it keeps what the rule promises."""
     rng = np.random.default_rng(7)
-    settings = ControlSettings(period=0.01)
-    starts = 0
-    held = 0
-    while starts < 12:
+    settings = ControlSettings(period=0.01, speed=0.3)
+    done = held = promised = 0
+    while done < starts:
         scene = scene_of(*random_boxes(rng, 5))
         certifier = Certifier(scene, robot)
         q = robot.draw(rng, 1)[0]
         if certifier.contacts(q):
             continue
-        starts += 1
+        done += 1
         controller = Controller.of(scene, settings, robot)
-        run = simulate(controller, q, standing(robot.draw(rng, 1)[0]), 1.5)
-        for configuration in [*run.positions[::10], run.positions[-1]]:
-            assert not certifier.contacts(configuration)
+        assert controller.assured is not None
+        assert controller.assured > 0.0
+        run = simulate(controller, q, standing(robot.draw(rng, 1)[0], gain=4.0), 1.5)
+        certificate = certifier.certify(Trajectory(robot.joint_names, run.positions, robot.locked), check_ends=False)
+        assert certificate.certified, certificate.text
         held += bool((run.slacks < 5e-3).any())
-        if run.proven is not None and np.isfinite(run.proven):
-            places = [certifier.nearest(configuration)[0] for configuration in run.positions[::10]]
-            assert min(place.distance for place in places if place) >= run.proven
+        if run.slacks[0] >= 0.0:
+            assert run.slacks.min() >= -1e-9
+            assert certificate.clearance is not None
+            assert run.proven is not None
+            assert run.proven >= controller.assured - 1e-12
+            assert certificate.clearance >= run.proven - 1e-4  # room for the certificate's own bounds
+            promised += 1
     assert held  # barriers had something to do
+    assert promised > starts // 4
 
 
 def test_slacks_stay_above_zero_once_they_are(robot: Robot) -> None:
