@@ -8,6 +8,7 @@ from pathlib import Path
 
 import casadi as ca
 import numpy as np
+import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 from scipy.optimize import minimize
@@ -15,7 +16,7 @@ from scipy.optimize import minimize
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.gdf import gdf
 from hdplan.distance.pair_distance import hdsdf_function
-from hdplan.distance.reference import hdsdf
+from hdplan.distance.reference import hdsdf, hdsdf_derivatives
 from hdplan.planner.barrier_rules import boundary_slope, separation_bound, shaped, touching_value, unshaped
 from hdplan.planner.barriers import Barriers, BarrierSettings, scene_barriers
 from hdplan.planner.box_pairs import BoxPairs
@@ -107,6 +108,26 @@ def test_gradients_are_those_of_casadi(normals: str, robot: Robot) -> None:
         expected, gradient = automatic(configuration)
         np.testing.assert_allclose(rows.value, np.array(expected).ravel(), atol=1e-12)
         np.testing.assert_allclose(rows.gradient, np.array(gradient), atol=1e-10)
+
+
+def test_gradients_are_those_of_the_reference(robot: Robot) -> None:
+    """NumPy's closed form by the body's twist, times Pinocchio's own Jacobian: nothing shared with the kernels."""
+    rng = np.random.default_rng(9)
+    box, obstacle = ConvexBody.box([0.08, 0.12, 0.2]), Obstacle("wall", Box((0.3, 0.1, 0.4)), random_pose(rng))
+    wall, data = ConvexBody.box([0.3, 0.1, 0.4]), robot.model.createData()
+    for normals in ("paper", "paper-multiset"):
+        settings = BarrierSettings("hdsdf-boxes", 2, 0.02, 0.0, 0.0, normals)
+        links = [LinkBody("panda_link5", 5, box)]
+        barriers = Barriers(robot, kinematics_of(robot), links, [], from_obstacle(obstacle)[0], settings)
+        for q in robot.draw(rng, 10):
+            jacobian = pin.computeJointJacobian(robot.model, data, q, 5)  # of the joint's twist, in its own frame
+            pin.forwardKinematics(robot.model, data, q)
+            by_twists = hdsdf_derivatives(
+                box, data.oMi[5].homogeneous, wall, obstacle.pose.matrix,
+                gamma=2, shaping_length=0.02, normals=normals,
+            ).gradient  # fmt: skip
+            rows = barriers.evaluate(q)
+            np.testing.assert_allclose(rows.gradient[0], by_twists[:6] @ jacobian, atol=1e-9)
 
 
 def test_barriers_are_their_distances(robot: Robot) -> None:
