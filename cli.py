@@ -33,14 +33,15 @@ from rich.text import Text
 from hdplan.scenes.errors import HdplanError, InputError, naming
 
 if TYPE_CHECKING:
-    from hdplan.planner.certificate import Certificate, Place
     from hdplan.planner.plan import Event
     from hdplan.planner.report import Report
     from hdplan.planner.result import PlanResult
     from hdplan.planner.simulate import JointUse, Peak, Simulation
+    from hdplan.planner.verdict import Certificate, Place
     from hdplan.scenes.model import PlannerSettings, Scene
 
 INTERRUPTED = 130  # what shells say of a command ended by Ctrl-C
+STANDS = 1e-6  # [rad/s and the like] below which a joint does not move, but for rounding
 BAR = 14  # [columns] of a torque at its limit
 WIDTH = 80  # [columns] of tables where the output is no terminal
 TyperError: type[Exception] = typer.BadParameter.__mro__[2]  # ClickException, wherever this Typer keeps its click
@@ -61,8 +62,10 @@ Examples:
   hdplan study planning --quick
   hdplan reproduce conservativeness
 
-Shipped scenes go by their bare names: empty, kinova_shelf, panda_bookshelf, panda_cage, panda_carry,
-panda_corridor, panda_grasp, panda_table_pick, planar_arm, ur5_table, xarm7_post.
+Shipped scenes go by their bare names: empty, kinova_shelf, panda_bookshelf,
+panda_cage, panda_carry, panda_conveyor, panda_corridor, panda_cup, panda_fold,
+panda_grasp, panda_heavy, panda_table_pick, panda_vase, planar_arm, ur5_ceiling,
+ur5_pallet, ur5_payload, ur5_scan, ur5_table, xarm7_post.
 
 Exit codes: 0 certified; 1 nothing certified was found (plan still writes its best attempt, marked as such), a
 simulated motion failed, or a study was interrupted (what it had found is written, marked as such); 2 bad input.""",
@@ -321,13 +324,16 @@ def simulate(
     Exit code 1 where tracking is lost, a limit is exceeded, or something touches.
     """
     from hdplan.planner.scene_robot import load_scene_robot
+    from hdplan.planner.simulate import fitting
     from hdplan.planner.simulate import simulate as replay
     from hdplan.planner.trajectory import Trajectory
 
     problem = _load(scene, request, robot)
     motion = Trajectory.load(trajectory)
     arm = load_scene_robot(problem)
-    with _waiting("simulating", shown=not as_json), naming(trajectory):  # it may not fit the scene
+    with naming(trajectory):
+        fitting(problem, motion, arm)
+    with _waiting("simulating", shown=not as_json):
         simulation = replay(problem, motion, arm)
     with _printing() as show:
         if as_json:
@@ -863,9 +869,10 @@ def _joint_table(*columns: str) -> Table:
 
 def _peak(peak: Peak) -> Text:
     """Write a largest value with its share of the limit, if there is one."""
+    value = f"{peak.value if peak.value > STANDS else 0:.4g}"
     if peak.share is None:
-        return Text(f"{peak.value:.4g}")
-    return Text.assemble(f"{peak.value:.4g} ", (f"{100 * peak.share:4.0f} %", _style(peak)))
+        return Text(value)
+    return Text.assemble(f"{value} ", (f"{100 * peak.share:4.0f} %", _style(peak)))
 
 
 def _style(peak: Peak) -> str:

@@ -11,6 +11,7 @@ import argparse
 
 import hdplan
 from hdplan.planner.solvers import SOLVERS
+from hdplan.scenes.errors import InputError
 from hdplan.scenes.reader import shipped_scenes
 
 
@@ -28,7 +29,11 @@ def main() -> None:
         scene = hdplan.load_scene(name)
         hdplan.build(scene)  # fits and compiles what is not in the cache
         for solver in options.solvers:
-            result = hdplan.plan(scene, solver=solver, time_limit=options.time_limit)
+            try:
+                result = hdplan.plan(scene, solver=solver, time_limit=options.time_limit)
+            except InputError as error:  # ipopt cannot have every effect
+                print(f"| {name} | {solver} | refused: {error} | | | | | |", flush=True)
+                continue
             clearance = result.certificate.clearance
             print(
                 f"| {name} | {solver} | {result.certificate.status.value} "

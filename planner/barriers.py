@@ -109,7 +109,7 @@ class Barriers:
             names += [(bodies[a].link, bodies[b].link) for a, b in self_pairs]
         self.names = tuple(names)  # (P,) link and obstacle, or link and link
         self.obstacle_pairs = len(outer)  # the first of the P
-        self.levers = levers(robot.model, [(body.joint, body.body) for body in bodies])  # (n,) [m]
+        self.levers = levers(robot, [(body.joint, body.body) for body in bodies])  # (n,) [m]
 
     def evaluate(self, q: Floats, time: float = 0.0) -> BarrierRows:
         """Return Δ and its derivatives at configuration q (n,) and a time [s]."""

@@ -13,9 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.planner.certificate import Certifier, Place
+from hdplan.planner.certificate import Certifier
 from hdplan.planner.problem import build
 from hdplan.planner.robot import Robot
+from hdplan.planner.verdict import Place
 from hdplan.scenes.model import Scene
 
 Array = NDArray[np.float64]

@@ -21,6 +21,7 @@ from hdplan.scenes.model import (
     Goals,
     JointTarget,
     Mesh,
+    PathConstraints,
     PlannerSettings,
     Points,
     PoseTarget,
@@ -106,6 +107,8 @@ def _terms(problem: Problem) -> Rows:
         own = f"on: grows where two links come within {self_margin(problem.scene):g} m"
     elif problem.unresolved:
         own = "off: the outer bodies of all pairs of links overlap anyway"
+    elif problem.apart:
+        own = "off: every pair of links is proven to keep apart within the joint limits"
     else:
         own = "off: no pair of links can meet, or all are disabled" if problem.bodies else obstacles
     bounded = int(np.isfinite(problem.robot.lower).sum())
@@ -116,7 +119,49 @@ def _terms(problem: Problem) -> Rows:
         ("joint limits", limits + (f"; {_count(free, 'joint')} without" if free and bounded else "")),
         ("obstacles", obstacles),
         ("self-collision", own),
+        *_path(problem.scene.path),
+        *_torque_terms(problem),
     ]
+
+
+def _path(path: PathConstraints) -> Rows:
+    """What the scene asks of the whole way, if anything."""
+    rows: Rows = []
+    if path.upright:
+        axis = ", ".join(f"{part:g}" for part in path.upright.axis)
+        tilt = f"tilted by {path.upright.tolerance:g} rad at most"
+        rows.append(("path.upright", f"on: axis ({axis}) of {path.upright.link} points up, {tilt}, all along the way"))
+    if path.position:
+        size, centre = (
+            ", ".join(f"{part:g}" for part in vector) for vector in (path.position.size, path.position.pose.position)
+        )
+        point = ", ".join(f"{part:g}" for part in path.position.point)
+        box = f"the box of size ({size}) m around ({centre})"
+        rows.append(("path.position", f"on: point ({point}) of {path.position.link} stays in {box}, all along the way"))
+    return rows
+
+
+def _torque_terms(problem: Problem) -> Rows:
+    """What keeps torques within limits, where the scene limits them: in the motion's shape, and in its law of time."""
+    if problem.scene.limits.torque is None:
+        return []
+    from hdplan.planner.dynamics import InverseDynamics
+    from hdplan.planner.hinge import BAND
+    from hdplan.planner.loads import loaded_model, moved_mass
+    from hdplan.planner.static_torque import ARM, StaticTorque
+
+    model = loaded_model(problem.scene, problem.robot)
+    term = next((term for term in problem.terms if isinstance(term, StaticTorque)), None)
+    if term is None:
+        shape = "off: gravity alone can load no joint so much"
+    else:
+        joints = ", ".join(problem.robot.joint_names[i] for i in term.measure.joints.tolist())
+        shape = f"on: grows where gravity alone takes {1 - BAND / ARM:.0%} of the limit of {joints}"
+    instructions = InverseDynamics(model).instructions
+    added = moved_mass(model) - moved_mass(problem.robot.model)
+    loads = f", of which {added:g} kg are loads" if added else ""
+    law = f"on: inverse dynamics of {moved_mass(model):.3g} kg{loads}; {instructions} instructions"
+    return [("static torque", shape), ("joint torques", law)]
 
 
 def _obstacles(problem: Problem) -> Rows:
@@ -143,11 +188,12 @@ def _attached(problem: Problem) -> Rows:
     rows: Rows = []
     for held in problem.robot.attached:
         links = sum(held.name in pair for pair in problem.robot.self_pairs)
+        mass = f", {held.mass:g} kg" if held.mass else ""
         touching = f", may touch {', '.join(held.touch_links)}" if held.touch_links else ""
         rows.append(
             (
                 held.name,
-                f"{_shape(held.shape)}, held by {held.link}{touching}; outer bodies: {bodies[held.name]}; "
+                f"{_shape(held.shape)}{mass}, held by {held.link}{touching}; outer bodies: {bodies[held.name]}; "
                 f"kept apart from obstacles and {_count(links, 'link')}",
             )
         )

@@ -19,14 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.planner.barriers import BarrierSettings
-from hdplan.planner.certificate import Certificate, Certifier, curve_of
+from hdplan.planner.certificate import Certifier
 from hdplan.planner.control import Controller, ControlSettings
 from hdplan.planner.control_run import Run, simulate
 from hdplan.planner.curve import Curve
 from hdplan.planner.robot import Robot
+from hdplan.planner.robot_curve import curve_of
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.timing import MinimumJerk
 from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.verdict import Certificate
 from hdplan.scenes.model import Scene
 
 Array = NDArray[np.float64]

@@ -19,11 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from hdplan.planner.certificate import Certifier, curve_of
+from hdplan.planner.certificate import Certifier
 from hdplan.planner.kinematics import Kinematics
 from hdplan.planner.outline import kinematics_of
 from hdplan.planner.pose_goals import AXES, Miss, link_frame
 from hdplan.planner.robot import Robot
+from hdplan.planner.robot_curve import curve_of
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.model import JointTarget, PoseTarget, Scene
@@ -90,7 +91,7 @@ def settled(scene: Scene, robot: Robot, motion: Trajectory | None = None) -> Sce
     if motion is not None:
         end = curve_of(robot, motion).rows[-1]
         with naming(scene.source):
-            met = certifier.off_goal(end) is None
+            met = certifier.ends.off_goal(end) is None
         if met:
             return replace(scene, goal=JointTarget(scene.goal.field, tuple(end.tolist())))
     return replace(scene, goal=goal_choice(scene, robot, certifier).goals[0])
@@ -230,7 +231,7 @@ def _free(certifier: Certifier, reached: Array, start: Array) -> list[tuple[floa
     scored = []
     time = certifier.scene.end_time
     fit = (
-        q for q in reached if not (certifier.path.at(q) or certifier.overload(q) or certifier.too_close(q, 0.0, time))
+        q for q in reached if not (certifier.off_path(q) or certifier.overload(q) or certifier.too_close(q, 0.0, time))
     )
     for q in itertools.islice(fit, PICKED):
         place, _ = certifier.nearest(q, CLOSE, time)
@@ -256,7 +257,7 @@ def _refusal(target: JointTarget | PoseTarget, certifier: Certifier, reached: Ar
 
 def _fault(certifier: Certifier, q: Array) -> str:
     """Say why a configuration may not end a motion."""
-    if departures := certifier.path.at(q):
+    if departures := certifier.off_path(q):
         return f"off the path: {departures[0].words}"
     if overload := certifier.overload(q):
         return f"too heavy: {overload.words}"

@@ -7,6 +7,8 @@ certificate is named.
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pinocchio as pin
 import trimesh
@@ -38,6 +40,11 @@ def loaded_model(scene: Scene, robot: Robot) -> pin.Model:
             joint = robot.joint_names[int(np.argmin(inert))]
             raise InputError(f"limits.torque: joint '{joint}' of {robot.name} moves no mass: its URDF gives no inertia")
     return model
+
+
+def moved_mass(model: pin.Model) -> float:
+    """Return the mass that the joints carry [kg]."""
+    return float(sum(body.mass for body in itertools.islice(model.inertias, 1, None)))
 
 
 def _add(model: pin.Model, field: str, link: str, inertia: pin.Inertia, name: str) -> None:

@@ -18,10 +18,12 @@ from hdplan.planner.pairs import body_pairs
 from hdplan.planner.plane_bodies import PlaneBody, from_link_body
 from hdplan.planner.reach import Reach, reach_of
 from hdplan.planner.robot import Robot
+from hdplan.planner.separation import distances_kept
 from hdplan.planner.terms import Clearance
 
 TRIALS = 200  # random configurations for the following
 GAMMA, LENGTH = 2, 1e-3  # of the distance that tells; its sign, which alone counts here, depends on neither
+SELF_ACTIVATION = 0.005  # [m] links of one arm are close by design: their penalty sets in late
 OFTEN = 0.5  # share of them in which a link pair's outer bodies may overlap before it is left to the certificate
 
 BodyPair = tuple[int, int]  # rows of Outline.bodies: the one that gives vertices, the one that gives planes
@@ -37,6 +39,7 @@ class Outline:
     planes: tuple[PlaneBody, ...]  # the same bodies by planes, for the second side of a pair
     reach: tuple[Reach, ...]  # balls that they never leave
     self_pairs: tuple[BodyPair, ...]  # to be kept apart
+    distances_kept: tuple[float, ...]  # that each of them keeps anyway, at all limits [m]; 0 where none is proven
     unresolved: tuple[LinkPair, ...]  # link pairs left to the certificate, as their outer bodies overlap anyway
 
 
@@ -46,15 +49,33 @@ def outline_of(robot: Robot, geometry: str, normals: str) -> Outline:
     ones."""
     kinematics, bodies = kinematics_of(robot), link_bodies(robot, geometry)
     planes = tuple(from_link_body(body.link, body.joint, body.body, normals) for body in bodies)
-    reach = tuple(reach_of(robot.model, body.joint, body.body) for body in bodies)
+    reach = tuple(reach_of(robot, body.joint, body.body) for body in bodies)
     pairs, unresolved = _separable_pairs(robot, kinematics, bodies, planes)
-    return Outline(kinematics, bodies, planes, reach, pairs, unresolved)
+    kept = _distances_kept(robot, kinematics, bodies, planes, pairs)
+    return Outline(kinematics, bodies, planes, reach, pairs, kept, unresolved)
 
 
 @functools.lru_cache(maxsize=8)
 def kinematics_of(robot: Robot) -> Kinematics:
     """Return the kinematics of a robot, the same object for the same robot: they need no bodies."""
     return Kinematics(robot.model)
+
+
+def _distances_kept(
+    robot: Robot,
+    kinematics: Kinematics,
+    bodies: tuple[LinkBody, ...],
+    planes: tuple[PlaneBody, ...],
+    pairs: tuple[BodyPair, ...],
+) -> tuple[float, ...]:
+    """What is proven of each pair; first the links' own, which are the same whatever the robot holds."""
+    held = {attached.name for attached in robot.attached}
+    with_held = [not held.isdisjoint((bodies[a].link, bodies[b].link)) for a, b in pairs]
+    result = np.zeros(len(pairs))
+    for group in (np.flatnonzero(~np.array(with_held, dtype=bool)), np.flatnonzero(with_held)):
+        chosen = [pairs[row] for row in group]
+        result[group] = distances_kept(robot, kinematics, bodies, planes, chosen, SELF_ACTIVATION)
+    return tuple(result.tolist())
 
 
 def _separable_pairs(

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from hdplan.planner.certificate import Certificate, Certifier
+from hdplan.planner.certificate import Certifier
 from hdplan.planner.goal_search import goal_choice
 from hdplan.planner.problem import Floats, Problem, build
 from hdplan.planner.result import PlanResult, Times
@@ -22,6 +22,7 @@ from hdplan.planner.seeds import seeds
 from hdplan.planner.solvers import Solver, solver_named
 from hdplan.planner.solvers.solution import FIRST_WEIGHT, RAISE, Budget, Solution, Status, Step
 from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.verdict import Certificate
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.model import Goals, JointTarget, PathConstraints, Scene
 
@@ -296,7 +297,7 @@ def _reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tu
                 for c in contacts[:3]
             )
             raise InputError(f"{scene.source}: {field}: in collision: {said}")
-        if departures := certifier.path.at(q):
+        if departures := certifier.off_path(q):
             raise InputError(f"{scene.source}: {field}: off the path: {'; '.join(each.words for each in departures)}")
         if overload := certifier.overload(q):
             raise InputError(f"{scene.source}: {field}: {overload.words}")

@@ -11,12 +11,13 @@ import io
 from dataclasses import dataclass
 from pathlib import Path
 
-from hdplan.planner.certificate import Certificate, Certifier
+from hdplan.planner.certificate import Certifier
 from hdplan.planner.output import check_writable, write_output
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot import Robot
 from hdplan.planner.solvers.solution import Step
 from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.verdict import Certificate
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Scene
 

@@ -11,7 +11,6 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from hdplan.planner.certificate import Certificate, Place
 from hdplan.planner.clearances import Clearances
 from hdplan.planner.plot import Subject
 from hdplan.planner.plot_style import (
@@ -30,6 +29,7 @@ from hdplan.planner.plot_style import (
 )
 from hdplan.planner.robot import Robot
 from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.verdict import Certificate, Place
 
 Array = NDArray[np.float64]
 

@@ -23,14 +23,13 @@ from hdplan.planner.goal_search import settled
 from hdplan.planner.hdsdf_pairs import HdsdfPairs
 from hdplan.planner.kinematics import Kinematics
 from hdplan.planner.link_bodies import LinkBody
-from hdplan.planner.outline import outline_of
+from hdplan.planner.outline import SELF_ACTIVATION, outline_of
 from hdplan.planner.pairs import BodyPairs, body_pairs
 from hdplan.planner.path_terms import PathTerm, path_terms
 from hdplan.planner.plane_bodies import PlaneBody, from_obstacle, plane_counts
 from hdplan.planner.robot import Robot
 from hdplan.planner.samples import Samples
 from hdplan.planner.scene_robot import load_scene_robot, resolve_query
-from hdplan.planner.static_torque import static_torque
 from hdplan.planner.swept_clearance import SweptClearance
 from hdplan.planner.terms import Clearance, PairDistance, Smoothness, Term
 from hdplan.scenes.errors import InputError, naming, nearest
@@ -41,7 +40,6 @@ Floats = NDArray[np.float64]
 DISTANCES = ("hdsdf", "fcl")
 SAMPLES_PER_INTERVAL = 2  # at least
 SPACING = 0.03  # [m] farthest that a body's centre may move between two samples
-SELF_ACTIVATION = 0.005  # [m] links of one arm are close by design: their penalty sets in late
 
 
 @dataclass(frozen=True)
@@ -72,6 +70,7 @@ class Problem:
     terms: tuple[Term, ...]  # what the scene calls for: obstacles, self-collision, …
     samples: Samples
     unresolved: tuple[tuple[str, str], ...]  # link pairs left to the certificate, as their outer bodies overlap anyway
+    apart: tuple[tuple[int, int], ...]  # pairs of bodies left out, as they keep their margin within all limits
     notes: tuple[str, ...]  # words for the user
     compile_seconds: float  # spent on compiling the distance, or on finding it in the cache
 
@@ -212,14 +211,18 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
             )
         terms.append(term)
         plane_bodies, notes = (*plane_bodies, *drifting), [*notes, *words]
-    if outline.self_pairs:
-        margin = self_margin(scene)
-        laid_out = body_pairs(bodies, outline.planes, outline.self_pairs, margin, kinematics.supports)
+    margin = self_margin(scene)
+    kept = [(pair, kept > margin) for pair, kept in zip(outline.self_pairs, outline.distances_kept, strict=True)]
+    own = [pair for pair, proven in kept if not proven]
+    if own:
+        laid_out = body_pairs(bodies, outline.planes, own, margin, kinematics.supports)
         distance = _distance(laid_out, bodies, outline.planes, settings)
         terms.append(Clearance("self-collision", laid_out, distance))
     terms.extend(path_terms(scene, robot, kinematics.supports))
-    if (gravity := static_torque(scene, robot)) is not None:
-        terms.append(gravity)
+    if scene.limits.torque is not None:
+        from hdplan.planner.static_torque import static_torque
+
+        terms.extend(static_torque(scene, robot))
 
     return Problem(
         scene=scene,
@@ -233,6 +236,7 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
         terms=tuple(terms),
         samples=Samples((SAMPLES_PER_INTERVAL,) * (settings.waypoints - 1)),
         unresolved=outline.unresolved,
+        apart=tuple(pair for pair, proven in kept if proven),
         notes=tuple(notes),
         compile_seconds=RowFunction.seconds - compiled_before,
     )

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.plane_bodies import PlaneBody
+from hdplan.planner.robot import Robot
 
 Floats = NDArray[np.float64]
 
@@ -34,16 +34,17 @@ class Reach:
         return np.asarray(np.einsum("bi,bi->b", outside, outside) <= self.radius**2)
 
 
-def reach_of(model: pin.Model, joint: int, body: ConvexBody) -> Reach:
-    """Bound the places of a body on `joint`.
+def reach_of(robot: Robot, joint: int, body: ConvexBody) -> Reach:
+    """Bound the places of a body on `joint` within the robot's limits.
 
     The origin of a chain's first joint stands still (but for its own travel); each further joint's origin is at a
     fixed distance from its parent's frame, or that plus its travel: the triangle inequality adds these up, and the
     body's farthest point.
     """
+    model = robot.model
     radius = float(np.linalg.norm(body.vertices, axis=1).max()) + body.radius
     while joint > 0:
-        radius += _travel(model, joint)
+        radius += _travel(robot, joint)
         if model.parents[joint] == 0:
             break
         radius += float(np.linalg.norm(model.jointPlacements[joint].translation))
@@ -51,30 +52,28 @@ def reach_of(model: pin.Model, joint: int, body: ConvexBody) -> Reach:
     return Reach(np.array(model.jointPlacements[joint].translation), radius)
 
 
-def levers(model: pin.Model, bodies: Sequence[tuple[int, ConvexBody]]) -> Floats:
+def levers(robot: Robot, bodies: Sequence[tuple[int, ConvexBody]]) -> Floats:
     """Bound how fast any point of the bodies (joint, body) moves per unit of each joint's speed (n,), wherever the
-    joints stand: [m] for a joint that turns, 1 for one that slides.
+    joints stand within the robot's limits: [m] for a joint that turns, 1 for one that slides.
 
     From a joint's origin to the body's farthest point, from joint to joint, by the triangle inequality as above.
     """
-    found = np.zeros(model.njoints - 1)
+    model, found = robot.model, np.zeros(robot.n)
     for joint, body in bodies:
         length, at = float(np.linalg.norm(body.vertices, axis=1).max()) + body.radius, joint
         while at > 0:
-            found[at - 1] = max(found[at - 1], 1.0 if _slides(model, at) else length + _travel(model, at))
-            length += _travel(model, at) + float(np.linalg.norm(model.jointPlacements[at].translation))
+            found[at - 1] = max(found[at - 1], 1.0 if _slides(robot, at) else length + _travel(robot, at))
+            length += _travel(robot, at) + float(np.linalg.norm(model.jointPlacements[at].translation))
             at = int(model.parents[at])
     return found
 
 
-def _slides(model: pin.Model, joint: int) -> bool:
-    return "P" in model.joints[joint].shortname().removeprefix("JointModel")[:1]
+def _slides(robot: Robot, joint: int) -> bool:
+    return "P" in robot.model.joints[joint].shortname().removeprefix("JointModel")[:1]
 
 
-def _travel(model: pin.Model, joint: int) -> float:
+def _travel(robot: Robot, joint: int) -> float:
     """Largest displacement of a prismatic joint within its limits [m]; 0 for one that turns."""
-    kind = model.joints[joint]
-    if not _slides(model, joint):
+    if not _slides(robot, joint):
         return 0.0
-    low, high = model.lowerPositionLimit[kind.idx_q], model.upperPositionLimit[kind.idx_q]
-    return float(max(abs(low), abs(high)))
+    return float(max(abs(robot.lower[joint - 1]), abs(robot.upper[joint - 1])))

@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.planner.certificate import Certifier, curve_of
+from hdplan.planner.certificate import Certifier
 from hdplan.planner.curve import Curve
 from hdplan.planner.execution import LOST, STEP, Arm, Execution, execute, sampled
 from hdplan.planner.joint_limits import acceleration_limits, jerk_limits, torque_limits, velocity_limits
 from hdplan.planner.loads import loaded_model
 from hdplan.planner.robot import Robot
+from hdplan.planner.robot_curve import curve_of
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Scene
@@ -128,17 +129,26 @@ class Simulation:
         }
 
 
+def fitting(scene: Scene, trajectory: Trajectory, robot: Robot) -> Curve:
+    """Return the trajectory's curve, of the robot's joints in their order.
+
+    Raises:
+        InputError: its joints do not fit the robot, or it has no times and the scene asks for them.
+    """
+    curve = curve_of(robot, trajectory)
+    if scene.timed and curve.times is None:
+        raise InputError("times: missing; the scene says when the motion is to be where (timing, limits)")
+    return curve
+
+
 def simulate(scene: Scene, trajectory: Trajectory, robot: Robot) -> Simulation:
     """Replay a trajectory of the scene's robot.
 
     Raises:
-        InputError: joints of the trajectory do not fit the robot; it has no times and the scene asks for them; loads or
-            limits do not fit the robot.
+        InputError: as `fitting`; loads or limits of the scene that do not fit the robot.
     """
-    curve = curve_of(robot, trajectory)
+    curve = fitting(scene, trajectory, robot)
     timed = curve.times is not None
-    if scene.timed and not timed:
-        raise InputError("times: missing; the scene says when the motion is to be where (timing, limits)")
     rate_limits = [of(scene, robot) for of in (velocity_limits, acceleration_limits, jerk_limits)]
     torques = torque_limits(scene, robot)
     first, last = (0.0, 1.0) if curve.times is None else (float(curve.times[0]), float(curve.times[-1]))

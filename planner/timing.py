@@ -36,7 +36,7 @@ from hdplan.planner.curve import Curve, row_count
 from hdplan.planner.joint_limits import acceleration_limits, jerk_limits, torque_limits, velocity_limits
 from hdplan.planner.robot import Robot
 from hdplan.planner.trajectory import Trajectory
-from hdplan.scenes.errors import HdplanError, InputError, naming
+from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.model import Scene, Timing
 
 if TYPE_CHECKING:
@@ -54,6 +54,7 @@ MARGIN = 1e-6  # [–] by which a limit is kept more than needed
 TIGHT = 0.99  # [–] of what could be stretched that is not worth another try
 TORQUE_LOOKS = 2  # between two rows
 TORQUE_MARGIN = 2e-3  # [–] of the torques' limits that is left: they are looked at, not bounded
+TORQUE_ROOM = 1e-3  # [–] of a torque's limit that gravity leaves at least, for a stretch that is asked for
 STANDS = 1e-9  # [rad] or [m] below which a path leads nowhere
 
 
@@ -147,11 +148,10 @@ class Timekeeper:
     def __init__(self, scene: Scene, robot: Robot) -> None:
         """Resolve the limits. Raises InputError for some that do not fit the robot."""
         self.timing = scene.timing or Timing()
-        with naming(scene.source):
-            self.velocity = velocity_limits(scene, robot)
-            self.acceleration = acceleration_limits(scene, robot)
-            self.jerk = jerk_limits(scene, robot)
-            self.torque = torque_limits(scene, robot)
+        self.velocity = velocity_limits(scene, robot)
+        self.acceleration = acceleration_limits(scene, robot)
+        self.jerk = jerk_limits(scene, robot)
+        self.torque = torque_limits(scene, robot)
         self.dynamics = None if self.torque is None else _dynamics(scene, robot)
 
     def check(self, start: Array, goal: Array, names: tuple[str, ...]) -> None:
@@ -196,11 +196,12 @@ class Timekeeper:
 
         limits = [constraint.JointVelocityConstraint(_both(self.velocity))]
         limits.append(constraint.JointAccelerationConstraint(_both(self.acceleration)))
-        if self.dynamics is not None:
-            torques, most = self.dynamics.torques, (1 - TORQUE_MARGIN) * _both(self.torque)
-            drive = constraint.SecondOrderConstraint.joint_torque_constraint
-            limits.append(drive(lambda q, v, a: torques(q, v, a)[0], most, np.zeros(len(most))))
         grid = np.linspace(0.0, 1.0, GRID + 1)
+        if self.dynamics is not None and self.torque is not None:
+            from hdplan.planner.torque_timing import TorqueConstraint
+
+            torques = self.dynamics.coefficients(*(spline(grid, order) for order in range(3)))
+            limits.append(TorqueConstraint(torques, (1 - TORQUE_MARGIN) * self.torque))
         _, paces, _ = TOPPRA(limits, _Path(spline), gridpoints=grid).compute_parameterization(0.0, 0.0)
         if self.dynamics is not None and (paces is None or not np.isfinite(paces).all()):
             # gravity alone overloads a joint somewhere: no law of time helps, and the certificate says where
@@ -288,11 +289,12 @@ def _rows(spline: BSpline, law: Law, duration: float, rate: float) -> tuple[Arra
 
 def _torque_stretch(moving: Array, gravity: Array, limit: Array) -> float:
     """Return the k by which time must be stretched for |gravity + moving/k²| ≤ limit, each (m, n) and the limit (n,);
-    where gravity alone is too much no stretch helps, and none is asked for."""
-    limit = (1 - TORQUE_MARGIN) * limit
-    room = np.where(moving > 0.0, limit - gravity, limit + gravity)
-    shares = np.divide(np.abs(moving), room, out=np.zeros_like(moving), where=room > 0.0)
-    return float(np.sqrt(shares.max(initial=0.0)))
+    where gravity alone is too much no stretch helps, and none is asked for. Where it leaves next to nothing, k is what
+    a little room would ask for: a motion must not take hours."""
+    if (np.abs(gravity) > limit).any():
+        return 0.0
+    room = (1 - TORQUE_MARGIN) * limit - np.where(moving > 0.0, gravity, -gravity)
+    return float(np.sqrt((np.abs(moving) / np.maximum(room, TORQUE_ROOM * limit)).max(initial=0.0)))
 
 
 def _dynamics(scene: Scene, robot: Robot) -> InverseDynamics:

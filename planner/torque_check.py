@@ -17,6 +17,7 @@ from hdplan.planner.curve import Curve
 from hdplan.planner.joint_limits import torque_limits
 from hdplan.planner.loads import loaded_model
 from hdplan.planner.motion_bounds import Chain
+from hdplan.planner.rate_check import Use
 from hdplan.planner.robot import Robot
 from hdplan.planner.torque_bounds import torque_curvature
 from hdplan.scenes.errors import InputError
@@ -73,6 +74,13 @@ class TorqueCheck:
         """The joint with the least room: by what was found, where that is too much, else by what is proven."""
         shares = (self.found if self.exceeded else self.proven) / self.limits
         return int(shares.argmax())
+
+    def use(self, curve: Curve) -> Use:
+        """Return how much of the limits is taken, on the curve that was checked."""
+        joint, last = self.worst, len(curve) - 2
+        interval = min(int(curve.parameter_of(self.times[joint]) * (last + 1)), last)
+        share = float(self.proven[joint] / self.limits[joint])
+        return Use("torque", share, self.joint_names[joint], interval, float(self.limits[joint]))
 
     @property
     def text(self) -> str:

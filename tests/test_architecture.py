@@ -47,7 +47,7 @@ HOMES = {
     },
     "daqp": {"planner/control.py"},
     "coacd": {"planner/convex_pieces.py"},
-    "toppra": {"planner/timing.py"},
+    "toppra": {"planner/timing.py", "planner/torque_timing.py"},
     "yaml": {"scenes/fields.py"},
 }
 
@@ -58,6 +58,8 @@ SOLVER_SIDE = (
     "planner.fcl_pairs",
     "planner.hdsdf_pairs",
     "planner.outline",
+    "planner.separation",
+    "planner.reach",
     "planner.pairs",
     "planner.path_terms",
     "planner.plane_bodies",
@@ -66,6 +68,7 @@ SOLVER_SIDE = (
     "planner.dynamics",
     "planner.hinge",
     "planner.static_torque",
+    "planner.torque_timing",
     "planner.nlp",
     "planner.samples",
     "planner.seeds",

@@ -12,10 +12,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from hdplan.planner.certificate import Certificate, Certifier, curve_of
+from hdplan.planner.certificate import Certifier
 from hdplan.planner.curve import Curve
 from hdplan.planner.robot import Robot
+from hdplan.planner.robot_curve import curve_of
 from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.verdict import Certificate
 
 Array = NDArray[np.float64]
 

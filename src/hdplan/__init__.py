@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from hdplan import control
     from hdplan.distance.bodies import ConvexBody
-    from hdplan.planner.certificate import Certificate, certify, check_configuration
+    from hdplan.planner.certificate import certify, check_configuration
     from hdplan.planner.plan import plan
     from hdplan.planner.problem import Problem, build
     from hdplan.planner.result import PlanResult
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from hdplan.planner.solvers import solve
     from hdplan.planner.solvers.solution import Solution
     from hdplan.planner.trajectory import Trajectory
+    from hdplan.planner.verdict import Certificate
     from hdplan.scenes.errors import HdplanError, InputError
     from hdplan.scenes.model import Scene
     from hdplan.scenes.reader import load_scene
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "Certificate": "hdplan.planner.certificate",
+    "Certificate": "hdplan.planner.verdict",
     "ConvexBody": "hdplan.distance.bodies",
     "HdplanError": "hdplan.scenes.errors",
     "InputError": "hdplan.scenes.errors",

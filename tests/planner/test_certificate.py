@@ -12,12 +12,13 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from hdplan.planner.certificate import Certificate, Certifier, Status, certify, check_configuration
+from hdplan.planner.certificate import Certifier, certify, check_configuration
 from hdplan.planner.meshes import TriangleMesh
 from hdplan.planner.motion_bounds import Chain, Motion
 from hdplan.planner.proximity import Piece, best_direction, link_pieces, mesh_pieces, obstacle_pieces
 from hdplan.planner.robot import Robot, load_robot
 from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.verdict import Certificate, Status
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import (
     Box,

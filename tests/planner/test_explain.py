@@ -9,7 +9,7 @@ import pytest
 
 from hdplan.planner.explain import explain
 from hdplan.planner.problem import Problem, build
-from hdplan.scenes.model import Box, Obstacle, PlannerSettings, Pose, Scene
+from hdplan.scenes.model import Box, Obstacle, PlannerSettings, Pose, Scene, SelfCollision
 from hdplan.scenes.reader import load_scene
 
 SECTIONS = ["scene", "joints", "terms", "obstacles", "pairs", "size", "settings", "notes"]
@@ -20,10 +20,11 @@ def rows(problem: Problem, section: str) -> dict[str, str]:
     return dict(explain(problem)[section])
 
 
-def arm(*obstacles: Obstacle, ignore: bool = False) -> Scene:
+def arm(*obstacles: Obstacle, ignore: bool = False, clearance: float = 0.0) -> Scene:
     scene = load_scene("planar_arm")
-    pairs = (("pedestal", "forearm"),) if ignore else ()
-    return dataclasses.replace(scene, obstacles=obstacles, robot=dataclasses.replace(scene.robot, ignore_pairs=pairs))
+    robot = dataclasses.replace(scene.robot, ignore_pairs=(("pedestal", "forearm"),) if ignore else ())
+    own = SelfCollision(clearance=clearance)
+    return dataclasses.replace(scene, obstacles=obstacles, robot=robot, self_collision=own)
 
 
 @pytest.fixture(scope="module")
@@ -41,10 +42,14 @@ def test_sections_in_reading_order_as_plain_text(planar: Problem) -> None:
 @pytest.mark.parametrize(
     ("scene", "obstacles", "links"),
     [
-        (arm(), "off: the scene has no obstacles", "on: "),
-        (arm(FAR_AWAY), "off: every obstacle is out of the robot's reach", "on: "),
+        (arm(clearance=0.2), "off: the scene has no obstacles", "on: grows where two links come within 0.205 m"),
+        (arm(FAR_AWAY), "off: every obstacle is out of the robot's reach", "off: every pair of links is proven"),
         (arm(FAR_AWAY, ignore=True), "off: every obstacle is out of the robot's reach", "off: no pair of links"),
-        (load_scene("planar_arm"), "on: grows where a moving link comes within 0.02 m of an obstacle", "on: "),
+        (
+            load_scene("planar_arm"),
+            "on: grows where a moving link comes within 0.02 m of an obstacle",
+            "off: every pair",
+        ),
     ],
     ids=["none", "out of reach", "nothing at all", "shipped"],
 )
@@ -67,8 +72,7 @@ def test_joints_with_and_without_limits() -> None:
 
 
 def test_pairs_kept_and_pruned_add_up() -> None:
-    scene = load_scene("planar_arm")
-    problem = build(dataclasses.replace(scene, obstacles=(*scene.obstacles, FAR_AWAY)))
+    problem = build(arm(*load_scene("planar_arm").obstacles, FAR_AWAY, clearance=0.2))
     moving = sum(body.joint > 0 for body in problem.bodies)
     kept = next(len(term.pairs) for term in problem.terms if term.name == "obstacles")
     assert moving <= 3 * moving - kept, "at least those of the far body are pruned"

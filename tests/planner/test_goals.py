@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 from hdplan.planner import goal_search
-from hdplan.planner.certificate import Certifier, Status, certify
+from hdplan.planner.certificate import Certifier, certify
 from hdplan.planner.explain import explain
 from hdplan.planner.goal_search import APART, goal_choice, reaching, settled
 from hdplan.planner.plan import plan
@@ -21,6 +21,7 @@ from hdplan.planner.result import PlanResult
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot, resolve_query
 from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.verdict import Status
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Goals, JointTarget, Pose, PoseTarget, Scene
 from hdplan.scenes.reader import load_scene

@@ -10,11 +10,12 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 import hdplan
-from hdplan.planner.certificate import Certifier, Status
+from hdplan.planner.certificate import Certifier
 from hdplan.planner.moving_clearance import MovingClearance
 from hdplan.planner.problem import Problem, build
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.verdict import Status
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Box, Obstacle, Pose, Scene, Sphere, SteadyMotion, TimedPoses, Timing
 from hdplan.scenes.moving import Passages

@@ -224,7 +224,7 @@ def test_no_body_leaves_its_reach(arm: Robot) -> None:
     for body in bodies:
         if body.joint == 0:
             continue
-        reach = reach_of(arm.model, body.joint, body.body)
+        reach = reach_of(arm, body.joint, body.body)
         points = np.einsum("bij,vj->bvi", batch.rotations[:, body.joint], body.body.vertices)
         points += batch.translations[:, body.joint, None]
         farthest = np.linalg.norm(points - reach.centre, axis=2).max() + body.body.radius
@@ -239,7 +239,7 @@ def test_no_pair_is_ruled_out_that_comes_near(arm: Robot) -> None:
         (a, b)
         for a, body in enumerate(bodies)
         if body.joint > 0
-        for b in np.flatnonzero(~reach_of(arm.model, body.joint, body.body).meets(planes, MARGIN))
+        for b in np.flatnonzero(~reach_of(arm, body.joint, body.body).meets(planes, MARGIN))
     ]
     assert len(out) > 10
     pairs = open_wide(body_pairs(bodies, planes, out, MARGIN, kinematics.supports))

@@ -12,12 +12,13 @@ import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
-from hdplan.planner.certificate import Certifier, Status
+from hdplan.planner.certificate import Certifier
 from hdplan.planner.curve import Curve
 from hdplan.planner.motion_bounds import Chain
 from hdplan.planner.path_check import SLACK, PathCheck, PathProof
 from hdplan.planner.robot import Robot, load_robot
 from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.verdict import Status
 from hdplan.scenes.model import JointTarget, PathConstraints, Pose, RobotSpec, Scene, Upright, Within
 from hdplan.scenes.reader import load_scene
 

@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hdplan.planner.certificate import Certifier, Status, certify
+from hdplan.planner.certificate import Certifier, certify
 from hdplan.planner.plan import ENDS_KEEP, Event, plan
 from hdplan.planner.result import PlanResult
 from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.verdict import Status
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Box, Goals, JointTarget, Obstacle, Pose, Scene, Sphere
+from hdplan.scenes.model import Box, Goals, JointTarget, Obstacle, PathConstraints, Pose, Scene, Sphere
 from hdplan.scenes.reader import load_scene, shipped_scenes
 
 EXACT = 1e-9  # [m] of a distance known in closed form: the certificate's own bound is 1e-9 of the sizes
@@ -52,7 +53,9 @@ def planar(*obstacles: Obstacle, **planner: float) -> Scene:
 def assert_sound(result: PlanResult, scene: Scene) -> None:
     """What holds for every result, found or not: its shape, its ends, and a certificate that stands alone."""
     positions = result.trajectory.positions
-    assert positions.shape == (scene.planner.waypoints, len(result.trajectory.joint_names))
+    rows = len(result.trajectory) if scene.timed else scene.planner.waypoints  # in time there are more
+    assert positions.shape == (rows, len(result.trajectory.joint_names))
+    assert (result.trajectory.accelerations is not None) == scene.timed
     assert np.isfinite(positions).all()
     again = certify(scene, result.trajectory)
     assert again.status is not Status.WRONG_ENDS
@@ -66,10 +69,12 @@ def test_shipped_scenes_are_certified_by_default(name: str) -> None:
     assert result.certified, result.certificate.text
     assert_sound(result, scene)
     summary = json.loads(json.dumps(result.summary()))
-    assert set(summary) == KEYS | ({"goal"} if isinstance(scene.goal, Goals) else set())
+    assert set(summary) == KEYS | ({"goal"} if isinstance(scene.goal, Goals) else set()) | (
+        {"path"} if scene.path != PathConstraints() else set()
+    )
     assert set(summary["time_s"]) == TIMES
     assert summary["status"] == "certified"
-    assert summary["waypoints"] == scene.planner.waypoints
+    assert summary["waypoints"] == len(result.trajectory)
     assert summary["joint_names"] == list(result.trajectory.joint_names)
     assert all(seconds >= 0 for seconds in summary["time_s"].values())
     if scene.obstacles:

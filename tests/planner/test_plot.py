@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from hdplan.planner import plot
-from hdplan.planner.certificate import Certifier, Status
+from hdplan.planner.certificate import Certifier
 from hdplan.planner.clearances import Clearances
 from hdplan.planner.plan import plan
 from hdplan.planner.plot import Subject
@@ -20,6 +20,7 @@ from hdplan.planner.result import PlanResult, read_steps
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.verdict import Status
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, Pose, Scene, Sphere
 from hdplan.scenes.reader import load_scene

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import hdplan
-from hdplan.planner.certificate import Certifier, Status
+from hdplan.planner.certificate import Certifier
 from hdplan.planner.curve import Curve
 from hdplan.planner.joint_limits import acceleration_limits, jerk_limits, velocity_limits
 from hdplan.planner.rate_check import rates
@@ -18,6 +18,7 @@ from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.timing import Averaged, MinimumJerk, Timekeeper, smooth
 from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.verdict import Status
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Limits, Scene, Timing
 from hdplan.scenes.reader import load_scene

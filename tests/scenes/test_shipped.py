@@ -11,17 +11,26 @@ from hdplan.scenes.model import Mesh
 from hdplan.scenes.reader import load_scene, shipped_scenes
 
 NAMES = {
-    "panda_corridor",
+    "empty",
+    "kinova_shelf",
     "panda_bookshelf",
-    "panda_table_pick",
-    "panda_grasp",
     "panda_cage",
     "panda_carry",
+    "panda_conveyor",
+    "panda_corridor",
+    "panda_cup",
+    "panda_fold",
+    "panda_grasp",
+    "panda_heavy",
+    "panda_table_pick",
+    "panda_vase",
+    "planar_arm",
+    "ur5_ceiling",
+    "ur5_pallet",
+    "ur5_payload",
+    "ur5_scan",
     "ur5_table",
     "xarm7_post",
-    "kinova_shelf",
-    "planar_arm",
-    "empty",
 }
 
 

@@ -1,0 +1,81 @@
+"""Shipped scenes that need an effect: planned without its section the motion is wrong by the scene's own certificate,
+planned with it the motion is right."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from hdplan.planner.certificate import Status, certify
+from hdplan.planner.explain import explain
+from hdplan.planner.plan import plan
+from hdplan.planner.problem import build
+from hdplan.planner.result import verdict
+from hdplan.scenes.model import PathConstraints, Pose, Scene, SelfCollision
+from hdplan.scenes.reader import load_scene
+
+Change = Callable[[Scene], Scene]
+
+
+def no_path(scene: Scene) -> Scene:
+    return replace(scene, path=PathConstraints())
+
+
+def no_own_clearance(scene: Scene) -> Scene:
+    return replace(scene, obstacles=tuple(replace(obstacle, clearance=None) for obstacle in scene.obstacles))
+
+
+def no_self_collision(scene: Scene) -> Scene:
+    return replace(scene, self_collision=SelfCollision(checked=False))
+
+
+def no_base(scene: Scene) -> Scene:
+    return replace(scene, robot=replace(scene.robot, base=Pose()))
+
+
+NEEDED: list[tuple[str, Change, Status, str]] = [
+    ("panda_cup", no_path, Status.OFF_PATH, "path.upright: panda_hand is tilted by 0.6"),
+    ("ur5_scan", no_path, Status.OFF_PATH, "path.position: the point of tool0 is "),
+    ("panda_vase", no_own_clearance, Status.TOO_CLOSE, "vase come within "),
+    ("panda_fold", no_self_collision, Status.IN_CONTACT, "panda_link0 and "),
+    ("ur5_ceiling", no_base, Status.IN_CONTACT, "divider overlap by "),
+]
+
+
+@pytest.mark.parametrize(("name", "without", "status", "said"), NEEDED, ids=[name for name, *_ in NEEDED])
+def test_the_plan_is_wrong_without_the_section_and_right_with_it(
+    name: str, without: Change, status: Status, said: str
+) -> None:
+    scene = load_scene(name)
+    lacking = plan(without(scene))
+    assert lacking.certified  # as far as that scene says
+    judged = certify(scene, lacking.trajectory)
+    assert judged.status is status
+    assert said in judged.text
+    result = plan(scene)
+    assert result.certified, result.certificate.text
+    assert certify(scene, result.trajectory).certified
+
+
+@pytest.mark.parametrize(("name", "field"), [("panda_cup", "path.upright"), ("ur5_scan", "path.position")])
+def test_path_constraints_are_told_where_there_are_any(name: str, field: str) -> None:
+    scene = load_scene(name)
+    for each, told in ((scene, True), (no_path(scene), False)):
+        problem = build(each)
+        assert (field in dict(explain(problem)["terms"])) is told
+        assert (field in {term.name for term in problem.terms}) is told
+    result = plan(scene)
+    (kept,) = verdict(result.certificate)["path"]
+    assert (kept["constraint"], kept["link"]) == (field, {"panda_cup": "panda_hand", "ur5_scan": "tool0"}[name])
+    assert kept["worst"] <= kept["allowed"] + 1e-9
+    assert "path" not in verdict(plan(no_path(scene)).certificate)
+
+
+def test_a_path_that_constrains_nothing_leaves_the_plan_as_it_is() -> None:
+    scene = load_scene("panda_cup")
+    free = plan(no_path(scene))
+    bound = plan(dataclasses.replace(scene, path=dataclasses.replace(scene.path, upright=None)))
+    assert bound.trajectory.positions.tobytes() == free.trajectory.positions.tobytes()
