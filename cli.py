@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from hdplan.planner.report import Report
     from hdplan.planner.result import PlanResult
     from hdplan.planner.simulate import JointUse, Peak, Simulation
+    from hdplan.planner.trajectory import Trajectory
     from hdplan.planner.verdict import Certificate, Place
     from hdplan.scenes.model import PlannerSettings, Scene
 
@@ -228,7 +229,7 @@ def check(
     must be the scene's start and goal; its joints are found by name, in any order.
     """
     from hdplan.planner.certificate import Certifier
-    from hdplan.planner.result import verdict
+    from hdplan.planner.result import how_long, verdict
     from hdplan.planner.scene_robot import load_scene_robot
     from hdplan.planner.trajectory import Trajectory
 
@@ -247,6 +248,7 @@ def check(
                 "trajectory": str(trajectory),
                 "joint_names": list(motion.joint_names),
                 "waypoints": len(motion),
+                **how_long(motion),
             }
             times = {"certify": round(certificate.seconds, 6)}
             show(json.dumps({**about, **verdict(certificate), "time_s": times}))
@@ -256,8 +258,9 @@ def check(
                 f"{certificate.configurations} configurations, {certificate.exact_calls} exact distances, "
                 f"{certificate.seconds:.2f} s"
             )
-            motion_row = ("motion", f"{len(motion)} waypoints of {certifier.robot.name} in {problem.name}")
-            show(_table([motion_row, *_closest_rows(certificate), ("proof", effort)]))
+            motion_row = ("motion", f"{_extent(motion)} of {certifier.robot.name} in {problem.name}")
+            rows = [motion_row, *_closest_rows(certificate), *_limit_rows(certificate), ("proof", effort)]
+            show(_table(rows))
     raise typer.Exit(0 if certificate.certified else 1)
 
 
@@ -801,9 +804,10 @@ def _result_rows(result: PlanResult, files: list[str]) -> list[tuple[str, str]]:
         ("scene", f"{result.scene} with {result.robot}"),
         (
             "motion",
-            f"{len(result.trajectory)} waypoints, {result.iterations} iterations, {attempts}, seed {result.seed}",
+            f"{_extent(result.trajectory)}, {result.iterations} iterations, {attempts}, seed {result.seed}",
         ),
         *_closest_rows(result.certificate),
+        *_limit_rows(result.certificate),
         ("time [s]", ", ".join(f"{name} {seconds:.2f}" for name, seconds in vars(result.times).items())),
         *(("note", note) for note in result.notes),
         *(("written", file) for file in files),
@@ -817,7 +821,28 @@ def _closest_rows(certificate: Certificate) -> list[tuple[str, str]]:
 
 def _place(place: Place) -> str:
     distance = f"{place.distance * 1e3:.2f} mm" if place.distance >= 0 else f"{-place.distance * 1e3:.2f} mm deep"
-    return f"{place.link} to {place.other}, {distance} at time {place.time:.3f} of 1"
+    when = f"{place.time:.3f} of 1" if place.seconds is None else f"{place.seconds:.3f} s"
+    return f"{place.link} to {place.other}, {distance} at {when}"
+
+
+def _limit_rows(certificate: Certificate) -> list[tuple[str, str]]:
+    """How much of each limit the motion takes at most, and the joint that takes it."""
+    return [
+        (
+            use.quantity,
+            f"at most {use.share:.1%} of the limit, by {use.joint} (limit {use.limit:.4g})"
+            if math.isfinite(use.share)
+            else f"jumps, which no limit allows, of {use.joint} (limit {use.limit:.4g})",
+        )
+        for use in certificate.uses
+    ]
+
+
+def _extent(motion: Trajectory) -> str:
+    """How many rows a motion has, and how long it takes."""
+    if motion.duration is None:
+        return f"{len(motion)} waypoints"
+    return f"{motion.duration:.3f} s in {len(motion)} rows"
 
 
 def _simulation_rows(simulation: Simulation, scene: Scene, robot: str) -> list[tuple[str, str]]:

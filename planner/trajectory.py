@@ -96,6 +96,11 @@ class Trajectory:
         rates = (None if values is None else values[:, chosen] for values in (self.velocities, self.accelerations))
         return Trajectory(names, self.positions[:, chosen], locked, self.times, *rates)
 
+    @property
+    def duration(self) -> float | None:
+        """How long the motion takes [s]; None for a path alone."""
+        return None if self.times is None else float(self.times[-1] - self.times[0])
+
     def __len__(self) -> int:
         """Return the number of waypoints."""
         return len(self.positions)
