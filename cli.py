@@ -326,13 +326,16 @@ def simulate(
     Exit code 1 where tracking is lost, a limit is exceeded, or something touches.
     """
     from hdplan.planner.scene_robot import load_scene_robot
+    from hdplan.planner.simulate import fitting
     from hdplan.planner.simulate import simulate as replay
     from hdplan.planner.trajectory import Trajectory
 
     problem = _load(scene, request, robot)
     motion = Trajectory.load(trajectory)
     arm = load_scene_robot(problem)
-    with _waiting("simulating", shown=not as_json), naming(trajectory):  # it may not fit the scene
+    with naming(trajectory):
+        fitting(problem, motion, arm)
+    with _waiting("simulating", shown=not as_json):
         simulation = replay(problem, motion, arm)
     with _printing() as show:
         if as_json:

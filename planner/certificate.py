@@ -160,8 +160,7 @@ class Certifier:
             return ()
         from hdplan.planner.rate_check import rates
 
-        with naming(self.scene.source):
-            return rates(curve, self.scene, self.robot)
+        return rates(curve, self.scene, self.robot)
 
     def _floor(self, required: float) -> Array:
         """Return what each pair must keep (P,) [m]."""

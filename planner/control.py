@@ -58,6 +58,9 @@ class Mode(Enum):
     GIVING_WAY = "giving way"  # an obstacle comes, and no command keeps every distance: the best one
 
 
+MODES = {share: Mode.SHORTENED for share in SHARES} | {1.0: Mode.MOVING, 0.0: Mode.STOPPED}
+
+
 @dataclass(frozen=True)
 class ControlSettings:
     """How a controller works."""
@@ -130,13 +133,14 @@ class Controller:
         self.robot, self.barriers, self.settings = robot, barriers, settings
         count, outer = len(barriers.names), barriers.obstacle_pairs
         self._margins = np.where(np.arange(count) < outer, settings.margin, settings.self_margin)
+        self._clearance = settings.clearance
         self.fastest = settings.speed * (np.array(robot.model.velocityLimit) if limits is None else limits)  # (n,)
 
     @property
     def assured(self) -> float | None:
         """Clearance [m] to obstacles proven at every time, at any speed within the limits, once Δ ≥ δ: that of the
         samples, less the farthest way to the middle of a period; None without proof, not above 0 where it fails."""
-        clearance = self.settings.clearance
+        clearance = self._clearance
         if clearance is None or not self.settings.look_ahead or self.barriers.movers:
             return None
         return clearance - 0.5 * self.settings.period * float(self.fastest @ self.barriers.levers)
@@ -205,28 +209,27 @@ class Controller:
         self, q: Array, wanted: Array | None, rows: BarrierRows, time: float
     ) -> tuple[Array, Mode, BarrierRows | None]:
         """Return what is commanded of the program's solution, and Δ at its end, where that was looked at."""
-        settings, nothing = self.settings, np.zeros_like(q)
-        if not settings.look_ahead:
-            return (nothing, Mode.INFEASIBLE, None) if wanted is None else (wanted, Mode.MOVING, None)
-        floor = np.minimum(rows.value, self._margins) - ROUNDING
-        best: tuple[float, Array, BarrierRows] | None = None
-        for share in SHARES if wanted is not None else (0.0,):
-            velocity = nothing if wanted is None or share == 0.0 else share * wanted
+        nothing = np.zeros_like(q)
+        if wanted is None:
+            return nothing, Mode.INFEASIBLE, None if self.barriers.movers else rows
+        if not self.settings.look_ahead:
+            return wanted, Mode.MOVING, None
+        period, floor = self.settings.period, np.minimum(rows.value, self._margins) - ROUNDING
+        tried: list[tuple[float, Array, BarrierRows]] = []
+        for share in SHARES:
             if share == 0.0 and not self.barriers.movers:
-                return nothing, Mode.INFEASIBLE if wanted is None else Mode.STOPPED, rows
-            after = self.barriers.evaluate(q + settings.period * velocity, time + settings.period)
-            worst = float(np.min(after.value - floor, initial=np.inf))
-            if worst >= 0.0:
-                mode = Mode.MOVING if share == 1.0 else Mode.SHORTENED if share else Mode.STOPPED
-                return velocity, Mode.INFEASIBLE if wanted is None else mode, after
-            if best is None or worst > best[0]:
-                best = worst, velocity, after
-        assert best is not None  # SHARES is not empty
-        return best[1], Mode.GIVING_WAY, best[2]
+                return nothing, Mode.STOPPED, rows  # nothing changes
+            velocity = share * wanted
+            after = self.barriers.evaluate(q + period * velocity, time + period)
+            tried.append((float(np.min(after.value - floor, initial=np.inf)), velocity, after))
+            if tried[-1][0] >= 0.0:
+                return velocity, MODES[share], after
+        _, velocity, after = max(tried, key=lambda each: each[0])
+        return velocity, Mode.GIVING_WAY, after
 
     def _proven(self, velocity: Array, rows: BarrierRows, after: BarrierRows | None) -> float | None:
         """Return the proven clearance over the period: that of its ends, less the way to the middle of it."""
-        clearance, outer = self.settings.clearance, self.barriers.obstacle_pairs
+        clearance, outer = self._clearance, self.barriers.obstacle_pairs
         if clearance is None or after is None or self.barriers.movers:
             return None
         if min(rows.value[:outer].min(initial=np.inf), after.value[:outer].min(initial=np.inf)) < self.settings.margin:

@@ -31,11 +31,12 @@ class Run:
     distance_seconds: Array  # (N,) spent on distances
     program_seconds: Array  # (N,) spent on the task and the quadratic program
     met: float | None  # when the task was met [s]; None: it was not
+    begin: float = 0.0  # when the first period starts [s]
 
     @property
     def times(self) -> Array:
         """Start of each period, and the end of the last (N + 1,) [s]."""
-        return np.arange(len(self.positions), dtype=np.float64) * self.period
+        return self.begin + np.arange(len(self.positions), dtype=np.float64) * self.period
 
     @property
     def counted(self) -> Counter[Mode]:
@@ -49,17 +50,18 @@ def simulate(
     task: Task,
     duration: float,
     *,
+    begin: float = 0.0,
     until_met: bool = True,
     watch: Callable[[float, Array, Step], None] | None = None,
 ) -> Run:
-    """Run a controller from `start` (n,) for at most `duration` [s], or until its task is met.
+    """Run a controller from `start` (n,), at time `begin` [s], for at most `duration` [s], or until its task is met.
 
     watch: is called each period with the time, the configuration and the step.
     """
     period, q = controller.settings.period, np.array(start, dtype=np.float64)
     positions, steps, met = [q], [], None
     for index in range(round(duration / period)):
-        time = index * period
+        time = begin + index * period
         if met is None and task.met(q, time):
             met = time
             if until_met:
@@ -81,6 +83,7 @@ def simulate(
         np.array([step.distance_seconds for step in steps]),
         np.array([step.program_seconds for step in steps]),
         met,
+        begin,
     )
 
 

@@ -26,7 +26,7 @@ from hdplan.planner.curve import Curve
 from hdplan.planner.robot import Robot
 from hdplan.planner.robot_curve import curve_of
 from hdplan.planner.scene_robot import load_scene_robot
-from hdplan.planner.timing import MinimumJerk
+from hdplan.planner.time_laws import MinimumJerk
 from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.verdict import Certificate
 from hdplan.scenes.model import Scene
@@ -35,7 +35,9 @@ Array = NDArray[np.float64]
 
 LAG = 0.3  # [rad] or [m] of some joint behind the reference at which it waits
 GAIN = 4.0  # k [1/s]
-ARRIVED = 2e-3  # [rad] or [m] of every joint from the trajectory's end
+ARRIVED = 2e-3  # [rad] or [m] of every joint from the trajectory's end, from which on it counts as reached
+SETTLED = 5e-7  # the same at which the run ends, so that the executed motion ends where the certificate wants it to,
+SETTLING = 3.0  # or this long after it has arrived [s], where a barrier holds it off
 SHARE = 0.5  # of the speed limits that a path without times is followed at
 PATIENCE = 3.0, 10.0  # times the trajectory's own duration, and [s] beside, after which it is given up
 GROWTH = 0.005  # [m] of obstacles and links: plans pass closer than a controller that goes where it likes should
@@ -50,7 +52,7 @@ class Followed:
     run: Run
     certificate: Certificate  # of that, over all time, with the obstacles where they then were
     duration: float  # of the trajectory itself [s]
-    arrived: float | None  # when the robot was at its end [s]; None: it was not
+    arrived: float | None  # how long the robot took to its end [s]; None: it did not get there
     away: float  # the farthest that a joint was from the trajectory at the same phase [rad] or [m]
     held: float  # how long it was HELD or more behind or beside [s]
 
@@ -95,7 +97,8 @@ class Followed:
 def follow(
     scene: Scene, trajectory: Trajectory, robot: Robot | None = None, settings: ControlSettings | None = None
 ) -> Followed:
-    """Simulate a robot that follows `trajectory` in `scene`, from the trajectory's first row on at time 0.
+    """Simulate a robot that follows `trajectory` in `scene`, from the trajectory's first row on, at the time that it
+    has there or at 0.
 
     Raises InputError for joints that do not fit, settings that are provably not safe, and joints without a speed limit.
     """
@@ -107,7 +110,9 @@ def follow(
         curve = paced(curve, SHARE * controller.fastest, scene.end_time)
     task = FollowTask(curve, settings.period)
     most = PATIENCE[0] * task.duration + PATIENCE[1]
-    run = simulate(controller, curve.rows[0], task, most)
+    assert curve.times is not None
+    begin = float(curve.times[0])
+    run = simulate(controller, curve.rows[0], task, most, begin=begin)
     if len(run.positions) < 2:  # there from the first: a trajectory has two rows all the same
         run = replace(run, positions=np.repeat(run.positions, 2, axis=0))
     executed = Trajectory(robot.joint_names, run.positions, robot.locked, run.times)
@@ -117,7 +122,7 @@ def follow(
         run,
         Certifier(scene, robot).certify(executed, check_ends=False),
         task.duration,
-        run.met,
+        None if task.since is None else task.since - begin,
         float(behind.max(initial=0.0)),
         settings.period * int((behind >= HELD).sum()),
     )
@@ -131,6 +136,7 @@ class FollowTask:
     period: float  # T [s]
     phase: float = 0.0  # τ [s] since the curve's first row
     behind: list[float] = field(default_factory=list)  # [rad] or [m] of the worst joint, at each period
+    since: float | None = None  # when the robot arrived [s]
 
     def __post_init__(self) -> None:
         """Differentiate the curve."""
@@ -151,8 +157,13 @@ class FollowTask:
         return np.eye(len(q)), -(pace * speed + GAIN * (wanted - q))
 
     def met(self, q: Array, time: float) -> bool:
-        """Whether the robot is at the curve's end."""
-        return self.phase >= self.duration and bool(np.abs(self.curve.rows[-1] - q).max() <= ARRIVED)
+        """Whether the robot has settled at the curve's end."""
+        off = float(np.abs(self.curve.rows[-1] - q).max())
+        if self.phase < self.duration or off > ARRIVED:
+            self.since = None
+            return False
+        self.since = time if self.since is None else self.since
+        return off <= SETTLED or time - self.since >= SETTLING
 
     def _at(self, curve: Curve) -> Array:
         assert self.curve.times is not None  # `follow` gives it times

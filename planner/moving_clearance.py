@@ -19,7 +19,7 @@ from hdplan.planner.pairs import BodyPairs, body_pairs
 from hdplan.planner.plane_bodies import PlaneBody, from_obstacle
 from hdplan.planner.samples import Samples
 from hdplan.planner.terms import Clearance, PairDistance, Penalty
-from hdplan.planner.timing import MinimumJerk
+from hdplan.planner.time_laws import MinimumJerk
 from hdplan.scenes.model import Obstacle, Pose, Scene
 from hdplan.scenes.moving import Passages
 

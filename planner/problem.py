@@ -30,7 +30,6 @@ from hdplan.planner.plane_bodies import PlaneBody, from_obstacle, plane_counts
 from hdplan.planner.robot import Robot
 from hdplan.planner.samples import Samples
 from hdplan.planner.scene_robot import load_scene_robot, resolve_query
-from hdplan.planner.static_torque import static_torque
 from hdplan.planner.swept_clearance import SweptClearance
 from hdplan.planner.terms import Clearance, PairDistance, Smoothness, Term
 from hdplan.scenes.errors import InputError, naming, nearest
@@ -220,8 +219,10 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
         distance = _distance(laid_out, bodies, outline.planes, settings)
         terms.append(Clearance("self-collision", laid_out, distance))
     terms.extend(path_terms(scene, robot, kinematics.supports))
-    if (gravity := static_torque(scene, robot)) is not None:
-        terms.append(gravity)
+    if scene.limits.torque is not None:
+        from hdplan.planner.static_torque import static_torque
+
+        terms.extend(static_torque(scene, robot))
 
     return Problem(
         scene=scene,

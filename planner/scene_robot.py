@@ -79,7 +79,8 @@ def _unchecked(robot: Robot) -> Robot:
     """Return the robot with nothing of it kept apart from itself."""
     bodies = "links and held objects" if robot.attached else "links"
     note = f"{bodies} are not checked against each other: self_collision: false"
-    return replace(robot, self_pairs=(), notes=(*robot.notes, note))
+    unchecked = {**robot.unchecked, **dict.fromkeys(robot.self_pairs, "self_collision: false")}
+    return replace(robot, self_pairs=(), unchecked=unchecked, notes=(*robot.notes, note))
 
 
 def _load_bare(scene: Scene) -> Robot:

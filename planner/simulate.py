@@ -129,17 +129,26 @@ class Simulation:
         }
 
 
+def fitting(scene: Scene, trajectory: Trajectory, robot: Robot) -> Curve:
+    """Return the trajectory's curve, of the robot's joints in their order.
+
+    Raises:
+        InputError: its joints do not fit the robot, or it has no times and the scene asks for them.
+    """
+    curve = curve_of(robot, trajectory)
+    if scene.timed and curve.times is None:
+        raise InputError("times: missing; the scene says when the motion is to be where (timing, limits)")
+    return curve
+
+
 def simulate(scene: Scene, trajectory: Trajectory, robot: Robot) -> Simulation:
     """Replay a trajectory of the scene's robot.
 
     Raises:
-        InputError: joints of the trajectory do not fit the robot; it has no times and the scene asks for them; loads or
-            limits do not fit the robot.
+        InputError: as `fitting`; loads or limits of the scene that do not fit the robot.
     """
-    curve = curve_of(robot, trajectory)
+    curve = fitting(scene, trajectory, robot)
     timed = curve.times is not None
-    if scene.timed and not timed:
-        raise InputError("times: missing; the scene says when the motion is to be where (timing, limits)")
     rate_limits = [of(scene, robot) for of in (velocity_limits, acceleration_limits, jerk_limits)]
     torques = torque_limits(scene, robot)
     first, last = (0.0, 1.0) if curve.times is None else (float(curve.times[0]), float(curve.times[-1]))

@@ -113,18 +113,19 @@ class StaticTorque(Hinge):
     measure: GravityMeasure
 
 
-def static_torque(scene: Scene, robot: Robot) -> StaticTorque | None:
-    """Return the term where the scene limits torques and gravity may come near a limit; else None.
+def static_torque(scene: Scene, robot: Robot) -> tuple[StaticTorque, ...]:
+    """Return the term where the scene limits torques and gravity may come near a limit; else none.
 
     Raises InputError for loads or limits that do not fit the robot.
     """
     limits = torque_limits(scene, robot)
     if limits is None:
-        return None
+        return ()
     model = loaded_model(scene, robot)
     torques = GravityTorques.of(model)
     bound = torques.most(model, np.stack([robot.lower, robot.upper], axis=1))
     joints = np.flatnonzero(bound > (1 - BAND / ARM) * limits)
     if not len(joints):
-        return None
-    return StaticTorque("static torque", GravityMeasure(torques, joints, limits[joints]), scene.planner.activation)
+        return ()
+    measure = GravityMeasure(torques, joints, limits[joints])
+    return (StaticTorque("static torque", measure, scene.planner.activation),)

@@ -47,7 +47,7 @@ HOMES = {
     },
     "daqp": {"planner/control.py"},
     "coacd": {"planner/convex_pieces.py"},
-    "toppra": {"planner/timing.py"},
+    "toppra": {"planner/timing.py", "planner/torque_timing.py"},
     "yaml": {"scenes/fields.py"},
 }
 
@@ -68,10 +68,12 @@ SOLVER_SIDE = (
     "planner.dynamics",
     "planner.hinge",
     "planner.static_torque",
+    "planner.torque_timing",
     "planner.nlp",
     "planner.samples",
     "planner.seeds",
     "planner.timing",
+    "planner.time_laws",
     "planner.solvers",
     "planner.plan",
     "planner.goal_search",

@@ -634,10 +634,10 @@ def test_tables_fit_eighty_columns(hdplan: Callable[..., Done], arguments: list[
 def test_explain_says_what_is_on_and_off(hdplan: Callable[..., Done], tmp_path: Path) -> None:
     far = arm_scene(tmp_path, obstacles=obstacle("type: sphere, radius: 0.1", "[0, 0, 3]"))
     out = hdplan("explain", far).out
-    assert "off: every obstacle is out of the robot's reach" in out
+    assert "obstacles         every obstacle is out of the robot's reach" in out
     assert "sphere, radius 0.1 m; out of reach, left out" in out
     none = hdplan("explain", arm_scene(tmp_path, obstacles=[], planner={"clearance": 0.01})).out
-    assert "off: the scene has no obstacles" in none
+    assert "obstacles         needs obstacles[]" in none
     assert "0.01 m (scene)" in none
     assert "32 (default)" in none
 

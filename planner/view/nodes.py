@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from hdplan.planner.robot import Robot
 from hdplan.planner.verdict import Closest
-from hdplan.planner.view.colors import CONTACT, INK, LINKS, OBSTACLE, clearance_colors
+from hdplan.planner.view.colors import CONTACT, INK, LINKS, OBSTACLE, REGION, clearance_colors
 from hdplan.planner.view.skins import Color, Skin, obstacle_mesh, shaded
-from hdplan.scenes.model import Obstacle, Pose
+from hdplan.scenes.model import Obstacle, Pose, Within
 
 Array = NDArray[np.float64]
 
 PATH_WIDTH, SEGMENT_WIDTH = 0.006, 0.004  # [m]
+ENDLESS = 3.0  # [m] to which an endless box is drawn
 BESIDE = 0.05  # [m] by which the label stands above the segment
 
 
@@ -117,6 +118,22 @@ class ObstacleNode:
         color = CONTACT if in_contact else OBSTACLE
         if tuple(self.mesh.color) != color:
             self.mesh.color = color
+
+
+def draw_region(server: viser.ViserServer, asked: Within) -> Any:
+    """Draw the box in which a point of a link is to stay, seen through; along an axis without sides, ENDLESS long."""
+    x, y, z, w = asked.pose.quaternion_xyzw
+    width, depth, height = (min(edge, ENDLESS) for edge in asked.size)
+    return server.scene.add_box(
+        "/region",
+        REGION,
+        (width, depth, height),
+        opacity=0.3,
+        cast_shadow=False,
+        receive_shadow=False,
+        position=asked.pose.position,
+        wxyz=(w, x, y, z),
+    )
 
 
 def draw_path(server: viser.ViserServer, name: str, tip: Array, colors: NDArray[np.uint8] | Color) -> Any:

@@ -25,7 +25,7 @@ from hdplan.planner.verdict import Certificate, Contact
 from hdplan.planner.view.colors import CONTACT, GOAL, OTHERS, START, clearance_colors, hex_of, legend
 from hdplan.planner.view.layers import Layers
 from hdplan.planner.view.motion import Motion, Tip
-from hdplan.planner.view.nodes import ClosestNodes, ObstacleNode, RobotNodes, draw_path, millimetres
+from hdplan.planner.view.nodes import ClosestNodes, ObstacleNode, RobotNodes, draw_path, draw_region, millimetres
 from hdplan.planner.view.planning import Planning
 from hdplan.planner.view.player import Player
 from hdplan.planner.view.plots import MotionPlots, joint_table
@@ -92,6 +92,8 @@ class Viewer:
             position=base,
         )
         self.obstacles = [ObstacleNode(server, index, obstacle) for index, obstacle in enumerate(scene.obstacles)]
+        region = scene.path.position
+        self.region = draw_region(server, region) if region else None  # where a point of a link is to stay
         solid = [skin for skin in collision_skins(robot) or self.skins if skin.joint]  # what stands still is there once
         self.start = RobotNodes(server, "start", robot, solid, color=START, opacity=GHOST)
         self.goal = RobotNodes(server, "goal", robot, solid, color=GOAL, opacity=GHOST)

@@ -12,6 +12,7 @@ import pytest
 
 import hdplan
 from hdplan import cli
+from hdplan.planner import follow as following
 from hdplan.planner.certificate import Certifier
 from hdplan.planner.control import Mode
 from hdplan.planner.follow import ARRIVED, follow, paced
@@ -20,7 +21,7 @@ from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Obstacle, Pose, Scene, Sphere, SteadyMotion, Timing
+from hdplan.scenes.model import JointTarget, Obstacle, Pose, Scene, Sphere, SteadyMotion, Timing
 from hdplan.scenes.writer import scene_text
 
 
@@ -54,7 +55,7 @@ def test_a_free_robot_arrives_about_on_time(room: Scene, robot: Robot, sweep: Tr
     found = follow(room, sweep, robot)
     assert found.succeeded
     assert found.arrived is not None
-    assert found.duration <= found.arrived < found.duration + 1.5
+    assert found.duration - 0.5 <= found.arrived < found.duration + 1.5
     assert np.abs(found.trajectory.positions[-1] - sweep.positions[-1]).max() <= ARRIVED
     assert set(found.run.modes) == {Mode.MOVING}
     assert np.abs(found.run.velocities).max() <= robot.model.velocityLimit.max()
@@ -65,9 +66,10 @@ def test_times_of_the_file_are_kept_to(room: Scene, robot: Robot, sweep: Traject
     found = follow(room, slow, robot)
     assert found.duration == pytest.approx(6.0)
     assert found.arrived is not None
-    assert 6.0 <= found.arrived < 7.5
+    assert 5.5 <= found.arrived < 7.5
     assert found.held == 0.0
-    middle = found.trajectory.curve.at_parameter(found.trajectory.curve.parameter_of(3.0))
+    assert found.run.met is not None
+    middle = found.trajectory.curve.at_parameter(found.trajectory.curve.parameter_of(4.0))  # of the file
     np.testing.assert_allclose(middle, sweep.at(0.5), atol=0.15)
 
 
@@ -86,7 +88,10 @@ def test_it_yields_and_recovers(room: Scene, robot: Robot, sweep: Trajectory) ->
         assert not Certifier(scene, robot).certify(free.trajectory, check_ends=False).certified
 
 
-def test_a_way_that_stays_blocked_is_given_up(room: Scene, robot: Robot, sweep: Trajectory) -> None:
+def test_a_way_that_stays_blocked_is_given_up(
+    monkeypatch: pytest.MonkeyPatch, room: Scene, robot: Robot, sweep: Trajectory
+) -> None:
+    monkeypatch.setattr(following, "PATIENCE", (3.0, 2.0))
     obstacle = replace(ball_that_comes(robot, sweep, (0.0, 0.0, 0.0), 0.0), motion=None, shape=Sphere(0.3))
     scene = replace(room, obstacles=(obstacle,))
     found = follow(scene, replace(sweep, times=np.linspace(0.0, 0.5, len(sweep))), robot)
@@ -137,6 +142,11 @@ def test_command(
     assert "certified" in out
     executed = Trajectory.load("done.json")
     assert executed.times is not None
+    goal = sweep.positions[-1].tolist()
+    text = scene_text(replace(scene, start=JointTarget("start", tuple(sweep.positions[0].tolist())),
+                              goal=JointTarget("goal", tuple(goal))))  # fmt: skip
+    (tmp_path / "scene.yaml").write_text(text, encoding="utf-8")
+    assert run("check", "scene.yaml", "done.json")[0] == 0
     code, out, err = run("follow", "scene.yaml", "plan.json", "--json")
     assert json.loads(out)["status"] == "certified"
     code, out, err = run("follow", "scene.yaml", "missing.json")

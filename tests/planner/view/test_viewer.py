@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import socket
 import time
 from collections.abc import Callable
@@ -14,12 +15,12 @@ import pytest
 
 from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.view.handles import GOAL
-from hdplan.planner.view.nodes import RobotNodes, pose_of
+from hdplan.planner.view.nodes import ENDLESS, RobotNodes, pose_of
 from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.errors import HdplanError, InputError
-from hdplan.scenes.model import Pose, Scene
+from hdplan.scenes.model import PathConstraints, Pose, Scene, Within
 from hdplan.scenes.reader import load_scene
 
 Opener = Callable[..., Viewer]
@@ -182,6 +183,15 @@ def test_several_motions_stand_side_by_side(opened: Opener, scene: Scene, trajec
     viewer.worker.settle(20)
     assert viewer.active is viewer.shown[1]
     np.testing.assert_allclose(viewer.configuration, line.at(0.5))
+
+
+def test_the_box_of_a_path_constraint_is_shown_where_there_is_one(viewer: Viewer, opened: Opener, scene: Scene) -> None:
+    assert viewer.region is None
+    box = Within("forearm", (0.02, math.inf, 0.5), Pose((0.1, 0.0, 0.2), (0.0, 0.0, 1.0, 0.0)))
+    region = opened(dataclasses.replace(scene, path=PathConstraints(position=box))).region
+    assert region.dimensions == (0.02, ENDLESS, 0.5)
+    np.testing.assert_array_equal([*region.position, *region.wxyz], [0.1, 0.0, 0.2, 0.0, 0.0, 0.0, 1.0])
+    assert region.opacity < 0.5
 
 
 def test_a_trajectory_of_another_robot_is_refused(scene: Scene) -> None:
