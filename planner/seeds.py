@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from hdplan.planner.goal_search import damped_step
 from hdplan.planner.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -54,6 +53,8 @@ def through(problem: Problem, via: Floats) -> Floats:
 def onto_path(problem: Problem, q: Floats) -> Floats:
     """Configurations (B, n) moved until they keep the path constraints, as far as PULLS steps of damped least squares
     bring them: hardly one that is drawn at random keeps them."""
+    from hdplan.planner.goal_search import damped_step  # where a scene has path constraints
+
     for _ in range(PULLS):
         kinematics = problem.kinematics.evaluate(q)
         inside, slopes = zip(*(term.inside(kinematics) for term in problem.path_terms), strict=True)
