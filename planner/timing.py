@@ -46,7 +46,7 @@ MARGIN = 1e-6  # [–] by which a limit is kept more than needed
 TIGHT = 0.99  # [–] of what could be stretched that is not worth another try
 TORQUE_LOOKS = 2  # between two rows
 TORQUE_MARGIN = 2e-3  # [–] of the torques' limits that is left: they are looked at, not bounded
-TORQUE_ROOM = 1e-3  # [–] of a torque's limit that gravity leaves at least, for a stretch that is asked for
+TORQUE_ROOM = 5e-3  # [–] of a torque's limit: where gravity leaves less, a motion would take minutes to creep past
 STANDS = 1e-9  # [rad] or [m] below which a path leads nowhere
 
 
@@ -120,11 +120,9 @@ class Timekeeper:
             from hdplan.planner.torque_timing import TorqueConstraint
 
             torques = self.dynamics.coefficients(*(spline(grid, order) for order in range(3)))
-            limits.append(TorqueConstraint(torques, (1 - TORQUE_MARGIN) * self.torque))
+            if not _too_heavy(torques.c, self.torque):  # else no law of time helps, and the certificate says where
+                limits.append(TorqueConstraint(torques, (1 - TORQUE_MARGIN) * self.torque))
         _, paces, _ = TOPPRA(limits, _Path(spline), gridpoints=grid).compute_parameterization(0.0, 0.0)
-        if self.dynamics is not None and (paces is None or not np.isfinite(paces).all()):
-            # gravity alone overloads a joint somewhere: no law of time helps, and the certificate says where
-            _, paces, _ = TOPPRA(limits[:2], _Path(spline), gridpoints=grid).compute_parameterization(0.0, 0.0)
         if paces is None or not np.isfinite(paces).all():
             raise HdplanError("no law of time was found within the limits of velocity and acceleration")
         widths = 2.0 * np.diff(grid) / (paces[1:] + paces[:-1])
@@ -213,12 +211,16 @@ def _rows(spline: BSpline, law: Law, duration: float, rate: float) -> tuple[Arra
 
 def _torque_stretch(moving: Array, gravity: Array, limit: Array) -> float:
     """Return the k by which time must be stretched for |gravity + moving/k²| ≤ limit, each (m, n) and the limit (n,);
-    where gravity alone is too much no stretch helps, and none is asked for. Where it leaves next to nothing, k is what
-    a little room would ask for: a motion must not take hours."""
-    if (np.abs(gravity) > limit).any():
+    where gravity alone is too much no stretch helps, and none is asked for."""
+    if _too_heavy(gravity, limit):
         return 0.0
     room = (1 - TORQUE_MARGIN) * limit - np.where(moving > 0.0, gravity, -gravity)
-    return float(np.sqrt((np.abs(moving) / np.maximum(room, TORQUE_ROOM * limit)).max(initial=0.0)))
+    return float(np.sqrt((np.abs(moving) / room).max(initial=0.0)))
+
+
+def _too_heavy(gravity: Array, limit: Array) -> bool:
+    """Whether gravity's torques (m, n) alone leave next to nothing of the limits (n,) somewhere."""
+    return bool((np.abs(gravity) > (1 - TORQUE_ROOM) * limit).any())
 
 
 def _dynamics(scene: Scene, robot: Robot) -> InverseDynamics:
