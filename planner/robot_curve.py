@@ -47,8 +47,7 @@ def curve_of(robot: Robot, trajectory: Trajectory) -> Curve:
         interval, point, joint = np.unravel_index(far.argmax(), far.shape)
         row = interval + (point == curve.degree)  # the last control point is the next waypoint's
         raise InputError(
-            f"trajectory: waypoint {row}, joint '{robot.joint_names[joint]}': {far.max():g} is larger than "
-            f"{FARTHEST:g}"
+            f"trajectory: waypoint {row}, joint '{robot.joint_names[joint]}': {far.max():g} is larger than {FARTHEST:g}"
         )
     return curve
 
