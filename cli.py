@@ -275,7 +275,7 @@ def follow(
     robot: RobotFile = None,
     as_json: AsJson = False,
 ) -> None:
-    """Follow a joint trajectory in simulation, giving way to what comes.
+    """Follow a joint trajectory, giving way to what comes.
 
     A controller keeps the robot clear of obstacles, moving ones too, of itself and of its joint limits, and as close to
     the trajectory as that allows; the trajectory waits while it is held up. The executed motion, with its times, is
