@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from hdplan.planner.report import Report
     from hdplan.planner.result import PlanResult
     from hdplan.planner.simulate import JointUse, Peak, Simulation
-    from hdplan.planner.trajectory import Trajectory
     from hdplan.planner.verdict import Certificate, Place
     from hdplan.scenes.model import PlannerSettings, Scene
 
@@ -258,7 +257,7 @@ def check(
                 f"{certificate.configurations} configurations, {certificate.exact_calls} exact distances, "
                 f"{certificate.seconds:.2f} s"
             )
-            motion_row = ("motion", f"{_extent(motion)} of {certifier.robot.name} in {problem.name}")
+            motion_row = ("motion", f"{motion.extent} of {certifier.robot.name} in {problem.name}")
             rows = [motion_row, *_closest_rows(certificate), *_limit_rows(certificate), ("proof", effort)]
             show(_table(rows))
     raise typer.Exit(0 if certificate.certified else 1)
@@ -276,7 +275,7 @@ def follow(
     robot: RobotFile = None,
     as_json: AsJson = False,
 ) -> None:
-    """Follow a joint trajectory in simulation, giving way to what comes.
+    """Follow a joint trajectory, giving way to what comes.
 
     A controller keeps the robot clear of obstacles, moving ones too, of itself and of its joint limits, and as close to
     the trajectory as that allows; the trajectory waits while it is held up. The executed motion, with its times, is
@@ -815,7 +814,7 @@ def _result_rows(result: PlanResult, files: list[str]) -> list[tuple[str, str]]:
         ("scene", f"{result.scene} with {result.robot}"),
         (
             "motion",
-            f"{_extent(result.trajectory)}, {result.iterations} iterations, {attempts}, seed {result.seed}",
+            f"{result.trajectory.extent}, {result.iterations} iterations, {attempts}, seed {result.seed}",
         ),
         *_closest_rows(result.certificate),
         *_limit_rows(result.certificate),
@@ -847,13 +846,6 @@ def _limit_rows(certificate: Certificate) -> list[tuple[str, str]]:
         )
         for use in certificate.uses
     ]
-
-
-def _extent(motion: Trajectory) -> str:
-    """How many rows a motion has, and how long it takes."""
-    if motion.duration is None:
-        return f"{len(motion)} waypoints"
-    return f"{motion.duration:.3f} s in {len(motion)} rows"
 
 
 def _simulation_rows(simulation: Simulation, scene: Scene, robot: str) -> list[tuple[str, str]]:

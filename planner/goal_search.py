@@ -22,6 +22,7 @@ from scipy.spatial.transform import Rotation
 from hdplan.planner.certificate import Certifier
 from hdplan.planner.kinematics import Kinematics
 from hdplan.planner.outline import kinematics_of
+from hdplan.planner.path_terms import PathTerm, path_terms, to_path
 from hdplan.planner.pose_goals import AXES, Miss, link_frame
 from hdplan.planner.robot import Robot
 from hdplan.planner.robot_curve import curve_of
@@ -66,11 +67,14 @@ def goal_choice(scene: Scene, robot: Robot, certifier: Certifier, seed: int = 0)
     refused, words = [], []
     with naming(scene.source):
         start = robot.configuration(scene.start, scene.from_request)
+        path = path_terms(scene, robot, kinematics_of(robot).supports)
         for target in scene.goal.targets:
             if isinstance(target, JointTarget):
                 reached, nearest = robot.configuration(target)[None], None
             else:
-                reached, nearest = reaching(robot, target, start, rng)
+                reached, nearest = reaching(robot, target, start, rng, path)
+                if path and not len(reached):  # whether the pose or the path is in the way is to be said
+                    reached, nearest = reaching(robot, target, start, rng)
             free = _free(certifier, reached, start)
             if free and nearest is not None:
                 words.append(f"{target.field}: {_configurations(len(reached))} found; free and compared: {len(free)}")
@@ -97,19 +101,25 @@ def settled(scene: Scene, robot: Robot, motion: Trajectory | None = None) -> Sce
     return replace(scene, goal=goal_choice(scene, robot, certifier).goals[0])
 
 
-def reaching(robot: Robot, target: PoseTarget, start: Array, rng: np.random.Generator) -> tuple[Array, Miss]:
+def reaching(
+    robot: Robot, target: PoseTarget, start: Array, rng: np.random.Generator, path: tuple[PathTerm, ...] = ()
+) -> tuple[Array, Miss]:
     """Return configurations (K, n) that reach a pose, APART from each other and nearest to `start` first, and the least
-    miss of all that were tried."""
+    miss of all that were tried. What the scene asks of the whole way leads the search too, and does not decide it."""
     pose = LinkPose.of(robot, target)
     q = np.vstack([np.clip(start, robot.lower, robot.upper), robot.draw(rng, STARTS - 1)])
     going = np.arange(len(q))
     for _ in range(STEPS):
         error, jacobian = pose.linearized(q[going])
-        far = ~_within(error, target, ENOUGH)
-        going, error, jacobian = going[far], error[far], jacobian[far]
+        missing, far = _beyond(error, target), ~_within(error, target, ENOUGH)
+        if path:
+            astray, slope = to_path(path, pose.arm.evaluate(q[going]))
+            missing, jacobian = np.concatenate([missing, astray], axis=1), np.concatenate([jacobian, slope], axis=1)
+            far |= astray.any(axis=1)
+        going, missing, jacobian = going[far], missing[far], jacobian[far]
         if not len(going):
             break
-        q[going] = damped_step(robot, q[going], _beyond(error, target), jacobian)
+        q[going] = damped_step(robot, q[going], missing, jacobian)
     error, _ = pose.linearized(q)
     position, angle = _sizes(error)
     best = int(np.argmin(np.maximum(position / target.position_tolerance, angle / target.orientation_tolerance)))

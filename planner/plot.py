@@ -48,14 +48,14 @@ class Subject:
         certificate, robot = certifier.certify(trajectory), certifier.robot
         ordered = trajectory.of_joints(robot.joint_names, robot.locked)
         iterations = f", {len(steps)} iterations" if steps else ""
-        return cls(certifier, ordered, certificate, steps, f"{name}: {len(ordered)} waypoints{iterations}")
+        return cls(certifier, ordered, certificate, steps, f"{name}: {ordered.extent}{iterations}")
 
     @classmethod
     def planned(cls, scene: Scene, robot: Robot, result: PlanResult) -> Subject:
         """Take the result of a plan, with its own certificate."""
         seconds = sum(vars(result.times).values())
         effort = f"{result.solver}, {result.iterations} iterations, {seconds:.2f} s from scene to verdict"
-        words = f"{len(result.trajectory)} waypoints, {effort}"
+        words = f"{result.trajectory.extent}, {effort}"
         return cls(Certifier(scene, robot), result.trajectory, result.certificate, result.steps, words)
 
 
