@@ -275,7 +275,7 @@ def follow(
     robot: RobotFile = None,
     as_json: AsJson = False,
 ) -> None:
-    """Follow a joint trajectory in simulation, giving way to what comes.
+    """Follow a joint trajectory, giving way to what comes.
 
     A controller keeps the robot clear of obstacles, moving ones too, of itself and of its joint limits, and as close to
     the trajectory as that allows; the trajectory waits while it is held up. The executed motion, with its times, is
@@ -316,6 +316,10 @@ def simulate(
     trajectory: Motion,
     request: Request = None,
     robot: RobotFile = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Draw rates, torques and tracking over time, as .png, .pdf or .svg."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Replay a joint trajectory, with dynamics if there are any.
@@ -325,11 +329,14 @@ def simulate(
 
     Exit code 1 where tracking is lost, a limit is exceeded, or something touches.
     """
+    from hdplan.planner.plot import check_picture, plot_simulation
     from hdplan.planner.scene_robot import load_scene_robot
     from hdplan.planner.simulate import fitting
     from hdplan.planner.simulate import simulate as replay
     from hdplan.planner.trajectory import Trajectory
 
+    if plot is not None:
+        check_picture(plot)
     problem = _load(scene, request, robot)
     motion = Trajectory.load(trajectory)
     arm = load_scene_robot(problem)
@@ -337,13 +344,17 @@ def simulate(
         fitting(problem, motion, arm)
     with _waiting("simulating", shown=not as_json):
         simulation = replay(problem, motion, arm)
+        if plot is not None:
+            with naming(trajectory):  # it may have no times
+                plot_simulation(simulation, f"{trajectory.name} in {problem.name}", plot)
     with _printing() as show:
         if as_json:
             about = {"scene": problem.name, "robot": arm.name, "trajectory": str(trajectory)}
             show(json.dumps({**simulation.summary(), **about}))
         else:
             show(Text(simulation.text, style="green" if simulation.succeeded else "red"))
-            show(_table(_simulation_rows(simulation, problem, arm.name)))
+            written = [] if plot is None else [("written", str(plot))]
+            show(_table([*_simulation_rows(simulation, problem, arm.name), *written]))
             show(_rates_table(simulation.joints))
             if simulation.execution is not None:
                 show(_torques_table(simulation.joints))
@@ -844,7 +855,7 @@ def _simulation_rows(simulation: Simulation, scene: Scene, robot: str) -> list[t
         motion, when = f"{simulation.duration:.3f} s", "at {:.3f} s"
     places = {"closest": simulation.closest, "own links": simulation.self_closest}
     return [
-        ("motion", f"{motion} of {robot} in {scene.name}, {simulation.rule} between rows"),
+        ("motion", f"{motion} of {robot} in {scene.name}, {simulation.curve.rule} between rows"),
         *(
             (name, f"{close.link} to {close.other}, {close.distance * 1e3:.2f} mm {when.format(close.time)}")
             for name, close in places.items()

@@ -10,6 +10,7 @@ import importlib.util
 import io
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from hdplan.planner.certificate import Certifier
 from hdplan.planner.output import check_writable, write_output
@@ -20,6 +21,9 @@ from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.verdict import Certificate
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Scene
+
+if TYPE_CHECKING:
+    from hdplan.planner.simulate import Simulation
 
 PICTURES = (".png", ".pdf", ".svg")
 PIXELS, FINE = 150, 300  # per inch: of a PNG; of the painted scene in the others, whose lines and letters have none
@@ -75,10 +79,21 @@ def plot(subject: Subject, path: str | Path) -> None:
     Raises:
         InputError: another ending, no matplotlib, a path that cannot be written.
     """
-    path = Path(path)
     check_picture(path)
     from hdplan.planner.plot_sheet import sheet
 
+    _write(sheet(subject), Path(path))
+
+
+def plot_simulation(simulation: Simulation, title: str, path: str | Path) -> None:
+    """Draw what `hdplan simulate` found and write it to `path`; raises as `plot`, and for a path without times."""
+    check_picture(path)
+    from hdplan.planner.plot_simulation import simulation_sheet
+
+    _write(simulation_sheet(simulation, title), Path(path))
+
+
+def _write(figure: Any, path: Path) -> None:
     picture, kind = io.BytesIO(), path.suffix.lower().removeprefix(".")
-    sheet(subject).savefig(picture, format=kind, dpi=PIXELS if kind == "png" else FINE)
+    figure.savefig(picture, format=kind, dpi=PIXELS if kind == "png" else FINE)
     write_output(path, picture.getvalue())
