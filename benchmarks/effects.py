@@ -27,7 +27,6 @@ from hdplan.scenes.reader import load_scene
 
 WEIGHT = 1e5  # [1/m²] of the penalty in an evaluation
 LOOKS = 5  # evaluations of which the median counts
-ROOM = 0.5  # [rad] that a narrowed joint has beyond the scene's start and goal
 PHASES = ("evaluation", "build", "solve", "certificate")
 
 
@@ -62,15 +61,6 @@ def one_clearance(scene: Scene) -> Scene:
     return replace(scene, obstacles=tuple(replace(obstacle, clearance=None) for obstacle in scene.obstacles))
 
 
-def narrowed(scene: Scene) -> Scene:
-    """Return the scene with every joint kept to what lies about its start and goal."""
-    problem = hdplan.build(scene)
-    robot, ends = problem.robot, np.stack([problem.start, problem.goal])
-    low = np.maximum(ends.min(axis=0) - ROOM, robot.lower).tolist()
-    high = np.minimum(ends.max(axis=0) + ROOM, robot.upper).tolist()
-    return replace(scene, limits=Limits(dict(zip(robot.joint_names, zip(low, high, strict=True), strict=True))))
-
-
 def one_goal(scene: Scene) -> Scene:
     """Return the scene with the configuration as its goal that its plan ends in."""
     goal = hdplan.plan(scene).goal
@@ -87,7 +77,7 @@ EFFECTS = (
     Effect("goal.pose", "panda_grasp", one_goal),
     Effect("path.upright", "panda_cup", lambda scene: replace(scene, path=PathConstraints())),
     Effect("path.position", "ur5_scan", lambda scene: replace(scene, path=PathConstraints())),
-    Effect("limits.position", "panda_cage", lambda scene: replace(scene, limits=Limits()), narrowed),
+    Effect("limits.position", "panda_cable", lambda scene: replace(scene, limits=Limits())),
     Effect("timing.duration", "panda_conveyor", lambda scene: replace(standing(scene), timing=None), standing),
     Effect("limits of rates", "ur5_pallet", lambda scene: replace(scene, limits=Limits(), timing=None)),
     Effect(
