@@ -14,7 +14,6 @@ import numpy as np
 from hdplan.planner.explain_cost import functions, trial
 from hdplan.planner.explain_effects import counted, effects
 from hdplan.planner.joint_limits import acceleration_limits, jerk_limits, torque_limits, velocity_limits
-from hdplan.planner.pose_goals import pose_words
 from hdplan.planner.problem import Problem
 from hdplan.planner.robot import ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS
 from hdplan.planner.terms import Clearance
@@ -84,10 +83,13 @@ def _scene(problem: Problem) -> Rows:
 
 def _choice(goal: JointTarget | Goals) -> Rows:
     """What may end the motion, where the scene leaves a choice; the joints shown are the likely best."""
-    targets = goal.targets if isinstance(goal, Goals) else ()
+    if isinstance(goal, JointTarget):
+        return []
+    from hdplan.planner.pose_goals import pose_words
+
     return [
         (target.field, pose_words(target) if isinstance(target, PoseTarget) else "one of several configurations")
-        for target in targets
+        for target in goal.targets
     ]
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +22,15 @@ from scipy.spatial.transform import Rotation
 from hdplan.planner.certificate import Certifier
 from hdplan.planner.kinematics import Kinematics
 from hdplan.planner.outline import kinematics_of
-from hdplan.planner.path_terms import PathTerm, path_terms, to_path
 from hdplan.planner.pose_goals import AXES, Miss, link_frame
 from hdplan.planner.robot import Robot
 from hdplan.planner.robot_curve import curve_of
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.model import JointTarget, PoseTarget, Scene
+from hdplan.scenes.model import JointTarget, PathConstraints, PoseTarget, Scene
+
+if TYPE_CHECKING:
+    from hdplan.planner.path_terms import PathTerm
 
 Array = NDArray[np.float64]
 
@@ -67,7 +69,7 @@ def goal_choice(scene: Scene, robot: Robot, certifier: Certifier, seed: int = 0)
     refused, words = [], []
     with naming(scene.source):
         start = robot.configuration(scene.start, scene.from_request)
-        path = path_terms(scene, robot, kinematics_of(robot).supports)
+        path = _path(scene, robot)
         for target in scene.goal.targets:
             if isinstance(target, JointTarget):
                 reached, nearest = robot.configuration(target)[None], None
@@ -84,6 +86,15 @@ def goal_choice(scene: Scene, robot: Robot, certifier: Certifier, seed: int = 0)
         if not found:
             raise InputError("; ".join(refused))
     return Choice(tuple(goal for _, goal in sorted(found, key=lambda each: each[0])), (*words, *refused))
+
+
+def _path(scene: Scene, robot: Robot) -> tuple[PathTerm, ...]:
+    """Return what the scene asks of the whole way, its end included."""
+    if scene.path == PathConstraints():
+        return ()
+    from hdplan.planner.path_terms import path_terms
+
+    return path_terms(scene, robot, kinematics_of(robot).supports)
 
 
 def settled(scene: Scene, robot: Robot, motion: Trajectory | None = None) -> Scene:
@@ -109,6 +120,8 @@ def reaching(
     pose = LinkPose.of(robot, target)
     q = np.vstack([np.clip(start, robot.lower, robot.upper), robot.draw(rng, STARTS - 1)])
     going = np.arange(len(q))
+    if path:
+        from hdplan.planner.path_terms import to_path
     for _ in range(STEPS):
         error, jacobian = pose.linearized(q[going])
         missing, far = _beyond(error, target), ~_within(error, target, ENOUGH)

@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from hdplan.planner.goal_search import damped_step
-from hdplan.planner.path_terms import to_path
 from hdplan.planner.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -54,6 +52,9 @@ def through(problem: Problem, via: Floats) -> Floats:
 def onto_path(problem: Problem, q: Floats) -> Floats:
     """Configurations (B, n) moved until they keep the path constraints, as far as PULLS steps of damped least squares
     bring them: hardly one that is drawn at random keeps them."""
+    from hdplan.planner.goal_search import damped_step  # only now: few scenes have path constraints
+    from hdplan.planner.path_terms import to_path
+
     for _ in range(PULLS):
         missing, slope = to_path(problem.path_terms, problem.kinematics.evaluate(q))
         if not missing.any():
