@@ -22,7 +22,7 @@ from hdplan.planner.solvers import Solver, solver_named
 from hdplan.planner.solvers.solution import FIRST_WEIGHT, RAISE, Budget, Solution, Status, Step
 from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.verdict import Certificate
-from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Goals, JointTarget, PathConstraints, Scene
 
 if TYPE_CHECKING:
@@ -87,8 +87,9 @@ def plan(
     timekeeper = _timekeeper(scene, robot)
     problems = [build(aim, robot) for aim in aims]
     if timekeeper is not None:
-        with naming(scene.source):
-            timekeeper.check(problems[0].start, problems[0].goal, robot.joint_names)
+        hurried = [timekeeper.too_short(problem.start, problem.goal) for problem in problems]
+        if all(hurried):
+            raise InputError(f"{scene.source}: {hurried[0]}")
     built = time.perf_counter()
 
     searches = [

@@ -28,7 +28,7 @@ from hdplan.planner.joint_limits import acceleration_limits, jerk_limits, torque
 from hdplan.planner.robot import Robot
 from hdplan.planner.time_laws import Averaged, Law, MinimumJerk
 from hdplan.planner.trajectory import Trajectory
-from hdplan.scenes.errors import HdplanError, InputError
+from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.model import Scene, Timing
 
 if TYPE_CHECKING:
@@ -71,17 +71,19 @@ class Timekeeper:
         self.torque = torque_limits(scene, robot)
         self.dynamics = None if self.torque is None else _dynamics(scene, robot)
 
-    def check(self, start: Array, goal: Array, names: tuple[str, ...]) -> None:
-        """Raise InputError if no motion between two configurations (n,) takes as little time as the scene gives it."""
+    def too_short(self, start: Array, goal: Array) -> str | None:
+        """Say why no motion between two configurations (n,) takes as little time as the scene gives it; None if one
+        may."""
         if self.timing.duration is None or self.velocity is None:
-            return
+            return None
         least = np.abs(goal - start) / self.velocity
         joint = int(least.argmax())
-        if least[joint] > self.timing.duration:
-            raise InputError(
-                f"timing.duration: {self.timing.duration:g} s, but joint '{names[joint]}' alone needs at least "
-                f"{least[joint]:.3g} s from start to goal"
-            )
+        if least[joint] <= self.timing.duration:
+            return None
+        return (
+            f"timing.duration: {self.timing.duration:g} s, but joint '{self.robot.joint_names[joint]}' alone needs at "
+            f"least {least[joint]:.3g} s from start to goal"
+        )
 
     def __call__(self, path: Trajectory) -> Timed:
         """Return a path's motion in time; in a fixed duration whether the limits hold or not."""
