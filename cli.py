@@ -33,9 +33,9 @@ from rich.text import Text
 from hdplan.scenes.errors import HdplanError, InputError, naming
 
 if TYPE_CHECKING:
-    from hdplan.planner.plan import Event
     from hdplan.planner.report import Report
     from hdplan.planner.result import PlanResult
+    from hdplan.planner.search import Event
     from hdplan.planner.simulate import JointUse, Peak, Simulation
     from hdplan.planner.verdict import Certificate, Place
     from hdplan.scenes.model import PlannerSettings, Scene

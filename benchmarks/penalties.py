@@ -42,8 +42,8 @@ from threadpoolctl import threadpool_limits
 import hdplan
 from hdplan.planner.fcl_pairs import FclPairs
 from hdplan.planner.hdsdf_pairs import HdsdfPairs
-from hdplan.planner.plan import Event
 from hdplan.planner.problem import Problem
+from hdplan.planner.search import Event
 from hdplan.planner.solvers import SOLVERS
 from hdplan.planner.solvers.solution import Step
 from hdplan.scenes.model import Scene

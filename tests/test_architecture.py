@@ -76,6 +76,8 @@ SOLVER_SIDE = (
     "planner.time_laws",
     "planner.solvers",
     "planner.plan",
+    "planner.search",
+    "planner.ends",
     "planner.goal_search",
     "planner.barrier_rules",
     "planner.barriers",

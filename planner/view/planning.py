@@ -19,8 +19,9 @@ import viser
 from numpy.typing import NDArray
 
 from hdplan.planner.curve import Curve
-from hdplan.planner.plan import Event, plan
+from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
+from hdplan.planner.search import Event
 from hdplan.planner.time_laws import MinimumJerk
 from hdplan.planner.view.colors import ITERATE
 from hdplan.planner.view.handles import Handles

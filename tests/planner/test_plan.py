@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 from hdplan.planner.certificate import Certifier, certify
-from hdplan.planner.plan import ENDS_KEEP, Event, plan
+from hdplan.planner.ends import ENDS_KEEP
+from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
+from hdplan.planner.search import Event
 from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.verdict import Status
 from hdplan.scenes.errors import InputError

@@ -580,7 +580,7 @@ def test_guesses_deep_inside_an_obstacle_come_out(monkeypatch: pytest.MonkeyPatc
         for guess in (np.tile(q, (problem.waypoints, 1)), np.vstack(through)):
             first = problem.clip(guess)
             monkeypatch.setattr(
-                "hdplan.planner.plan.seeds", lambda problem, seed, first=first: [first, *first_guesses(problem, seed)]
+                "hdplan.planner.search.seeds", lambda problem, seed, first=first: [first, *first_guesses(problem, seed)]
             )
             result = hdplan.plan(scene)
             assert result.certified, result.certificate.text
