@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.distance.holder import check_gamma, resolve_shaping_length
 from hdplan.planner.box_pairs import BoxPairs, GdfPairs
 from hdplan.planner.fcl_pairs import FclPairs
 from hdplan.planner.hdsdf_pairs import HdsdfPairs
@@ -54,6 +55,11 @@ class BarrierSettings:
         known = ("paper", "paper-multiset") if self.distance == "hdsdf-boxes" else ("faces", "box", "sphere")
         if self.normals not in known:
             raise InputError(f"control.normals: '{self.normals}' for {self.distance}{nearest(self.normals, known)}")
+        try:
+            check_gamma(self.gamma)
+            resolve_shaping_length(self.gamma, self.shaping_length, None)
+        except InputError as error:
+            raise InputError(f"control.{error}") from None
         for name in ("growth", "self_growth"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise InputError(f"control.{name}: found {getattr(self, name):g} m, allowed is 0 to 1 m")
@@ -81,9 +87,12 @@ class Barriers:
         settings: BarrierSettings,
         movers: Sequence[tuple[Passages, Sequence[PlaneBody]]] = (),
         clearances: Mapping[str, float] | None = None,
+        unguarded: Sequence[tuple[str, str]] = (),
     ) -> None:
         """Lay out the pairs. `obstacles` stand; the bodies beside a motion are given in its obstacle's own frame;
-        `clearances` [m], by name, are grown on obstacles beside the settings' growth."""
+        `clearances` [m], by name, are grown on obstacles beside the settings' growth; `unguarded` are pairs of links
+        that are left out, to be told."""
+        self.unguarded = tuple(unguarded)
         self.robot, self.kinematics, self.settings = robot, kinematics, settings
         self.movers = tuple(motion for motion, _ in movers)
         carried = [
@@ -161,7 +170,7 @@ def _distance(
 
 def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Barriers:
     """Return the barriers of a scene: the outer bodies of the planner, every obstacle, grown by what the scene wants
-    free around it as well, and the robot's own pairs.
+    free around it as well, and the robot's own pairs but for those whose outer bodies overlap anyway.
 
     Link bodies are the scene's setting `planner.link_bodies`, boxes for the distances that know nothing else. Raises
     InputError for an obstacle that the distance cannot take.
@@ -178,5 +187,13 @@ def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Bar
             else:
                 movers.append((Passages.of(obstacle), from_obstacle(replace(obstacle, pose=Pose()), planes)[0]))
         return Barriers(
-            robot, outline.kinematics, outline.bodies, outline.self_pairs, standing, settings, movers, scene.clearances
+            robot,
+            outline.kinematics,
+            outline.bodies,
+            outline.self_pairs,
+            standing,
+            settings,
+            movers,
+            scene.clearances,
+            outline.unresolved,
         )

@@ -79,6 +79,9 @@ class ControlSettings:
         for name, low, high in (("rate", 0.0, 1e3), ("period", 0.0, 1.0), ("speed", 0.0, 1.0)):
             if not low < getattr(self, name) <= high:
                 raise InputError(f"control.{name}: found {getattr(self, name):g}, allowed is up to {high:g}, above 0")
+        for name in ("margin", "self_margin"):
+            if not np.isfinite(getattr(self, name)):
+                raise InputError(f"control.{name}: found {getattr(self, name)}, allowed is a finite length")
         if not self.as_published:
             self.refuse_unsafe()
 

@@ -232,6 +232,7 @@ def test_provably_unsafe_settings_are_refused_by_name() -> None:
         (dict(barriers=BarrierSettings("euclidean", growth=0.01, self_growth=0.0), margin=-0.02), "inside the true"),
         (dict(period=0.0), "control.period"),
         (dict(speed=1.5), "control.speed"),
+        (dict(margin=math.nan), "control.margin"),
     ):
         with pytest.raises(InputError, match=word) as refused:
             ControlSettings(**wrong)  # type: ignore[arg-type]
@@ -241,6 +242,8 @@ def test_provably_unsafe_settings_are_refused_by_name() -> None:
         (dict(distance="hdsd"), "hdsdf"),
         (dict(normals="paper"), "normals"),
         (dict(growth=-1.0), "growth"),
+        (dict(gamma=0), "control.gamma"),
+        (dict(shaping_length=-1.0), "control.shaping_length"),
     ):
         with pytest.raises(InputError, match=word):
             BarrierSettings(**wrong)  # type: ignore[arg-type]
