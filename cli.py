@@ -228,7 +228,7 @@ def check(
     must be the scene's start and goal; its joints are found by name, in any order.
     """
     from hdplan.planner.certificate import Certifier
-    from hdplan.planner.result import verdict
+    from hdplan.planner.result import how_long, verdict
     from hdplan.planner.scene_robot import load_scene_robot
     from hdplan.planner.trajectory import Trajectory
 
@@ -247,6 +247,7 @@ def check(
                 "trajectory": str(trajectory),
                 "joint_names": list(motion.joint_names),
                 "waypoints": len(motion),
+                **how_long(motion),
             }
             times = {"certify": round(certificate.seconds, 6)}
             show(json.dumps({**about, **verdict(certificate), "time_s": times}))
@@ -256,8 +257,9 @@ def check(
                 f"{certificate.configurations} configurations, {certificate.exact_calls} exact distances, "
                 f"{certificate.seconds:.2f} s"
             )
-            motion_row = ("motion", f"{len(motion)} waypoints of {certifier.robot.name} in {problem.name}")
-            show(_table([motion_row, *_closest_rows(certificate), ("proof", effort)]))
+            motion_row = ("motion", f"{motion.extent} of {certifier.robot.name} in {problem.name}")
+            rows = [motion_row, *_closest_rows(certificate), *_limit_rows(certificate), ("proof", effort)]
+            show(_table(rows))
     raise typer.Exit(0 if certificate.certified else 1)
 
 
@@ -273,7 +275,7 @@ def follow(
     robot: RobotFile = None,
     as_json: AsJson = False,
 ) -> None:
-    """Follow a joint trajectory in simulation, giving way to what comes.
+    """Follow a joint trajectory, giving way to what comes.
 
     A controller keeps the robot clear of obstacles, moving ones too, of itself and of its joint limits, and as close to
     the trajectory as that allows; the trajectory waits while it is held up. The executed motion, with its times, is
@@ -314,6 +316,10 @@ def simulate(
     trajectory: Motion,
     request: Request = None,
     robot: RobotFile = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Draw rates, torques and tracking over time, as .png, .pdf or .svg."),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Replay a joint trajectory, with dynamics if there are any.
@@ -323,11 +329,14 @@ def simulate(
 
     Exit code 1 where tracking is lost, a limit is exceeded, or something touches.
     """
+    from hdplan.planner.plot import check_picture, plot_simulation
     from hdplan.planner.scene_robot import load_scene_robot
     from hdplan.planner.simulate import fitting
     from hdplan.planner.simulate import simulate as replay
     from hdplan.planner.trajectory import Trajectory
 
+    if plot is not None:
+        check_picture(plot)
     problem = _load(scene, request, robot)
     motion = Trajectory.load(trajectory)
     arm = load_scene_robot(problem)
@@ -335,13 +344,17 @@ def simulate(
         fitting(problem, motion, arm)
     with _waiting("simulating", shown=not as_json):
         simulation = replay(problem, motion, arm)
+        if plot is not None:
+            with naming(trajectory):  # it may have no times
+                plot_simulation(simulation, f"{trajectory.name} in {problem.name}", plot)
     with _printing() as show:
         if as_json:
             about = {"scene": problem.name, "robot": arm.name, "trajectory": str(trajectory)}
             show(json.dumps({**simulation.summary(), **about}))
         else:
             show(Text(simulation.text, style="green" if simulation.succeeded else "red"))
-            show(_table(_simulation_rows(simulation, problem, arm.name)))
+            written = [] if plot is None else [("written", str(plot))]
+            show(_table([*_simulation_rows(simulation, problem, arm.name), *written]))
             show(_rates_table(simulation.joints))
             if simulation.execution is not None:
                 show(_torques_table(simulation.joints))
@@ -801,9 +814,10 @@ def _result_rows(result: PlanResult, files: list[str]) -> list[tuple[str, str]]:
         ("scene", f"{result.scene} with {result.robot}"),
         (
             "motion",
-            f"{len(result.trajectory)} waypoints, {result.iterations} iterations, {attempts}, seed {result.seed}",
+            f"{result.trajectory.extent}, {result.iterations} iterations, {attempts}, seed {result.seed}",
         ),
         *_closest_rows(result.certificate),
+        *_limit_rows(result.certificate),
         ("time [s]", ", ".join(f"{name} {seconds:.2f}" for name, seconds in vars(result.times).items())),
         *(("note", note) for note in result.notes),
         *(("written", file) for file in files),
@@ -817,7 +831,21 @@ def _closest_rows(certificate: Certificate) -> list[tuple[str, str]]:
 
 def _place(place: Place) -> str:
     distance = f"{place.distance * 1e3:.2f} mm" if place.distance >= 0 else f"{-place.distance * 1e3:.2f} mm deep"
-    return f"{place.link} to {place.other}, {distance} at time {place.time:.3f} of 1"
+    when = f"{place.time:.3f} of 1" if place.seconds is None else f"{place.seconds:.3f} s"
+    return f"{place.link} to {place.other}, {distance} at {when}"
+
+
+def _limit_rows(certificate: Certificate) -> list[tuple[str, str]]:
+    """How much of each limit the motion takes at most, and the joint that takes it."""
+    return [
+        (
+            use.quantity,
+            f"at most {use.share:.1%} of the limit, by {use.joint} (limit {use.limit:.4g})"
+            if math.isfinite(use.share)
+            else f"jumps, which no limit allows, of {use.joint} (limit {use.limit:.4g})",
+        )
+        for use in certificate.uses
+    ]
 
 
 def _simulation_rows(simulation: Simulation, scene: Scene, robot: str) -> list[tuple[str, str]]:
@@ -827,7 +855,7 @@ def _simulation_rows(simulation: Simulation, scene: Scene, robot: str) -> list[t
         motion, when = f"{simulation.duration:.3f} s", "at {:.3f} s"
     places = {"closest": simulation.closest, "own links": simulation.self_closest}
     return [
-        ("motion", f"{motion} of {robot} in {scene.name}, {simulation.rule} between rows"),
+        ("motion", f"{motion} of {robot} in {scene.name}, {simulation.curve.rule} between rows"),
         *(
             (name, f"{close.link} to {close.other}, {close.distance * 1e3:.2f} mm {when.format(close.time)}")
             for name, close in places.items()

@@ -6,7 +6,6 @@ the certificate and pairs follow from those, as they do for links. Robot side: n
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -15,9 +14,9 @@ import numpy as np
 import pinocchio as pin
 
 from hdplan.planner.coal_shapes import convex_hull, triangle_tree
-from hdplan.planner.description import LinkPair, link_pair
+from hdplan.planner.description import link_pair
 from hdplan.planner.meshes import FLAT, load_mesh, thinness
-from hdplan.planner.robot import Robot
+from hdplan.planner.robot import MOVE_AS_ONE, Robot
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.model import Attached, Box, Capsule, Cylinder, Mesh, Points, Shape, Sphere
 
@@ -54,24 +53,21 @@ def with_attached(robot: Robot, attached: tuple[Attached, ...]) -> Robot:
         item = pin.GeometryObject(held.name, frame.parentJoint, index, placement, shape)
         link_geometry[held.name] = (int(collision.addGeometryObject(item)),)
         link_joint[held.name] = int(frame.parentJoint)
+    pairs = dict.fromkeys(
+        link_pair(held.name, other) for held in attached for other in link_joint if other != held.name
+    )
+    unchecked = {link_pair(held.name, link): "touch_links" for held in attached for link in held.touch_links}
+    unchecked |= {(a, b): MOVE_AS_ONE for a, b in pairs if link_joint[a] == link_joint[b]}
     return replace(
         robot,
         collision=collision,
         links=tuple(link_geometry),
         link_joint=link_joint,
         link_geometry=link_geometry,
-        self_pairs=(*robot.self_pairs, *_pairs(attached, link_joint)),
+        self_pairs=(*robot.self_pairs, *(pair for pair in pairs if pair not in unchecked)),
+        unchecked={**robot.unchecked, **unchecked},
         attached=attached,
     )
-
-
-def _pairs(attached: tuple[Attached, ...], joint: dict[str, int]) -> Iterable[LinkPair]:
-    """Return every pair of an object with a link or another object that moves against it and that it may not touch."""
-    touching = {link_pair(held.name, link) for held in attached for link in held.touch_links}
-    pairs = {
-        link_pair(held.name, other): None for held in attached for other in joint if joint[other] != joint[held.name]
-    }
-    return (pair for pair in pairs if pair not in touching)
 
 
 def _coal_shape(shape: Shape, field: str) -> Any:

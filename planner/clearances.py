@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.planner.certificate import Certifier
+from hdplan.planner.curve import Curve
+from hdplan.planner.moving_clearance import MovingClearance
 from hdplan.planner.problem import build
 from hdplan.planner.robot import Robot
 from hdplan.planner.verdict import Place
@@ -39,45 +41,51 @@ class Clearances:
         return np.array([place.distance for place in self.closest])
 
     @classmethod
-    def along(cls, certifier: Certifier, positions: Array, parameter: Array) -> Clearances:
-        """Look at configurations `positions` (k, n), which stand at `parameter` (k,)."""
-        closest, between_links = _exact(certifier, positions)
+    def along(cls, certifier: Certifier, curve: Curve, parameter: Array) -> Clearances:
+        """Look at a motion, its joints in the robot's order, at `parameter` (k,); moving obstacles are where they are
+        then."""
+        positions, times = curve.at_parameter(parameter), curve.time_of(parameter)
+        closest, between_links = exact(certifier, positions, times)
         outer = np.empty(0)
         if closest:
             within = max(place.distance for place in closest) * FARTHER + FARTHER_BY
-            outer = outer_clearance(certifier.scene, certifier.robot, positions, max(within, FARTHER_BY))
+            outer = outer_clearance(certifier.scene, certifier.robot, positions, times, max(within, FARTHER_BY))
         return cls(parameter, closest, between_links, outer)
 
 
-def outer_clearance(scene: Scene, robot: Robot, positions: Array, within: float) -> Array:
-    """Return the least D̃ (k,) [m] of the planner's link bodies and obstacles at configurations (k, n).
+def outer_clearance(scene: Scene, robot: Robot, positions: Array, times: Array, within: float) -> Array:
+    """Return the least D̃ (k,) [m] of the planner's link bodies and obstacles at configurations (k, n) and times (k,)
+    [s].
 
-    Lower bounds of the exact distance, by the bodies, normals and distance that the scene's settings choose. Pairs
-    farther apart than `within` [m] are left out, for speed: inf where nothing is left.
+    Lower bounds of the exact distance, by the bodies, normals and distance that the scene's settings choose; links that
+    do not move have no part in it. Pairs farther apart than `within` [m] are left out, for speed: inf where nothing is
+    left.
     """
     settings = replace(scene.planner, clearance=0.0, activation=within, swept=False)
     problem = build(replace(scene, planner=settings), robot)
     least = np.full(len(positions), np.inf)
     kinematics = problem.kinematics.evaluate(positions)
     for term in problem.pair_terms:
-        if term.name == "obstacles":
-            inside = term.inside(kinematics)
-            np.minimum.at(least, inside.sample, within + inside.separation)
+        if term.name in ("obstacles", "moving obstacles"):
+            inside = term.inside(term.met(kinematics, times) if isinstance(term, MovingClearance) else kinematics)
+            margin = term.pairs.margins[term.pairs.plane_body[inside.pair]]  # `within`, and an obstacle's own clearance
+            np.minimum.at(least, inside.sample, margin + inside.separation)
     return least
 
 
-def _exact(certifier: Certifier, positions: Array) -> tuple[tuple[Place, ...], Array]:
-    """Return the closest places to obstacles and the distances between links, each empty where there are none.
+def exact(certifier: Certifier, positions: Array, times: Array) -> tuple[tuple[Place, ...], Array]:
+    """Return the closest places to obstacles and the distances between links at configurations (k, n) and times (k,)
+    [s], each empty where there are none.
 
     From one configuration to the next distances change little: the next are looked for near the last, and everywhere
     only where that finds nothing.
     """
     found: list[Sequence[Place | None]] = []
     within = np.inf
-    for q in positions:
-        places = certifier.nearest(q, within)
+    for q, time in zip(positions, times.tolist(), strict=True):
+        places = certifier.nearest(q, within, time)
         if found and [place is None for place in places] != [place is None for place in found[0]]:
-            places = certifier.nearest(q)
+            places = certifier.nearest(q, time=time)
         found.append(places)
         within = max([0.0, *(place.distance for place in places if place)]) * FARTHER + FARTHER_BY
     to_obstacles, between_links = zip(*found, strict=True)

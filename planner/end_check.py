@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.planner.curve import Curve
-from hdplan.planner.pose_goals import miss_of
 from hdplan.planner.robot import Robot
 from hdplan.scenes.errors import naming
 from hdplan.scenes.model import JointTarget, PoseTarget, Scene
@@ -45,6 +44,8 @@ class EndCheck:
     def _missing(self, q: Array, target: JointTarget | PoseTarget) -> str | None:
         if isinstance(target, JointTarget):
             return self._off("last", q, self.robot.configuration(target), target.field)
+        from hdplan.planner.pose_goals import miss_of  # where the goal is a pose
+
         miss = miss_of(self.robot, target, q)
         return None if miss.within(target) else f"the last waypoint has {target.link} {miss} away from {target.field}"
 

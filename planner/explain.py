@@ -1,6 +1,7 @@
-"""What a problem will hold, in words: terms on and off and why, bodies, pairs kept and left out, unknowns, settings.
+"""What a problem will hold, in words: effects on and off and why, bodies, pairs kept and left out, sizes, settings.
 
-In: a built `Problem`. Out: sections of (name, value) rows, for a terminal table or JSON.
+In: a built `Problem`. Out: sections of (name, value) rows, for a terminal table or JSON. The trial is measured and
+differs from run to run.
 """
 
 from __future__ import annotations
@@ -10,9 +11,11 @@ from collections import Counter
 
 import numpy as np
 
-from hdplan.planner.pose_goals import pose_words
-from hdplan.planner.problem import Floats, Problem, self_margin
-from hdplan.planner.robot import Robot
+from hdplan.planner.explain_cost import functions, trial
+from hdplan.planner.explain_effects import counted, effects
+from hdplan.planner.joint_limits import acceleration_limits, jerk_limits, torque_limits, velocity_limits
+from hdplan.planner.problem import Problem
+from hdplan.planner.robot import ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS
 from hdplan.planner.terms import Clearance
 from hdplan.scenes.model import (
     Box,
@@ -21,33 +24,40 @@ from hdplan.scenes.model import (
     Goals,
     JointTarget,
     Mesh,
-    PathConstraints,
     PlannerSettings,
     Points,
     PoseTarget,
     Shape,
     Sphere,
+    SteadyMotion,
+    TimedPoses,
 )
 
 Rows = list[tuple[str, str]]
 
 MOST_OBSTACLES = 30  # rows; a page is to be read
+MOST_NAMED = 3  # pairs of links named in one row
+REASONS = {reason: reason for reason in (ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS)}  # others tell apart "by" something
 UNITS = {"clearance": " m", "activation": " m", "shaping_length": " m"}
 
 
 def explain(problem: Problem) -> dict[str, Rows]:
     """Return the sections of the explanation, in reading order."""
-    return {
+    found = effects(problem)
+    sections = {
         "scene": _scene(problem),
-        "joints": _joints(problem.robot, problem.start, problem.goal),
-        "terms": _terms(problem),
+        "joints": _joints(problem),
+        "on": [(effect.name, effect.on) for effect in found if effect.on],
+        "off": [(effect.name, effect.off) for effect in found if not effect.on],
         "obstacles": _obstacles(problem),
-        **({"attached": _attached(problem)} if problem.robot.attached else {}),
+        "held objects": _attached(problem),
         "pairs": _pairs(problem),
         "size": _size(problem),
+        "trial evaluation": trial(problem),
         "settings": _settings(problem),
         "notes": [(str(number), note) for number, note in enumerate(problem.notes, start=1)],
     }
+    return {title: rows for title, rows in sections.items() if rows}
 
 
 def _scene(problem: Problem) -> Rows:
@@ -55,7 +65,7 @@ def _scene(problem: Problem) -> Rows:
     held = ", ".join(f"{joint} = {value:g}" for joint, value in robot.locked.items())
     corners = [len(body.body.vertices) for body in problem.bodies]
     around = len({body.link for body in problem.bodies} - {attached.name for attached in robot.attached})
-    objects = f" and {_count(len(robot.attached), 'held object')}" if robot.attached else ""
+    objects = f" and {counted(len(robot.attached), 'held object')}" if robot.attached else ""
     bodies = (
         f"{len(corners)} around the {around} links with collision geometry{objects}: hulls of {min(corners)} to "
         f"{max(corners)} points, swept by a sphere"
@@ -64,7 +74,7 @@ def _scene(problem: Problem) -> Rows:
     )
     return [
         ("file", str(problem.scene.source)),
-        ("robot", f"{robot.name}, {_count(robot.n, 'joint')} planned, {len(robot.locked) or 'none'} held"),
+        ("robot", f"{robot.name}, {counted(robot.n, 'joint')} planned, {len(robot.locked) or 'none'} held"),
         *([("held", held)] if held else []),
         ("outer bodies", bodies),
         *_choice(problem.scene.goal),
@@ -73,113 +83,64 @@ def _scene(problem: Problem) -> Rows:
 
 def _choice(goal: JointTarget | Goals) -> Rows:
     """What may end the motion, where the scene leaves a choice; the joints shown are the likely best."""
-    targets = goal.targets if isinstance(goal, Goals) else ()
+    if isinstance(goal, JointTarget):
+        return []
+    from hdplan.planner.pose_goals import pose_words
+
     return [
         (target.field, pose_words(target) if isinstance(target, PoseTarget) else "one of several configurations")
-        for target in targets
+        for target in goal.targets
     ]
 
 
-def _joints(robot: Robot, start: Floats, goal: Floats) -> Rows:
+def _joints(problem: Problem) -> Rows:
+    """One row for each joint: from where to where, its range, and what it can do where that matters."""
+    robot, scene = problem.robot, problem.scene
     width = max(map(len, robot.joint_names))
+    most = [
+        (limits(scene, robot), unit)
+        for limits, unit in (
+            (velocity_limits, "/s"),
+            (acceleration_limits, "/s²"),
+            (jerk_limits, "/s³"),
+            (torque_limits, " Nm"),
+        )
+    ]
     rows: Rows = []
     for i, joint in enumerate(robot.joint_names):
         low, high = robot.lower[i], robot.upper[i]
-        limits = f"limits {low:7.4g} to {high:.4g}" if np.isfinite([low, high]).all() else "turns freely"
-        rows.append((f"{joint:{width}}", f"{start[i]:8.4g} → {goal[i]:8.4g}   {limits}"))
+        limits = f"limits {low:7.4g} to {high:<7.4g}" if np.isfinite([low, high]).all() else f"{'turns freely':25}"
+        own = "  ".join(f"{limit[i]:.4g}{unit}" for limit, unit in most if limit is not None)
+        row = f"{problem.start[i]:8.4g} → {problem.goal[i]:8.4g}   {limits}  {own}"
+        rows.append((f"{joint:{width}}", row.rstrip()))
     return rows
-
-
-def _terms(problem: Problem) -> Rows:
-    on = {term.name for term in problem.terms}
-    settings = problem.scene.planner
-    reach = settings.clearance + settings.activation
-    if "obstacles" in on:
-        swept = ", swept from waypoint to waypoint" * settings.swept
-        obstacles = f"on: grows where a moving link comes within {reach:g} m of an obstacle{swept}"
-    elif not problem.bodies:
-        obstacles = "off: no link has collision geometry"
-    elif problem.plane_bodies:
-        obstacles = "off: every obstacle is out of the robot's reach"
-    else:
-        obstacles = "off: the scene has no obstacles"
-    if "self-collision" in on:
-        own = f"on: grows where two links come within {self_margin(problem.scene):g} m"
-    elif problem.unresolved:
-        own = "off: the outer bodies of all pairs of links overlap anyway"
-    elif problem.apart:
-        own = "off: every pair of links is proven to keep apart within the joint limits"
-    else:
-        own = "off: no pair of links can meet, or all are disabled" if problem.bodies else obstacles
-    bounded = int(np.isfinite(problem.robot.lower).sum())
-    free = problem.robot.n - bounded
-    limits = f"on: {_count(bounded, 'joint')} kept within limits" if bounded else "off: no joint has limits"
-    return [
-        ("smoothness", "on, always: squared velocity and acceleration over the motion"),
-        ("joint limits", limits + (f"; {_count(free, 'joint')} without" if free and bounded else "")),
-        ("obstacles", obstacles),
-        ("self-collision", own),
-        *_path(problem.scene.path),
-        *_torque_terms(problem),
-    ]
-
-
-def _path(path: PathConstraints) -> Rows:
-    """What the scene asks of the whole way, if anything."""
-    rows: Rows = []
-    if path.upright:
-        axis = ", ".join(f"{part:g}" for part in path.upright.axis)
-        tilt = f"tilted by {path.upright.tolerance:g} rad at most"
-        rows.append(("path.upright", f"on: axis ({axis}) of {path.upright.link} points up, {tilt}, all along the way"))
-    if path.position:
-        size, centre = (
-            ", ".join(f"{part:g}" for part in vector) for vector in (path.position.size, path.position.pose.position)
-        )
-        point = ", ".join(f"{part:g}" for part in path.position.point)
-        box = f"the box of size ({size}) m around ({centre})"
-        rows.append(("path.position", f"on: point ({point}) of {path.position.link} stays in {box}, all along the way"))
-    return rows
-
-
-def _torque_terms(problem: Problem) -> Rows:
-    """What keeps torques within limits, where the scene limits them: in the motion's shape, and in its law of time."""
-    if problem.scene.limits.torque is None:
-        return []
-    from hdplan.planner.dynamics import InverseDynamics
-    from hdplan.planner.hinge import BAND
-    from hdplan.planner.loads import loaded_model, moved_mass
-    from hdplan.planner.static_torque import ARM, StaticTorque
-
-    model = loaded_model(problem.scene, problem.robot)
-    term = next((term for term in problem.terms if isinstance(term, StaticTorque)), None)
-    if term is None:
-        shape = "off: gravity alone can load no joint so much"
-    else:
-        joints = ", ".join(problem.robot.joint_names[i] for i in term.measure.joints.tolist())
-        shape = f"on: grows where gravity alone takes {1 - BAND / ARM:.0%} of the limit of {joints}"
-    instructions = InverseDynamics(model).instructions
-    added = moved_mass(model) - moved_mass(problem.robot.model)
-    loads = f", of which {added:g} kg are loads" if added else ""
-    law = f"on: inverse dynamics of {moved_mass(model):.3g} kg{loads}; {instructions} instructions"
-    return [("static torque", shape), ("joint torques", law)]
 
 
 def _obstacles(problem: Problem) -> Rows:
-    """One row for each obstacle: its shape, and how much of the robot can reach it."""
+    """One row for each obstacle: its shape, its own clearance, how it moves, and how much of the robot can reach it."""
     pieces = Counter(piece.name for piece in problem.plane_bodies)
-    term = _term(problem, "obstacles")
-    met = Counter(problem.plane_bodies[index].name for index in term.pairs.plane_body.tolist()) if term else Counter()
+    met: Counter[str] = Counter()
+    if standing := _term(problem, "obstacles"):
+        met = Counter(problem.plane_bodies[index].name for index in standing.pairs.plane_body.tolist())
     moving = sum(body.joint > 0 for body in problem.bodies)
     rows: Rows = []
     for obstacle in problem.scene.obstacles[:MOST_OBSTACLES]:
-        name, several = obstacle.name, pieces[obstacle.name] > 1
-        total = moving * pieces[name]
-        kept = f"{met[name]} of {total} pairs kept" if met[name] else "out of reach, left out"
-        split = f" in {pieces[name]} convex pieces" if several else ""
-        rows.append((name, f"{_shape(obstacle.shape)}{split}; {kept}"))
-    if left := len(problem.scene.obstacles) - MOST_OBSTACLES:
-        rows += [("…", f"and {left} more")] if left > 0 else []
-    return rows
+        words = _shape(obstacle.shape)
+        words += f" in {pieces[obstacle.name]} convex pieces" if pieces[obstacle.name] > 1 else ""
+        words += f", clearance {obstacle.clearance:g} m" if obstacle.clearance is not None else ""
+        total = moving * pieces[obstacle.name]
+        match obstacle.motion:
+            case SteadyMotion(velocity, spin):
+                speed, turn = float(np.linalg.norm(velocity)), float(np.linalg.norm(spin))
+                kept = f"moves at {speed:g} m/s" + f", turns at {turn:g} rad/s" * bool(turn) + f"; {total} pairs"
+            case TimedPoses(times, poses):
+                kept = f"passes {len(poses)} poses from {times[0]:g} to {times[-1]:g} s; {total} pairs"
+            case None:
+                number = met[obstacle.name]
+                kept = f"{number} of {total} pairs kept" if number else "out of reach, left out"
+        rows.append((obstacle.name, f"{words}; {kept}"))
+    left = len(problem.scene.obstacles) - MOST_OBSTACLES
+    return [*rows, ("…", f"and {left} more")] if left > 0 else rows
 
 
 def _attached(problem: Problem) -> Rows:
@@ -188,40 +149,46 @@ def _attached(problem: Problem) -> Rows:
     rows: Rows = []
     for held in problem.robot.attached:
         links = sum(held.name in pair for pair in problem.robot.self_pairs)
-        mass = f", {held.mass:g} kg" if held.mass else ""
         touching = f", may touch {', '.join(held.touch_links)}" if held.touch_links else ""
-        rows.append(
-            (
-                held.name,
-                f"{_shape(held.shape)}{mass}, held by {held.link}{touching}; outer bodies: {bodies[held.name]}; "
-                f"kept apart from obstacles and {_count(links, 'link')}",
-            )
-        )
+        mass = f", {held.mass:g} kg" if held.mass else ""
+        words = f"{_shape(held.shape)}{mass}, held by {held.link}{touching}; outer bodies: {bodies[held.name]}"
+        rows.append((held.name, f"{words}; kept apart from obstacles and {counted(links, 'link')}"))
     return rows
 
 
 def _pairs(problem: Problem) -> Rows:
+    """How many pairs there are of how many, and what tells the others apart."""
+    robot = problem.robot
     rows: Rows = []
     moving = sum(body.joint > 0 for body in problem.bodies)
-    if total := moving * len(problem.plane_bodies):
+    standing = [obstacle.name for obstacle in problem.scene.obstacles if obstacle.motion is None]
+    if total := moving * sum(piece.name in standing for piece in problem.plane_bodies):
         kept = _kept(problem, "obstacles")
         why = "" if kept == total else f"; {total - kept} can never meet within the joint limits"
         rows.append(("robot and obstacles", f"{kept} of {total} pairs of bodies kept{why}"))
-    links = len(problem.robot.links)
+    if total := moving * sum(piece.name not in standing for piece in problem.plane_bodies):
+        rows.append(("moving obstacles", f"{_kept(problem, 'moving obstacles')} of {total} pairs of bodies kept"))
+    links = len(robot.links)
     if total := links * (links - 1) // 2:
-        checked = len(problem.robot.self_pairs)
+        named = set(robot.links)
+        reasons = Counter(reason for pair, reason in robot.unchecked.items() if named.issuperset(pair))
+        told = ", ".join(f"{count} {REASONS.get(reason, f'by {reason}')}" for reason, count in reasons.most_common())
         rows.append(
             (
-                "links and held objects" if problem.robot.attached else "links",
-                f"{checked} of {total} pairs checked, by {_kept(problem, 'self-collision')} pairs of bodies; the "
-                "others are neighbours, do not move against each other, touch always, or are disabled (SRDF, "
-                f"robot.ignore_pairs{', touch_links' if problem.robot.attached else ''})",
+                "links and held objects" if robot.attached else "links",
+                f"{len(robot.self_pairs)} of {total} pairs checked" + (f"; told apart: {told}" if told else ""),
             )
         )
+    kept = _kept(problem, "self-collision")
+    if total := kept + len(problem.apart):
+        apart = Counter("-".join(sorted(problem.bodies[index].link for index in pair)) for pair in problem.apart)
+        most = ", ".join([*list(apart)[:MOST_NAMED], *(["…"] if len(apart) > MOST_NAMED else [])])
+        why = f"; {len(problem.apart)} proven to keep apart within the joint limits ({most})" if apart else ""
+        rows.append(("bodies of links", f"{kept} of {total} pairs kept{why}"))
     if problem.unresolved:
-        named = ", ".join(f"{a}-{b}" for a, b in problem.unresolved)
+        overlapping = ", ".join(f"{a}-{b}" for a, b in problem.unresolved)
         rows.append(
-            ("left to the certificate", f"{named}: their outer bodies overlap anyway, the real meshes need not")
+            ("left to the certificate", f"{overlapping}: their outer bodies overlap anyway, the real meshes need not")
         )
     return rows
 
@@ -230,9 +197,10 @@ def _size(problem: Problem) -> Rows:
     unknowns = (problem.waypoints - 2) * problem.robot.n
     how = ", ".join(sorted({term.distance.how for term in problem.pair_terms})) or "not needed"
     return [
-        ("unknowns", f"{unknowns}: {problem.waypoints - 2} free waypoints × {_count(problem.robot.n, 'joint')}"),
+        ("unknowns", f"{unknowns}: {problem.waypoints - 2} free waypoints × {counted(problem.robot.n, 'joint')}"),
         ("looked at", f"{len(problem.samples.weight)} configurations between the waypoints"),
         ("distance", how),
+        *functions(problem),
     ]
 
 
@@ -269,7 +237,3 @@ def _term(problem: Problem, name: str) -> Clearance | None:
 def _kept(problem: Problem, name: str) -> int:
     term = _term(problem, name)
     return len(term.pairs) if term else 0
-
-
-def _count(number: int, thing: str) -> str:
-    return f"{number} {thing}" + "s" * (number != 1)

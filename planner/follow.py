@@ -26,7 +26,7 @@ from hdplan.planner.curve import Curve
 from hdplan.planner.robot import Robot
 from hdplan.planner.robot_curve import curve_of
 from hdplan.planner.scene_robot import load_scene_robot
-from hdplan.planner.timing import MinimumJerk
+from hdplan.planner.time_laws import MinimumJerk
 from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.verdict import Certificate
 from hdplan.scenes.model import Scene

@@ -13,7 +13,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,10 @@ from hdplan.planner.robot import Robot
 from hdplan.planner.robot_curve import curve_of
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.model import JointTarget, PoseTarget, Scene
+from hdplan.scenes.model import JointTarget, PathConstraints, PoseTarget, Scene
+
+if TYPE_CHECKING:
+    from hdplan.planner.path_terms import PathTerm
 
 Array = NDArray[np.float64]
 
@@ -66,11 +69,14 @@ def goal_choice(scene: Scene, robot: Robot, certifier: Certifier, seed: int = 0)
     refused, words = [], []
     with naming(scene.source):
         start = robot.configuration(scene.start, scene.from_request)
+        path = _path(scene, robot)
         for target in scene.goal.targets:
             if isinstance(target, JointTarget):
                 reached, nearest = robot.configuration(target)[None], None
             else:
-                reached, nearest = reaching(robot, target, start, rng)
+                reached, nearest = reaching(robot, target, start, rng, path)
+                if path and not len(reached):  # whether the pose or the path is in the way is to be said
+                    reached, nearest = reaching(robot, target, start, rng)
             free = _free(certifier, reached, start)
             if free and nearest is not None:
                 words.append(f"{target.field}: {_configurations(len(reached))} found; free and compared: {len(free)}")
@@ -80,6 +86,15 @@ def goal_choice(scene: Scene, robot: Robot, certifier: Certifier, seed: int = 0)
         if not found:
             raise InputError("; ".join(refused))
     return Choice(tuple(goal for _, goal in sorted(found, key=lambda each: each[0])), (*words, *refused))
+
+
+def _path(scene: Scene, robot: Robot) -> tuple[PathTerm, ...]:
+    """Return what the scene asks of the whole way, its end included."""
+    if scene.path == PathConstraints():
+        return ()
+    from hdplan.planner.path_terms import path_terms
+
+    return path_terms(scene, robot, kinematics_of(robot).supports)
 
 
 def settled(scene: Scene, robot: Robot, motion: Trajectory | None = None) -> Scene:
@@ -97,19 +112,27 @@ def settled(scene: Scene, robot: Robot, motion: Trajectory | None = None) -> Sce
     return replace(scene, goal=goal_choice(scene, robot, certifier).goals[0])
 
 
-def reaching(robot: Robot, target: PoseTarget, start: Array, rng: np.random.Generator) -> tuple[Array, Miss]:
+def reaching(
+    robot: Robot, target: PoseTarget, start: Array, rng: np.random.Generator, path: tuple[PathTerm, ...] = ()
+) -> tuple[Array, Miss]:
     """Return configurations (K, n) that reach a pose, APART from each other and nearest to `start` first, and the least
-    miss of all that were tried."""
+    miss of all that were tried. What the scene asks of the whole way leads the search too, and does not decide it."""
     pose = LinkPose.of(robot, target)
     q = np.vstack([np.clip(start, robot.lower, robot.upper), robot.draw(rng, STARTS - 1)])
     going = np.arange(len(q))
+    if path:
+        from hdplan.planner.path_terms import to_path
     for _ in range(STEPS):
         error, jacobian = pose.linearized(q[going])
-        far = ~_within(error, target, ENOUGH)
-        going, error, jacobian = going[far], error[far], jacobian[far]
+        missing, far = _beyond(error, target), ~_within(error, target, ENOUGH)
+        if path:
+            astray, slope = to_path(path, pose.arm.evaluate(q[going]))
+            missing, jacobian = np.concatenate([missing, astray], axis=1), np.concatenate([jacobian, slope], axis=1)
+            far |= astray.any(axis=1)
+        going, missing, jacobian = going[far], missing[far], jacobian[far]
         if not len(going):
             break
-        q[going] = damped_step(robot, q[going], _beyond(error, target), jacobian)
+        q[going] = damped_step(robot, q[going], missing, jacobian)
     error, _ = pose.linearized(q)
     position, angle = _sizes(error)
     best = int(np.argmin(np.maximum(position / target.position_tolerance, angle / target.orientation_tolerance)))

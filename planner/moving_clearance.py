@@ -19,7 +19,7 @@ from hdplan.planner.pairs import BodyPairs, body_pairs
 from hdplan.planner.plane_bodies import PlaneBody, from_obstacle
 from hdplan.planner.samples import Samples
 from hdplan.planner.terms import Clearance, PairDistance, Penalty
-from hdplan.planner.timing import MinimumJerk
+from hdplan.planner.time_laws import MinimumJerk
 from hdplan.scenes.model import Obstacle, Pose, Scene
 from hdplan.scenes.moving import Passages
 
@@ -38,18 +38,16 @@ class MovingClearance(Clearance):
 
     def value(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
         """The penalty at the samples of a motion."""
-        return super().value(self.met(kinematics, samples.time), samples)
+        return super().value(self.met(kinematics, self.law.time_at(samples.time)), samples)
 
     def depth(self, kinematics: KinematicsBatch, time: Floats | None = None) -> Floats:
         """How far the worst pair may be inside its margin (B,) [m] at path parameters; 0 at no particular time."""
         if time is None:
             return np.zeros(len(kinematics.placements))
-        return super().depth(self.met(kinematics, time))
+        return super().depth(self.met(kinematics, self.law.time_at(time)))
 
-    def met(self, kinematics: KinematicsBatch, time: Floats) -> KinematicsBatch:
-        """The state of configurations, with the obstacles' placements at path parameters `time` (B,) beside the
-        joints'."""
-        seconds = self.law.time_at(time)
+    def met(self, kinematics: KinematicsBatch, seconds: Floats) -> KinematicsBatch:
+        """The state of configurations, with the obstacles' placements at times (B,) [s] beside the joints'."""
         placements = np.stack([each.at(seconds) for each in self.passages], axis=1)  # (B, m, 4, 4)
         rows = np.concatenate([placements[..., :3, :3].reshape(*placements.shape[:2], 9), placements[..., :3, 3]], 2)
         return KinematicsBatch(np.concatenate([kinematics.placements, rows], axis=1), kinematics.columns)

@@ -18,7 +18,6 @@ from hdplan.planner.pairs import body_pairs
 from hdplan.planner.plane_bodies import PlaneBody, from_link_body
 from hdplan.planner.reach import Reach, reach_of
 from hdplan.planner.robot import Robot
-from hdplan.planner.separation import distances_kept
 from hdplan.planner.terms import Clearance
 
 TRIALS = 200  # random configurations for the following
@@ -69,6 +68,10 @@ def _distances_kept(
     pairs: tuple[BodyPair, ...],
 ) -> tuple[float, ...]:
     """What is proven of each pair; first the links' own, which are the same whatever the robot holds."""
+    if not pairs:
+        return ()
+    from hdplan.planner.separation import distances_kept
+
     held = {attached.name for attached in robot.attached}
     with_held = [not held.isdisjoint((bodies[a].link, bodies[b].link)) for a, b in pairs]
     result = np.zeros(len(pairs))

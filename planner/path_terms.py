@@ -24,6 +24,7 @@ from hdplan.scenes.model import Scene, Upright, Within
 Floats = NDArray[np.float64]
 
 LEVER = 1.0  # [m] arm at which an angle counts as a length
+BEYOND = 1.2  # of the way to where a constraint is kept that is asked for: damped steps only come close
 UP = np.array([0.0, 0.0, 1.0])  # in the world
 PARALLEL = 1e-12  # sine below which two directions have no axis of their own
 
@@ -83,6 +84,13 @@ def path_terms(scene: Scene, robot: Robot, supports: NDArray[np.bool_]) -> tuple
             for field, asked in given
             if asked is not None
         )
+
+
+def to_path(terms: tuple[PathTerm, ...], kinematics: KinematicsBatch) -> tuple[Floats, Floats]:
+    """Return what configurations lack to keep one or more constraints, bands included (B, m) [m], 0 where they keep
+    them, and what the joints do about it (B, m, n): for steps of damped least squares."""
+    inside, slopes = zip(*(term.inside(kinematics) for term in terms), strict=True)
+    return -BEYOND * np.concatenate(inside, axis=1), np.concatenate(slopes, axis=1)
 
 
 def _measure(

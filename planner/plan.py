@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from hdplan.planner.certificate import Certifier
-from hdplan.planner.goal_search import goal_choice
 from hdplan.planner.problem import Floats, Problem, build
 from hdplan.planner.result import PlanResult, Times
 from hdplan.planner.robot import Robot
@@ -82,8 +81,8 @@ def plan(
     robot = robot or load_scene_robot(scene)
     loaded = time.perf_counter()
     certifier = Certifier(scene, robot)
-    choice = goal_choice(scene, robot, certifier, seed)
-    aims = [replace(scene, goal=goal) for goal in choice.goals]
+    goals, found = _goals(scene, robot, certifier, seed)
+    aims = [replace(scene, goal=goal) for goal in goals]
     clearances = [_reachable_clearance(aim, robot, certifier) for aim in aims]  # ends in collision: before all fitting
     timekeeper = _timekeeper(scene, robot)
     problems = [build(aim, robot) for aim in aims]
@@ -107,10 +106,10 @@ def plan(
     solved = time.perf_counter() - built - certified  # guesses included
     compile_ = sum(problem.compile_seconds for problem in problems)
     load, build_ = loaded - began, built - loaded - compile_
-    words = (*choice.words, *clearances[taken][1])
+    words = (*found, *clearances[taken][1])
     several = isinstance(scene.goal, Goals)
     if several:
-        words = (*words, _taken(searches, taken, choice.goals))
+        words = (*words, _taken(searches, taken, goals))
     return PlanResult(
         scene=scene.name,
         robot=robot.name,
@@ -123,8 +122,19 @@ def plan(
         steps=best.steps,
         times=Times(load, build_, compile_, solved, certified),
         notes=(*problems[taken].notes, *words),
-        goal=choice.goals[taken] if several else None,
+        goal=goals[taken] if several else None,
     )
+
+
+def _goals(
+    scene: Scene, robot: Robot, certifier: Certifier, seed: int
+) -> tuple[tuple[JointTarget, ...], tuple[str, ...]]:
+    """Return the configurations to plan to, and words on how they were found, where the scene leaves a choice."""
+    if isinstance(scene.goal, JointTarget):
+        return (scene.goal,), ()
+    from hdplan.planner.goal_search import goal_choice
+
+    return goal_choice(scene, robot, certifier, seed)
 
 
 def _timekeeper(scene: Scene, robot: Robot) -> Timekeeper | None:

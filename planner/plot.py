@@ -10,6 +10,7 @@ import importlib.util
 import io
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from hdplan.planner.certificate import Certifier
 from hdplan.planner.output import check_writable, write_output
@@ -20,6 +21,9 @@ from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.verdict import Certificate
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Scene
+
+if TYPE_CHECKING:
+    from hdplan.planner.simulate import Simulation
 
 PICTURES = (".png", ".pdf", ".svg")
 PIXELS, FINE = 150, 300  # per inch: of a PNG; of the painted scene in the others, whose lines and letters have none
@@ -44,14 +48,14 @@ class Subject:
         certificate, robot = certifier.certify(trajectory), certifier.robot
         ordered = trajectory.of_joints(robot.joint_names, robot.locked)
         iterations = f", {len(steps)} iterations" if steps else ""
-        return cls(certifier, ordered, certificate, steps, f"{name}: {len(ordered)} waypoints{iterations}")
+        return cls(certifier, ordered, certificate, steps, f"{name}: {ordered.extent}{iterations}")
 
     @classmethod
     def planned(cls, scene: Scene, robot: Robot, result: PlanResult) -> Subject:
         """Take the result of a plan, with its own certificate."""
         seconds = sum(vars(result.times).values())
         effort = f"{result.solver}, {result.iterations} iterations, {seconds:.2f} s from scene to verdict"
-        words = f"{len(result.trajectory)} waypoints, {effort}"
+        words = f"{result.trajectory.extent}, {effort}"
         return cls(Certifier(scene, robot), result.trajectory, result.certificate, result.steps, words)
 
 
@@ -75,10 +79,21 @@ def plot(subject: Subject, path: str | Path) -> None:
     Raises:
         InputError: another ending, no matplotlib, a path that cannot be written.
     """
-    path = Path(path)
     check_picture(path)
     from hdplan.planner.plot_sheet import sheet
 
+    _write(sheet(subject), Path(path))
+
+
+def plot_simulation(simulation: Simulation, title: str, path: str | Path) -> None:
+    """Draw what `hdplan simulate` found and write it to `path`; raises as `plot`, and for a path without times."""
+    check_picture(path)
+    from hdplan.planner.plot_simulation import simulation_sheet
+
+    _write(simulation_sheet(simulation, title), Path(path))
+
+
+def _write(figure: Any, path: Path) -> None:
     picture, kind = io.BytesIO(), path.suffix.lower().removeprefix(".")
-    sheet(subject).savefig(picture, format=kind, dpi=PIXELS if kind == "png" else FINE)
+    figure.savefig(picture, format=kind, dpi=PIXELS if kind == "png" else FINE)
     write_output(path, picture.getvalue())

@@ -1,4 +1,4 @@
-"""The panels of a motion's sheet: joints, velocities, accelerations, clearance along it; the solver's progress."""
+"""The panels of a motion's sheet: joints and clearance along it, the solver's progress; `plot_rates` has the others."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from hdplan.planner.clearances import Clearances
+from hdplan.planner.curve import Curve
 from hdplan.planner.plot import Subject
 from hdplan.planner.plot_style import (
     BETWEEN_LINKS,
     CONTACT,
-    CURVES,
     DEPTH,
     GOAL,
     GREY,
@@ -32,10 +32,11 @@ from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.verdict import Certificate, Place
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 CLEARANCE_STEPS = 128  # pieces of the motion between which distances are computed
+POINTS = 800  # of a curve that is not straight between its waypoints, at least
 LANE = 0.84  # of the distance between two joints' lanes: a joint's range
-MOST_NAMES = 8  # in one column of the joints' names
 WIDE = 30.0  # ratio of costs from which on their axis is logarithmic
 DISTANCES = {"hdsdf": "HD-SDF’s D̃", "fcl": "FCL"}  # of the planner's bodies
 
@@ -45,12 +46,13 @@ DISTANCES = {"hdsdf": "HD-SDF’s D̃", "fcl": "FCL"}  # of the planner's bodies
 
 def draw_joints(axis: Any, subject: Subject) -> None:
     """Draw each joint in a lane of its own, all to one scale; what lies within the joint's limits is grey."""
-    robot, waypoints = subject.certifier.robot, subject.trajectory.positions
-    when, units = _when(subject.trajectory, np.linspace(0.0, 1.0, len(waypoints))), _units(robot)
-    travel = np.ptp(waypoints, axis=0)
+    robot, curve = subject.certifier.robot, subject.trajectory.curve
+    units, (interval, fraction) = units_of(robot), looks(curve)
+    when, joints = curve.time_of((interval + fraction) / (len(curve) - 1)), curve.at(interval, fraction)
+    travel = np.ptp(joints, axis=0)
     height = {unit: 1.15 * max(travel[[u == unit for u in units]].max(), 1e-3) for unit in set(units)}
     labels = []
-    for row, (values, low, high, unit) in enumerate(zip(waypoints.T, robot.lower, robot.upper, units, strict=True)):
+    for row, (values, low, high, unit) in enumerate(zip(joints.T, robot.lower, robot.upper, units, strict=True)):
         middle = 0.5 * (values.min() + values.max())
 
         def lane(x: Any, row: int = row, middle: float = middle, scale: float = height[unit]) -> Any:
@@ -67,7 +69,7 @@ def draw_joints(axis: Any, subject: Subject) -> None:
             else f"no limits, {unit}"
         )
     rows = -np.arange(robot.n)
-    axis.set(ylim=(rows[-1] - 0.5, 0.5), yticks=rows, yticklabels=_short(robot.joint_names))
+    axis.set(ylim=(rows[-1] - 0.5, 0.5), yticks=rows, yticklabels=short_names(robot.joint_names))
     scale = ", ".join(f"{value:.2g} {unit}" for unit, value in sorted(height.items(), reverse=True))
     axis.set_title(f"joints, in lanes {scale} high, with their limits")
     right = axis.twinx()
@@ -75,29 +77,7 @@ def draw_joints(axis: Any, subject: Subject) -> None:
     for side in (axis, right):
         side.tick_params(axis="y", length=0, labelsize=7)
         side.spines[:].set_visible(False)
-    _along(axis, subject.trajectory)
-
-
-def draw_velocities(axis: Any, subject: Subject) -> None:
-    """Draw what the waypoints and their times give: a constant velocity between each two."""
-    velocities, _ = rates(subject.trajectory)
-    when = _when(subject.trajectory, np.linspace(0.0, 1.0, len(subject.trajectory)))
-    for curve, style, name in zip(
-        velocities.T, itertools.cycle(CURVES), _short(subject.trajectory.joint_names), strict=False
-    ):
-        axis.stairs(curve, when, baseline=None, linewidth=1.2, label=name, **style)
-    _rate_axis(axis, subject, "velocity", "between", "s")
-    columns = -(-subject.certifier.robot.n // MOST_NAMES)
-    axis.legend(ncols=columns, loc="center left", bbox_to_anchor=(1.0, 0.5), columnspacing=0.9, handlelength=2.2)
-
-
-def draw_accelerations(axis: Any, subject: Subject) -> None:
-    """Draw the change of velocity at each waypoint, over the time from one interval's middle to the next's."""
-    _, accelerations = rates(subject.trajectory)
-    when = _when(subject.trajectory, np.linspace(0.0, 1.0, len(subject.trajectory)))[1:-1]
-    for curve, style in zip(accelerations.T, itertools.cycle(CURVES), strict=False):
-        axis.plot(when, curve, linewidth=1.2, **style)
-    _rate_axis(axis, subject, "acceleration", "at", "s²")
+    lay_along(axis, subject.trajectory)
 
 
 def draw_clearance(axis: Any, subject: Subject) -> None:
@@ -105,8 +85,9 @@ def draw_clearance(axis: Any, subject: Subject) -> None:
     certificate, certifier = subject.certificate, subject.certifier
     worst = [place for place in (certificate.worst, certificate.self_worst) if place]
     times = np.unique([*np.linspace(0.0, 1.0, CLEARANCE_STEPS + 1), *(place.time for place in worst)])
-    found = Clearances.along(certifier, subject.trajectory.at(times), times)
-    when = _when(subject.trajectory, times)
+    curve = subject.trajectory.curve
+    found = Clearances.along(certifier, curve, times)
+    when = curve.time_of(times)
     curves = [
         ("to obstacles, exact", found.to_obstacles, {"color": ROBOT_TO_OBSTACLES, "linewidth": 1.6}),
         (
@@ -133,7 +114,7 @@ def draw_clearance(axis: Any, subject: Subject) -> None:
         0.995, 0.01, "contact", transform=axis.transAxes, color=CONTACT, fontsize=7, ha="right", va="bottom",
         path_effects=[withStroke(linewidth=2.6, foreground="white")],
     )  # fmt: skip
-    _along(axis, subject.trajectory)
+    lay_along(axis, subject.trajectory)
     if found.closest:
         row = int(found.to_obstacles.argmin())
         _mark(axis, float(when[row]), found.closest[row])
@@ -161,7 +142,7 @@ def _unproven(axis: Any, subject: Subject, height: float) -> None:
         return
     style = {"facecolor": "none", "edgecolor": CONTACT, "alpha": 0.5, "hatch": "////", "linewidth": 0.5}
     for run in np.split(intervals, np.flatnonzero(np.diff(intervals) > 1) + 1):
-        first, last = _when(subject.trajectory, np.array([run[0], run[-1] + 1]) / (len(subject.trajectory) - 1))
+        first, last = subject.trajectory.curve.time_of(np.array([run[0], run[-1] + 1]) / (len(subject.trajectory) - 1))
         axis.axvspan(first, last, ymax=height, **style)
     axis.fill([], [], label="not proven", **style)
 
@@ -209,41 +190,27 @@ def draw_convergence(axis: Any, subject: Subject) -> None:
 # --- small parts ------------------------------------------------------------------------------------------------------
 
 
-def _when(trajectory: Trajectory, parameter: Array) -> Array:
-    """Return the times [s] at path parameters, or these where the trajectory has none."""
-    if trajectory.times is None:
-        return parameter
-    return np.interp(parameter * (len(trajectory) - 1), np.arange(len(trajectory)), trajectory.times)
+def looks(curve: Curve) -> tuple[Index, Array]:
+    """Return the intervals (k,) and fractions (k,) of them at which a curve is drawn: enough of them, and both sides of
+    each waypoint."""
+    intervals = len(curve) - 1
+    fractions = np.linspace(0.0, 1.0, max(2, -(-POINTS // intervals) + 1))
+    return np.repeat(np.arange(intervals), len(fractions)), np.tile(fractions, intervals)
 
 
-def _along(axis: Any, trajectory: Trajectory) -> None:
+def lay_along(axis: Any, trajectory: Trajectory) -> None:
     """Lay the horizontal axis along the motion."""
-    first, last = _when(trajectory, np.array([0.0, 1.0]))
+    first, last = trajectory.curve.time_of([0.0, 1.0])
     words = "path parameter, 0 start to 1 goal [–]" if trajectory.times is None else "time [s]"
     axis.set(xlim=(first, last), xlabel=words)
 
 
-def rates(trajectory: Trajectory) -> tuple[Array, Array]:
-    """Return the velocities (N − 1, n) between the waypoints and the accelerations (N − 2, n) at the inner ones."""
-    assert trajectory.times is not None
-    widths = np.diff(trajectory.times)[:, None]
-    velocities = np.diff(trajectory.positions, axis=0) / widths
-    return velocities, np.diff(velocities, axis=0) / (0.5 * (widths[1:] + widths[:-1]))
-
-
-def _rate_axis(axis: Any, subject: Subject, what: str, where: str, per: str) -> None:
-    units = " or ".join(f"{unit}/{per}" for unit in sorted(set(_units(subject.certifier.robot)), reverse=True))
-    axis.axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
-    axis.set(ylabel=f"{what} [{units}]", title=f"{what} {where} waypoints")
-    _along(axis, subject.trajectory)
-
-
-def _units(robot: Robot) -> list[str]:
+def units_of(robot: Robot) -> list[str]:
     """Return each planned joint's unit."""
     return ["m" if "JointModelP" in joint.shortname() else "rad" for joint in list(robot.model.joints)[1:]]
 
 
-def _short(names: tuple[str, ...]) -> list[str]:
+def short_names(names: tuple[str, ...]) -> list[str]:
     """Drop the words that all names begin or end with: the robot's name, "joint"."""
     words = [name.split("_") for name in names]
     while min(map(len, words)) > 1 and len({parts[0] for parts in words}) == 1:

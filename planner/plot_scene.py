@@ -19,15 +19,16 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from hdplan.planner.plot_style import BETWEEN, FIXED, FRAME, GOAL, INK, OBSTACLE, START
+from hdplan.planner.plot_style import BETWEEN, FIXED, FRAME, GOAL, INK, MOVING, OBSTACLE, START
 from hdplan.planner.proximity import Piece, link_pieces, obstacle_pieces
 from hdplan.planner.robot import Robot
 from hdplan.planner.trajectory import Trajectory
-from hdplan.scenes.model import Scene
+from hdplan.scenes.model import Obstacle, Scene
+from hdplan.scenes.moving import Passages
 
 Array = NDArray[np.float64]
 
-GHOSTS = (0.25, 0.5, 0.75)  # path parameters between start and goal at which the robot is shown, faintly
+GHOSTS = (0.25, 0.5, 0.75)  # path parameters between start and goal at which what moves is shown, faintly
 TIP_STEPS = 200  # pieces of the path of the last link
 TILE = 0.1  # of the view's size: longest edge of a painted polygon, so that near and far can be told apart
 NAME = np.array([28.0, 11.0])  # [pt] size of "start" and "goal"
@@ -69,11 +70,20 @@ class Paint:
     nearer: float = 0.0  # [m] by which it is painted in front of where it is
 
 
+STANDING = Paint(OBSTACLE, 0.4)
+DRIFTING = (  # path parameters, and how an obstacle that moves is painted then
+    (0.0, Paint(MOVING, 0.85)),
+    *((time, Paint(MOVING, 0.12)) for time in GHOSTS),
+    (1.0, Paint(MOVING, 0.4)),
+)
+
+
 @dataclass(frozen=True, eq=False)
 class Picture:
     """Everything in the scene, in the world frame."""
 
     solids: tuple[tuple[Skin, Paint], ...]
+    moves: bool  # whether an obstacle does
     tip_link: str
     robot_points: Array  # (m, 3) [m] of all shown configurations and the tip's path: what the view must hold
     obstacle_points: tuple[Array, ...]  # of each obstacle
@@ -81,14 +91,24 @@ class Picture:
 
     @classmethod
     def of(cls, scene: Scene, robot: Robot, trajectory: Trajectory) -> Picture:
-        """Pose the robot along its motion."""
-        obstacles = [skin(p, whole=True).placed(o.pose.matrix) for o in scene.obstacles for p in obstacle_pieces(o)]
+        """Pose the robot along its motion, and the obstacles that move at the same times."""
+        standing = [(body.placed(o.pose.matrix), STANDING) for o, body in _obstacles(scene, moving=False)]
+        drifting = _obstacles(scene, moving=True)
+        obstacles = standing + [
+            (body.placed(place), paint)
+            for o, body in drifting
+            for place, paint in zip(
+                Passages.of(o).at(trajectory.curve.time_of([time for time, _ in DRIFTING])),
+                (paint for _, paint in DRIFTING),
+                strict=True,
+            )
+        ]
         links = [
             (int(item.parentJoint), skin(piece, whole=False).placed(item.placement.homogeneous))
             for item in robot.collision.geometryObjects
             for piece in link_pieces(item.geometry, item.name)
         ]
-        solids = [(body, Paint(OBSTACLE, 0.4)) for body in obstacles]
+        solids = list(obstacles)
         shown = [(time, Paint(BETWEEN, 0.2)) for time in GHOSTS]
         shown += [(0.0, Paint(START, 1.0, ABOVE)), (1.0, Paint(GOAL, 1.0))]
         for (_, paint), pose in zip(shown, _poses(robot, trajectory, [time for time, _ in shown]), strict=True):
@@ -101,8 +121,8 @@ class Picture:
         tip = along[:, :3, :3] @ farthest + along[:, :3, 3]
         posed = [body.vertices for body, _ in solids[len(obstacles) :]]
         name = next(link for link in reversed(robot.links) if robot.link_joint[link] == outermost)
-        others = tuple(body.vertices for body in obstacles)
-        return cls(tuple(solids), name, np.concatenate([*posed, tip]), others, tip)
+        others = tuple(body.vertices for body, _ in obstacles)
+        return cls(tuple(solids), bool(drifting), name, np.concatenate([*posed, tip]), others, tip)
 
     def azimuth(self) -> float:
         """Return the side [rad] from which the tip's path looks longest, on its side of the robot."""
@@ -112,6 +132,16 @@ class Picture:
         across = np.array([-along[1], along[0]])
         across = across if across @ outward >= 0.0 else -across
         return float(np.arctan2(across[1], across[0]))
+
+
+def _obstacles(scene: Scene, moving: bool) -> list[tuple[Obstacle, Skin]]:
+    """Return the pieces of the obstacles that move, or of those that do not, in their own frames."""
+    return [
+        (obstacle, skin(piece, whole=True))
+        for obstacle in scene.obstacles
+        if (obstacle.motion is not None) == moving
+        for piece in obstacle_pieces(obstacle)
+    ]
 
 
 def draw_scene(axis: Any, picture: Picture, azimuth: float, elevation: float) -> None:

@@ -1,11 +1,12 @@
 """The sheet of a motion: its panels beside the scene from two sides, under a title with the verdict.
 
-Only what is known has a panel: velocities and accelerations where the trajectory has times, the solver's progress where
-its steps are kept.
+Only what is known has a panel: velocities and accelerations where the trajectory has times, torques where the scene
+limits them, the solver's progress where its steps are kept.
 """
 
 from __future__ import annotations
 
+import functools
 import textwrap
 from collections.abc import Callable
 from typing import Any
@@ -13,21 +14,17 @@ from typing import Any
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from hdplan.planner.plot import Subject
-from hdplan.planner.plot_panels import (
-    draw_accelerations,
-    draw_clearance,
-    draw_convergence,
-    draw_joints,
-    draw_velocities,
-)
-from hdplan.planner.plot_scene import Picture, draw_scene
+from hdplan.planner.plot_panels import draw_clearance, draw_convergence, draw_joints
+from hdplan.planner.plot_rates import draw_rate, rates
+from hdplan.planner.plot_scene import DRIFTING, STANDING, Picture, draw_scene
 from hdplan.planner.plot_style import BETWEEN, CONTACT, FIXED, GOAL, GOOD, INK, OBSTACLE, RC, START, plain
 
-WIDTH, HEIGHT, TALL = 11.7, 8.3, 11.0  # [in] A4 across; taller where there are velocities and accelerations
+WIDTH, HEIGHT, RATE = 11.7, 8.3, 1.35  # [in] A4 across; higher by each panel of velocities, accelerations or torques
 HEAD, FOOT = 1.15, 0.5  # [in] above and below the panels
 GAP = 0.75  # [in] between two panels: the upper one's axis, the lower one's title
 TITLE_WIDTH = 132  # characters
@@ -38,12 +35,12 @@ Draw = Callable[[Any, Subject], None]
 
 def sheet(subject: Subject) -> Figure:
     """Return the figure; see plot.plot."""
-    timed = subject.trajectory.times is not None
+    found = rates(subject)
     panels: list[tuple[float, Draw]] = [(1.35, draw_joints)]
-    panels += [(0.8, draw_velocities), (0.8, draw_accelerations)] if timed else []
+    panels += [(0.8, functools.partial(draw_rate, rate=rate)) for rate in found]
     panels += [(1.1, draw_clearance)]
     panels += [(0.9, draw_convergence)] if subject.steps else []
-    height = TALL if timed else HEIGHT
+    height = HEIGHT + RATE * len(found)
     band = {"bottom": FOOT / height, "top": 1.0 - HEAD / height}
     with rc_context(RC):
         figure = Figure(figsize=(WIDTH, height), facecolor="white")
@@ -76,11 +73,17 @@ def _title(figure: Figure, subject: Subject, height: float) -> None:
 
 
 def _key(axis: Any, picture: Picture) -> None:
-    """Say what the colours of the scene mean."""
+    """Say what the colours of the scene mean; of obstacles that move in a line of its own."""
     handles: list[Any] = [Patch(color=START, label="start"), Patch(color=BETWEEN, alpha=0.5, label="on the way")]
     handles += [Patch(color=GOAL, label="goal"), Patch(color=FIXED, label="base")]
-    if picture.obstacle_points:
+    if any(paint is STANDING for _, paint in picture.solids):
         handles.append(Patch(color=OBSTACLE, alpha=0.5, label="obstacles"))
     handles.append(Line2D([], [], color=INK, linewidth=1.3, label=f"path of {plain(picture.tip_link, 24)}"))
-    place = {"loc": "lower right", "bbox_to_anchor": (1.0, 0.99)}
-    axis.legend(handles=handles, ncols=len(handles), columnspacing=1.2, handlelength=1.4, **place)
+    (_, begins), (_, ghost), *_, (_, ends) = DRIFTING
+    words = ("moving obstacles at the start", "on the way, as the robot", "at the end")
+    shown = zip((begins, ghost, ends), words, strict=True)
+    moving = [Patch(color=paint.color, alpha=paint.alpha, label=label) for paint, label in shown]
+    for line, height in ((moving, 0.99), (handles, 1.02)) if picture.moves else ((handles, 0.99),):
+        style: dict[str, Any] = {"columnspacing": 1.2, "handlelength": 1.4, "ncols": len(line)}
+        labels = [str(handle.get_label()) for handle in line]
+        axis.add_artist(Legend(axis, line, labels, loc="lower right", bbox_to_anchor=(1.0, height), **style))

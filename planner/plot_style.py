@@ -9,6 +9,7 @@ START = "#0072B2"  # blue
 GOAL = "#D55E00"  # vermillion
 BETWEEN = "#56B4E9"  # sky blue
 OBSTACLE = "#877D6B"  # grey, warm
+MOVING = "#E69F00"  # orange
 ROBOT_TO_OBSTACLES = "#009E73"  # bluish green
 BETWEEN_LINKS = "#CC79A7"  # reddish purple
 OUTER = "#0072B2"

@@ -13,19 +13,18 @@ terms that the scene calls for exist.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.distance.compiled import RowFunction
 from hdplan.planner.fcl_pairs import FclPairs
-from hdplan.planner.goal_search import settled
 from hdplan.planner.hdsdf_pairs import HdsdfPairs
 from hdplan.planner.kinematics import Kinematics
 from hdplan.planner.link_bodies import LinkBody
 from hdplan.planner.outline import SELF_ACTIVATION, outline_of
 from hdplan.planner.pairs import BodyPairs, body_pairs
-from hdplan.planner.path_terms import PathTerm, path_terms
 from hdplan.planner.plane_bodies import PlaneBody, from_obstacle, plane_counts
 from hdplan.planner.robot import Robot
 from hdplan.planner.samples import Samples
@@ -33,7 +32,10 @@ from hdplan.planner.scene_robot import load_scene_robot, resolve_query
 from hdplan.planner.swept_clearance import SweptClearance
 from hdplan.planner.terms import Clearance, PairDistance, Smoothness, Term
 from hdplan.scenes.errors import InputError, naming, nearest
-from hdplan.scenes.model import PlannerSettings, Scene
+from hdplan.scenes.model import JointTarget, PathConstraints, PlannerSettings, Scene
+
+if TYPE_CHECKING:
+    from hdplan.planner.path_terms import PathTerm
 
 Floats = NDArray[np.float64]
 
@@ -87,6 +89,10 @@ class Problem:
     @property
     def path_terms(self) -> tuple[PathTerm, ...]:
         """The terms that hold the scene's path constraints."""
+        if self.scene.path == PathConstraints():
+            return ()
+        from hdplan.planner.path_terms import PathTerm
+
         return tuple(term for term in self.terms if isinstance(term, PathTerm))
 
     def clip(self, positions: Floats) -> Floats:
@@ -165,7 +171,7 @@ def self_margin(scene: Scene) -> float:
 def build(scene: Scene, robot: Robot | None = None) -> Problem:
     """Lay out the problem of a scene. Raises InputError for what the scene or its robot gets wrong."""
     robot = robot or load_scene_robot(scene)
-    query = resolve_query(robot, settled(scene, robot))
+    query = resolve_query(robot, _settled(scene, robot))
     settings = scene.planner
     if settings.swept and settings.distance != "hdsdf":
         raise InputError(f"{scene.source}: planner.swept: true needs planner.distance hdsdf, found {settings.distance}")
@@ -218,7 +224,10 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
         laid_out = body_pairs(bodies, outline.planes, own, margin, kinematics.supports)
         distance = _distance(laid_out, bodies, outline.planes, settings)
         terms.append(Clearance("self-collision", laid_out, distance))
-    terms.extend(path_terms(scene, robot, kinematics.supports))
+    if scene.path != PathConstraints():
+        from hdplan.planner.path_terms import path_terms
+
+        terms.extend(path_terms(scene, robot, kinematics.supports))
     if scene.limits.torque is not None:
         from hdplan.planner.static_torque import static_torque
 
@@ -240,6 +249,15 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
         notes=tuple(notes),
         compile_seconds=RowFunction.seconds - compiled_before,
     )
+
+
+def _settled(scene: Scene, robot: Robot) -> Scene:
+    """Return the scene with one configuration as its goal."""
+    if isinstance(scene.goal, JointTarget):
+        return scene
+    from hdplan.planner.goal_search import settled
+
+    return settled(scene, robot)
 
 
 def _distance(

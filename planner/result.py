@@ -52,8 +52,8 @@ class PlanResult:
         return self.certificate.certified
 
     def summary(self) -> dict[str, Any]:
-        """The result as one JSON object: status, clearance [m], worst place, times [s], counts; and the goal that was
-        taken, where the scene leaves a choice."""
+        """The result as one JSON object: status, clearance [m], worst place, times [s], counts; how long the motion
+        takes [s] where it has times; and the goal that was taken, where the scene leaves a choice."""
         goal = {"goal": {"of": self.goal.field, "joints": self.goal.positions}} if self.goal else {}
         return {
             "status": self.certificate.status.value,
@@ -63,6 +63,7 @@ class PlanResult:
             "solver": self.solver,
             "joint_names": list(self.trajectory.joint_names),
             "waypoints": len(self.trajectory),
+            **how_long(self.trajectory),
             **goal,
             **verdict(self.certificate),
             "time_s": {name: round(seconds, 6) for name, seconds in vars(self.times).items()},
@@ -78,10 +79,26 @@ class PlanResult:
         self.trajectory.save(path, self.summary(), steps)
 
 
+def how_long(trajectory: Trajectory) -> dict[str, float]:
+    """How long a motion takes, as JSON; nothing for a path without times."""
+    return {} if trajectory.duration is None else {"duration_s": trajectory.duration}
+
+
 def verdict(certificate: Certificate) -> dict[str, Any]:
-    """The certificate's figures as JSON: proven clearances [m] (null without proof or obstacles) and the closest
-    place; and how the path constraints are kept [rad] or [m], where the scene has any."""
+    """The certificate's figures as JSON: proven clearances [m] (null without proof or obstacles) and the closest place,
+    by its path parameter (0 to 1) and when that is (null for a path without times); and where the scene has any, the
+    share that the motion takes of each limit at most (null: no end to it, as something jumps) and by which joint, and
+    how the path constraints are kept [rad] or [m]."""
     worst = certificate.worst
+    limits = [
+        {
+            "quantity": use.quantity,
+            "share": use.share if np.isfinite(use.share) else None,
+            "joint": use.joint,
+            "limit": use.limit,
+        }
+        for use in certificate.uses
+    ]
     path = [
         {"constraint": kept.field, "link": kept.link, "worst": kept.worst, "allowed": kept.allowed}
         for kept in certificate.path
@@ -90,7 +107,14 @@ def verdict(certificate: Certificate) -> dict[str, Any]:
         "clearance_m": certificate.clearance,
         "self_clearance_m": certificate.self_clearance,
         "worst": worst
-        and {"time": worst.time, "link": worst.link, "obstacle": worst.other, "distance_m": worst.distance},
+        and {
+            "parameter": worst.time,
+            "seconds": worst.seconds,
+            "link": worst.link,
+            "obstacle": worst.other,
+            "distance_m": worst.distance,
+        },
+        **({"limits": limits} if limits else {}),
         **({"path": path} if path else {}),
     }
 

@@ -11,7 +11,7 @@ import itertools
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import coal
@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 LIMIT_ROUNDING = 1e-3  # how far a MoveIt request may lie beyond a limit [rad or m]: it is rounded
 CONTACT_SAMPLES = 60  # configurations at which a pair must touch to count as always in contact
 GRIPPER = re.compile("finger|gripper|knuckle|thumb", re.IGNORECASE)  # joints of a hand: held
+# Why pairs of links are not checked, beside what a file says of them.
+NEIGHBOURS, MOVE_AS_ONE, ALWAYS_TOUCHING = "neighbours", "moving as one", "in contact at every sampled configuration"
 ARM_GROUP = re.compile(r"(^|_)arm$|^manipulator$")  # the SRDF group that is planned, where several are given
 
 
@@ -51,6 +53,7 @@ class Robot:
     self_pairs: tuple[LinkPair, ...]  # pairs of links to be checked against each other
     named_states: Mapping[str, Mapping[str, float]]  # state of the SRDF -> joint -> value
     notes: tuple[str, ...]  # what was decided in loading, in words for the user
+    unchecked: Mapping[LinkPair, str] = field(default_factory=dict)  # pairs of links told apart, and by what
     attached: tuple[Attached, ...] = ()  # held objects: by their names among the links, their geometry and pairs
 
     @property
@@ -188,12 +191,16 @@ def load_robot(spec: RobotSpec) -> Robot:
         named_states=semantics.states,
         notes=(),
     )
-    pairs = _candidate_pairs(robot, tree, semantics, spec)
+    unchecked = _told_apart(robot, tree, semantics, spec)
+    every = (link_pair(a, b) for a, b in itertools.combinations(robot.links, 2))
+    pairs = tuple(pair for pair in every if pair not in unchecked)
     touching = _always_in_contact(robot, pairs)
+    unchecked |= dict.fromkeys(touching, ALWAYS_TOUCHING)
     if touching:
         named = ", ".join(f"{a}-{b}" for a, b in touching)
         notes.append(f"link pairs in contact at every sampled configuration, not checked: {named}")
-    return replace(robot, self_pairs=tuple(pair for pair in pairs if pair not in touching), notes=tuple(notes))
+    pairs = tuple(pair for pair in pairs if pair not in touching)
+    return replace(robot, self_pairs=pairs, unchecked=unchecked, notes=tuple(notes))
 
 
 def robot_files(spec: RobotSpec) -> tuple[Path, ...]:
@@ -251,26 +258,28 @@ def _held_at(joint: str, model: pin.Model, spec: RobotSpec, tree: Tree, semantic
 # --- self-collision pairs --------------------------------------------------------------------------------
 
 
-def _candidate_pairs(robot: Robot, tree: Tree, semantics: Semantics, spec: RobotSpec) -> tuple[LinkPair, ...]:
-    """Return the pairs that can move against each other, without neighbours in the tree and disabled pairs."""
-    excluded = set(semantics.disabled)
-    for pair in spec.ignore_pairs:
-        for link in pair:
-            if link not in tree.links:
-                raise InputError(f"robot.ignore_pairs: unknown link '{link}'{nearest(link, tree.links)}")
-        excluded.add(link_pair(*pair))
+def _told_apart(robot: Robot, tree: Tree, semantics: Semantics, spec: RobotSpec) -> dict[LinkPair, str]:
+    """Return the pairs that are not checked, each with its reason: ignored, disabled, neighbours in the tree, or
+    without motion against each other."""
+    for link in (link for pair in spec.ignore_pairs for link in pair):
+        if link not in tree.links:
+            raise InputError(f"robot.ignore_pairs: unknown link '{link}'{nearest(link, tree.links)}")
+    neighbours = []
     for link in robot.links:
         above = link
         while above in tree.parent:
             above = tree.parent[above][0]
             if above in robot.link_joint:
-                excluded.add(link_pair(link, above))
+                neighbours.append(link_pair(link, above))
                 break
-    return tuple(
-        link_pair(a, b)
-        for a, b in itertools.combinations(robot.links, 2)
-        if robot.link_joint[a] != robot.link_joint[b] and link_pair(a, b) not in excluded
-    )
+    joint = robot.link_joint
+    pairs = [link_pair(a, b) for a, b in itertools.combinations(robot.links, 2)]
+    return {
+        **{link_pair(*pair): "robot.ignore_pairs" for pair in spec.ignore_pairs},
+        **dict.fromkeys(semantics.disabled, "the SRDF"),
+        **dict.fromkeys(neighbours, NEIGHBOURS),
+        **{(a, b): MOVE_AS_ONE for a, b in pairs if joint[a] == joint[b]},
+    }
 
 
 def _always_in_contact(robot: Robot, pairs: tuple[LinkPair, ...]) -> tuple[LinkPair, ...]:

@@ -42,12 +42,12 @@ def curve_of(robot: Robot, trajectory: Trajectory) -> Curve:
                 f"trajectory: joint '{name}' is at {found:g}, the scene holds it at {robot.locked[name]:g}"
             )
     curve = curve.columns([names.index(name) for name in robot.joint_names])
-    far = np.abs(curve.control).max(axis=1)
+    far = np.abs(curve.control)
     if far.max() > FARTHEST:
-        row, joint = np.unravel_index(far.argmax(), far.shape)
+        interval, point, joint = np.unravel_index(far.argmax(), far.shape)
+        row = interval + (point == curve.degree)  # the last control point is the next waypoint's
         raise InputError(
-            f"trajectory: waypoint {row}, joint '{robot.joint_names[joint]}': {far[row, joint]:g} is larger than "
-            f"{FARTHEST:g}"
+            f"trajectory: waypoint {row}, joint '{robot.joint_names[joint]}': {far.max():g} is larger than {FARTHEST:g}"
         )
     return curve
 

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.planner.attached import with_attached
 from hdplan.planner.robot import LIMIT_ROUNDING, Robot, load_robot, robot_files
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.model import Attached, Goals, JointTarget, Mesh, RobotSpec, Scene
@@ -79,7 +78,8 @@ def _unchecked(robot: Robot) -> Robot:
     """Return the robot with nothing of it kept apart from itself."""
     bodies = "links and held objects" if robot.attached else "links"
     note = f"{bodies} are not checked against each other: self_collision: false"
-    return replace(robot, self_pairs=(), notes=(*robot.notes, note))
+    unchecked = {**robot.unchecked, **dict.fromkeys(robot.self_pairs, "self_collision: false")}
+    return replace(robot, self_pairs=(), unchecked=unchecked, notes=(*robot.notes, note))
 
 
 def _load_bare(scene: Scene) -> Robot:
@@ -98,6 +98,8 @@ def _load_bare(scene: Scene) -> Robot:
 @functools.lru_cache(maxsize=MOST)
 def _holding(robot: Robot, attached: tuple[Attached, ...], stamps: Stamps) -> Robot:
     """Give the robot its objects, once for the same ones as long as their mesh files, by `stamps`, stay as they are."""
+    from hdplan.planner.attached import with_attached
+
     return with_attached(robot, attached)
 
 

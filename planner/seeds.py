@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from hdplan.planner.goal_search import damped_step
 from hdplan.planner.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -29,7 +28,6 @@ LOOKS, CLOSE_LOOKS = 6, 48  # configurations at which an edge is scored: every o
 DEPTH = 0.01  # [m] inside the margin that doubles the cost of a piece of an edge
 WORN = 3.0  # factor on the cost of an edge that has been tried
 PULLS = 30  # steps that bring a configuration to where the path constraints hold
-BEYOND = 1.2  # how much farther than to their rim each aims: damped steps only come close to where they aim
 
 
 def seeds(problem: Problem, seed: int) -> Iterator[Floats]:
@@ -54,10 +52,11 @@ def through(problem: Problem, via: Floats) -> Floats:
 def onto_path(problem: Problem, q: Floats) -> Floats:
     """Configurations (B, n) moved until they keep the path constraints, as far as PULLS steps of damped least squares
     bring them: hardly one that is drawn at random keeps them."""
+    from hdplan.planner.goal_search import damped_step  # only now: few scenes have path constraints
+    from hdplan.planner.path_terms import to_path
+
     for _ in range(PULLS):
-        kinematics = problem.kinematics.evaluate(q)
-        inside, slopes = zip(*(term.inside(kinematics) for term in problem.path_terms), strict=True)
-        missing, slope = -BEYOND * np.concatenate(inside, axis=1), np.concatenate(slopes, axis=1)
+        missing, slope = to_path(problem.path_terms, problem.kinematics.evaluate(q))
         if not missing.any():
             break
         q = damped_step(problem.robot, q, missing, slope)

@@ -80,7 +80,7 @@ class Simulation:
     """What came of a motion."""
 
     duration: float | None  # [s] of the motion; None: a path without times
-    rule: str  # by which the file is interpolated
+    curve: Curve  # of the file
     joints: tuple[JointUse, ...]
     closest: Close | None  # of the robot and obstacles, at the configurations looked at; None without obstacles
     self_closest: Close | None  # between links
@@ -110,7 +110,7 @@ class Simulation:
             "text": self.text,
             "failures": list(self.failures),
             "dynamics": self.execution is not None,
-            "interpolation": self.rule,
+            "interpolation": self.curve.rule,
             "duration_s": self.duration,
             "closest": _about(self.closest),
             "self_closest": _about(self.self_closest),
@@ -185,7 +185,7 @@ def simulate(scene: Scene, trajectory: Trajectory, robot: Robot) -> Simulation:
         *_touching(closest, between_links),
     )
     duration = last - first if timed else None
-    return Simulation(duration, curve.rule, joints, closest, between_links, len(looks), execution, failures)
+    return Simulation(duration, curve, joints, closest, between_links, len(looks), execution, failures)
 
 
 def _rates(curve: Curve, order: int, times: Array, limit: Array | None) -> Iterator[Peak]:

@@ -124,7 +124,7 @@ def static_torque(scene: Scene, robot: Robot) -> tuple[StaticTorque, ...]:
     model = loaded_model(scene, robot)
     torques = GravityTorques.of(model)
     bound = torques.most(model, np.stack([robot.lower, robot.upper], axis=1))
-    joints = np.flatnonzero(bound > (1 - BAND / ARM) * limits)
+    joints = np.flatnonzero(~(bound <= (1 - BAND / ARM) * limits))  # a bound that is no number proves nothing
     if not len(joints):
         return ()
     measure = GravityMeasure(torques, joints, limits[joints])

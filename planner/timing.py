@@ -7,26 +7,17 @@ are what is executed and certified.
 many control points as waypoints, each on the polyline at its Greville abscissa (Schoenberg's variation diminishing
 approximation): twice differentiable, with the polyline's ends, and within its hull, so within the joint limits.
 
-*The law* u(t), from path parameter 0 to 1. With `timing.duration` T the one of minimum jerk between rests (Flash &
-Hogan 1985), x = t/T:
-
-    u = 10 x³ − 15 x⁴ + 6 x⁵
-
-Otherwise the fastest within the limits of velocity and acceleration, by TOPP-RA (Pham & Pham, "A New Approach to
-Time-Optimal Path Parameterization Based on Reachability Analysis", T-RO 2018), then averaged over a window of τ, which
-makes its jerk finite and begins and ends it without acceleration,
-
-    ũ(t) = 1/τ ∫_{t−τ}^{t} u(s) ds,   dũ/dt = (u(t) − u(t − τ))/τ,   …
-
-then stretched in time until every limit holds on the executed curve, by bounds and not at samples: by k, velocities
-fall by k, accelerations by k², jerks by k³. Of several windows that with the shortest motion is taken. Limits of
-torque, where the scene has them, hold too: what moving takes of them falls by k², what gravity takes does not.
+*The law* (`time_laws`). The fastest within the limits is TOPP-RA's (Pham & Pham, "A New Approach to Time-Optimal Path
+Parameterization Based on Reachability Analysis", T-RO 2018), averaged over a window, then stretched in time until every
+limit holds on the executed curve, by bounds and not at samples: by k, velocities fall by k, accelerations by k², jerks
+by k³. Of several windows that with the shortest motion is taken. Limits of torque, where the scene has them, hold too:
+what moving takes of them falls by k², what gravity takes does not. With `timing.duration` it is the law of minimum
+jerk; only where that breaks a limit and no obstacle moves is it the fastest one, stretched to the duration.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +26,7 @@ from scipy.interpolate import BSpline
 from hdplan.planner.curve import Curve, row_count
 from hdplan.planner.joint_limits import acceleration_limits, jerk_limits, torque_limits, velocity_limits
 from hdplan.planner.robot import Robot
+from hdplan.planner.time_laws import Averaged, Law, MinimumJerk
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.model import Scene, Timing
@@ -54,85 +46,8 @@ MARGIN = 1e-6  # [–] by which a limit is kept more than needed
 TIGHT = 0.99  # [–] of what could be stretched that is not worth another try
 TORQUE_LOOKS = 2  # between two rows
 TORQUE_MARGIN = 2e-3  # [–] of the torques' limits that is left: they are looked at, not bounded
-TORQUE_ROOM = 1e-3  # [–] of a torque's limit that gravity leaves at least, for a stretch that is asked for
+TORQUE_ROOM = 5e-3  # [–] of a torque's limit: where gravity leaves less, a motion would take minutes to creep past
 STANDS = 1e-9  # [rad] or [m] below which a path leads nowhere
-
-
-class Law(Protocol):
-    """A law of time u(t) from 0 to 1."""
-
-    @property
-    def duration(self) -> float:
-        """How long it takes [s]."""
-        ...
-
-    def __call__(self, times: Array) -> Array:
-        """Return u and its first three derivatives (4, k) at times (k,)."""
-        ...
-
-
-@dataclass(frozen=True)
-class MinimumJerk:
-    """From rest to rest in a given time, with the least squared jerk."""
-
-    duration: float  # [s]
-
-    def __call__(self, times: Array) -> Array:
-        """Return u and its first three derivatives (4, k) at times (k,)."""
-        x = times / self.duration
-        derivatives = [
-            x**3 * (10 - 15 * x + 6 * x**2),
-            30 * x**2 * (1 - x) ** 2,
-            60 * x * (1 - 3 * x + 2 * x**2),
-            60 * (1 - 6 * x + 6 * x**2),
-        ]
-        return np.stack([value / self.duration**order for order, value in enumerate(derivatives)])
-
-    def time_at(self, parameter: Array) -> Array:
-        """Return the times (k,) [s] at path parameters (k,)."""
-        share = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 2001))  # close together near both ends, where it is slow
-        times = share * self.duration
-        return np.asarray(np.interp(parameter, self(times)[0], times))
-
-
-@dataclass(frozen=True, eq=False)
-class Averaged:
-    """A law that changes its pace evenly between knots, averaged over a window."""
-
-    knots: Array  # (m,) [s], from 0
-    values: Array  # (m,) u there
-    paces: Array  # (m,) du/dt there [1/s]
-    window: float  # τ [s]
-
-    @property
-    def duration(self) -> float:
-        """How long it takes [s]."""
-        return float(self.knots[-1]) + self.window
-
-    def __call__(self, times: Array) -> Array:
-        """Return ũ and its first three derivatives (4, k) at times (k,)."""
-        difference: Array = (self._sharp(times) - self._sharp(times - self.window)) / self.window
-        return difference
-
-    def _sharp(self, times: Array) -> Array:
-        """Return ∫u, u, du/dt and d²u/dt² (4, k) of the law itself, which rests before 0 and at the end."""
-        widths = np.diff(self.knots)
-        change = np.diff(self.paces) / widths
-        area = widths * (self.values[:-1] + widths * (self.paces[:-1] / 2 + widths * change / 6))
-        before = np.concatenate([[0.0], np.cumsum(area)])
-        row = np.clip(np.searchsorted(self.knots, times, side="right") - 1, 0, len(widths) - 1)
-        t = np.clip(times, 0.0, self.knots[-1]) - self.knots[row]
-        u, pace, bend = self.values[row], self.paces[row], change[row]
-        late = np.maximum(times - self.knots[-1], 0.0)
-        moving = (times > 0.0) & (late == 0.0)
-        return np.stack(
-            [
-                before[row] + t * (u + t * (pace / 2 + t * bend / 6)) + late,
-                u + t * (pace + t * bend / 2),
-                np.where(moving, pace + t * bend, 0.0),
-                np.where(moving, bend, 0.0),
-            ]
-        )
 
 
 class Timed(NamedTuple):
@@ -148,6 +63,7 @@ class Timekeeper:
     def __init__(self, scene: Scene, robot: Robot) -> None:
         """Resolve the limits. Raises InputError for some that do not fit the robot."""
         self.timing = scene.timing or Timing()
+        self.fixed = any(obstacle.motion is not None for obstacle in scene.obstacles)  # they are met by this law
         self.velocity = velocity_limits(scene, robot)
         self.acceleration = acceleration_limits(scene, robot)
         self.jerk = jerk_limits(scene, robot)
@@ -167,17 +83,20 @@ class Timekeeper:
             )
 
     def __call__(self, path: Trajectory) -> Timed:
-        """Return a path's motion in time; of a fixed duration whether the limits hold or not."""
-        spline = smooth(path.positions)
-        law: Law
-        if self.timing.duration is not None:
-            law, duration = MinimumJerk(self.timing.duration), self.timing.duration
-        elif np.ptp(path.positions, axis=0).max() < STANDS:
-            law = MinimumJerk(1.0 / self.timing.rate)
-            duration = law.duration
-        else:
-            law = self._fastest(spline)
-            duration = self._allowed(spline, law) / self.timing.scale
+        """Return a path's motion in time; in a fixed duration whether the limits hold or not."""
+        spline, duration = smooth(path.positions), self.timing.duration
+        if duration is not None:
+            even = self._timed(path, spline, MinimumJerk(duration), duration)
+            if self.fixed or self.acceleration is None or self._stretch(even.trajectory.curve) <= 1.0:
+                return even
+        if np.ptp(path.positions, axis=0).max() < STANDS:
+            shortest = 1.0 / self.timing.rate
+            return self._timed(path, spline, MinimumJerk(shortest), shortest)
+        law = self._fastest(spline)
+        return self._timed(path, spline, law, duration or self._allowed(spline, law) / self.timing.scale)
+
+    def _timed(self, path: Trajectory, spline: BSpline, law: Law, duration: float) -> Timed:
+        """Return the motion by a law that is stretched to a duration."""
         times, parameter, rows = _rows(spline, law, duration, self.timing.rate)
         return Timed(Trajectory(path.joint_names, rows[0], path.locked, times, rows[1], rows[2]), parameter)
 
@@ -201,11 +120,9 @@ class Timekeeper:
             from hdplan.planner.torque_timing import TorqueConstraint
 
             torques = self.dynamics.coefficients(*(spline(grid, order) for order in range(3)))
-            limits.append(TorqueConstraint(torques, (1 - TORQUE_MARGIN) * self.torque))
+            if not _too_heavy(torques.c, self.torque):  # else no law of time helps, and the certificate says where
+                limits.append(TorqueConstraint(torques, (1 - TORQUE_MARGIN) * self.torque))
         _, paces, _ = TOPPRA(limits, _Path(spline), gridpoints=grid).compute_parameterization(0.0, 0.0)
-        if self.dynamics is not None and (paces is None or not np.isfinite(paces).all()):
-            # gravity alone overloads a joint somewhere: no law of time helps, and the certificate says where
-            _, paces, _ = TOPPRA(limits[:2], _Path(spline), gridpoints=grid).compute_parameterization(0.0, 0.0)
         if paces is None or not np.isfinite(paces).all():
             raise HdplanError("no law of time was found within the limits of velocity and acceleration")
         widths = 2.0 * np.diff(grid) / (paces[1:] + paces[:-1])
@@ -238,16 +155,7 @@ class Timekeeper:
             if duration >= best:
                 break
             times, _, rows = _rows(spline, law, duration, self.timing.rate)
-            curve, stretch = Curve.through(rows[0], times, rows[1], rows[2]), 0.0
-            for order, limit in enumerate(self._limits, start=1):
-                if limit is not None:
-                    share = float((curve.over_time(order).largest() / limit).max())
-                    stretch = max(stretch, ((1 + MARGIN) * share) ** (1 / order))
-            if self.dynamics is not None and self.torque is not None:
-                looks = np.linspace(0.0, 1.0, TORQUE_LOOKS * (len(times) - 1) + 1)
-                q, v, a = (curve.over_time(order).at_parameter(looks) for order in range(3))
-                gravity = self.dynamics.torques(q, 0.0 * v, 0.0 * a)
-                stretch = max(stretch, _torque_stretch(self.dynamics.torques(q, v, a) - gravity, gravity, self.torque))
+            stretch = self._stretch(Curve.through(rows[0], times, rows[1], rows[2]))
             if stretch <= 1.0:
                 best = duration
                 if stretch > TIGHT:
@@ -256,6 +164,20 @@ class Timekeeper:
         if not np.isfinite(best):
             raise HdplanError("no law of time was found within the limits on the executed curve")
         return best
+
+    def _stretch(self, curve: Curve) -> float:
+        """Return by how much an executed curve must be stretched for its limits to hold, at most 1 where they do."""
+        stretch = 0.0
+        for order, limit in enumerate(self._limits, start=1):
+            if limit is not None:
+                share = float((curve.over_time(order).largest() / limit).max())
+                stretch = max(stretch, ((1 + MARGIN) * share) ** (1 / order))
+        if self.dynamics is not None and self.torque is not None:
+            looks = np.linspace(0.0, 1.0, TORQUE_LOOKS * (len(curve) - 1) + 1)
+            q, v, a = (curve.over_time(order).at_parameter(looks) for order in range(3))
+            gravity = self.dynamics.torques(q, 0.0 * v, 0.0 * a)
+            stretch = max(stretch, _torque_stretch(self.dynamics.torques(q, v, a) - gravity, gravity, self.torque))
+        return stretch
 
     @property
     def _limits(self) -> tuple[Array | None, ...]:
@@ -289,12 +211,16 @@ def _rows(spline: BSpline, law: Law, duration: float, rate: float) -> tuple[Arra
 
 def _torque_stretch(moving: Array, gravity: Array, limit: Array) -> float:
     """Return the k by which time must be stretched for |gravity + moving/k²| ≤ limit, each (m, n) and the limit (n,);
-    where gravity alone is too much no stretch helps, and none is asked for. Where it leaves next to nothing, k is what
-    a little room would ask for: a motion must not take hours."""
-    if (np.abs(gravity) > limit).any():
+    where gravity alone is too much no stretch helps, and none is asked for."""
+    if _too_heavy(gravity, limit):
         return 0.0
     room = (1 - TORQUE_MARGIN) * limit - np.where(moving > 0.0, gravity, -gravity)
-    return float(np.sqrt((np.abs(moving) / np.maximum(room, TORQUE_ROOM * limit)).max(initial=0.0)))
+    return float(np.sqrt((np.abs(moving) / room).max(initial=0.0)))
+
+
+def _too_heavy(gravity: Array, limit: Array) -> bool:
+    """Whether gravity's torques (m, n) alone leave next to nothing of the limits (n,) somewhere."""
+    return bool((np.abs(gravity) > (1 - TORQUE_ROOM) * limit).any())
 
 
 def _dynamics(scene: Scene, robot: Robot) -> InverseDynamics:

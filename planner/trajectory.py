@@ -96,6 +96,16 @@ class Trajectory:
         rates = (None if values is None else values[:, chosen] for values in (self.velocities, self.accelerations))
         return Trajectory(names, self.positions[:, chosen], locked, self.times, *rates)
 
+    @property
+    def duration(self) -> float | None:
+        """How long the motion takes [s]; None for a path alone."""
+        return None if self.times is None else float(self.times[-1] - self.times[0])
+
+    @property
+    def extent(self) -> str:
+        """How long it is, in words."""
+        return f"{len(self)} waypoints" if self.duration is None else f"{self.duration:.3f} s in {len(self)} rows"
+
     def __len__(self) -> int:
         """Return the number of waypoints."""
         return len(self.positions)

@@ -73,6 +73,7 @@ SOLVER_SIDE = (
     "planner.samples",
     "planner.seeds",
     "planner.timing",
+    "planner.time_laws",
     "planner.solvers",
     "planner.plan",
     "planner.goal_search",

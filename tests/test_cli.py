@@ -93,7 +93,8 @@ def test_json_is_one_object_with_the_promised_keys_and_the_file_holds_the_same(h
     done = hdplan("plan", "planar_arm", "--json", "--seed", "3", "-o", "motion.json")
     result = json.loads(done.out)
     assert set(result) >= KEYS
-    assert set(result["worst"]) >= {"time", "link", "obstacle"}
+    assert set(result["worst"]) >= {"parameter", "link", "obstacle"}
+    assert result["worst"]["seconds"] is None  # a path without times
     assert set(result["time_s"]) == {"load", "build", "compile", "solve", "certify"}
     assert (result["status"], result["seed"], done.err) == ("certified", 3, "")
     written = json.loads(Path("motion.json").read_text(encoding="utf-8"))
@@ -102,6 +103,49 @@ def test_json_is_one_object_with_the_promised_keys_and_the_file_holds_the_same(h
     assert set(written) == {"hdplan_trajectory", "joint_names", "positions", "locked"}
     assert written["hdplan_trajectory"] == 1
     assert np.shape(written["positions"]) == (result["waypoints"], len(result["joint_names"]))
+
+
+def test_a_timed_motion_says_what_it_takes_of_the_limits(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+    scene = arm_scene(tmp_path, limits={"velocity": 2.0, "acceleration": 5.0})
+    done = hdplan("plan", scene, "--json", "-o", "motion.json")
+    result = json.loads(done.out)
+    motion = Trajectory.load(Path("motion.json"))
+    assert motion.times is not None
+    assert result["duration_s"] == motion.duration == motion.times[-1]
+    assert result["worst"]["seconds"] == pytest.approx(float(motion.curve.time_of(result["worst"]["parameter"])))
+    assert [use["quantity"] for use in result["limits"]] == ["velocity", "acceleration"]
+    for order, use in enumerate(result["limits"], start=1):
+        met = np.abs(motion.curve.over_time(order).at_parameter(np.linspace(0, 1, 5001))).max(axis=0)
+        joint = motion.joint_names.index(use["joint"])
+        assert met.max() / use["limit"] <= use["share"] <= 1.0
+        assert met[joint] / use["limit"] == pytest.approx(use["share"], rel=0.02)
+    checked = hdplan("check", scene, "motion.json")
+    assert checked.code == 0
+    assert f"{motion.duration:.3f} s in {len(motion)} rows" in checked.out
+    for use in result["limits"]:
+        assert f"at most {use['share']:.1%} of the limit, by {use['joint']}" in checked.out
+    again = json.loads(hdplan("check", scene, "motion.json", "--json").out)
+    assert (again["limits"], again["worst"], again["duration_s"]) == tuple(
+        result[key] for key in ("limits", "worst", "duration_s")
+    )
+
+
+def test_a_path_without_times_is_refused_where_times_matter(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+    path = Trajectory.load(planned(hdplan))
+    path.save("path.csv")
+    limited = arm_scene(tmp_path, limits={"velocity": 2.0, "acceleration": 5.0})
+    for command in (("check", limited, "path.csv"), ("plot", limited, "path.csv", "-o", "a.png")):
+        done = hdplan(*command)
+        assert (done.code, done.out) == (2, "")
+        assert (
+            done.err.strip()
+            == "hdplan: path.csv: trajectory: has no times, and the scene limits rates (limits, timing)"
+        )
+
+
+def planned(hdplan: Callable[..., Done]) -> Path:
+    assert hdplan("plan", "planar_arm", "--quiet", "-o", "planned.csv").code == 0
+    return Path("planned.csv")
 
 
 def test_nothing_certified_is_exit_1_with_the_best_attempt_written(hdplan: Callable[..., Done], tmp_path: Path) -> None:
@@ -590,10 +634,10 @@ def test_tables_fit_eighty_columns(hdplan: Callable[..., Done], arguments: list[
 def test_explain_says_what_is_on_and_off(hdplan: Callable[..., Done], tmp_path: Path) -> None:
     far = arm_scene(tmp_path, obstacles=obstacle("type: sphere, radius: 0.1", "[0, 0, 3]"))
     out = hdplan("explain", far).out
-    assert "off: every obstacle is out of the robot's reach" in out
+    assert "obstacles         every obstacle is out of the robot's reach" in out
     assert "sphere, radius 0.1 m; out of reach, left out" in out
     none = hdplan("explain", arm_scene(tmp_path, obstacles=[], planner={"clearance": 0.01})).out
-    assert "off: the scene has no obstacles" in none
+    assert "obstacles         needs obstacles[]" in none
     assert "0.01 m (scene)" in none
     assert "32 (default)" in none
 

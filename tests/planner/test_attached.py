@@ -84,8 +84,10 @@ def test_absent_means_absent(carry: Scene) -> None:
     assert bare.self_pairs == robot.self_pairs[: len(bare.self_pairs)]
     problem = build(alone)
     assert all(body.link != "bottle" for body in problem.bodies)
-    assert set(explain(build(carry))) - set(explain(problem)) == {"attached"}
-    assert "held object" not in str(explain(problem))
+    said = explain(problem)
+    assert set(explain(build(carry))) - set(said) == {"held objects"}
+    assert dict(said.pop("off"))["held objects"] == "needs attached[]"
+    assert "held object" not in str(said)
     assert "bottle" not in str(explain(problem))
     with_it = build(carry)
     assert [term.name for term in with_it.terms] == [term.name for term in problem.terms]
@@ -184,7 +186,7 @@ def test_a_changed_mesh_is_read_again(carry: Scene, tmp_path: Path) -> None:
 
 def test_it_is_explained_and_drawn(carry: Scene) -> None:
     problem = build(carry)
-    ((name, said),) = explain(problem)["attached"]
+    ((name, said),) = explain(problem)["held objects"]
     assert name == "bottle"
     assert said.startswith("cylinder, radius 0.03 m, length 0.26 m, held by panda_hand, may touch panda_leftfinger")
     assert "1 held object" in dict(explain(problem)["scene"])["outer bodies"]

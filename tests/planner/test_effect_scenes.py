@@ -65,7 +65,7 @@ def test_path_constraints_are_told_where_there_are_any(name: str, field: str) ->
     scene = load_scene(name)
     for each, told in ((scene, True), (no_path(scene), False)):
         problem = build(each)
-        assert (field in dict(explain(problem)["terms"])) is told
+        assert (field in dict(explain(problem)["on"])) is told
         assert (field in {term.name for term in problem.terms}) is told
     result = plan(scene)
     (kept,) = verdict(result.certificate)["path"]

@@ -69,9 +69,13 @@ def test_shipped_scenes_are_certified_by_default(name: str) -> None:
     assert result.certified, result.certificate.text
     assert_sound(result, scene)
     summary = json.loads(json.dumps(result.summary()))
-    assert set(summary) == KEYS | ({"goal"} if isinstance(scene.goal, Goals) else set()) | (
-        {"path"} if scene.path != PathConstraints() else set()
-    )
+    called_for = {
+        "goal": isinstance(scene.goal, Goals),
+        "path": scene.path != PathConstraints(),
+        "limits": scene.timed,
+        "duration_s": scene.timed,
+    }
+    assert set(summary) == KEYS | {key for key, there in called_for.items() if there}
     assert set(summary["time_s"]) == TIMES
     assert summary["status"] == "certified"
     assert summary["waypoints"] == len(result.trajectory)
@@ -79,7 +83,7 @@ def test_shipped_scenes_are_certified_by_default(name: str) -> None:
     assert all(seconds >= 0 for seconds in summary["time_s"].values())
     if scene.obstacles:
         assert summary["clearance_m"] > 0
-        assert set(summary["worst"]) == {"time", "link", "obstacle", "distance_m"}
+        assert set(summary["worst"]) == {"parameter", "seconds", "link", "obstacle", "distance_m"}
         assert summary["worst"]["distance_m"] >= summary["clearance_m"] - EXACT
         assert summary["worst"]["obstacle"] in {obstacle.name for obstacle in scene.obstacles}
     else:

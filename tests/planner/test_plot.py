@@ -9,20 +9,38 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from scipy.spatial.transform import Rotation
 
 from hdplan.planner import plot
 from hdplan.planner.certificate import Certifier
-from hdplan.planner.clearances import Clearances
+from hdplan.planner.clearances import Clearances, outer_clearance
+from hdplan.planner.loads import loaded_model
 from hdplan.planner.plan import plan
 from hdplan.planner.plot import Subject
 from hdplan.planner.result import PlanResult, read_steps
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot
+from hdplan.planner.timing import Timekeeper
 from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.verdict import Status
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, Pose, Scene, Sphere
+from hdplan.scenes.model import (
+    Box,
+    Capsule,
+    Cylinder,
+    Limits,
+    Mesh,
+    Obstacle,
+    Points,
+    Pose,
+    Scene,
+    Sphere,
+    SteadyMotion,
+    Timing,
+)
+from hdplan.scenes.moving import Passages
 from hdplan.scenes.reader import load_scene
 
 pytest.importorskip("matplotlib")
@@ -128,12 +146,12 @@ def test_steps_that_are_none_are_refused(tmp_path: Path, steps: str) -> None:
 
 
 def test_rates_of_a_motion_that_speeds_up(planned: Planned) -> None:
-    from hdplan.planner.plot_panels import rates
+    from hdplan.planner.plot_rates import differences
 
     _, robot, _ = planned
     times = np.array([0.0, 1.0, 3.0, 4.0])
     motion = Trajectory(robot.joint_names, np.stack([times**2, -times], axis=1), times=times)
-    velocities, accelerations = rates(motion)
+    velocities, accelerations = differences(motion)
     np.testing.assert_allclose(velocities, [[1.0, -1.0], [4.0, -1.0], [7.0, -1.0]])  # a parabola's at the middles
     np.testing.assert_allclose(accelerations, [[2.0, 0.0], [2.0, 0.0]])
 
@@ -145,13 +163,112 @@ def test_the_planners_clearance_is_below_the_exact_one_and_that_not_below_the_pr
     result = plan(scene)
     parameter = np.linspace(0.0, 1.0, 40)
     positions = result.trajectory.at(parameter)
-    found = Clearances.along(certifier, positions, parameter)
+    found = Clearances.along(certifier, result.trajectory.curve, parameter)
     singly = [certifier.nearest(q) for q in positions]
     np.testing.assert_array_equal(found.to_obstacles, [place.distance for place, _ in singly if place])
     np.testing.assert_array_equal(found.between_links, [place.distance for _, place in singly if place])
     assert (found.outer <= found.to_obstacles + 1e-9).all()
     assert result.certificate.clearance is not None
     assert found.to_obstacles.min() >= result.certificate.clearance
+
+
+@pytest.fixture(scope="module")
+def crossed(planned: Planned) -> tuple[Certifier, Trajectory]:
+    """The arm swings past a box that drifts and turns, one with a clearance of its own, and a post that stands."""
+    scene, robot, result = planned
+    box = Box((0.2, 0.1, 0.1))
+    drift = SteadyMotion((-0.2, 0.1, 0.0), (0.0, 0.0, 2.0))
+    obstacles = (
+        Obstacle("box", box, Pose((0.9, -0.5, 0.1)), motion=drift),
+        Obstacle("wide", box, Pose((-0.4, 0.9, 0.1)), clearance=0.05, motion=SteadyMotion((0.3, 0.0, 0.0))),
+        Obstacle("post", Sphere(0.1), Pose((0.0, 1.2, 0.1)), clearance=0.02),
+    )
+    limits = Limits(velocity=3.0, acceleration=(9.0, 7.0), torque=50.0)
+    scene = replace(scene, obstacles=obstacles, limits=limits, timing=Timing(duration=3.0))
+    motion, _ = Timekeeper(scene, robot)(result.trajectory)
+    return Certifier(scene, robot), motion
+
+
+def test_clearance_meets_what_moves_where_it_is_at_that_time(crossed: tuple[Certifier, Trajectory]) -> None:
+    certifier, motion = crossed
+    scene, robot = certifier.scene, certifier.robot
+    parameter = np.linspace(0.0, 1.0, 9)
+    found = Clearances.along(certifier, motion.curve, parameter)
+    for k, seconds in enumerate(motion.curve.time_of(parameter).tolist()):
+        frozen = tuple(replace(o, pose=pose_at(o, seconds), motion=None) for o in scene.obstacles)
+        still = replace(scene, obstacles=frozen, timing=None, limits=Limits())
+        q = motion.curve.at_parameter(parameter[k : k + 1])
+        place, _ = Certifier(still, robot).nearest(q[0])
+        assert place is not None
+        assert found.to_obstacles[k] == pytest.approx(place.distance, abs=1e-9)
+        assert found.outer[k] == pytest.approx(outer_clearance(still, robot, q, np.zeros(1), 2.0)[0], abs=1e-9)
+        assert found.outer[k] <= found.to_obstacles[k] + 1e-9
+
+
+def pose_at(obstacle: Obstacle, seconds: float) -> Pose:
+    matrix = Passages.of(obstacle).at(np.array([seconds]))[0]
+    return Pose(tuple(matrix[:3, 3].tolist()), tuple(Rotation.from_matrix(matrix[:3, :3]).as_quat().tolist()))
+
+
+def test_what_is_drawn_of_a_motion_is_the_curve(crossed: tuple[Certifier, Trajectory]) -> None:
+    """Velocities, accelerations and torques are those of the executed curve, and the certificate's bound holds them."""
+    from hdplan.planner.plot_rates import rates
+
+    certifier, motion = crossed
+    subject = Subject.of(certifier, motion, (), "a")
+    drawn = {rate.quantity: rate for rate in rates(subject)}
+    uses = {use.quantity: use for use in subject.certificate.uses}
+    assert set(drawn) == set(uses) == {"velocity", "acceleration", "torque"}
+    for order, quantity in ((1, "velocity"), (2, "acceleration")):
+        rate = drawn[quantity]
+        wanted = motion.curve.over_time(order).at_parameter(motion.curve.parameter_of(rate.times))
+        np.testing.assert_allclose(rate.values, wanted, rtol=0, atol=1e-6)
+    model, velocities = loaded_model(certifier.scene, certifier.robot), drawn["velocity"].values
+    at_rest = pin.computeGeneralizedGravity(model, model.createData(), certifier.robot.pin_q(motion.positions[:1])[0])
+    assert np.abs(velocities[[0, -1]]).max() < 1e-9
+    np.testing.assert_allclose(drawn["torque"].values[0], at_rest, atol=1e-6)
+    for quantity, rate in drawn.items():
+        assert rate.limits is not None
+        largest = float((np.abs(rate.values) / rate.limits).max())
+        assert 0.9 * uses[quantity].share <= largest <= uses[quantity].share + 1e-12
+
+
+def test_a_curve_that_jumps_is_drawn_on_both_sides(crossed: tuple[Certifier, Trajectory]) -> None:
+    from hdplan.planner.plot_rates import rates
+
+    certifier, motion = crossed
+    assert motion.times is not None
+    assert motion.velocities is not None
+    cubic = replace(motion, accelerations=None)
+    (_, acceleration, _) = rates(Subject.of(certifier, cubic, (), "a"))
+    for row in (1, len(motion) // 2):
+        here = acceleration.values[np.isclose(acceleration.times, motion.times[row], atol=1e-9)]
+        jump = cubic.curve.over_time(2).jumps()[row]
+        np.testing.assert_allclose(np.abs(here[1] - here[0]), jump, atol=1e-6)
+    bare = replace(cubic, velocities=None)
+    scene = replace(certifier.scene, limits=replace(certifier.scene.limits, torque=None))
+    stairs, _ = rates(Subject.of(Certifier(scene, certifier.robot), bare, (), "a"))
+    assert (stairs.where, len(stairs.values)) == (" between waypoints", len(motion) - 1)
+
+
+def test_the_drawn_scene_has_what_moves_where_it_is_when_the_robot_is_there(
+    crossed: tuple[Certifier, Trajectory],
+) -> None:
+    from hdplan.planner.plot_scene import DRIFTING, STANDING, Picture
+
+    certifier, motion = crossed
+    picture = Picture.of(certifier.scene, certifier.robot, motion)
+    assert picture.moves
+    assert sum(paint is STANDING for _, paint in picture.solids) == 1
+    for parameter, paint in DRIFTING:
+        seconds = np.array([float(motion.curve.time_of(parameter))])
+        shown = [body.vertices for body, found in picture.solids if found is paint]
+        for vertices, obstacle in zip(shown, certifier.scene.obstacles, strict=False):
+            place = Passages.of(obstacle).at(seconds)[0]
+            in_frame = (vertices - place[:3, 3]) @ place[:3, :3]
+            np.testing.assert_allclose(np.abs(in_frame), np.tile([0.1, 0.05, 0.05], (len(vertices), 1)), atol=1e-9)
+    panels = {"joints", "velocity", "acceleration", "torque", "clearance"}
+    assert titles(Subject.of(certifier, motion, (), "a")) == panels
 
 
 def test_names_are_written_as_they_are(planned: Planned, tmp_path: Path) -> None:

@@ -208,6 +208,26 @@ def test_times_are_asked_for_where_they_matter() -> None:
             _replay(scene, path)
 
 
+def test_the_picture_has_a_panel_for_each_quantity(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    from hdplan.planner.plot import plot_simulation
+    from hdplan.planner.plot_simulation import simulation_sheet
+
+    motion = _reach(load_robot(PANDA), 1.4)
+    with_torques = _scene(limits=Limits(torque="urdf"), payload=LOAD)
+    for scene, count in ((_scene(), 3), (with_torques, 5), (replace(with_torques, payload=replace(LOAD, mass=9.0)), 5)):
+        figure = simulation_sheet(_replay(scene, motion), "reach")
+        assert len(figure.axes) == count
+        for axis in figure.axes:
+            assert len([line for line in axis.get_lines() if len(line.get_xdata()) > 2]) == 7
+    plot_simulation(_replay(_scene(), motion), "reach", tmp_path / "reach.png")
+    assert (tmp_path / "reach.png").stat().st_size > 10_000
+    path = Trajectory(motion.joint_names, motion.positions, motion.locked)
+    with pytest.raises(InputError, match="times: missing"):
+        plot_simulation(_replay(_scene(), path), "reach", tmp_path / "path.png")
+    assert not (tmp_path / "path.png").exists()
+
+
 def test_what_touches_is_found() -> None:
     robot = load_robot(PLANAR)
     motion = _motion(robot, np.array([-0.5, 0.0]), np.array([0.5, 0.0]), 1.0)

@@ -127,10 +127,13 @@ def test_a_joint_that_gravity_cannot_overload_is_left_out() -> None:
 def test_without_torque_limits_there_is_no_such_term() -> None:
     problem = build(_scene(0.0, torque=False))
     assert not any(isinstance(term, StaticTorque) for term in problem.terms)
-    assert "torque" not in str(explain(problem))
+    said = explain(problem)
+    assert dict(said.pop("off"))["limits of torque"] == "needs limits.torque"
+    assert "torque" not in str(said)
     problem = build(_scene(12.0))
     assert any(isinstance(term, StaticTorque) for term in problem.terms)
-    assert "static torque" in dict(explain(problem)["terms"])
+    assert "gravity alone takes 80% of the limit of shoulder" in dict(explain(problem)["on"])["limits of torque"]
+    assert "static torque" in dict(explain(problem)["trial evaluation"])
 
 
 def test_what_no_joint_can_hold_is_refused_as_an_end() -> None:

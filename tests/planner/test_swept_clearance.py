@@ -185,7 +185,7 @@ def test_a_plan_with_it_is_certified(name: str) -> None:
 
 def test_explain_says_so(cage: Problem) -> None:
     said = explain(cage)
-    assert dict(said["terms"])["obstacles"].endswith("of an obstacle, swept from waypoint to waypoint")
+    assert dict(said["on"])["obstacles"].endswith("of one, swept from waypoint to waypoint")
     assert dict(said["settings"])["swept"] == "true (scene)"
 
 

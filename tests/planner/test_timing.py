@@ -16,7 +16,8 @@ from hdplan.planner.joint_limits import acceleration_limits, jerk_limits, veloci
 from hdplan.planner.rate_check import rates
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot
-from hdplan.planner.timing import Averaged, MinimumJerk, Timekeeper, smooth
+from hdplan.planner.time_laws import Averaged, MinimumJerk
+from hdplan.planner.timing import Timekeeper, smooth
 from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.verdict import Status
 from hdplan.scenes.errors import InputError
@@ -202,3 +203,18 @@ def test_a_duration_that_no_motion_can_keep_is_refused_by_name() -> None:
     scene = dataclasses.replace(load_scene("panda_bookshelf"), timing=Timing(duration=0.01))
     with pytest.raises(InputError, match=r"timing.duration: 0.01 s, but joint 'panda_joint\d' alone needs at least"):
         hdplan.plan(scene)
+
+
+def test_a_duration_is_kept_by_the_fastest_law_where_that_of_minimum_jerk_is_too_fast() -> None:
+    scene, robot = limited(Limits(acceleration=4.0))
+    path = wild(robot, 2)
+    fastest = Timekeeper(scene, robot)(path).trajectory
+    assert fastest.times is not None
+    for factor, within in ((0.9, False), (1.05, True), (4.0, True)):
+        timing = Timing(duration=factor * float(fastest.times[-1]))
+        timed = Timekeeper(*limited(Limits(acceleration=4.0), timing))(path).trajectory
+        assert timed.times is not None
+        assert timed.times[-1] == timing.duration
+        assert all(use.within for use in rates(timed.curve, scene, robot)) == within
+    even = Timekeeper(*limited(Limits(), Timing(duration=timing.duration)))(path).trajectory
+    np.testing.assert_array_equal(even.positions, timed.positions)  # minimum jerk, where there is time enough

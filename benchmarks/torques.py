@@ -1,0 +1,90 @@
+"""Random motions with a load: which of them can be driven, planned with torque limits and without.
+
+Between random configurations that are free and that every joint can hold, in the scenes of `SCENES`, with each mass on
+the tool. Each motion is planned twice, with `limits.torque` and without it and the load, and judged by the same
+certificate, which knows both; those certified are executed as by `hdplan simulate`. One core; times are of planning,
+certificates included.
+
+    python benchmarks/torques.py [motions for each scene and mass]
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import hdplan
+from hdplan.planner.certificate import Certifier
+from hdplan.planner.plan import plan
+from hdplan.planner.robot import Robot
+from hdplan.planner.scene_robot import load_scene_robot
+from hdplan.planner.simulate import simulate
+from hdplan.scenes.model import JointTarget, Payload, Scene
+
+SCENES = {"panda_heavy": "panda_hand", "ur5_payload": "tool0"}  # and the link that bears the load
+MASSES = (3.0, 6.0)  # [kg]
+MOTIONS, TIME_LIMIT = 12, 8.0
+
+
+class Outcome(NamedTuple):
+    """What came of one motion, planned one way."""
+
+    driven: bool  # certified with torques
+    heavy: bool  # gravity alone was too much somewhere
+    tracked: bool  # in simulation
+    seconds: float
+
+
+def main(count: int) -> None:
+    print("| scene, load | motions | planned without: driven / too heavy at any speed | with: certified / tracked "
+          "| time without / with [s] |\n|---|---|---|---|---|")  # fmt: skip
+    totals = np.zeros(4, dtype=int)
+    for name, link in SCENES.items():
+        for mass in MASSES:
+            scene = replace(hdplan.load_scene(name), attached=(), payload=Payload(link, mass, (0.0, 0.0, 0.1)))
+            robot = load_scene_robot(scene)
+            certifier = Certifier(scene, robot)
+            without, using = [], []
+            for start, goal in ends(certifier, robot, count):
+                task = replace(scene, start=JointTarget("start", start), goal=JointTarget("goal", goal))
+                blind = replace(task, payload=None, limits=replace(task.limits, torque=None))
+                without.append(outcome(blind, task, robot))
+                using.append(outcome(task, task, robot))
+            found = (sum(o.driven for o in without), sum(o.heavy for o in without))
+            kept = (sum(o.driven for o in using), sum(o.tracked for o in using))
+            totals += (*found, *kept)
+            medians = (float(np.median([o.seconds for o in each])) for each in (without, using))
+            print(f"| {name}, {mass:g} kg | {count} | {found[0]} / {found[1]} | {kept[0]} / {kept[1]} | "
+                  f"{' / '.join(f'{median:.2f}' for median in medians)} |", flush=True)  # fmt: skip
+    print(f"| all | {count * len(SCENES) * len(MASSES)} | {totals[0]} / {totals[1]} | {totals[2]} / {totals[3]} | |")
+
+
+def ends(certifier: Certifier, robot: Robot, count: int) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
+    rng, found = np.random.default_rng(7), []
+    while len(found) < count:
+        start, goal = robot.draw(rng, 2)
+        if holds(certifier, start) and holds(certifier, goal):
+            found.append((tuple(start.tolist()), tuple(goal.tolist())))
+    return found
+
+
+def holds(certifier: Certifier, q: NDArray[np.float64]) -> bool:
+    return not certifier.too_close(q, 0.0) and certifier.overload(q) is None
+
+
+def outcome(asked: Scene, judged: Scene, robot: Robot) -> Outcome:
+    began = time.perf_counter()
+    result = plan(asked, robot=robot, time_limit=TIME_LIMIT)
+    seconds = time.perf_counter() - began
+    certificate = Certifier(judged, robot).certify(result.trajectory)
+    tracked = certificate.certified and simulate(judged, result.trajectory, robot).succeeded
+    return Outcome(certificate.certified, bool(certificate.overloaded), tracked, seconds)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else MOTIONS)

@@ -1,0 +1,98 @@
+"""Laws of time: where on its path, from 0 to 1, a motion is at which time.
+
+*Minimum jerk* between rests (Flash & Hogan, "The coordination of arm movements", 1985), x = t/T:
+
+    u = 10 x³ − 15 x⁴ + 6 x⁵
+
+*Averaged* over a window of τ, of a law that may change its acceleration from one moment to the next: the jerk becomes
+finite, and the motion begins and ends without acceleration,
+
+    ũ(t) = 1/τ ∫_{t−τ}^{t} u(s) ds,   dũ/dt = (u(t) − u(t − τ))/τ,   …
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Law(Protocol):
+    """A law of time u(t) from 0 to 1."""
+
+    @property
+    def duration(self) -> float:
+        """How long it takes [s]."""
+        ...
+
+    def __call__(self, times: Array) -> Array:
+        """Return u and its first three derivatives (4, k) at times (k,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class MinimumJerk:
+    """From rest to rest in a given time, with the least squared jerk."""
+
+    duration: float  # [s]
+
+    def __call__(self, times: Array) -> Array:
+        """Return u and its first three derivatives (4, k) at times (k,)."""
+        x = times / self.duration
+        derivatives = [
+            x**3 * (10 - 15 * x + 6 * x**2),
+            30 * x**2 * (1 - x) ** 2,
+            60 * x * (1 - 3 * x + 2 * x**2),
+            60 * (1 - 6 * x + 6 * x**2),
+        ]
+        return np.stack([value / self.duration**order for order, value in enumerate(derivatives)])
+
+    def time_at(self, parameter: Array) -> Array:
+        """Return the times (k,) [s] at path parameters (k,)."""
+        share = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 2001))  # close together near both ends, where it is slow
+        times = share * self.duration
+        return np.asarray(np.interp(parameter, self(times)[0], times))
+
+
+@dataclass(frozen=True, eq=False)
+class Averaged:
+    """A law that changes its pace evenly between knots, averaged over a window."""
+
+    knots: Array  # (m,) [s], from 0
+    values: Array  # (m,) u there
+    paces: Array  # (m,) du/dt there [1/s]
+    window: float  # τ [s]
+
+    @property
+    def duration(self) -> float:
+        """How long it takes [s]."""
+        return float(self.knots[-1]) + self.window
+
+    def __call__(self, times: Array) -> Array:
+        """Return ũ and its first three derivatives (4, k) at times (k,)."""
+        difference: Array = (self._sharp(times) - self._sharp(times - self.window)) / self.window
+        return difference
+
+    def _sharp(self, times: Array) -> Array:
+        """Return ∫u, u, du/dt and d²u/dt² (4, k) of the law itself, which rests before 0 and at the end."""
+        widths = np.diff(self.knots)
+        change = np.diff(self.paces) / widths
+        area = widths * (self.values[:-1] + widths * (self.paces[:-1] / 2 + widths * change / 6))
+        before = np.concatenate([[0.0], np.cumsum(area)])
+        row = np.clip(np.searchsorted(self.knots, times, side="right") - 1, 0, len(widths) - 1)
+        t = np.clip(times, 0.0, self.knots[-1]) - self.knots[row]
+        u, pace, bend = self.values[row], self.paces[row], change[row]
+        late = np.maximum(times - self.knots[-1], 0.0)
+        moving = (times > 0.0) & (late == 0.0)
+        return np.stack(
+            [
+                before[row] + t * (u + t * (pace / 2 + t * bend / 6)) + late,
+                u + t * (pace + t * bend / 2),
+                np.where(moving, pace + t * bend, 0.0),
+                np.where(moving, bend, 0.0),
+            ]
+        )

@@ -1,0 +1,194 @@
+"""Absent means absent: a scene without an effect's section is what it is in a build without the effect's modules.
+
+One child process plans scenes again and again, each time with a fresh hdplan in which some modules cannot be imported.
+A scene that does call for the effect shows that it lives in these modules: there, importing them fails.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hdplan.planner.explain import explain
+from hdplan.planner.problem import Problem, build
+from hdplan.scenes.model import Limits, PathConstraints, Scene, SelfCollision
+from hdplan.scenes.reader import load_scene
+
+# Effect -> its modules, and a shipped scene that calls for it.
+EFFECTS = {
+    "moving obstacles": (["planner.moving_clearance", "scenes.moving"], "panda_conveyor"),
+    "times": (["planner.timing", "planner.rate_check"], "ur5_pallet"),
+    "torques and loads": (
+        [
+            *("planner.dynamics", "planner.loads", "planner.static_torque"),
+            *("planner.torque_check", "planner.torque_bounds", "planner.torque_timing"),
+        ],
+        "ur5_payload",
+    ),
+    "path constraints": (["planner.path_terms", "planner.path_check"], "panda_cup"),
+    "held objects": (["planner.attached"], "panda_carry"),
+    "choice of goals": (["planner.goal_search", "planner.pose_goals"], "panda_grasp"),
+    "self-collision": (["planner.separation"], "panda_cage"),
+}
+ALSO = {  # what else these scenes call for; a path constraint finds its link as a goal's pose does
+    "panda_conveyor": {"times"},
+    "ur5_pallet": {"held objects"},
+    "ur5_payload": {"times", "held objects"},
+    "panda_cup": {"held objects", "choice of goals"},
+}
+PLAIN = ("panda_cage", "planar_arm")  # without any effect but obstacles and self-collision
+CHILD = Path(__file__).with_name("absent_child.py")
+
+
+def child(*runs: tuple[list[str], list[str]]) -> list[dict[str, Any]]:
+    """Plan scenes, run after run: (modules that cannot be imported, scenes) -> scene -> what came of it."""
+    done = subprocess.run([sys.executable, str(CHILD)], input=json.dumps(runs), capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr[-2000:]
+    found: list[dict[str, Any]] = json.loads(done.stdout)
+    return found
+
+
+def test_scenes_without_an_effect_are_those_of_a_build_without_it() -> None:
+    """Terms, pairs, instructions, nodes, and the plan's bytes."""
+    alone = [name for name in EFFECTS if name != "self-collision"]
+    whole, none, *others, links, unlinked = child(
+        ([], list(PLAIN)),
+        ([module for name in alone for module in EFFECTS[name][0]], list(PLAIN)),
+        *((EFFECTS[name][0], [EFFECTS[name][1]]) for name in alone),
+        ([], ["panda_cage without self-collision"]),
+        (EFFECTS["self-collision"][0], ["panda_cage without self-collision", "panda_cage"]),
+    )
+    assert none == whole
+    assert all(found["status"] == "certified" for found in whole.values())
+    for name, found in zip(alone, others, strict=True):
+        (said,) = found.values()
+        assert said["status"] == "cannot import", name
+    assert unlinked.pop("panda_cage")["status"] == "cannot import"
+    assert unlinked == links
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in EFFECTS if name != "self-collision"])
+def test_each_effect_is_absent_from_scenes_with_other_effects(name: str) -> None:
+    scenes = [
+        scene
+        for other, (_, scene) in EFFECTS.items()
+        if other not in (name, "self-collision") and name not in ALSO.get(scene, ())
+    ]
+    whole, without = child(([], scenes), (EFFECTS[name][0], scenes))
+    assert without == whole
+    assert all(found["status"] == "certified" for found in whole.values())
+
+
+# --- in this process --------------------------------------------------------------------------------------------------
+
+
+def sizes(problem: Problem) -> dict[str, tuple[int, ...]]:
+    """Pairs of every term, and instructions and nodes of every function that it compiled."""
+    found: dict[str, tuple[int, ...]] = {"kinematics": counts(problem.kinematics.state)}
+    for term in problem.terms:
+        found[term.name] = (len(term.pairs),) if hasattr(term, "pairs") else ()
+        for kernel in getattr(getattr(term, "distance", None), "kernels", {}).values():
+            found[term.name] += counts(kernel.function)
+    return found
+
+
+def counts(function: Any) -> tuple[int, ...]:
+    if function.is_a("MXFunction"):
+        function = function.expand()  # into scalar operations
+    return function.n_instructions(), function.n_nodes()
+
+
+def without(scene: Scene, section: str) -> Scene:
+    match section:
+        case "obstacles[].motion":
+            return dataclasses.replace(scene, obstacles=tuple(o for o in scene.obstacles if o.motion is None))
+        case "path":
+            return dataclasses.replace(scene, path=PathConstraints())
+        case "limits.torque":
+            return dataclasses.replace(scene, limits=dataclasses.replace(scene.limits, torque=None), payload=None)
+        case "attached":
+            return dataclasses.replace(scene, attached=())
+        case "self_collision":
+            return dataclasses.replace(scene, self_collision=SelfCollision(checked=False))
+        case _:
+            return dataclasses.replace(scene, obstacles=())
+
+
+@pytest.mark.parametrize(
+    ("scene", "section", "terms"),
+    [
+        ("panda_conveyor", "obstacles[].motion", {"moving obstacles"}),
+        ("panda_cup", "path", {"path.upright"}),
+        ("ur5_scan", "path", {"path.position"}),
+        ("panda_heavy", "limits.torque", {"static torque"}),
+        ("panda_cage", "self_collision", {"self-collision"}),
+        ("panda_cage", "obstacles", {"obstacles"}),
+    ],
+)
+def test_without_its_section_an_effects_terms_are_not_there(scene: str, section: str, terms: set[str]) -> None:
+    """And the others are as large as before, pairs, instructions and nodes."""
+    problem = build(load_scene(scene))
+    whole, less = sizes(problem), sizes(build(without(problem.scene, section)))
+    assert whole.keys() - less.keys() == terms
+    assert less == {name: size for name, size in whole.items() if name not in terms}
+
+
+def test_a_held_object_is_in_no_pair_of_a_scene_without_it() -> None:
+    carry = load_scene("panda_carry")
+    whole, less = build(carry), build(without(carry, "attached"))
+    assert {body.link for body in whole.bodies} - {body.link for body in less.bodies} == {"bottle"}
+    for one, other in zip(whole.pair_terms, less.pair_terms, strict=True):
+        first, second = (
+            {
+                (problem.bodies[a].link, bodies[b].link if own else bodies[b].name)
+                for a, b in zip(term.pairs.body.tolist(), term.pairs.plane_body.tolist(), strict=True)
+            }
+            for problem, term in ((whole, one), (less, other))
+            for own in (term.name == "self-collision",)
+            for bodies in (problem.bodies if own else problem.plane_bodies,)
+        )
+        assert second == {pair for pair in first if "bottle" not in pair}
+
+
+def test_what_says_what_holds_anyway_changes_nothing() -> None:
+    """A clearance that is the planner's, ranges that are the robot's: the same problem, to the last byte."""
+    scene = load_scene("panda_cage")
+    problem = build(scene)
+    said = dataclasses.replace(
+        scene,
+        obstacles=tuple(
+            dataclasses.replace(obstacle, clearance=scene.planner.clearance) for obstacle in scene.obstacles
+        ),
+        limits=Limits(
+            position={
+                joint: (float(low), float(high))
+                for joint, low, high in zip(
+                    problem.robot.joint_names, problem.robot.lower, problem.robot.upper, strict=True
+                )
+            }
+        ),
+    )
+    again = build(said)
+    for one, other in zip(problem.pair_terms, again.pair_terms, strict=True):
+        for name in ("body_table", "half_sizes", "boxes", "body", "plane_body"):
+            assert getattr(one.pairs, name).tobytes() == getattr(other.pairs, name).tobytes()
+        for slots, table in one.pairs.plane_tables.items():
+            assert table.tobytes() == other.pairs.plane_tables[slots].tobytes()
+
+
+def test_the_explanation_of_a_scene_shows_no_effect_that_it_lacks() -> None:
+    said = explain(build(load_scene("empty")))
+    off = dict(said["off"])
+    for effect in ("moving obstacles", "held objects", "loads", "path.upright", "path.position", "limits of torque"):
+        assert off[effect].startswith("needs ")
+        assert effect not in {name for title, part in said.items() if title != "off" for name, _ in part}
+    assert [name for name, _ in said["trial evaluation"]] == [
+        *("measured", "kinematics", "smoothness", "self-collision", "all, with derivatives")
+    ]
