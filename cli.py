@@ -63,9 +63,9 @@ Examples:
   hdplan reproduce conservativeness
 
 Shipped scenes go by their bare names: empty, kinova_shelf, panda_bookshelf,
-panda_cage, panda_carry, panda_conveyor, panda_corridor, panda_cup, panda_fold,
-panda_grasp, panda_heavy, panda_table_pick, panda_vase, planar_arm, ur5_ceiling,
-ur5_pallet, ur5_payload, ur5_scan, ur5_table, xarm7_post.
+panda_cable, panda_cage, panda_carry, panda_conveyor, panda_corridor, panda_cup,
+panda_fold, panda_grasp, panda_heavy, panda_table_pick, panda_vase, planar_arm,
+ur5_ceiling, ur5_pallet, ur5_payload, ur5_scan, ur5_table, xarm7_post.
 
 Exit codes: 0 certified; 1 nothing certified was found (plan still writes its best attempt, marked as such), a
 simulated motion failed, or a study was interrupted (what it had found is written, marked as such); 2 bad input.""",

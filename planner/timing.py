@@ -47,6 +47,7 @@ TIGHT = 0.99  # [–] of what could be stretched that is not worth another try
 TORQUE_LOOKS = 2  # between two rows
 TORQUE_MARGIN = 2e-3  # [–] of the torques' limits that is left: they are looked at, not bounded
 TORQUE_ROOM = 5e-3  # [–] of a torque's limit: where gravity leaves less, a motion would take minutes to creep past
+INSET = 1e-4  # [rad] or [m]
 STANDS = 1e-9  # [rad] or [m] below which a path leads nowhere
 
 
@@ -62,7 +63,7 @@ class Timekeeper:
 
     def __init__(self, scene: Scene, robot: Robot) -> None:
         """Resolve the limits. Raises InputError for some that do not fit the robot."""
-        self.timing = scene.timing or Timing()
+        self.robot, self.timing = robot, scene.timing or Timing()
         self.fixed = any(obstacle.motion is not None for obstacle in scene.obstacles)  # they are met by this law
         self.velocity = velocity_limits(scene, robot)
         self.acceleration = acceleration_limits(scene, robot)
@@ -84,7 +85,7 @@ class Timekeeper:
 
     def __call__(self, path: Trajectory) -> Timed:
         """Return a path's motion in time; in a fixed duration whether the limits hold or not."""
-        spline, duration = smooth(path.positions), self.timing.duration
+        spline, duration = smooth(self._inset(path.positions)), self.timing.duration
         if duration is not None:
             even = self._timed(path, spline, MinimumJerk(duration), duration)
             if self.fixed or self.acceleration is None or self._stretch(even.trajectory.curve) <= 1.0:
@@ -94,6 +95,13 @@ class Timekeeper:
             return self._timed(path, spline, MinimumJerk(shortest), shortest)
         law = self._fastest(spline)
         return self._timed(path, spline, law, duration or self._allowed(spline, law) / self.timing.scale)
+
+    def _inset(self, waypoints: Array) -> Array:
+        """Keep the waypoints between the ends a little away from the joint limits: quintics leave the path between rows
+        by less."""
+        result = np.clip(waypoints, self.robot.lower + INSET, self.robot.upper - INSET)
+        result[0], result[-1] = waypoints[0], waypoints[-1]
+        return result
 
     def _timed(self, path: Trajectory, spline: BSpline, law: Law, duration: float) -> Timed:
         """Return the motion by a law that is stretched to a duration."""

@@ -1,5 +1,7 @@
 """Dragging: a handle on one obstacle, or on the goal, whose configuration follows by inverse kinematics.
 
+An obstacle that moves is dragged to where it is at time 0; its motion from there is kept.
+
 While it is dragged, the body, the current clearance and what start and goal touch follow; certificates and curves of
 the motions follow when it is let go.
 """
@@ -10,10 +12,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import pinocchio as pin
+from scipy.spatial.transform import Rotation
 
 from hdplan.planner.view.goal import follow
 from hdplan.planner.view.nodes import pose_of, wxyz_of
-from hdplan.scenes.model import JointTarget, Pose, Scene
+from hdplan.scenes.model import JointTarget, Obstacle, Pose, Scene, TimedPoses
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
@@ -46,7 +49,8 @@ class Handles:
             viewer.move(replace(viewer.scene, goal=JointTarget("goal", positions=tuple(q.tolist()))))
             self._say(f"out of reach: the tip is {off * 1e3:.0f} mm short" if off > REACHED else "")
         elif self.choice.value in self._names:
-            viewer.move(_moved(viewer.scene, self._names[self.choice.value], pose))
+            index = self._names[self.choice.value]
+            viewer.move(_with(viewer.scene, index, moved(viewer.scene.obstacles[index], pose)))
 
     def let_go(self) -> None:
         """Take stock after dragging. By the worker's thread."""
@@ -59,13 +63,18 @@ class Handles:
             self._handle.remove()
             self._handle = None
         if self.choice.value == NOTHING:
+            self._say("")
             return
         viewer = self._viewer
         if self.choice.value == GOAL:
             place = viewer.tip.placement(viewer.query.goal)
             position, wxyz = place.translation, wxyz_of(place.rotation)
         else:
-            pose = viewer.scene.obstacles[self._names[self.choice.value]].pose
+            obstacle = viewer.scene.obstacles[self._names[self.choice.value]]
+            if obstacle.motion is not None:
+                viewer.player.go_to(viewer.player.timeline.begin)
+            self._say("" if obstacle.motion is None else "its handle is where it is at 0 s; it moves on as before")
+            pose = obstacle.pose
             x, y, z, w = pose.quaternion_xyzw
             position, wxyz = pose.position, (w, x, y, z)
         handle = viewer.server.scene.add_transform_controls(
@@ -84,7 +93,24 @@ class Handles:
         self._said.content = f'<div style="padding:0 0.9em;font-size:0.8em">{text}</div>' if text else ""
 
 
-def _moved(scene: Scene, index: int, pose: Pose) -> Scene:
+def moved(obstacle: Obstacle, pose: Pose) -> Obstacle:
+    """Return an obstacle that is at `pose` at time 0; one that moves keeps its velocity and spin at every time."""
+    motion = obstacle.motion
+    if not isinstance(motion, TimedPoses):
+        return replace(obstacle, pose=pose)
+    shift = pose.matrix[:3, 3] - obstacle.pose.matrix[:3, 3]
+    turn = Rotation.from_quat(obstacle.pose.quaternion_xyzw).inv() * Rotation.from_quat(pose.quaternion_xyzw)
+    poses = [
+        Pose(
+            tuple((each.matrix[:3, 3] + shift).tolist()),
+            tuple((Rotation.from_quat(each.quaternion_xyzw) * turn).as_quat().tolist()),
+        )
+        for each in motion.poses[1:]
+    ]
+    return replace(obstacle, pose=pose, motion=replace(motion, poses=(pose, *poses)))
+
+
+def _with(scene: Scene, index: int, obstacle: Obstacle) -> Scene:
     obstacles = list(scene.obstacles)
-    obstacles[index] = replace(obstacles[index], pose=pose)
+    obstacles[index] = obstacle
     return replace(scene, obstacles=tuple(obstacles))

@@ -13,6 +13,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from hdplan.planner.certificate import Certifier
+from hdplan.planner.clearances import exact
 from hdplan.planner.curve import Curve
 from hdplan.planner.robot import Robot
 from hdplan.planner.robot_curve import curve_of
@@ -21,7 +22,7 @@ from hdplan.planner.verdict import Certificate
 
 Array = NDArray[np.float64]
 
-SAMPLES = 101  # at least, over the whole motion: waypoints are among them
+SAMPLES = 101  # at least, over the whole motion; of up to twice as many waypoints each is among them
 TIP = 0.01  # [m] depth of the part of the last link whose middle is its tip
 
 
@@ -32,7 +33,7 @@ class Motion:
     name: str
     trajectory: Trajectory
     curve: Curve  # its joints in the order of the robot's planned ones
-    times: Array  # (K,) path parameters of the samples
+    parameter: Array  # (K,) path parameters of the samples
     joints: Array  # (K, n) [rad] or [m] there
     tip: Array  # (K, 3) [m] the tip there
     clearance: Array  # (K,) [m] robot to obstacles there, inf without obstacles
@@ -49,20 +50,13 @@ class Motion:
         curve = curve_of(robot, trajectory)
         if certificate is None:
             certificate = certifier.certify(trajectory, required=certifier.scene.planner.clearance)
-        times = sample_times(len(curve))
-        joints = curve.at_parameter(times)
-        distances = np.array(
-            [
-                [np.inf if place is None else place.distance for place in certifier.nearest(q, time=when)]
-                for q, when in zip(joints, curve.time_of(times).tolist(), strict=True)
-            ]
-        )
+        parameter = sample_parameters(len(curve))
+        joints, nothing = curve.at_parameter(parameter), np.full(len(parameter), np.inf)
+        places, between_links = exact(certifier, joints, curve.time_of(parameter))
+        to_obstacles = np.array([place.distance for place in places]) if places else nothing
+        between_links = between_links if len(between_links) else nothing
         tip = Tip.of(robot).path(joints)
-        return cls(name, trajectory, curve, times, joints, tip, distances[:, 0], distances[:, 1], certificate)
-
-    def at(self, time: float) -> Array:
-        """Return the configuration (n,) at path parameter `time`."""
-        return self.curve.at_parameter(time)
+        return cls(name, trajectory, curve, parameter, joints, tip, to_obstacles, between_links, certificate)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,8 +99,11 @@ class Tip:
         return points
 
 
-def sample_times(waypoints: int) -> Array:
-    """Return path parameters at equal steps, every waypoint among them, SAMPLES of them or a few more."""
+def sample_parameters(waypoints: int) -> Array:
+    """Return path parameters at equal steps, SAMPLES of them or a few more, every waypoint among them; fewer than there
+    are waypoints where these lie close."""
+    if waypoints > 2 * SAMPLES:
+        return np.linspace(0.0, 1.0, 2 * SAMPLES)
     per_interval = max(1, -(-(SAMPLES - 1) // (waypoints - 1)))
     return np.linspace(0.0, 1.0, per_interval * (waypoints - 1) + 1)
 

@@ -18,6 +18,7 @@ from hdplan.planner.verdict import Closest
 from hdplan.planner.view.colors import CONTACT, INK, LINKS, OBSTACLE, REGION, clearance_colors
 from hdplan.planner.view.skins import Color, Skin, obstacle_mesh, shaded
 from hdplan.scenes.model import Obstacle, Pose, Within
+from hdplan.scenes.moving import Passages
 
 Array = NDArray[np.float64]
 
@@ -100,18 +101,25 @@ class ObstacleNode:
 
     def __init__(self, server: viser.ViserServer, index: int, obstacle: Obstacle) -> None:
         """Send its mesh; nodes are numbered, as a name may hold any character."""
-        self.obstacle = obstacle
         self.frame = server.scene.add_frame(f"/obstacles/{index}", show_axes=False)
         vertices, triangles = shaded(obstacle_mesh(obstacle))
         self.mesh = server.scene.add_mesh_simple(
             f"/obstacles/{index}/mesh", vertices, triangles, color=OBSTACLE, cast_shadow=False, receive_shadow=False
         )
-        self.place(obstacle.pose)
+        self.take(obstacle)
 
-    def place(self, pose: Pose) -> None:
-        """Put it at `pose`."""
-        x, y, z, w = pose.quaternion_xyzw
-        self.frame.position, self.frame.wxyz = pose.position, (w, x, y, z)
+    def take(self, obstacle: Obstacle) -> None:
+        """Stand for an obstacle of the same shape elsewhere."""
+        self.obstacle = obstacle
+        self.passages = None if obstacle.motion is None else Passages.of(obstacle)
+        x, y, z, w = obstacle.pose.quaternion_xyzw
+        self.frame.position, self.frame.wxyz = obstacle.pose.position, (w, x, y, z)
+
+    def show(self, seconds: float) -> None:
+        """If it moves, be where it is at a time [s]."""
+        if self.passages is not None:
+            place = self.passages.at(np.array([seconds]))[0]
+            self.frame.position, self.frame.wxyz = place[:3, 3], wxyz_of(place[:3, :3])
 
     def mark(self, in_contact: bool) -> None:
         """Colour it as being in contact, or as it was."""

@@ -21,9 +21,10 @@ from numpy.typing import NDArray
 from hdplan.planner.curve import Curve
 from hdplan.planner.plan import Event, plan
 from hdplan.planner.result import PlanResult
+from hdplan.planner.time_laws import MinimumJerk
 from hdplan.planner.view.colors import ITERATE
 from hdplan.planner.view.handles import Handles
-from hdplan.planner.view.motion import sample_times
+from hdplan.planner.view.motion import sample_parameters
 from hdplan.planner.view.nodes import draw_path
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.model import JointTarget, Scene
@@ -159,10 +160,10 @@ class Planning:
         if positions is None:
             return
         viewer = self._viewer
-        curve = Curve.through(positions)
-        joints = curve.at_parameter(sample_times(len(positions)))
+        curve = Curve.through(positions, row_times(viewer.scene, len(positions)))
+        joints = curve.at_parameter(sample_parameters(len(positions)))
         self._path = draw_path(viewer.server, "iterate", viewer.tip.path(joints), ITERATE)
-        viewer.show_robot(NAME, curve.at_parameter(viewer.player.time))
+        viewer.show_robot(NAME, viewer.joints(curve))
         self._say(words)
 
     def _look_back(self) -> None:
@@ -199,6 +200,14 @@ class Planning:
             return
         if event.client is not None:
             event.client.send_file_download(name, data, save_immediately=True)
+
+
+def row_times(scene: Scene, count: int) -> Array | None:
+    """Return when a motion under way passes its waypoints (count,) [s], where the scene fixes that: only then it meets
+    obstacles that move where the planner has them."""
+    if not scene.end_time:
+        return None
+    return MinimumJerk(scene.end_time).time_at(np.linspace(0.0, 1.0, count))
 
 
 def _standing_alone(scene: Scene, viewer: Viewer) -> Scene:

@@ -1,4 +1,4 @@
-"""The time slider, play and pause: they set the time that is shown, from 0 to 1 of the motion.
+"""The time slider, play and pause: they set the moment that is shown, on the timeline of the motions.
 
 Playing moves the slider itself, so every browser sees the same time; a frame waits until the one before is drawn.
 """
@@ -11,10 +11,12 @@ from collections.abc import Callable
 
 import viser
 
+from hdplan.planner.view.timeline import PATH_DURATION, Timeline
 from hdplan.planner.view.worker import Worker
 
-DURATION = 4.0  # [s] that a motion takes at speed 1: trajectories are paths without times
 FRAME = 1.0 / 30.0  # [s] between frames while playing
+STEP = 0.001  # of the slider
+TIME_HINT, PATH_HINT = "when, of motions and obstacles that move", "path parameter of the motion, 0 to 1"
 SPEEDS = ("0.25", "0.5", "1", "2", "4")
 
 
@@ -22,16 +24,17 @@ class Player:
     """Slider, button and speed, and the thread that plays."""
 
     def __init__(self, server: viser.ViserServer, worker: Worker, show: Callable[[float], None]) -> None:
-        """Build the controls; `show` draws the moment at a path parameter, and is called by the worker."""
+        """Build the controls; `show` draws a moment, and is called by the worker."""
         self._worker, self._show = worker, show
         self._playing, self._ended = threading.Event(), False
-        self.slider = server.gui.add_slider("time", 0.0, 1.0, 0.001, 0.0, hint="path parameter of the motion, 0 to 1")
+        self.timeline = Timeline()
+        self.slider = server.gui.add_slider("time", 0.0, 1.0, STEP, 0.0, hint=PATH_HINT)
         self.button = server.gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY)
         self.speed = server.gui.add_dropdown(
             "speed",
             SPEEDS,
             initial_value="1",
-            hint=f"at 1 the whole motion takes {DURATION:g} s: it is a path without times",
+            hint=f"at 1 motions take the time that they have; a path without times takes {PATH_DURATION:g} s",
         )
         self.slider.on_update(lambda _: self.draw())
         self.button.on_click(lambda _: self.pause() if self._playing.is_set() else self.play())
@@ -40,8 +43,18 @@ class Player:
 
     @property
     def time(self) -> float:
-        """The path parameter that is shown."""
+        """The moment that is shown, on the timeline."""
         return float(self.slider.value)
+
+    def run_over(self, timeline: Timeline) -> None:
+        """Let the slider run over a timeline, from its beginning if it is another than before."""
+        if timeline == self.timeline:
+            return
+        self.timeline, slider = timeline, self.slider
+        slider.label, slider.hint = ("time [s]", TIME_HINT) if timeline.timed else ("time", PATH_HINT)
+        slider.min, slider.max = min(slider.min, timeline.begin), max(slider.max, timeline.end)  # both values fit
+        slider.value = timeline.begin
+        slider.min, slider.max = timeline.begin, timeline.end
 
     @property
     def playing(self) -> bool:
@@ -65,8 +78,8 @@ class Player:
 
     def play(self) -> None:
         """Play on from here, or from the start if this is the end."""
-        if self.time >= 1.0:
-            self.slider.value = 0.0
+        if self.time >= self.timeline.end:
+            self.slider.value = self.timeline.begin
         self.button.label, self.button.icon = "Pause", viser.Icon.PLAYER_PAUSE
         self._playing.set()
 
@@ -90,7 +103,8 @@ class Player:
             if self._ended:
                 return
             if self._playing.is_set():
-                passed = (time.perf_counter() - before) * float(self.speed.value) / DURATION
-                self.go_to(min(self.time + passed, 1.0))
-                if self.time >= 1.0:
+                timeline = self.timeline
+                pace = float(self.speed.value) * (timeline.end - timeline.begin) / timeline.duration
+                self.go_to(min(self.time + pace * (time.perf_counter() - before), timeline.end))
+                if self.time >= timeline.end:
                     self.pause()

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from hdplan.planner.view.colors import CONTACT, INK, LINKS, OTHERS, START, hex_of
 from hdplan.planner.view.motion import Motion
 from hdplan.planner.view.skins import Color
+from hdplan.planner.view.timeline import Timeline
 
 Array = NDArray[np.float64]
 Rows = tuple[Array, ...]
@@ -34,21 +35,23 @@ SHOWN = 0.3  # [m] of clearance that the plot shows at most: what is farther awa
 
 
 class Plot:
-    """Curves over the path parameter, and the bar."""
+    """Curves over the timeline, and the bar."""
 
     def __init__(self, server: viser.ViserServer, title: str, names: Sequence[str], colors: Sequence[Color]) -> None:
         """Set an empty plot up."""
         self._times: Array = np.array([0.0, 1.0])
         self._curves: Rows = tuple(np.zeros(2) for _ in names)
+        self._title, self._timeline = title, Timeline()
         self._low, self._high = 0.0, 1.0
         lines = [
             {"label": name, "stroke": hex_of(color), "width": 1.5} for name, color in zip(names, colors, strict=True)
         ]
         bar = {"label": "now", "stroke": hex_of(INK), "width": 1, "points": {"show": False}}
+        self._lines = (*lines, bar)
         self.handle = server.gui.add_uplot(
             self._rows(0.0),
-            ({"label": "path parameter"}, *lines, bar),
-            title=title,
+            ({"label": self._timeline.name}, *self._lines),
+            title=self._words,
             scales=self._scales(),
             axes=({"size": 28}, {"size": 46}),
             legend={"show": False},  # uPlot's own takes three lines
@@ -61,9 +64,15 @@ class Plot:
         self.handle.remove()
         self.legend.remove()
 
-    def set(self, times: Array, curves: Sequence[Array], low: float, high: float, now: float) -> None:
-        """Show curves (K,) over times (K,), between `low` and `high`."""
+    def set(
+        self, timeline: Timeline, times: Array, curves: Sequence[Array], low: float, high: float, now: float
+    ) -> None:
+        """Show curves (K,) over moments (K,) of the timeline, between `low` and `high`; NaN where there is nothing."""
         self._times, self._curves, self._low, self._high = times, tuple(curves), low, high
+        if timeline.timed != self._timeline.timed:
+            self.handle.series = ({"label": timeline.name}, *self._lines)
+        self._timeline = timeline
+        self.handle.title = self._words
         self.handle.scales = self._scales()
         self.follow(now)
 
@@ -71,8 +80,13 @@ class Plot:
         """Move the bar."""
         self.handle.data = self._rows(now)
 
+    @property
+    def _words(self) -> str:
+        return f"{self._title} over {'time [s]' if self._timeline.timed else 'the path parameter'}"
+
     def _scales(self) -> dict[str, dict[str, object]]:
-        return {"x": {"time": False, "range": (0.0, 1.0)}, "y": {"range": (self._low, self._high)}}
+        extent = (self._timeline.begin, self._timeline.end)
+        return {"x": {"time": False, "range": extent}, "y": {"range": (self._low, self._high)}}
 
     def _rows(self, now: float) -> Rows:
         return with_bar(self._times, self._curves, now, self._low, self._high)
@@ -94,27 +108,29 @@ class MotionPlots:
     def __init__(self, server: viser.ViserServer, joint_names: Sequence[str], motions: Sequence[str]) -> None:
         """Set the plots up for motions of these names."""
         lines = [LINES[i % len(LINES)] for i in range(len(joint_names))]
-        self.joints = Plot(server, "joints [rad or m] over the path parameter", joint_names, lines)
+        self.joints = Plot(server, "joints [rad or m]", joint_names, lines)
         colors = [START, *OTHERS][: len(motions)]
         self.clearance = Plot(
             server,
-            "clearance [mm] over the path parameter",
+            "clearance [mm]",
             [*motions, "own links"],
             [*colors, *[INK] * (len(motions) - len(colors)), LINKS],
         )
 
-    def set(self, active: Motion, motions: Sequence[Motion], now: float) -> None:
-        """Show the joints of the active motion and the clearance of all."""
+    def set(self, active: Motion, motions: Sequence[Motion], timeline: Timeline, now: float) -> None:
+        """Show the joints of the active motion and the clearance of all, each from its start to its goal."""
         spread = float(np.ptp(active.joints)) or 1.0
         low, high = float(active.joints.min()) - 0.05 * spread, float(active.joints.max()) + 0.05 * spread
-        self.joints.set(active.times, list(active.joints.T), low, high, now)
-        times = np.unique(np.concatenate([motion.times for motion in motions]))
-        curves = [np.interp(times, motion.times, _shown(motion.clearance)) for motion in motions]
-        curves.append(np.interp(times, active.times, _shown(active.self_clearance)))
+        when = {motion.name: timeline.moments(motion.curve, motion.parameter) for motion in motions}
+        times = np.unique(np.concatenate([*when.values(), [timeline.begin, timeline.end]]))
+        own = [_within(times, when[active.name], values) for values in active.joints.T]
+        self.joints.set(timeline, times, own, low, high, now)
+        curves = [_within(times, when[motion.name], _shown(motion.clearance)) for motion in motions]
+        curves.append(_within(times, when[active.name], _shown(active.self_clearance)))
         millimetres = [1e3 * curve for curve in curves]
-        top = max(float(curve.max()) for curve in millimetres)
-        bottom = min(0.0, *(float(curve.min()) for curve in millimetres))
-        self.clearance.set(times, millimetres, 1.05 * bottom, 1.05 * max(top, 10.0), now)
+        top = max(float(np.nanmax(curve)) for curve in millimetres)
+        bottom = min(0.0, *(float(np.nanmin(curve)) for curve in millimetres))
+        self.clearance.set(timeline, times, millimetres, 1.05 * bottom, 1.05 * max(top, 10.0), now)
 
     def remove(self) -> None:
         """Take them out of the panel."""
@@ -134,6 +150,12 @@ def _legend(names: Sequence[str], colors: Sequence[Color]) -> str:
         for name, color in zip(names, colors, strict=True)
     )
     return f'<div style="padding:0 0.9em;font-size:0.72em;line-height:1.3">{" ".join(lines)}</div>'
+
+
+def _within(times: Array, own: Array, values: Array) -> Array:
+    """Return values (K,) that are known at moments `own` (K,) at other moments; NaN before the first and after the
+    last."""
+    return np.asarray(np.interp(times, own, values, left=np.nan, right=np.nan))
 
 
 def _shown(clearance: Array) -> Array:

@@ -1,6 +1,7 @@
 """A motion as one page that opens without a server: viser's client with what it was sent, moment by moment, inside.
 
-Only the scene is recorded, not the panels: what they say is in the labels. The page plays by itself, again and again.
+Only the scene is recorded, not the panels: what they say is in the labels. The page plays by itself, again and again,
+in real time where the motions have times.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hdplan.planner.output import write_output
-from hdplan.planner.view.player import DURATION
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
@@ -22,8 +22,9 @@ REST = 0.8  # [s] for which the goal is shown at the end
 
 def record(viewer: Viewer, page: Path) -> None:
     """Write the viewer's motions as they are shown. Raises InputError if the page cannot be written."""
-    times = np.linspace(0.0, 1.0, round(RATE * DURATION) + 1)
-    viewer.show(0.0)
+    timeline = viewer.player.timeline
+    times = np.linspace(timeline.begin, timeline.end, max(round(RATE * timeline.duration), 1) + 1)
+    viewer.show(timeline.begin)
     serializer = viewer.server.get_scene_serializer()
     for now in times.tolist():
         viewer.show(now)

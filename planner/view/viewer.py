@@ -17,6 +17,7 @@ import viser
 from numpy.typing import NDArray
 
 from hdplan.planner.certificate import Certifier
+from hdplan.planner.curve import Curve
 from hdplan.planner.goal_search import settled
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import resolve_query
@@ -32,6 +33,7 @@ from hdplan.planner.view.plots import MotionPlots, joint_table
 from hdplan.planner.view.quiet import quiet
 from hdplan.planner.view.recording import record
 from hdplan.planner.view.skins import Skin, collision_skins, visual_skins
+from hdplan.planner.view.timeline import Timeline
 from hdplan.planner.view.worker import Worker
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.model import Scene
@@ -148,8 +150,12 @@ class Viewer:
 
     @property
     def configuration(self) -> Array:
-        """The active robot's configuration at the time that is shown (n,)."""
-        return self.active.motion.at(self.player.time) if self.active else self.query.start
+        """The active robot's configuration at the moment that is shown (n,)."""
+        return self.joints(self.active.motion.curve) if self.active else self.query.start
+
+    def joints(self, curve: Curve) -> Array:
+        """Return a motion's configuration at the moment that is shown (n,)."""
+        return curve.at_parameter(self.player.timeline.parameter(curve, self.player.time))
 
     def put(self, name: str, trajectory: Trajectory, certificate: Certificate | None = None) -> None:
         """Add a motion, or replace the one of that name, and make it the active one. By the worker's thread."""
@@ -162,13 +168,12 @@ class Viewer:
         self.scene, self.query = scene, resolve_query(self.robot, scene)
         self.certifier = Certifier(scene, self.robot)
         for node, obstacle in zip(self.obstacles, scene.obstacles, strict=True):
-            node.obstacle = obstacle
-            node.place(obstacle.pose)
+            node.take(obstacle)
         self._show_ends()
         self._show(self.player.time)
 
     def show_robot(self, name: str, q: Array) -> None:
-        """Show the robot of a motion in a configuration (n,) that is not of this motion, until the time is drawn again;
+        """Show the robot of a motion in a configuration (n,) that is not of this motion, until a moment is drawn again;
         another robot if there is no such motion yet. By the worker's thread."""
         robot = next((shown.robot for shown in self.shown if shown.motion.name == name), self.at_rest)
         robot.visible = self.layers.on("robot")
@@ -183,7 +188,7 @@ class Viewer:
         self._redraw()
 
     def show(self, now: float) -> None:
-        """Show the moment at path parameter `now`, and wait until it is drawn."""
+        """Show the moment `now` of the timeline, and wait until it is drawn."""
         self.player.go_to(now)
         self.worker.settle()
 
@@ -235,26 +240,32 @@ class Viewer:
         self._show_ends()
         active = self.active
         self.at_rest.visible = not self.shown and self.layers.on("robot")
-        self.player.enable(bool(self.shown))
+        timeline = Timeline.of(self.scene, [shown.motion.curve for shown in self.shown])
+        self.player.run_over(timeline)
+        self.player.enable(bool(self.shown) or timeline.timed)
         if active is not None and self._plots is not None:
-            self._plots.set(active.motion, [shown.motion for shown in self.shown], self.player.time)
+            self._plots.set(active.motion, [shown.motion for shown in self.shown], timeline, self.player.time)
         self._show_verdict()
         self._show(self.player.time)
 
     def _show(self, now: float) -> None:
-        """Draw the moment at path parameter `now`."""
+        """Draw the moment `now` of the timeline."""
+        timeline = self.player.timeline
         with self.server.atomic():
             for shown in self.shown:
-                shown.robot.show(shown.motion.at(now))
+                curve = shown.motion.curve
+                shown.robot.show(curve.at_parameter(timeline.parameter(curve, now)))
+            for obstacle in self.obstacles:
+                obstacle.show(timeline.seconds(now))
             q = self.configuration
             if not self.shown:
                 self.at_rest.show(q)
             self.layers.show(q)
             for ghost in (self.start, self.goal):
                 ghost.visible = self.layers.on("start and goal") and not _same(ghost.q, q)
-            pairs = self.certifier.closest(q)
+            pairs = self.certifier.closest(q, timeline.seconds(now))
             self.closest.show(pairs)
-            self._clearance.content = _clearance_words(now, pairs)
+            self._clearance.content = _clearance_words(timeline.words(now), pairs)
             self._table.content = joint_table(self.robot.joint_names, q, self.robot.lower, self.robot.upper)
         if self._plots is not None and (time.perf_counter() - self._plotted > PLOT_EVERY or not self.player.playing):
             self._plots.follow(now)
@@ -263,7 +274,10 @@ class Viewer:
     def _show_ends(self) -> None:
         """Draw start and goal, with what they touch in the colour of contact, and say it in place."""
         ends = (self.query.start, self.query.goal)
-        self.contacts = (self.certifier.contacts(ends[0]), self.certifier.contacts(ends[1]))
+        self.contacts = (
+            self.certifier.contacts(ends[0]),
+            self.certifier.contacts(ends[1], self.scene.end_time),
+        )
         for node, label, name, q, contacts in zip(
             (self.start, self.goal), self.labels, ("start", "goal"), ends, self.contacts, strict=True
         ):
@@ -285,7 +299,8 @@ class Viewer:
             certificate = shown.motion.certificate
             color = hex_of(OTHERS[(number - 1) % len(OTHERS)]) if number else "#dddddd"
             mark = f'<span style="color:{color}">●</span> ' if len(self.shown) > 1 else ""
-            name = f"<b>{html.escape(shown.motion.name)}</b> " if len(self.shown) > 1 else ""
+            extent = "" if shown.motion.curve.times is None else f" ({shown.motion.trajectory.extent})"
+            name = f"<b>{html.escape(shown.motion.name)}</b>{extent} " if len(self.shown) > 1 else ""
             tint = hex_of(START if certificate.certified else CONTACT)
             lines.append(f'{mark}{name}<span style="color:{tint}">{html.escape(certificate.text)}</span>')
         if not self.shown:
@@ -317,14 +332,14 @@ def _line(text: str, color: tuple[int, int, int]) -> str:
     return f'<span style="color:{hex_of(color)}">{html.escape(text)}</span>'
 
 
-def _clearance_words(now: float, pairs: Sequence[Any]) -> str:
+def _clearance_words(now: str, pairs: Sequence[Any]) -> str:
     words = [
         f"{name} <b>{millimetres(pair.distance)}</b> ({html.escape(pair.link)} – {html.escape(pair.other)})"
         for name, pair in zip(("to obstacles", "between links"), pairs, strict=True)
         if pair is not None
     ]
     return (
-        f'<div style="padding:0 0.9em;font-size:0.8em">clearance at {now:.3f}, exact:<br/>'
+        f'<div style="padding:0 0.9em;font-size:0.8em">clearance at {now}, exact:<br/>'
         f"{'<br/>'.join(words) or 'nothing to touch'}</div>"
     )
 

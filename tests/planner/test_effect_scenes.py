@@ -36,11 +36,16 @@ def no_base(scene: Scene) -> Scene:
     return replace(scene, robot=replace(scene.robot, base=Pose()))
 
 
+def no_ranges(scene: Scene) -> Scene:
+    return replace(scene, limits=replace(scene.limits, position={}))
+
+
 NEEDED: list[tuple[str, Change, Status, str]] = [
     ("panda_cup", no_path, Status.OFF_PATH, "path.upright: panda_hand is tilted by 0.6"),
     ("ur5_scan", no_path, Status.OFF_PATH, "path.position: the point of tool0 is "),
     ("panda_vase", no_own_clearance, Status.TOO_CLOSE, "vase come within "),
     ("panda_fold", no_self_collision, Status.IN_CONTACT, "panda_link0 and "),
+    ("panda_cable", no_ranges, Status.OUTSIDE_LIMITS, "joint 'panda_joint2' at -0.7"),
     ("ur5_ceiling", no_base, Status.IN_CONTACT, "divider overlap by "),
 ]
 

@@ -15,6 +15,7 @@ from hdplan.planner.curve import Curve
 from hdplan.planner.joint_limits import acceleration_limits, jerk_limits, velocity_limits
 from hdplan.planner.rate_check import rates
 from hdplan.planner.robot import Robot
+from hdplan.planner.robot_curve import beyond_limits
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.time_laws import Averaged, MinimumJerk
 from hdplan.planner.timing import Timekeeper, smooth
@@ -218,3 +219,15 @@ def test_a_duration_is_kept_by_the_fastest_law_where_that_of_minimum_jerk_is_too
         assert all(use.within for use in rates(timed.curve, scene, robot)) == within
     even = Timekeeper(*limited(Limits(), Timing(duration=timing.duration)))(path).trajectory
     np.testing.assert_array_equal(even.positions, timed.positions)  # minimum jerk, where there is time enough
+
+
+@pytest.mark.parametrize("rate", [20.0, 100.0, 1000.0])
+def test_a_path_along_a_joint_limit_stays_within_it(rate: float) -> None:
+    """Between rows a quintic leaves the path a little: not beyond the limits, wherever waypoints rest on them."""
+    scene, robot = limited(Limits(acceleration=5.0), Timing(rate=rate))
+    rng = np.random.default_rng(0)
+    for _ in range(4):
+        drawn = robot.draw(rng, 1) + np.cumsum(rng.normal(scale=0.5, size=(32, robot.n)), axis=0)
+        rows = np.clip(drawn, robot.lower, robot.upper)  # many rest on a limit
+        trajectory, _ = Timekeeper(scene, robot)(Trajectory(robot.joint_names, rows, robot.locked))
+        assert beyond_limits(trajectory.curve, robot) is None

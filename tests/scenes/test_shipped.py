@@ -14,6 +14,7 @@ NAMES = {
     "empty",
     "kinova_shelf",
     "panda_bookshelf",
+    "panda_cable",
     "panda_cage",
     "panda_carry",
     "panda_conveyor",

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from hdplan.planner.certificate import Certifier
+from hdplan.planner.curve import Curve
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot, resolve_query
 from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.view.colors import FAR, SCALE, clearance_colors
 from hdplan.planner.view.goal import follow
-from hdplan.planner.view.motion import SAMPLES, Motion, Tip, sample_times
+from hdplan.planner.view.handles import moved
+from hdplan.planner.view.motion import SAMPLES, Motion, Tip, sample_parameters
 from hdplan.planner.view.plots import joint_table, with_bar
+from hdplan.planner.view.timeline import PATH_DURATION, Timeline
+from hdplan.scenes.model import Obstacle, Pose, Sphere, SteadyMotion, TimedPoses, Timing
+from hdplan.scenes.moving import Passages
 from hdplan.scenes.reader import load_scene
 
 
@@ -30,10 +37,11 @@ def robot(certifier: Certifier) -> Robot:
 
 @pytest.mark.parametrize("waypoints", [2, 3, 32, 101, 150, 1000])
 def test_waypoints_are_among_the_samples(waypoints: int) -> None:
-    times = sample_times(waypoints)
-    assert len(times) >= min(SAMPLES, waypoints)
-    assert len(times) <= max(2 * SAMPLES, waypoints)
-    assert set(np.linspace(0, 1, waypoints).round(9)) <= set(times.round(9))
+    parameter = sample_parameters(waypoints)
+    assert SAMPLES <= len(parameter) <= 2 * SAMPLES
+    np.testing.assert_allclose(np.diff(parameter), 1 / (len(parameter) - 1), rtol=0, atol=1e-12)
+    if waypoints <= 2 * SAMPLES:
+        assert set(np.linspace(0, 1, waypoints).round(9)) <= set(parameter.round(9))
 
 
 def test_a_motion_is_sampled_as_the_trajectory_and_the_certificate_have_it(certifier: Certifier) -> None:
@@ -41,10 +49,10 @@ def test_a_motion_is_sampled_as_the_trajectory_and_the_certificate_have_it(certi
     line = np.linspace(query.start, query.goal, 5)
     names = certifier.robot.joint_names[::-1]  # found by name, in any order
     motion = Motion.of("line", Trajectory(names, line[:, ::-1]), certifier)
-    np.testing.assert_allclose(motion.joints, motion.trajectory.at(motion.times)[:, ::-1], rtol=0, atol=1e-12)
-    joints = [np.interp(motion.times, np.linspace(0, 1, 5), column) for column in line.T]
+    np.testing.assert_allclose(motion.joints, motion.trajectory.at(motion.parameter)[:, ::-1], rtol=0, atol=1e-12)
+    joints = [np.interp(motion.parameter, np.linspace(0, 1, 5), column) for column in line.T]
     np.testing.assert_allclose(np.transpose(joints), motion.joints, rtol=0, atol=1e-12)
-    for k in (0, 30, len(motion.times) - 1):
+    for k in (0, 30, len(motion.parameter) - 1):
         to_obstacle, between_links = certifier.nearest(motion.joints[k])
         assert to_obstacle is not None
         assert between_links is not None
@@ -53,6 +61,47 @@ def test_a_motion_is_sampled_as_the_trajectory_and_the_certificate_have_it(certi
         np.testing.assert_allclose(motion.tip[k], tip, rtol=0, atol=1e-12)
     assert not motion.certificate.certified  # the straight line hits a bar
     assert motion.clearance.min() <= 0.0
+
+
+def test_each_motion_is_where_it_is_at_that_second_and_waits_before_and_after() -> None:
+    scene, rows = load_scene("empty"), np.array([[0.0], [2.0], [3.0]])
+    early = Curve.through(rows, np.array([1.0, 2.0, 4.0]), np.ones((3, 1)))
+    late, path = Curve.through(rows, np.array([2.0, 3.0, 7.0])), Curve.through(rows)
+    timeline = Timeline.of(scene, [early, path, late])
+    assert (timeline.begin, timeline.end, timeline.duration, timeline.timed) == (1.0, 7.0, 6.0, True)
+    for now, at_early, at_late, at_path in ((1.0, 0.0, 0.0, 0.0), (2.0, 2.0, 0.0, 2 / 3), (7.0, 3.0, 3.0, 3.0)):
+        found = [float(curve.at_parameter(timeline.parameter(curve, now))[0]) for curve in (early, late, path)]
+        assert found == pytest.approx([at_early, at_late, at_path])
+    for curve in (early, late, path):
+        for parameter in (0.0, 0.3, 1.0):
+            assert timeline.parameter(curve, float(timeline.moments(curve, parameter))) == pytest.approx(parameter)
+    alone = Timeline.of(scene, [path])
+    assert (alone.begin, alone.end, alone.duration, alone.words(0.3)) == (0.0, 1.0, PATH_DURATION, "0.300")
+    ball = Obstacle("ball", Sphere(0.1), motion=SteadyMotion((0.1, 0.0, 0.0)))
+    moving = replace(scene, obstacles=(ball,), timing=Timing(duration=2.5))
+    assert Timeline.of(moving, []) == Timeline(0.0, 2.5, True)
+
+
+def test_a_moving_obstacle_that_is_dragged_keeps_its_motion() -> None:
+    rng = np.random.default_rng(2)
+    motions = (
+        SteadyMotion((0.1, -0.2, 0.0), (0.3, 0.0, 1.0)),
+        TimedPoses((0.5, 1.0, 3.0), tuple(turned(rng) for _ in range(3))),
+    )
+    for motion in motions:
+        pose = turned(rng) if isinstance(motion, SteadyMotion) else motion.poses[0]
+        before = Obstacle("a", Sphere(0.1), pose, motion=motion)
+        aim = turned(rng)
+        old, new = Passages.of(before), Passages.of(moved(before, aim))
+        np.testing.assert_allclose(new.at(np.zeros(1))[0], aim.matrix, atol=1e-12)
+        np.testing.assert_allclose(new.velocity, old.velocity, atol=1e-12)
+        np.testing.assert_allclose(new.spin, old.spin, atol=1e-12)
+        np.testing.assert_array_equal(new.begins, old.begins)
+
+
+def turned(rng: np.random.Generator) -> Pose:
+    quaternion = rng.normal(size=4)
+    return Pose(tuple(rng.normal(size=3).tolist()), tuple((quaternion / np.linalg.norm(quaternion)).tolist()))
 
 
 def test_the_tip_is_between_the_fingers(robot: Robot) -> None:

@@ -13,6 +13,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from hdplan.planner.scene_robot import load_scene_robot
+from hdplan.planner.timing import Timekeeper
 from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.view.handles import GOAL
 from hdplan.planner.view.nodes import ENDLESS, RobotNodes, pose_of
@@ -20,7 +22,19 @@ from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.errors import HdplanError, InputError
-from hdplan.scenes.model import PathConstraints, Pose, Scene, Within
+from hdplan.scenes.model import (
+    Box,
+    Obstacle,
+    PathConstraints,
+    Pose,
+    Scene,
+    Sphere,
+    SteadyMotion,
+    TimedPoses,
+    Timing,
+    Within,
+)
+from hdplan.scenes.moving import Passages
 from hdplan.scenes.reader import load_scene
 
 Opener = Callable[..., Viewer]
@@ -81,6 +95,101 @@ def test_playing_comes_to_the_end_and_stops(viewer: Viewer) -> None:
         time.sleep(0.02)
     assert viewer.player.time == 1.0
     assert viewer.player.button.label == "Play"
+
+
+# --- motions in time --------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def drifting(scene: Scene) -> Scene:
+    """The arm's scene, in which a ball crosses and a bar swings."""
+    ball = Obstacle("ball", Sphere(0.08), Pose((1.2, -0.5, 0.1)), motion=SteadyMotion((0.0, 0.3, 0.0), (0.0, 0.0, 1.0)))
+    poses = (Pose((0.0, 1.4, 0.1)), Pose((0.3, 1.4, 0.1), (0.0, 0.0, 0.6, 0.8)))
+    bar = Obstacle("bar", Box((0.3, 0.05, 0.1)), poses[0], motion=TimedPoses((0.3, 1.1), poses))
+    return dataclasses.replace(scene, obstacles=(*scene.obstacles, ball, bar), timing=Timing(duration=1.5))
+
+
+@pytest.fixture(scope="module")
+def timed(drifting: Scene, trajectory: Trajectory) -> Trajectory:
+    return Timekeeper(drifting, load_scene_robot(drifting))(trajectory).trajectory
+
+
+def test_moving_obstacles_are_where_they_are_at_the_sliders_time(
+    opened: Opener, drifting: Scene, timed: Trajectory
+) -> None:
+    viewer = opened(drifting, timed=timed)
+    assert (viewer.player.slider.min, viewer.player.slider.max) == (0.0, 1.5)
+    for now in (0.0, 0.412, 1.5):
+        viewer.show(now)
+        for node in viewer.obstacles:
+            wanted = Passages.of(node.obstacle).at(np.array([now]))[0]
+            np.testing.assert_allclose(pose_of(node.frame).matrix, wanted, rtol=0, atol=1e-12)
+        q = timed.at(timed.curve.parameter_of(now))
+        assert_posed(viewer.shown[0].robot, q)
+        nearest, _ = viewer.certifier.nearest(q, time=now)
+        assert nearest is not None
+        assert f"{nearest.distance * 1e3:.1f} mm" in viewer.closest.label.text
+        assert f"clearance at {now:.3f} s, exact" in viewer._clearance.content
+    motion = viewer.shown[0].motion
+    for k in (0, 50, len(motion.parameter) - 1):
+        when = float(motion.curve.time_of(motion.parameter[k]))
+        place, _ = viewer.certifier.nearest(motion.joints[k], time=when)
+        assert place is not None
+        assert motion.clearance[k] == place.distance
+
+
+def test_a_moving_obstacle_is_dragged_at_time_0_and_moves_on_from_there(
+    opened: Opener, drifting: Scene, timed: Trajectory
+) -> None:
+    viewer = opened(drifting, timed=timed)
+    viewer.show(0.7)
+    handles, index = viewer.planning.handles, len(drifting.obstacles) - 2
+    handles.choice.value = "obstacle ball"
+    viewer.worker.settle(20)
+    assert viewer.player.time == 0.0
+    pose = Pose((1.4, -0.5, 0.1))
+    by_worker(viewer, lambda: handles.drag(pose))
+    by_worker(viewer, handles.let_go)
+    assert pose_of(viewer.obstacles[index].frame).position == pytest.approx(pose.position)
+    viewer.show(1.0)
+    assert pose_of(viewer.obstacles[index].frame).position == pytest.approx((1.4, -0.2, 0.1))
+    assert viewer.scene.obstacles[index].motion == drifting.obstacles[index].motion
+
+
+def test_a_motion_plays_in_real_time(opened: Opener, drifting: Scene, timed: Trajectory) -> None:
+    viewer = opened(drifting, timed=timed)
+    began = time.monotonic()
+    viewer.player.play()
+    while viewer.player.playing:
+        assert time.monotonic() < began + 20
+        time.sleep(0.01)
+    assert viewer.player.time == 1.5
+    assert 1.4 < time.monotonic() - began < 3.0  # later where the machine has other things to do
+
+
+def test_motions_of_different_durations_share_the_seconds(
+    opened: Opener, drifting: Scene, timed: Trajectory, scene: Scene, trajectory: Trajectory
+) -> None:
+    assert timed.times is not None
+    slow = dataclasses.replace(timed, times=2 * timed.times, velocities=None, accelerations=None)
+    viewer = opened(scene, timed=timed, slow=slow, path=trajectory)
+    assert viewer.player.slider.max == 3.0
+    viewer.show(1.5)
+    assert_posed(viewer.shown[0].robot, timed.positions[-1])
+    assert_posed(viewer.shown[1].robot, slow.at(slow.curve.parameter_of(1.5)))
+    assert_posed(viewer.shown[2].robot, trajectory.at(0.5))
+    viewer.show(3.0)
+    assert_posed(viewer.shown[0].robot, timed.positions[-1])
+    assert "1.500 s in" in viewer.verdict
+    assert "3.000 s in" in viewer.verdict
+
+
+def test_moving_obstacles_can_be_watched_before_there_is_a_motion(opened: Opener, drifting: Scene) -> None:
+    viewer = opened(drifting)
+    assert not viewer.player.slider.disabled
+    viewer.show(1.0)
+    ball = viewer.obstacles[-2]
+    assert pose_of(ball.frame).position == pytest.approx((1.2, -0.2, 0.1))
 
 
 def test_layers_come_and_go(viewer: Viewer) -> None:
