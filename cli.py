@@ -173,8 +173,9 @@ def plan(
 ) -> None:
     """Plan a motion from start to goal and prove it free.
 
-    The motion is smooth in joint space and straight between its waypoints. It is certified over its whole course, not
-    at samples, against the robot's collision meshes and the scene's own shapes. Where the proof fails, planning goes
+    The motion is smooth in joint space: straight between its waypoints, or with times, velocities and accelerations
+    where the scene asks for them. It is certified over its whole course, not at samples, against the robot's collision
+    meshes and the scene's own shapes. Where the proof fails, planning goes
     on there, or from another guess, until the time limit.
 
     Ctrl-C ends with the best motion found so far.
@@ -224,8 +225,8 @@ def check(
 ) -> None:
     """Certify a joint trajectory, ours or another planner's.
 
-    Proves that the whole motion along straight lines between the waypoints is free, or says where it is not. Its ends
-    must be the scene's start and goal; its joints are found by name, in any order.
+    Proves that the whole motion is free, or says where it is not: straight lines between the waypoints, or the curve
+    that the file's velocities say. Its ends must be the scene's start and goal; its joints are found by name.
     """
     from hdplan.planner.certificate import Certifier
     from hdplan.planner.result import how_long, verdict

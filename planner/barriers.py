@@ -12,17 +12,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.distance.holder import check_gamma, resolve_shaping_length
 from hdplan.planner.box_pairs import BoxPairs, GdfPairs
 from hdplan.planner.fcl_pairs import FclPairs
 from hdplan.planner.hdsdf_pairs import HdsdfPairs
 from hdplan.planner.kinematics import Kinematics, KinematicsBatch
-from hdplan.planner.link_bodies import LinkBody
+from hdplan.planner.link_bodies import LinkBody, link_bodies
 from hdplan.planner.outline import outline_of
-from hdplan.planner.pairs import BodyPairs, body_pairs
+from hdplan.planner.pairs import BodyPairs, Rows, body_pairs
 from hdplan.planner.plane_bodies import PlaneBody, from_link_body, from_obstacle
 from hdplan.planner.reach import levers
 from hdplan.planner.robot import Robot
@@ -54,6 +56,11 @@ class BarrierSettings:
         known = ("paper", "paper-multiset") if self.distance == "hdsdf-boxes" else ("faces", "box", "sphere")
         if self.normals not in known:
             raise InputError(f"control.normals: '{self.normals}' for {self.distance}{nearest(self.normals, known)}")
+        try:
+            check_gamma(self.gamma)
+            resolve_shaping_length(self.gamma, self.shaping_length, None)
+        except InputError as error:
+            raise InputError(f"control.{error}") from None
         for name in ("growth", "self_growth"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise InputError(f"control.{name}: found {getattr(self, name):g} m, allowed is 0 to 1 m")
@@ -81,65 +88,112 @@ class Barriers:
         settings: BarrierSettings,
         movers: Sequence[tuple[Passages, Sequence[PlaneBody]]] = (),
         clearances: Mapping[str, float] | None = None,
+        hulls: Sequence[LinkBody] = (),
+        unguarded: Sequence[tuple[str, str]] = (),
     ) -> None:
-        """Lay out the pairs. `obstacles` stand; the bodies beside a motion are given in its obstacle's own frame;
-        `clearances` [m], by name, are grown on obstacles beside the settings' growth."""
+        """Lay out the pairs. `obstacles` stand; the bodies beside a motion are given in its obstacle's own frame.
+
+        clearances: [m], by name, that are grown on obstacles beside the settings' growth. hulls: the links' own hulls,
+        for `nearness`. unguarded: pairs of links that are left out, to be told.
+        """
         self.robot, self.kinematics, self.settings = robot, kinematics, settings
-        self.movers = tuple(motion for motion, _ in movers)
+        self.movers, self.unguarded = tuple(motion for motion, _ in movers), tuple(unguarded)
         carried = [
             replace(body, joint=kinematics.nj + index) for index, (_, moved) in enumerate(movers) for body in moved
         ]
         others = [*obstacles, *carried]
-        moving_links = [index for index, body in enumerate(bodies) if body.joint > 0]
-        outer = [(a, b) for a in moving_links for b in range(len(others))]
         # links that stand are in no pair: if a moving obstacle meets one, no motion of the robot prevents it
+        outer = [(a, b) for a, body in enumerate(bodies) if body.joint > 0 for b in range(len(others))]
+        extra = np.array([(clearances or {}).get(body.name, 0.0) for body in others])
+        normals = settings.normals if settings.distance == "hdsdf" else "box"
+        links = [from_link_body(body.link, body.joint, body.body, normals) for body in bodies]
         supports = np.vstack([kinematics.supports, np.zeros((len(movers), kinematics.n), dtype=np.bool_)])
-        self.groups: list[tuple[BodyPairs, PairDistance]] = []
+        hull_of = {hull.link: index for index, hull in enumerate(hulls)}
+        hull_planes = [from_link_body(hull.link, hull.joint, hull.body) for hull in hulls]
+        self.groups: list[_Group] = []
+        self._true: list[tuple[_Group, Rows]] = []  # of the links' hulls, and the row there of each pair here
         names: list[tuple[str, str]] = []
-        if outer:
-            extra = np.array([(clearances or {}).get(body.name, 0.0) for body in others])
-            pairs = body_pairs(bodies, others, outer, settings.growth + extra, supports)
-            self.groups.append((pairs, _distance(pairs, bodies, others, settings)))
-            names += [(bodies[a].link, others[b].name) for a, b in outer]
-        if self_pairs:
-            normals = settings.normals if settings.distance == "hdsdf" else "box"
-            planes = [from_link_body(body.link, body.joint, body.body, normals) for body in bodies]
-            pairs = body_pairs(bodies, planes, self_pairs, settings.self_growth, supports)
-            self.groups.append((pairs, _distance(pairs, bodies, planes, settings)))
-            names += [(bodies[a].link, bodies[b].link) for a, b in self_pairs]
+        for chosen, planes, margin in (
+            (outer, others, settings.growth + extra),
+            (self_pairs, links, settings.self_growth),
+        ):
+            if not chosen:
+                continue
+            pairs = body_pairs(bodies, planes, chosen, margin, supports)
+            self.groups.append(_Group(pairs, _distance(pairs, bodies, planes, settings)))
+            names += [(bodies[a].link, planes[b].name) for a, b in chosen]
+            if not hulls:
+                continue
+            if planes is links:
+                same = [(hull_of[bodies[a].link], hull_of[bodies[b].link]) for a, b in chosen]
+            else:
+                same = [(hull_of[bodies[a].link], b) for a, b in chosen]
+            solids, unique = hull_planes if planes is links else others, sorted(set(same))
+            pairs = body_pairs(hulls, solids, unique, 0.0, supports)
+            rows = np.array([unique.index(pair) for pair in same], dtype=np.int64)
+            self._true.append((_Group(pairs, FclPairs(pairs, hulls, solids)), rows))
         self.names = tuple(names)  # (P,) link and obstacle, or link and link
         self.obstacle_pairs = len(outer)  # the first of the P
         self.levers = levers(robot, [(body.joint, body.body) for body in bodies])  # (n,) [m]
 
     def evaluate(self, q: Floats, time: float = 0.0) -> BarrierRows:
         """Return Δ and its derivatives at configuration q (n,) and a time [s]."""
-        return self.rows(self.kinematics.evaluate(q), time)
+        scene = self._at(q, time)
+        return self._joined([scene.rows(group, np.arange(len(group.pairs))) for group in self.groups])
 
-    def rows(self, kinematics: KinematicsBatch, time: float = 0.0) -> BarrierRows:
-        """The same at the kinematics of one configuration."""
-        joints, now = kinematics.placements.shape[1], np.array([time])
+    def nearness(self, q: Floats, time: float, chosen: Rows) -> BarrierRows:
+        """Return the exact distance of the links' hulls in the pairs `chosen`, ascending, without growth, with its
+        derivatives; nothing where no hulls were given."""
+        scene, first, found = self._at(q, time), 0, []
+        for group, rows in self._true:
+            found.append(scene.rows(group, rows[chosen[(chosen >= first) & (chosen < first + len(rows))] - first]))
+            first += len(rows)
+        return self._joined(found)
+
+    def _at(self, q: Floats, time: float) -> _Moment:
+        kinematics, now = self.kinematics.evaluate(q), np.array([time])
         poses = [motion.at(now)[0] for motion in self.movers]
         if poses:
             flat = np.array([np.append(pose[:3, :3].ravel(), pose[:3, 3]) for pose in poses])
             kinematics = replace(kinematics, placements=np.concatenate([kinematics.placements, flat[None]], axis=1))
-        values, gradients, drifts = [], [], []
-        for pairs, distance in self.groups:
-            every = np.arange(len(pairs))
-            value, wrench, _ = distance(kinematics, np.zeros(len(pairs), dtype=np.int64), every)
-            values.append(value)
-            gradients.append((wrench @ kinematics.columns[0].T) * pairs.moves)
-            drift = np.zeros(len(pairs))
-            for index, (motion, pose) in enumerate(zip(self.movers, poses, strict=True)):
-                carried, passage = pairs.joint_b == joints + index, int(motion.row(now)[0])
-                speed, spin = motion.velocity[passage], motion.spin[passage]
-                drift[carried] = -wrench[carried] @ np.append(speed - np.cross(spin, pose[:3, 3]), spin)
-            drifts.append(drift)
-        n = self.kinematics.n
+        twists = []
+        for motion, pose in zip(self.movers, poses, strict=True):
+            passage = int(motion.row(now)[0])
+            speed, spin = motion.velocity[passage], motion.spin[passage]
+            twists.append(np.append(speed - np.cross(spin, pose[:3, 3]), spin))
+        return _Moment(kinematics, self.kinematics.nj, twists)
+
+    def _joined(self, found: Sequence[BarrierRows]) -> BarrierRows:
         return BarrierRows(
-            np.concatenate([np.empty(0), *values]),
-            np.concatenate([np.empty((0, n)), *gradients]),
-            np.concatenate([np.empty(0), *drifts]),
+            np.concatenate([np.empty(0), *(rows.value for rows in found)]),
+            np.concatenate([np.empty((0, self.kinematics.n)), *(rows.gradient for rows in found)]),
+            np.concatenate([np.empty(0), *(rows.drift for rows in found)]),
         )
+
+
+class _Group(NamedTuple):
+    """Pairs whose distance is of one kind."""
+
+    pairs: BodyPairs
+    distance: PairDistance
+
+
+class _Moment(NamedTuple):
+    """Robot and obstacles at one configuration and time."""
+
+    kinematics: KinematicsBatch  # the frames of the moving obstacles behind the joints'
+    joints: int  # that the robot has, the world among them
+    twists: Sequence[Floats]  # (6,) of each moving obstacle
+
+    def rows(self, group: _Group, chosen: Rows) -> BarrierRows:
+        """Evaluate some pairs of a group."""
+        pairs, distance = group
+        value, wrench, _ = distance(self.kinematics, np.zeros(len(chosen), dtype=np.int64), chosen)
+        drift = np.zeros(len(chosen))
+        for index, twist in enumerate(self.twists):
+            carried = pairs.joint_b[chosen] == self.joints + index
+            drift[carried] = -wrench[carried] @ twist
+        return BarrierRows(value, (wrench @ self.kinematics.columns[0].T) * pairs.moves[chosen], drift)
 
 
 def _distance(
@@ -161,7 +215,7 @@ def _distance(
 
 def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Barriers:
     """Return the barriers of a scene: the outer bodies of the planner, every obstacle, grown by what the scene wants
-    free around it as well, and the robot's own pairs.
+    free around it as well, and the robot's own pairs but for those whose outer bodies overlap anyway.
 
     Link bodies are the scene's setting `planner.link_bodies`, boxes for the distances that know nothing else. Raises
     InputError for an obstacle that the distance cannot take.
@@ -178,5 +232,14 @@ def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Bar
             else:
                 movers.append((Passages.of(obstacle), from_obstacle(replace(obstacle, pose=Pose()), planes)[0]))
         return Barriers(
-            robot, outline.kinematics, outline.bodies, outline.self_pairs, standing, settings, movers, scene.clearances
+            robot,
+            outline.kinematics,
+            outline.bodies,
+            outline.self_pairs,
+            standing,
+            settings,
+            movers,
+            scene.clearances,
+            link_bodies(robot, "hull"),
+            outline.unresolved,
         )

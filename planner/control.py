@@ -13,8 +13,10 @@ What it guarantees is derived in `barrier_rules`. The barrier's inequality is li
 a period the distance bends. So each command is looked at once more at its end: it is taken only if every Δ_k(q + u T)
 stays at or above δ_k, or at least does not fall where it is below already; otherwise it is halved, and stopped at last.
 Then Δ_k ≥ δ_k at every sample for all time once it holds at the first, whatever the distance's kinks, against obstacles
-that stand; standing still is always allowed. Against an obstacle that moves, standing still may not be enough: then
-the command that is best at its end is taken, and the step says that it gives way.
+that stand; standing still is always allowed. Below its margin Δ says too little, as outer bodies may overlap where the
+links do not: there the exact distance of the links' hulls is kept from falling below NEAR as well, by a barrier and by
+the same look. Against an obstacle that moves, standing still may not be enough: then the command that is best at its
+end is taken, and the step says that it gives way.
 
 Settings that are provably not safe are refused by name (`barrier_rules.refuse_unsafe`). A controller like this is no
 planner: it can come to rest where no velocity brings it on, short of its target.
@@ -43,6 +45,7 @@ Array = NDArray[np.float64]
 
 SHARES = (1.0, 0.5, 0.25, 0.0)  # of a command that are tried in turn
 ROUNDING = 1e-12  # [m] granted to a distance that may not fall
+NEAR = 0.01  # [m] below which the exact distance of a pair that is inside its margin may not fall
 VANISHED = 1e-12  # a gradient shorter than this is none: no velocity changes that distance
 UNBOUNDED = 1e30  # DAQP's infinity
 SOLVED = (1, 2)  # DAQP's exit flags of a solution, exact or to its tolerance
@@ -79,6 +82,9 @@ class ControlSettings:
         for name, low, high in (("rate", 0.0, 1e3), ("period", 0.0, 1.0), ("speed", 0.0, 1.0)):
             if not low < getattr(self, name) <= high:
                 raise InputError(f"control.{name}: found {getattr(self, name):g}, allowed is up to {high:g}, above 0")
+        for name in ("margin", "self_margin"):
+            if not np.isfinite(getattr(self, name)):
+                raise InputError(f"control.{name}: found {getattr(self, name)}, allowed is a finite length")
         if not self.as_published:
             self.refuse_unsafe()
 
@@ -158,13 +164,15 @@ class Controller:
         """Return the command at configuration q (n,) and a time [s]."""
         began = perf_counter()
         rows = self.barriers.evaluate(q, time)
+        slacks = rows.value - self._margins
+        inside = np.flatnonzero(slacks < 0.0) if self.settings.look_ahead else np.empty(0, dtype=np.int64)
+        near = self.barriers.nearness(q, time, inside)
         measured = perf_counter() - began
         began = perf_counter()
-        wanted = self._program(q, rows, task, time)
+        wanted = self._program(q, rows, near, task, time)
         solved = perf_counter() - began
         began = perf_counter()
-        velocity, mode, after = self._looked_at(q, wanted, rows, time)
-        slacks = rows.value - self._margins
+        velocity, mode, after = self._looked_at(q, wanted, rows, near, inside, time)
         closest = int(np.argmin(slacks)) if len(slacks) else -1
         return Step(
             velocity,
@@ -177,7 +185,7 @@ class Controller:
             solved,
         )
 
-    def _program(self, q: Array, rows: BarrierRows, task: Task, time: float) -> Array | None:
+    def _program(self, q: Array, rows: BarrierRows, near: BarrierRows, task: Task, time: float) -> Array | None:
         """Return the solution of the quadratic program (n,), or None if there is none.
 
         DAQP (a dual active-set solver) took 13 µs for 7 joints and 60 rows where quadprog took 40, PIQP 67, ProxQP 316
@@ -186,12 +194,18 @@ class Controller:
         settings, robot = self.settings, self.robot
         lower = np.maximum(-self.fastest, -settings.rate * (q - robot.lower))
         upper = np.minimum(self.fastest, settings.rate * (robot.upper - q))
-        bound = -settings.rate * (rows.value - self._margins) - rows.drift
-        length = np.linalg.norm(rows.gradient, axis=1)
+        bound = np.concatenate(
+            [
+                -settings.rate * (rows.value - self._margins) - rows.drift,
+                -settings.rate * np.maximum(near.value - NEAR, 0.0) - near.drift,
+            ]
+        )
+        gradient = np.concatenate([rows.gradient, near.gradient])
+        length = np.linalg.norm(gradient, axis=1)
         # a row that no velocity within the limits can break is left out: exact, and most are
-        least = np.minimum(rows.gradient * lower, rows.gradient * upper).sum(axis=1)
+        least = np.minimum(gradient * lower, gradient * upper).sum(axis=1)
         kept = (least < bound) & (length > VANISHED)
-        matrix = rows.gradient[kept] / length[kept, None]  # the solver's tolerance then means the same for all
+        matrix = gradient[kept] / length[kept, None]  # the solver's tolerance then means the same for all
         hessian, linear = task.objective(q, time)
         if np.any(lower > upper):
             return None
@@ -206,7 +220,13 @@ class Controller:
         return np.array(solution) if flag in SOLVED else None
 
     def _looked_at(
-        self, q: Array, wanted: Array | None, rows: BarrierRows, time: float
+        self,
+        q: Array,
+        wanted: Array | None,
+        rows: BarrierRows,
+        near: BarrierRows,
+        inside: NDArray[np.int64],
+        time: float,
     ) -> tuple[Array, Mode, BarrierRows | None]:
         """Return what is commanded of the program's solution, and Δ at its end, where that was looked at."""
         nothing = np.zeros_like(q)
@@ -215,13 +235,18 @@ class Controller:
         if not self.settings.look_ahead:
             return wanted, Mode.MOVING, None
         period, floor = self.settings.period, np.minimum(rows.value, self._margins) - ROUNDING
+        near_floor = np.minimum(near.value, NEAR) - ROUNDING
         tried: list[tuple[float, Array, BarrierRows]] = []
         for share in SHARES:
             if share == 0.0 and not self.barriers.movers:
                 return nothing, Mode.STOPPED, rows  # nothing changes
             velocity = share * wanted
-            after = self.barriers.evaluate(q + period * velocity, time + period)
-            tried.append((float(np.min(after.value - floor, initial=np.inf)), velocity, after))
+            ahead, then = q + period * velocity, time + period
+            after = self.barriers.evaluate(ahead, then)
+            worst = float(np.min(after.value - floor, initial=np.inf))
+            if len(near.value):
+                worst = min(worst, float(np.min(self.barriers.nearness(ahead, then, inside).value - near_floor)))
+            tried.append((worst, velocity, after))
             if tried[-1][0] >= 0.0:
                 return velocity, MODES[share], after
         _, velocity, after = max(tried, key=lambda each: each[0])

@@ -258,8 +258,8 @@ class _Watch:
             assert place is not None  # there are obstacles
             self.meshes.append(place.distance)
         nearest = int(np.argmin(step.rows.value[:outer]))
-        _, distance = self.barriers.groups[0]
-        wrench = distance(self.barriers.kinematics.evaluate(q), np.zeros(1, np.int64), np.array([nearest]))[1][0]
+        kinematics = self.barriers.kinematics.evaluate(q)
+        wrench = self.barriers.groups[0].distance(kinematics, np.zeros(1, np.int64), np.array([nearest]))[1][0]
         force, torque = np.split(wrench, 2)
         square = float(force @ force)
         point = np.cross(force, torque) / square if square > 0 else np.zeros(3)  # of the line of action

@@ -103,15 +103,17 @@ def _joints(problem: Problem) -> Rows:
             (velocity_limits, "/s"),
             (acceleration_limits, "/s²"),
             (jerk_limits, "/s³"),
-            (torque_limits, " Nm"),
+            (torque_limits, " N"),
         )
     ]
     rows: Rows = []
     for i, joint in enumerate(robot.joint_names):
         low, high = robot.lower[i], robot.upper[i]
         limits = f"limits {low:7.4g} to {high:<7.4g}" if np.isfinite([low, high]).all() else f"{'turns freely':25}"
-        own = "  ".join(f"{limit[i]:.4g}{unit}" for limit, unit in most if limit is not None)
-        row = f"{problem.start[i]:8.4g} → {problem.goal[i]:8.4g}   {limits}  {own}"
+        own = " ".join(f"{limit[i]:.4g}{unit}" for limit, unit in most if limit is not None)
+        if own.endswith(" N") and not robot.model.joints[i + 1].shortname().startswith("JointModelP"):
+            own += "m"
+        row = f"{problem.start[i]:8.4g} → {problem.goal[i]:8.4g}  {limits} {own}"
         rows.append((f"{joint:{width}}", row.rstrip()))
     return rows
 

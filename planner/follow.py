@@ -55,6 +55,7 @@ class Followed:
     arrived: float | None  # how long the robot took to its end [s]; None: it did not get there
     away: float  # the farthest that a joint was from the trajectory at the same phase [rad] or [m]
     held: float  # how long it was HELD or more behind or beside [s]
+    unguarded: tuple[tuple[str, str], ...] = ()  # link pairs that the controller knows nothing of
 
     @property
     def succeeded(self) -> bool:
@@ -72,7 +73,9 @@ class Followed:
         """What happened, for reading."""
         seconds = self.run.distance_seconds + self.run.program_seconds
         counted = ", ".join(f"{count} {mode.value}" for mode, count in self.run.counted.most_common())
+        unguarded = ", ".join(f"{a} and {b}" for a, b in self.unguarded)
         return [
+            *([("not kept apart", f"{unguarded}: their outer bodies overlap anyway")] if unguarded else []),
             ("away", f"{self.away:.3g} rad from the trajectory at most, held up for {self.held:.1f} s"),
             ("periods", f"{counted}, of {1e3 * self.run.period:g} ms"),
             ("time", f"{1e3 * np.median(seconds):.2f} ms a step, {1e3 * np.quantile(seconds, 0.95):.2f} ms at 95 %"),
@@ -125,6 +128,7 @@ def follow(
         None if task.since is None else task.since - begin,
         float(behind.max(initial=0.0)),
         settings.period * int((behind >= HELD).sum()),
+        controller.barriers.unguarded,
     )
 
 

@@ -35,7 +35,7 @@ from hdplan.planner.view.recording import record
 from hdplan.planner.view.skins import Skin, collision_skins, visual_skins
 from hdplan.planner.view.timeline import Timeline
 from hdplan.planner.view.worker import Worker
-from hdplan.scenes.errors import HdplanError, InputError
+from hdplan.scenes.errors import HdplanError, InputError, naming
 from hdplan.scenes.model import Scene
 
 Array = NDArray[np.float64]
@@ -77,7 +77,10 @@ class Viewer:
         self.tip = Tip.of(robot)
         self.contacts: tuple[tuple[Contact, ...], tuple[Contact, ...]] = ((), ())  # of start and goal
         self._complain = complain
-        motions = [Motion.of(name, trajectory, self.certifier) for name, trajectory in trajectories]
+        motions = []
+        for name, trajectory in trajectories:
+            with naming(name):  # several may have come, and one not fit
+                motions.append(Motion.of(name, trajectory, self.certifier))
         self.skins, self.note = _skins(scene, robot)
         self.worker = Worker(self._failed)
 

@@ -21,7 +21,7 @@ from hdplan.planner.barrier_rules import boundary_slope, separation_bound, shape
 from hdplan.planner.barriers import Barriers, BarrierSettings, scene_barriers
 from hdplan.planner.box_pairs import BoxPairs
 from hdplan.planner.certificate import Certifier
-from hdplan.planner.control import Controller, ControlSettings, Mode
+from hdplan.planner.control import NEAR, Controller, ControlSettings, Mode
 from hdplan.planner.control_run import fast_energy, simulate, total_variation
 from hdplan.planner.control_tasks import PoseTask, TrackTask, standing
 from hdplan.planner.link_bodies import LinkBody
@@ -232,6 +232,7 @@ def test_provably_unsafe_settings_are_refused_by_name() -> None:
         (dict(barriers=BarrierSettings("euclidean", growth=0.01, self_growth=0.0), margin=-0.02), "inside the true"),
         (dict(period=0.0), "control.period"),
         (dict(speed=1.5), "control.speed"),
+        (dict(margin=math.nan), "control.margin"),
     ):
         with pytest.raises(InputError, match=word) as refused:
             ControlSettings(**wrong)  # type: ignore[arg-type]
@@ -241,6 +242,8 @@ def test_provably_unsafe_settings_are_refused_by_name() -> None:
         (dict(distance="hdsd"), "hdsdf"),
         (dict(normals="paper"), "normals"),
         (dict(growth=-1.0), "growth"),
+        (dict(gamma=0), "control.gamma"),
+        (dict(shaping_length=-1.0), "control.shaping_length"),
     ):
         with pytest.raises(InputError, match=word):
             BarrierSettings(**wrong)  # type: ignore[arg-type]
@@ -361,6 +364,33 @@ def test_never_a_contact_from_random_starts(starts: int, robot: Robot) -> None:
             promised += 1
     assert held  # barriers had something to do
     assert promised > starts // 4
+
+
+def test_links_that_begin_inside_a_margin_do_not_touch(robot: Robot) -> None:
+    """Where outer bodies overlap and links do not, the exact distance of the hulls is kept, and no other pair's Δ falls
+    below its margin."""
+    rng = np.random.default_rng(10)
+    settings = ControlSettings(period=0.01, speed=0.3)
+    controller = Controller.of(scene_of(), settings, robot)
+    certifier = Certifier(scene_of(), robot)
+    done = moved = 0
+    for q in robot.draw(rng, 4000):
+        inside = np.flatnonzero(controller.barriers.evaluate(q).value < settings.self_margin)
+        if len(inside) == 0 or certifier.contacts(q):
+            continue
+        run = simulate(controller, q, standing(robot.draw(rng, 1)[0], gain=4.0), 0.5)
+        near = controller.barriers.nearness(q, 0.0, inside).value
+        for configuration in run.positions[::5]:
+            now = controller.barriers.nearness(configuration, 0.0, inside).value
+            assert (now >= np.minimum(near, NEAR) - 1e-4).all()
+        motion = Trajectory(robot.joint_names, run.positions, robot.locked)
+        assert certifier.certify(motion, check_ends=False).certified
+        moved += bool(np.abs(np.diff(run.positions, axis=0)).max() > 1e-6)
+        done += 1
+        if done == 12:
+            break
+    assert done == 12
+    assert moved  # it is not that nothing goes any more
 
 
 def test_slacks_stay_above_zero_once_they_are(robot: Robot) -> None:

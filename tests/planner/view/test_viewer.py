@@ -305,8 +305,13 @@ def test_the_box_of_a_path_constraint_is_shown_where_there_is_one(viewer: Viewer
 
 def test_a_trajectory_of_another_robot_is_refused(scene: Scene) -> None:
     stranger = Trajectory(("elbow",), np.zeros((2, 1)))
-    with pytest.raises(InputError, match="is missing"):
+    with pytest.raises(InputError, match=r"stranger: trajectory: joint .* is missing"):
         open_viewer(scene, [("stranger", stranger)], port=8180)
+
+
+def test_a_path_without_times_is_refused_where_obstacles_move(drifting: Scene, trajectory: Trajectory) -> None:
+    with pytest.raises(InputError, match="found: trajectory: has no times, and obstacle 'ball' moves"):
+        open_viewer(drifting, [("found", trajectory)], port=8180)
 
 
 def test_it_listens_on_this_machine_alone_and_takes_the_next_free_port(opened: Opener, scene: Scene) -> None:
