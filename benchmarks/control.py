@@ -92,7 +92,7 @@ def starts(count: int, rate: float, speed: float) -> None:
 
 
 def free_start(rng: np.random.Generator, robot: Robot, count: int | None = None) -> tuple[Scene, Certifier, Array]:
-    """Return a random scene of 3 to 10 obstacles, or so many, and a random configuration that touches nothing in it, by exact distance."""
+    """Return a random scene of 3 to 10 obstacles, or of so many, and a configuration that touches nothing, exactly."""
     while True:  # another scene where the shoulder itself is in the way
         scene = random_scene(rng, int(rng.integers(3, 11)) if count is None else count)
         certifier = Certifier(scene, robot)
