@@ -832,7 +832,7 @@ def _closest_rows(certificate: Certificate) -> list[tuple[str, str]]:
 
 def _place(place: Place) -> str:
     distance = f"{place.distance * 1e3:.2f} mm" if place.distance >= 0 else f"{-place.distance * 1e3:.2f} mm deep"
-    when = f"{place.time:.3f} of 1" if place.seconds is None else f"{place.seconds:.3f} s"
+    when = f"{place.parameter:.3f} of 1" if place.seconds is None else f"{place.seconds:.3f} s"
     return f"{place.link} to {place.other}, {distance} at {when}"
 
 

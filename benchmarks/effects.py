@@ -2,9 +2,10 @@
 
     python benchmarks/effects.py [--picture FILE.png] [--csv FILE] [--repeat R]
 
-One process, warm: every scene is planned once before it is measured; given are medians. An evaluation is one call of
-`Problem.evaluate` at the straight line. Solve includes the law of time. Without its section a scene is another problem,
-often an easier one: where the iterations differ, so does the solve, whatever an iteration costs.
+One process, warm: every scene is planned once before it is measured. Given is the least of R runs, all of which do the
+same: whatever else the machine does only adds to it. An evaluation is one call of `Problem.evaluate` at the straight
+line. Solve includes the law of time. Without its section a scene is another problem, often an easier one: where the
+iterations differ, so does the solve, whatever an iteration costs.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from hdplan.scenes.model import Limits, PathConstraints, Scene, SelfCollision
 from hdplan.scenes.reader import load_scene
 
 WEIGHT = 1e5  # [1/m²] of the penalty in an evaluation
-LOOKS = 5  # evaluations of which the median counts
+LOOKS = 5  # evaluations in a run
 PHASES = ("evaluation", "build", "solve", "certificate")
 
 
@@ -90,7 +91,7 @@ EFFECTS = (
 
 
 def measure(scenes: tuple[Scene, ...], repeat: int) -> list[Cost]:
-    """Plan scenes in turn, again and again, so that all of them meet the same machine; what each took in the median."""
+    """Plan scenes in turn, again and again, so that all of them meet the same machine; what each took at least."""
     robots = [load_scene_robot(scene) for scene in scenes]
     problems = [hdplan.build(scene, robot) for scene, robot in zip(scenes, robots, strict=True)]
     phases: list[list[tuple[float, ...]]] = [[] for _ in scenes]
@@ -106,21 +107,21 @@ def measure(scenes: tuple[Scene, ...], repeat: int) -> list[Cost]:
             tuple(term.name for term in problem.terms),
             sum(len(term.pairs) for term in problem.pair_terms),
             result.iterations,
-            tuple(np.median(taken[1:], axis=0).tolist()),
+            tuple(np.min(taken[1:], axis=0).tolist()),
         )
         for taken, problem, result in zip(phases, problems, results, strict=True)
     ]
 
 
 def look(problem: hdplan.Problem) -> float:
-    """Return what an evaluation at the straight line takes [s], the median of a few."""
+    """Return what an evaluation at the straight line takes [s], the least of a few."""
     line = np.linspace(problem.start, problem.goal, problem.waypoints)
     taken = []
     for _ in range(LOOKS):
         began = time.perf_counter()
         problem.evaluate(line, WEIGHT)
         taken.append(time.perf_counter() - began)
-    return float(np.median(taken))
+    return min(taken)
 
 
 def row(effect: Effect, off: Cost, on: Cost) -> str:
@@ -168,10 +169,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--picture", type=Path)
     parser.add_argument("--csv", type=Path)
-    parser.add_argument("--repeat", type=int, default=7)
+    parser.add_argument("--repeat", type=int, default=15)
     options = parser.parse_args()
 
-    print(f"Python {platform.python_version()}, {platform.machine()}, medians of {options.repeat}, without → with\n")
+    print(f"Python {platform.python_version()}, {platform.machine()}, least of {options.repeat} runs, without → with\n")
     print("| section | scene | pairs | evaluation [ms] | iterations | build [ms] | solve [ms] | certificate [ms] | |")
     print("|---|---|---|---|---|---|---|---|---|")
     costs = []

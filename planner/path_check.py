@@ -46,7 +46,7 @@ class Departure:
     link: str
     interval: int  # between rows `interval` and `interval` + 1
     fraction: float  # of that interval, 0 to 1
-    time: float  # path parameter of the whole motion, 0 to 1
+    parameter: float  # of the whole motion, 0 to 1
     found: float  # there: the angle [rad], or how far beyond the box [m]
     allowed: float  # the tolerance [rad], or 0 [m]
 

@@ -84,7 +84,7 @@ def draw_clearance(axis: Any, subject: Subject) -> None:
     """Draw the exact distances along the motion, the planner's lower bound, and what is proven."""
     certificate, certifier = subject.certificate, subject.certifier
     worst = [place for place in (certificate.worst, certificate.self_worst) if place]
-    times = np.unique([*np.linspace(0.0, 1.0, CLEARANCE_STEPS + 1), *(place.time for place in worst)])
+    times = np.unique([*np.linspace(0.0, 1.0, CLEARANCE_STEPS + 1), *(place.parameter for place in worst)])
     curve = subject.trajectory.curve
     found = Clearances.along(certifier, curve, times)
     when = curve.time_of(times)

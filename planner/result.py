@@ -108,7 +108,7 @@ def verdict(certificate: Certificate) -> dict[str, Any]:
         "self_clearance_m": certificate.self_clearance,
         "worst": worst
         and {
-            "parameter": worst.time,
+            "parameter": worst.parameter,
             "seconds": worst.seconds,
             "link": worst.link,
             "obstacle": worst.other,

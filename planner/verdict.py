@@ -59,7 +59,7 @@ class Place:
 
     interval: int  # between waypoints `interval` and `interval` + 1
     fraction: float  # of that interval, 0 to 1
-    time: float  # path parameter of the whole motion, 0 to 1
+    parameter: float  # of the whole motion, 0 to 1
     seconds: float | None  # when; None for a path without times
     link: str
     other: str  # an obstacle or another link
@@ -182,7 +182,7 @@ def _words(place: Place) -> str:
 
 
 def _where(place: Place, what: str) -> str:
-    when = f"time {place.time:.3f}" if place.seconds is None else f"{place.seconds:.3f} s"
+    when = f"at {place.parameter:.3f} of 1" if place.seconds is None else f"{place.seconds:.3f} s"
     return f"{place.link} and {place.other} {what} after waypoint {place.interval} ({when})"
 
 
@@ -200,7 +200,7 @@ def _others(failures: tuple[Place, ...]) -> str:
 
 
 def _departure(worst: Departure, departures: tuple[Departure, ...], curve: Curve) -> str:
-    when = f"time {worst.time:.3f}" if curve.times is None else f"{float(curve.time_of(worst.time)):.3f} s"
+    when = f"at {worst.parameter:.3f} of 1" if curve.times is None else f"{float(curve.time_of(worst.parameter)):.3f} s"
     intervals = len({place.interval for place in departures})
     return (
         f"{worst.words}{'' if worst.violated else ', too close to tell'} after waypoint {worst.interval} ({when}); "

@@ -186,7 +186,7 @@ def test_every_contact_found_is_one(tmp_path: Path) -> None:
     assert found.status is Status.IN_CONTACT
     path = Trajectory(robot.joint_names, waypoints)
     for place in found.failures:
-        env, own = sampled(robot, obstacles, path.at(place.time))
+        env, own = sampled(robot, obstacles, path.at(place.parameter))
         either = {frozenset(pair): value for pair, value in {**env, **own}.items()}
         assert either[frozenset((place.link, place.other))] <= 1e-6
 

@@ -139,7 +139,7 @@ def test_dense_samples_never_find_more_than_is_proven(name: str, base: Pose, tmp
         for departure in proof.departures:
             place = curve.at(np.array([departure.interval]), np.array([departure.fraction]))
             assert sampled(robot, scene, place)[departure.field][0] == pytest.approx(departure.found, abs=1e-7)
-            assert departure.time == pytest.approx((departure.interval + departure.fraction) / (len(curve) - 1))
+            assert departure.parameter == pytest.approx((departure.interval + departure.fraction) / (len(curve) - 1))
     assert seen == {True, False}
 
 

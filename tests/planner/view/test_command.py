@@ -66,7 +66,7 @@ def test_a_page_is_recorded(
     trajectory.save(tmp_path / "motion.json")
     page = tmp_path / "page.html"
     assert run(monkeypatch, "planar_arm", tmp_path / "motion.json", "--record", page) == 0
-    assert capsys.readouterr().out.split() == ["written", str(page)]
+    assert "".join(capsys.readouterr().out.split()) == f"written{page}"  # long names may be broken over lines
     assert page.stat().st_size > 500_000
 
 
