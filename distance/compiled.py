@@ -87,6 +87,8 @@ class RowFunction:
             sizes = (function.sz_arg(), function.sz_res(), function.sz_iw(), function.sz_w())
             self._arg, self._res = ((ctypes.c_void_p * max(size, 1))() for size in sizes[:2])
             self._iw, self._w = np.zeros(max(sizes[2], 1), np.int64), np.zeros(max(sizes[3], 1))
+            self._memories = [memory.ctypes.data_as(ctypes.c_void_p) for memory in (self._iw, self._w)]
+            self._numbers = [(ctypes.c_longlong * len(widths))(*widths) for widths in (self.widths, self.result_widths)]
         self._prepare_once(library)
         RowFunction.seconds += time.perf_counter() - began
 
@@ -109,21 +111,20 @@ class RowFunction:
                     f"{self.function.name()}: input {i} is {table.shape} with {row.shape} rows; "
                     f"expected (any, {self.widths[i]}) with ({count},)"
                 )
-            if count and (row.min() < 0 or row.max() >= len(table)):
+            if count and row.view(np.uint64).max() >= len(table):  # negative ones are larger than any
                 raise ValueError(f"{self.function.name()}: input {i} has rows outside 0 … {len(table) - 1}")
         results = [np.empty((count, width)) for width in self.result_widths]
         if self.is_compiled:
             self._loop(
                 ctypes.c_longlong(count),
                 _addresses(tables),
-                (ctypes.c_longlong * len(tables))(*self.widths),
+                self._numbers[0],
                 _addresses(rows),
                 _addresses(results),
-                (ctypes.c_longlong * len(results))(*self.result_widths),
+                self._numbers[1],
                 self._arg,
                 self._res,
-                self._iw.ctypes.data_as(ctypes.c_void_p),
-                self._w.ctypes.data_as(ctypes.c_void_p),
+                *self._memories,
             )
         else:
             self._interpret(tables, rows, results)
@@ -151,7 +152,7 @@ class RowFunction:
         arg, res = ((ctypes.c_void_p * len(memory))() for memory in (self._arg, self._res))
         arg[: len(self.widths)] = [argument.ctypes.data for argument in self._arguments]
         res[: len(self.result_widths)] = [result.ctypes.data for result in self._results]
-        memories = (pointer.ctypes.data_as(ctypes.c_void_p) for pointer in (self._iw, self._w))
+        memories = self._memories
         self._trigger = functools.partial(getattr(library, self.function.name()), arg, res, *memories, 0)
 
     def _interpret(self, tables: Sequence[Floats], rows: Sequence[Rows], results: Sequence[Floats]) -> None:
@@ -166,7 +167,7 @@ class RowFunction:
 
 
 def _addresses(arrays: Sequence[Floats] | Sequence[Rows]) -> ctypes.Array[ctypes.c_void_p]:
-    return (ctypes.c_void_p * len(arrays))(*(array.ctypes.data for array in arrays))
+    return (ctypes.c_void_p * len(arrays))(*(array.__array_interface__["data"][0] for array in arrays))
 
 
 @functools.cache

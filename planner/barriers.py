@@ -73,6 +73,7 @@ class BarrierRows:
     value: Floats  # (P,) [m]
     gradient: Floats  # (P, n) by the configuration
     drift: Floats  # (P,) by time alone [m/s]
+    separation: Floats  # (P,) a lower bound of the true distance less the growth [m]; of the GDF no bound
 
 
 class Barriers:
@@ -132,23 +133,43 @@ class Barriers:
             pairs = body_pairs(hulls, solids, unique, 0.0, supports)
             rows = np.array([unique.index(pair) for pair in same], dtype=np.int64)
             self._true.append((_Group(pairs, FclPairs(pairs, hulls, solids)), rows))
+        self._nothing = BarrierRows(np.empty(0), np.empty((0, kinematics.n)), np.empty(0), np.empty(0))
         self.names = tuple(names)  # (P,) link and obstacle, or link and link
         self.obstacle_pairs = len(outer)  # the first of the P
         self.levers = levers(robot, [(body.joint, body.body) for body in bodies])  # (n,) [m]
 
-    def evaluate(self, q: Floats, time: float = 0.0) -> BarrierRows:
-        """Return Δ and its derivatives at configuration q (n,) and a time [s]."""
-        scene = self._at(q, time)
-        return self._joined([scene.rows(group, np.arange(len(group.pairs))) for group in self.groups])
+    def evaluate(self, q: Floats, time: float = 0.0, chosen: Rows | None = None) -> BarrierRows:
+        """Return Δ and its derivatives at configuration q (n,) and a time [s]; of `chosen` pairs, ascending, or all."""
+        every = [(group, np.arange(len(group.pairs))) for group in self.groups]
+        return self._evaluated(q, time, every, np.arange(len(self.names)) if chosen is None else chosen)
 
     def nearness(self, q: Floats, time: float, chosen: Rows) -> BarrierRows:
         """Return the exact distance of the links' hulls in the pairs `chosen`, ascending, without growth, with its
         derivatives; nothing where no hulls were given."""
+        if not len(chosen) or not self._true:
+            return self._nothing
+        return self._evaluated(q, time, self._true, chosen)
+
+    def certain(self, rows: BarrierRows, velocity: Floats, period: float) -> NDArray[np.bool_]:
+        """Return which pairs (P,) have a positive Δ after a period of a velocity, whatever else it is, by how far the
+        robot's points move: the plain maximum over planes fixed in an obstacle that stands changes by no more."""
+        known = np.arange(len(self.names)) < self.obstacle_pairs
+        if self.settings.distance != "hdsdf" or self.movers:
+            return np.zeros(len(known), dtype=np.bool_)
+        return np.asarray(known & (rows.separation > period * float(np.abs(velocity) @ self.levers)))
+
+    def _evaluated(self, q: Floats, time: float, groups: Sequence[tuple[_Group, Rows]], chosen: Rows) -> BarrierRows:
+        """Evaluate the chosen pairs, which count through all groups; each group with its rows for its pairs."""
         scene, first, found = self._at(q, time), 0, []
-        for group, rows in self._true:
-            found.append(scene.rows(group, rows[chosen[(chosen >= first) & (chosen < first + len(rows))] - first]))
+        for group, rows in groups:
+            own = chosen[(chosen >= first) & (chosen < first + len(rows))]
             first += len(rows)
-        return self._joined(found)
+            if len(own):
+                found.append(scene.rows(group, rows[own - (first - len(rows))]))
+        if not found:
+            return self._nothing
+        fields = zip(*((rows.value, rows.gradient, rows.drift, rows.separation) for rows in found), strict=True)
+        return BarrierRows(*(np.concatenate(parts) for parts in fields))
 
     def _at(self, q: Floats, time: float) -> _Moment:
         kinematics, now = self.kinematics.evaluate(q), np.array([time])
@@ -162,13 +183,6 @@ class Barriers:
             speed, spin = motion.velocity[passage], motion.spin[passage]
             twists.append(np.append(speed - np.cross(spin, pose[:3, 3]), spin))
         return _Moment(kinematics, self.kinematics.nj, twists)
-
-    def _joined(self, found: Sequence[BarrierRows]) -> BarrierRows:
-        return BarrierRows(
-            np.concatenate([np.empty(0), *(rows.value for rows in found)]),
-            np.concatenate([np.empty((0, self.kinematics.n)), *(rows.gradient for rows in found)]),
-            np.concatenate([np.empty(0), *(rows.drift for rows in found)]),
-        )
 
 
 class _Group(NamedTuple):
@@ -188,12 +202,12 @@ class _Moment(NamedTuple):
     def rows(self, group: _Group, chosen: Rows) -> BarrierRows:
         """Evaluate some pairs of a group."""
         pairs, distance = group
-        value, wrench, _ = distance(self.kinematics, np.zeros(len(chosen), dtype=np.int64), chosen)
+        value, wrench, separation = distance(self.kinematics, np.zeros(len(chosen), dtype=np.int64), chosen)
         drift = np.zeros(len(chosen))
         for index, twist in enumerate(self.twists):
             carried = pairs.joint_b[chosen] == self.joints + index
             drift[carried] = -wrench[carried] @ twist
-        return BarrierRows(value, (wrench @ self.kinematics.columns[0].T) * pairs.moves[chosen], drift)
+        return BarrierRows(value, (wrench @ self.kinematics.columns[0].T) * pairs.moves[chosen], drift, separation)
 
 
 def _distance(

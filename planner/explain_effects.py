@@ -60,9 +60,8 @@ def _standing(problem: Problem) -> Effect:
     if not _has(problem, "obstacles"):
         if not problem.bodies:
             return Effect("obstacles", "", "no link has collision geometry")
-        return Effect(
-            "obstacles", "", "every obstacle is out of the robot's reach" if standing else "needs obstacles[]"
-        )
+        why = "every obstacle is out of the robot's reach" if standing else "needs obstacles[]"
+        return Effect("obstacles", "", why)
     reach = settings.clearance + settings.activation
     words = f"{len(standing)}; grows where a moving link comes within {reach:g} m of one"
     if own := sum(obstacle.clearance is not None for obstacle in standing):
@@ -83,9 +82,9 @@ def _moving(problem: Problem) -> Effect:
 def _self_collision(problem: Problem) -> Effect:
     if _has(problem, "self-collision"):
         held = " or held objects" if problem.robot.attached else ""
-        words = f"by default; grows where two links{held} come within {self_margin(problem.scene):g} m"
-        if problem.scene.self_collision.clearance:
-            words = words.replace("by default", f"clearance {problem.scene.self_collision.clearance:g} m")
+        clearance = problem.scene.self_collision.clearance
+        why = f"clearance {clearance:g} m" if clearance else "by default"
+        words = f"{why}; grows where two links{held} come within {self_margin(problem.scene):g} m"
         return Effect("self-collision", words)
     if not problem.bodies:
         why = "no link has collision geometry"
