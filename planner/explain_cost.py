@@ -16,7 +16,7 @@ from hdplan.planner.kinematics import KinematicsBatch
 from hdplan.planner.problem import Floats, Problem
 from hdplan.planner.solvers.solution import FIRST_WEIGHT
 from hdplan.planner.swept_clearance import SweptClearance
-from hdplan.planner.terms import Clearance, Term
+from hdplan.planner.terms import Clearance, MotionTerm, Term
 
 Rows = list[tuple[str, str]]
 
@@ -40,7 +40,7 @@ def functions(problem: Problem) -> Rows:
     return rows
 
 
-def _compiled(term: Term) -> Iterator[tuple[str, Any]]:
+def _compiled(term: Term | MotionTerm) -> Iterator[tuple[str, Any]]:
     """The functions that a term calls, by what tells them apart."""
     if isinstance(term, Clearance) and isinstance(term.distance, HdsdfPairs):
         for count in sorted(set(term.pairs.plane_slots.tolist())):
@@ -79,10 +79,10 @@ def trial(problem: Problem) -> Rows:
     return [("measured", place), *rows, ("all, with derivatives", f"{evaluated * 1e3:7.3f} ms")]
 
 
-def _run(term: Term, problem: Problem, kinematics: KinematicsBatch, line: Floats) -> Callable[[], float]:
+def _run(term: Term | MotionTerm, problem: Problem, kinematics: KinematicsBatch, line: Floats) -> Callable[[], float]:
     """What one evaluation of a term takes; it returns the term's cost."""
-    if isinstance(term, SweptClearance):
-        return lambda: term.over_motion(problem.kinematics.evaluate(line)).cost
+    if isinstance(term, MotionTerm):
+        return lambda: term.over_motion(line, problem.kinematics.evaluate(line)).cost
     return lambda: term.value(kinematics, problem.samples).cost
 
 

@@ -159,9 +159,13 @@ def _timed(problem: Problem) -> tuple[Effect, ...]:
         "jerk": limits.jerk,
     }
     kept = [f"{quantity} ({_origin(value)})" for quantity, value in rates.items() if value is not None]
+    moving = any(obstacle.motion is not None for obstacle in problem.scene.obstacles)
+    sought = "; the law of time is fixed, so what comes close to that of velocity is penalized" * moving
     return (
         Effect("times", law, "needs timing.duration, or limits.acceleration"),
-        Effect("limits of rates", ", ".join(kept), "needs limits.velocity, limits.acceleration or limits.jerk"),
+        Effect(
+            "limits of rates", ", ".join(kept) + sought, "needs limits.velocity, limits.acceleration or limits.jerk"
+        ),
         Effect("limits of torque", _torque(problem), "needs limits.torque"),
     )
 

@@ -30,7 +30,7 @@ from hdplan.planner.robot import Robot
 from hdplan.planner.samples import Samples
 from hdplan.planner.scene_robot import load_scene_robot, resolve_query
 from hdplan.planner.swept_clearance import SweptClearance
-from hdplan.planner.terms import Clearance, PairDistance, Smoothness, Term
+from hdplan.planner.terms import Clearance, MotionTerm, PairDistance, Smoothness, Term
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.model import JointTarget, PathConstraints, PlannerSettings, Scene
 
@@ -69,7 +69,7 @@ class Problem:
     bodies: tuple[LinkBody, ...]  # the links' outer bodies
     plane_bodies: tuple[PlaneBody, ...]  # the obstacles' convex pieces, those last that move
     smoothness: Smoothness
-    terms: tuple[Term, ...]  # what the scene calls for: obstacles, self-collision, …
+    terms: tuple[Term | MotionTerm, ...]  # what the scene calls for: obstacles, self-collision, …
     samples: Samples
     unresolved: tuple[tuple[str, str], ...]  # link pairs left to the certificate, as their outer bodies overlap anyway
     apart: tuple[tuple[int, int], ...]  # pairs of bodies left out, as they keep their margin within all limits
@@ -105,7 +105,7 @@ class Problem:
         """Cost and derivatives at waypoints (N, n) with penalty weight w [1/m²]."""
         smoothness, gradient = self.smoothness.value(positions)
         kinematics = self.kinematics.evaluate(self.samples.configurations(positions))
-        sampled = [term for term in self.terms if not isinstance(term, SweptClearance)]
+        sampled = [term for term in self.terms if not isinstance(term, MotionTerm)]
         penalties = [term.value(kinematics, self.samples) for term in sampled]
         n, batch = positions.shape[1], len(self.samples.weight)
         total = sum((p.gradient for p in penalties), np.zeros((batch, n)))
@@ -115,8 +115,8 @@ class Problem:
         penalty = sum(p.cost for p in penalties)
         depth = np.max([np.zeros(batch), *(p.depth for p in penalties)], axis=0)
         for term in self.terms:
-            if isinstance(term, SweptClearance):
-                found = term.over_motion(self.kinematics.evaluate(positions))
+            if isinstance(term, MotionTerm):
+                found = term.over_motion(positions, self.kinematics.evaluate(positions))
                 penalty, slope = penalty + found.cost, slope + found.gradient
                 diagonal, coupling = diagonal + found.diagonal, coupling + found.coupling
                 depth = np.maximum(depth, found.depth[self.samples.interval])
@@ -184,7 +184,7 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
     plane_bodies = tuple(body for pieces, _ in enclosed for body in pieces)
     notes = [*scene.notes, *robot.notes, *query.notes, *(word for _, words in enclosed for word in words)]
 
-    terms: list[Term] = []
+    terms: list[Term | MotionTerm] = []
     clearances = scene.clearances
     margins = np.array([clearances[body.name] + settings.activation for body in plane_bodies])
     pairs = [
@@ -205,6 +205,7 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
         )
     if len(standing) < len(scene.obstacles) and any(body.joint > 0 for body in bodies):
         from hdplan.planner.moving_clearance import moving_clearance
+        from hdplan.planner.pace import pace
 
         with naming(scene.source):
             term, drifting, words = moving_clearance(
@@ -215,7 +216,7 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
                     pairs, bodies, pieces, settings, plane_counts(settings.normals)
                 ),
             )
-        terms.append(term)
+        terms += [term, pace(scene, robot)]
         plane_bodies, notes = (*plane_bodies, *drifting), [*notes, *words]
     margin = self_margin(scene)
     kept = [(pair, kept > margin) for pair, kept in zip(outline.self_pairs, outline.distances_kept, strict=True)]

@@ -10,7 +10,6 @@ that turns leaves it a little in between, which is the certificate's to see, as 
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,23 +18,12 @@ from hdplan.distance.compiled import RowFunction
 from hdplan.distance.halfspaces import swept_halfspace_distance
 from hdplan.planner.kinematics import KinematicsBatch
 from hdplan.planner.pairs import BodyPairs
-from hdplan.planner.terms import Clearance, Inside, PairDistance
+from hdplan.planner.terms import Clearance, Inside, MotionPenalty, MotionTerm, PairDistance
 
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class SweptPenalty:
-    """The penalty of a whole motion of N waypoints."""
-
-    cost: float
-    gradient: Floats  # (N, n)
-    diagonal: Floats  # (N, n, n) Gauss-Newton curvature of each waypoint
-    coupling: Floats  # (N − 1, n, n) of q_{k+1} (rows) with q_k
-    depth: Floats  # (N − 1,) how far the worst pair may be inside its margin on the interval, 0 if none is [m]
-
-
-class SweptClearance(Clearance):
+class SweptClearance(Clearance, MotionTerm):
     """The clearance of obstacles, swept over the intervals of a motion; of single configurations, what `Clearance`
     says."""
 
@@ -79,7 +67,7 @@ class SweptClearance(Clearance):
         ]
         return Inside(interval, pair, distance[kept], separation[kept], np.hstack(gradient))
 
-    def over_motion(self, kinematics: KinematicsBatch) -> SweptPenalty:
+    def over_motion(self, positions: Floats, kinematics: KinematicsBatch) -> MotionPenalty:
         """The penalty over a motion, from the kinematics of its N waypoints."""
         count, n = kinematics.columns.shape[:2]
         inside = self.between(kinematics)
@@ -97,7 +85,7 @@ class SweptClearance(Clearance):
             diagonal[k + 1] += outer[:, n:, n:]
             coupling[k] = outer[:, n:, :n]
             depth[k] = np.maximum.reduceat(-inside.separation, starts)
-        return SweptPenalty(0.5 * weight * float(np.sum(inside.distance**2)), gradient, diagonal, coupling, depth)
+        return MotionPenalty(0.5 * weight * float(np.sum(inside.distance**2)), gradient, diagonal, coupling, depth)
 
 
 @functools.cache

@@ -60,6 +60,17 @@ class Penalty:
 
 
 @dataclass(frozen=True)
+class MotionPenalty:
+    """A penalty on a whole motion of N waypoints."""
+
+    cost: float
+    gradient: Floats  # (N, n)
+    diagonal: Floats  # (N, n, n) Gauss-Newton curvature of each waypoint
+    coupling: Floats  # (N − 1, n, n) of q_{k+1} (rows) with q_k
+    depth: Floats  # (N − 1,) how far the worst may be inside its margin on the interval, 0 if nothing is [m]
+
+
+@dataclass(frozen=True)
 class Inside:
     """The S body pairs that are inside their margin, samples ascending."""
 
@@ -101,6 +112,21 @@ class Term(Protocol):
         """How far each of B configurations may be inside the margin (B,) [m], 0 if it is not; of no particular time, or
         at path parameters `time` (B,)."""
         ...
+
+
+class MotionTerm:
+    """An effect on the motion between waypoints, not on configurations along it."""
+
+    name: str
+
+    def over_motion(self, positions: Floats, kinematics: KinematicsBatch) -> MotionPenalty:
+        """The penalty of a motion through waypoints (N, n), and their kinematics."""
+        raise NotImplementedError
+
+    def depth(self, kinematics: KinematicsBatch, time: Floats | None = None) -> Floats:
+        """How far single configurations may be inside the margin (B,) [m]: nothing, unless the effect is one on them
+        too."""
+        return np.zeros(len(kinematics.placements))
 
 
 class Clearance:

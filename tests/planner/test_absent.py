@@ -22,7 +22,7 @@ from hdplan.scenes.reader import load_scene
 
 # Effect -> its modules, and a shipped scene that calls for it.
 EFFECTS = {
-    "moving obstacles": (["planner.moving_clearance", "scenes.moving"], "panda_conveyor"),
+    "moving obstacles": (["planner.moving_clearance", "planner.pace", "scenes.moving"], "panda_conveyor"),
     "times": (["planner.timing", "planner.rate_check"], "ur5_pallet"),
     "torques and loads": (
         [
@@ -124,7 +124,7 @@ def without(scene: Scene, section: str) -> Scene:
 @pytest.mark.parametrize(
     ("scene", "section", "terms"),
     [
-        ("panda_conveyor", "obstacles[].motion", {"moving obstacles"}),
+        ("panda_conveyor", "obstacles[].motion", {"moving obstacles", "pace"}),
         ("panda_cup", "path", {"path.upright"}),
         ("ur5_scan", "path", {"path.position"}),
         ("panda_heavy", "limits.torque", {"static torque"}),

@@ -12,8 +12,11 @@ from scipy.spatial.transform import Rotation, Slerp
 import hdplan
 from hdplan.planner.certificate import Certifier
 from hdplan.planner.moving_clearance import MovingClearance
+from hdplan.planner.pace import Pace
 from hdplan.planner.problem import Problem, build
+from hdplan.planner.rate_check import rates
 from hdplan.planner.scene_robot import load_scene_robot
+from hdplan.planner.timing import Timekeeper
 from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.verdict import Status
 from hdplan.scenes.errors import InputError
@@ -185,3 +188,39 @@ def test_a_path_without_times_meets_no_moving_obstacle(crossing: Scene) -> None:
         InputError, match="solver ipopt: needs exact second derivatives, which an obstacle that moves does not have"
     ):
         hdplan.plan(crossing, solver="ipopt")
+
+
+# --- the pace ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_pace_is_penalized_by_its_exact_gradient_and_curvature(problem: Problem) -> None:
+    (pace,) = (term for term in problem.terms if isinstance(term, Pace))
+    rng = np.random.default_rng(6)
+    line = np.linspace(problem.start, problem.goal, problem.waypoints)
+    fast = line + np.cumsum(rng.normal(scale=0.2, size=line.shape), axis=0)
+    kinematics = problem.kinematics.evaluate(fast)
+    assert pace.over_motion(line[:1] + 0 * line, kinematics).cost == 0.0  # at rest
+    found, step = pace.over_motion(fast, kinematics), 1e-6
+    assert found.cost > 0.0
+    for _ in range(8):
+        v = rng.normal(size=fast.shape)
+        after, before = (pace.over_motion(fast + sign * step * v, kinematics) for sign in (1, -1))
+        assert np.sum(found.gradient * v) == pytest.approx((after.cost - before.cost) / (2 * step), rel=1e-5)
+        bent = np.einsum("kij,kj->ki", found.diagonal, v)
+        bent[1:] += np.einsum("kij,kj->ki", found.coupling, v[:-1])
+        bent[:-1] += np.einsum("kji,kj->ki", found.coupling, v[1:])
+        np.testing.assert_allclose(bent, (after.gradient - before.gradient) / (2 * step), rtol=1e-4, atol=1e-6)
+
+
+def test_what_is_clear_of_the_pace_is_within_the_limits_when_it_is_executed(problem: Problem, crossing: Scene) -> None:
+    """The margin that a clear motion may use up ends below the limit, by the executed curve's own bounds."""
+    (pace,) = (term for term in problem.terms if isinstance(term, Pace))
+    robot, half = problem.robot, 0.5 * crossing.planner.activation
+    rng = np.random.default_rng(8)
+    keeper = Timekeeper(crossing, robot)
+    for _ in range(5):
+        bend = rng.normal(scale=0.6, size=robot.n) * np.sin(np.pi * np.linspace(0, 1, 32))[:, None]
+        rows = np.clip(np.linspace(problem.start, problem.goal, 32) + bend, robot.lower, robot.upper)
+        clear = pace.over_motion(rows, problem.kinematics.evaluate(rows)).depth.max() <= half
+        (use,) = rates(keeper(Trajectory(robot.joint_names, rows, robot.locked)).trajectory.curve, crossing, robot)
+        assert use.within or not clear

@@ -128,9 +128,9 @@ def test_gradient_is_that_of_the_cost(cage: Problem, motion: Array) -> None:
     term = term_of(cage)
 
     def cost(positions: Array) -> float:
-        return term.over_motion(cage.kinematics.evaluate(positions)).cost
+        return term.over_motion(positions, cage.kinematics.evaluate(positions)).cost
 
-    gradient = term.over_motion(cage.kinematics.evaluate(motion)).gradient
+    gradient = term.over_motion(motion, cage.kinematics.evaluate(motion)).gradient
     assert cost(motion) > 0
     scale = np.abs(gradient).max()
     for k in range(len(motion)):
@@ -144,7 +144,7 @@ def test_gradient_is_that_of_the_cost(cage: Problem, motion: Array) -> None:
 def test_curvature_is_gauss_newtons(cage: Problem, motion: Array) -> None:
     """vᵀHv = h Σ (dD·v)² for any v, the blocks between neighbours included."""
     term, kinematics = term_of(cage), cage.kinematics.evaluate(motion)
-    found, inside = term.over_motion(kinematics), term.between(kinematics)
+    found, inside = term.over_motion(motion, kinematics), term.between(kinematics)
     rng = np.random.default_rng(3)
     for _ in range(5):
         v = rng.normal(size=motion.shape)
