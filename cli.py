@@ -11,39 +11,35 @@ import io
 import json
 import math
 import os
-import shutil
-import signal
 import sys
-import textwrap
 import threading
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich import box
-from rich.cells import cell_len
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
-from rich.table import Table
 from rich.text import Text
 
+from hdplan.planner.console import measuring, printing, progress, say, waiting
+from hdplan.planner.printed import (
+    closest_rows,
+    columns,
+    limit_rows,
+    rates_table,
+    result_rows,
+    simulation_rows,
+    table,
+    torques_table,
+    verdict_text,
+)
 from hdplan.scenes.errors import HdplanError, InputError, naming
 
 if TYPE_CHECKING:
     from hdplan.planner.report import Report
-    from hdplan.planner.result import PlanResult
-    from hdplan.planner.search import Event
-    from hdplan.planner.simulate import JointUse, Peak, Simulation
-    from hdplan.planner.verdict import Certificate, Place
-    from hdplan.scenes.model import PlannerSettings, Scene
+    from hdplan.scenes.model import Scene
 
 INTERRUPTED = 130  # what shells say of a command ended by Ctrl-C
-STANDS = 1e-6  # [rad/s and the like] below which a joint does not move, but for rounding
-BAR = 14  # [columns] of a torque at its limit
-WIDTH = 80  # [columns] of tables where the output is no terminal
 TyperError: type[Exception] = typer.BadParameter.__mro__[2]  # ClickException, wherever this Typer keeps its click
 
 app = typer.Typer(
@@ -199,19 +195,19 @@ def plan(
     problem = _load(scene, request, robot)
     if distance is not None:
         problem = replace(problem, planner=replace(problem.planner, distance=distance))
-    with _progress(problem.planner, shown=not quiet and not as_json) as (report, stop):
+    with progress(problem.planner, shown=not quiet and not as_json) as (report, stop):
         result = find(problem, solver=solver, seed=seed, time_limit=time_limit, report=report, stop=stop)
     if output is not None:
         result.save(output)
     if plot is not None:
         draw(Subject.planned(problem, load_scene_robot(problem), result), plot)
     if not quiet:
-        with _printing() as show:
+        with printing() as show:
             if as_json:
                 show(json.dumps(result.summary()))
             else:
-                show(_verdict(result.certificate))
-                show(_table(_result_rows(result, [str(file) for file in (output, plot) if file is not None])))
+                show(verdict_text(result.certificate))
+                show(table(result_rows(result, [str(file) for file in (output, plot) if file is not None])))
     raise typer.Exit(0 if result.certified else 1)
 
 
@@ -238,7 +234,7 @@ def check(
     certifier = Certifier(problem, load_scene_robot(problem))
     with naming(trajectory):  # its joints may not fit
         certificate = certifier.certify(motion)
-    with _printing() as show:
+    with printing() as show:
         if as_json:
             about = {
                 "status": certificate.status.value,
@@ -253,14 +249,14 @@ def check(
             times = {"certify": round(certificate.seconds, 6)}
             show(json.dumps({**about, **verdict(certificate), "time_s": times}))
         else:
-            show(_verdict(certificate))
+            show(verdict_text(certificate))
             effort = (
                 f"{certificate.configurations} configurations, {certificate.exact_calls} exact distances, "
                 f"{certificate.seconds:.2f} s"
             )
             motion_row = ("motion", f"{motion.extent} of {certifier.robot.name} in {problem.name}")
-            rows = [motion_row, *_closest_rows(certificate), *_limit_rows(certificate), ("proof", effort)]
-            show(_table(rows))
+            rows = [motion_row, *closest_rows(certificate), *limit_rows(certificate), ("proof", effort)]
+            show(table(rows))
     raise typer.Exit(0 if certificate.certified else 1)
 
 
@@ -295,19 +291,19 @@ def follow(
     problem = _load(scene, request, robot)
     motion = Trajectory.load(trajectory)
     arm = load_scene_robot(problem)
-    with _waiting("following", shown=not as_json), naming(trajectory):  # it may not fit the scene
+    with waiting("following", shown=not as_json), naming(trajectory):  # it may not fit the scene
         found = run(problem, motion, arm)
     if output is not None:
         found.trajectory.save(output, verdict(found.certificate))
-    with _printing() as show:
+    with printing() as show:
         if as_json:
             about = {"scene": problem.name, "robot": arm.name, "trajectory": str(trajectory)}
             show(json.dumps({**about, **found.summary()}))
         else:
             show(Text(found.text, style="green" if found.succeeded else "red"))
-            show(_verdict(found.certificate))
-            rows = [*found.rows(), *_closest_rows(found.certificate)]
-            show(_table([*rows, *([("written", str(output))] if output is not None else [])]))
+            show(verdict_text(found.certificate))
+            rows = [*found.rows(), *closest_rows(found.certificate)]
+            show(table([*rows, *([("written", str(output))] if output is not None else [])]))
     raise typer.Exit(0 if found.succeeded else 1)
 
 
@@ -343,22 +339,22 @@ def simulate(
     arm = load_scene_robot(problem)
     with naming(trajectory):
         fitting(problem, motion, arm)
-    with _waiting("simulating", shown=not as_json):
+    with waiting("simulating", shown=not as_json):
         simulation = replay(problem, motion, arm)
         if plot is not None:
             with naming(trajectory):  # it may have no times
                 plot_simulation(simulation, f"{trajectory.name} in {problem.name}", plot)
-    with _printing() as show:
+    with printing() as show:
         if as_json:
             about = {"scene": problem.name, "robot": arm.name, "trajectory": str(trajectory)}
             show(json.dumps({**simulation.summary(), **about}))
         else:
             show(Text(simulation.text, style="green" if simulation.succeeded else "red"))
             written = [] if plot is None else [("written", str(plot))]
-            show(_table([*_simulation_rows(simulation, problem, arm.name), *written]))
-            show(_rates_table(simulation.joints))
+            show(table([*simulation_rows(simulation, problem, arm.name), *written]))
+            show(rates_table(simulation.joints))
             if simulation.execution is not None:
-                show(_torques_table(simulation.joints))
+                show(torques_table(simulation.joints))
     raise typer.Exit(0 if simulation.succeeded else 1)
 
 
@@ -388,14 +384,14 @@ def plot(
     check_picture(output)
     problem = _load(scene, request, robot)
     motion, steps = Trajectory.load(trajectory), read_steps(trajectory)
-    with _waiting("drawing"):
+    with waiting("drawing"):
         certifier = Certifier(problem, load_scene_robot(problem))
         with naming(trajectory):  # its joints may not fit
             subject = Subject.of(certifier, motion, steps, trajectory.name)
         draw(subject, output)
-    with _printing() as show:
-        show(_verdict(subject.certificate))
-        show(_table([("written", str(output))]))
+    with printing() as show:
+        show(verdict_text(subject.certificate))
+        show(table([("written", str(output))]))
 
 
 @app.command()
@@ -439,13 +435,13 @@ def view(
 
     from hdplan.planner.view.server import open_viewer
 
-    with _waiting("loading the robot's meshes"):
+    with waiting("loading the robot's meshes"):
         arm = load_scene_robot(problem)
         viewer = open_viewer(problem, motions, robot=arm, host=host, port=port, complain=_complain)
-    with contextlib.closing(viewer), contextlib.suppress(KeyboardInterrupt), _printing() as show:
+    with contextlib.closing(viewer), contextlib.suppress(KeyboardInterrupt), printing() as show:
         if record is not None:
             viewer.record(record)
-            show(_table([("written", str(record))]))
+            show(table([("written", str(record))]))
             return
         taken = f" (port {port} is taken)" if viewer.port != port else ""
         show(f"{problem.name} at http://{host}:{viewer.port}{taken}, until Ctrl-C")
@@ -464,16 +460,16 @@ def explain(scene: SceneFile, request: Request = None, robot: RobotFile = None, 
     from hdplan.planner.problem import build
 
     problem = _load(scene, request, robot)
-    with _waiting("building the problem"):
+    with waiting("building the problem"):
         sections = sections_of(build(problem))
-    with _printing() as show:
+    with printing() as show:
         if as_json:
             show(json.dumps({title: dict(rows) for title, rows in sections.items()}))
             return
         for title, rows in sections.items():
             if rows:
                 show(Text(title, style="bold"))
-                show(_table(rows))
+                show(table(rows))
 
 
 @app.command()
@@ -488,16 +484,16 @@ def robots(
     """
     from hdplan.planner.robot_listing import describe, listing
 
-    with _waiting("loading every robot" if name is None else f"loading {name}"):
+    with waiting("loading every robot" if name is None else f"loading {name}"):
         tables = listing() if name is None else describe(name)
-    with _printing() as show:
+    with printing() as show:
         if as_json:
             show(json.dumps(tables))
             return
         for title, rows in tables.items():
             if rows:
                 show(Text(title.replace("_", " "), style="bold"))
-                show(_columns(rows))
+                show(columns(rows))
 
 
 @studies.command()
@@ -510,7 +506,7 @@ def distance(output: Folder = OUT, quick: Quick = False) -> None:
     """
     from hdplan.planner.study import study_distance
 
-    with _measuring() as (report, stop):
+    with measuring() as (report, stop):
         found = study_distance(output, quick, report, stop)
     _show_report(found)
 
@@ -541,7 +537,7 @@ def planning(
     from hdplan.planner.study_planning import study_planning
 
     scenes = [*_shipped(quick), *(_problems(problems, every) if problems else [])]
-    with _measuring() as (report, stop):
+    with measuring() as (report, stop):
         found = study_planning(output, scenes, quick, report, stop)
     _show_report(found)
 
@@ -555,7 +551,7 @@ def time(output: Folder = OUT, quick: Quick = False) -> None:
     """
     from hdplan.planner.reproduce import reproduce_time
 
-    with _measuring() as (report, stop):
+    with measuring() as (report, stop):
         found = reproduce_time(output, quick, report, stop)
     _show_report(found)
 
@@ -569,7 +565,7 @@ def conservativeness(output: Folder = OUT, quick: Quick = False) -> None:
     """
     from hdplan.planner.reproduce import reproduce_conservativeness
 
-    with _measuring() as (report, stop):
+    with measuring() as (report, stop):
         found = reproduce_conservativeness(output, quick, report, stop)
     _show_report(found)
 
@@ -585,7 +581,7 @@ def corridor(output: Folder = OUT, quick: Quick = False) -> None:
     """
     from hdplan.planner.reproduce_corridor import reproduce_corridor
 
-    with _measuring() as (report, stop):
+    with measuring() as (report, stop):
         found = reproduce_corridor(output, quick, report, stop)
     _show_report(found)
 
@@ -599,7 +595,7 @@ def kinks(output: Folder = OUT) -> None:
     """
     from hdplan.planner.reproduce import reproduce_kinks
 
-    with _waiting("following the squares"):
+    with waiting("following the squares"):
         found = reproduce_kinks(output)
     _show_report(found)
 
@@ -612,7 +608,7 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # names of files and obstacles hold any character
             stream.reconfigure(errors="backslashreplace")
-    warnings.showwarning = lambda message, *_, **__: _say(f"note: {message}", "yellow")  # a line, not a source location
+    warnings.showwarning = lambda message, *_, **__: say(f"note: {message}", "yellow")  # a line, not a source location
     try:
         code = app(sys.argv[1:] or ["--help"], prog_name="hdplan", standalone_mode=False)
     except HdplanError as error:
@@ -661,284 +657,21 @@ def _problems(folder: Path, every: int) -> list[Scene]:
     return scenes
 
 
-# --- the error stream --------------------------------------------------------------------------------------
-
-
 def _complain(text: str) -> int:
     """Print one line and return the exit code of bad input."""
-    _say(text, "red")
+    say(text, "red")
     return 2
-
-
-def _say(text: str, style: str) -> None:
-    """Print one line, whatever names and values it repeats."""
-    line = "".join(c if c.isprintable() else " " if c == "\n" else repr(c)[1:-1] for c in f"hdplan: {text}")
-    _Console(sys.stderr).print(Text(line, style=style), soft_wrap=True)
-
-
-@contextlib.contextmanager
-def _waiting(text: str, shown: bool = True) -> Iterator[Any]:
-    """Show what takes its time, on a terminal only; gives an object whose `update(text)` changes the line."""
-    if not (shown and sys.stderr.isatty()):
-        yield None
-        return
-    with _Console(sys.stderr).status(Text(text)) as status:
-        yield status
-
-
-@contextlib.contextmanager
-def _progress(settings: PlannerSettings, shown: bool) -> Iterator[Any]:
-    """Follow the solver in one line; gives the function that takes the events, and one that says whether to stop.
-
-    From the first step on, Ctrl-C is noted and ends the search with the best motion so far.
-    """
-    verdict = ""
-    margin = settings.clearance + settings.activation
-    with _waiting("building the problem (the first time with a robot takes minutes)", shown) as line, _noting() as note:
-
-        def report(event: Event) -> None:
-            nonlocal verdict
-            note()
-            if event.certificate is not None:
-                verdict = f" · last {event.certificate.status.value.replace('_', ' ')}"
-            if event.step is not None and line is not None:
-                step = event.step
-                clearance = f"{'≈' if step.depth else '>'} {(margin - step.depth) * 1e3:.1f} mm"
-                line.update(
-                    Text(
-                        f"attempt {event.attempt} · iteration {step.iteration} · cost {step.cost:.4g} · "
-                        f"clearance {clearance}{verdict}"
-                    )
-                )
-
-        yield report, note.pressed
-
-
-@contextlib.contextmanager
-def _measuring() -> Iterator[Any]:
-    """Show how far a measurement has come, on a terminal only; gives the function that takes the steps, and one that
-    says whether to stop. Ctrl-C is noted as in `_progress`."""
-    with contextlib.ExitStack() as stack:
-        note = stack.enter_context(_noting())
-        bar = None
-        if sys.stderr.isatty():
-            columns = (
-                BarColumn(),
-                TaskProgressColumn(),
-                TimeRemainingColumn(),
-                TextColumn("{task.description}", markup=False),
-            )
-            bar = stack.enter_context(Progress(*columns, console=_Console(sys.stderr), transient=True))
-            task = bar.add_task("starting", total=None)
-
-        def report(done: int, of: int, what: str) -> None:
-            note()
-            if bar is not None:
-                bar.update(task, completed=done, total=of, description=what)
-
-        yield report, note.pressed
-
-
-class _Note:
-    """Notes Ctrl-C from the first call on; a second one ends at once."""
-
-    def __init__(self) -> None:
-        self._event = threading.Event()
-        self.pressed = self._event.is_set
-        self.before = signal.getsignal(signal.SIGINT) or signal.SIG_DFL
-
-    def __call__(self) -> None:
-        """Begin to note, or begin again where a library has taken the signal for itself."""
-        if not self._event.is_set() and signal.getsignal(signal.SIGINT) is self.before:
-            signal.signal(signal.SIGINT, self._note)
-
-    def _note(self, *_: object) -> None:
-        self._event.set()
-        signal.signal(signal.SIGINT, self.before)
-
-
-@contextlib.contextmanager
-def _noting() -> Iterator[_Note]:
-    """Note Ctrl-C, and leave the signal as it was."""
-    note = _Note()
-    try:
-        yield note
-    finally:
-        signal.signal(signal.SIGINT, note.before)
-
-
-# --- the output stream -------------------------------------------------------------------------------------
-
-
-@contextlib.contextmanager
-def _printing() -> Iterator[Any]:
-    """Give a function that prints. A reader who leaves early, as `| head` does, is no failure; a full disk is."""
-    console = _Console(sys.stdout)
-    try:
-        yield lambda text: console.print(text, soft_wrap=True)
-        sys.stdout.flush()
-    except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left unwritten must not fail again
-        if not isinstance(error, BrokenPipeError):
-            raise InputError(f"the output cannot be written ({error.strerror})") from None
-
-
-class _Console(Console):
-    """Prints texts as they are, whatever names they hold."""
-
-    def __init__(self, stream: IO[str]) -> None:
-        super().__init__(file=stream, highlight=False, markup=False, emoji=False)
-
-    def on_broken_pipe(self) -> None:
-        """Leave it to the caller, called while the error is handled; Rich would end with exit code 1."""
-        raise
-
-
-def _verdict(certificate: Certificate) -> Text:
-    return Text(certificate.text, style="green" if certificate.certified else "red")
 
 
 def _show_report(report: Report) -> None:
     """Print what was measured. Exit code 1 if it was interrupted."""
-    with _printing() as show:
+    with printing() as show:
         for title, rows in report.tables.items():
             show(Text(title, style="bold"))
-            show(_columns(rows))
+            show(columns(rows))
         partial = [] if report.complete else [("partial", "interrupted: tables and files hold what was found so far")]
-        show(_table([*partial, *report.notes, *(("written", str(file)) for file in report.files)]))
+        show(table([*partial, *report.notes, *(("written", str(file)) for file in report.files)]))
     raise typer.Exit(0 if report.complete else 1)
-
-
-def _result_rows(result: PlanResult, files: list[str]) -> list[tuple[str, str]]:
-    attempts = f"{result.attempts} attempt" + "s" * (result.attempts != 1)
-    return [
-        ("scene", f"{result.scene} with {result.robot}"),
-        (
-            "motion",
-            f"{result.trajectory.extent}, {result.iterations} iterations, {attempts}, seed {result.seed}",
-        ),
-        *_closest_rows(result.certificate),
-        *_limit_rows(result.certificate),
-        ("time [s]", ", ".join(f"{name} {seconds:.2f}" for name, seconds in vars(result.times).items())),
-        *(("note", note) for note in result.notes),
-        *(("written", file) for file in files),
-    ]
-
-
-def _closest_rows(certificate: Certificate) -> list[tuple[str, str]]:
-    places = {"closest": certificate.worst, "own links": certificate.self_worst}
-    return [(name, _place(place)) for name, place in places.items() if place is not None]
-
-
-def _place(place: Place) -> str:
-    distance = f"{place.distance * 1e3:.2f} mm" if place.distance >= 0 else f"{-place.distance * 1e3:.2f} mm deep"
-    when = f"{place.parameter:.3f} of 1" if place.seconds is None else f"{place.seconds:.3f} s"
-    return f"{place.link} to {place.other}, {distance} at {when}"
-
-
-def _limit_rows(certificate: Certificate) -> list[tuple[str, str]]:
-    """How much of each limit the motion takes at most, and the joint that takes it."""
-    return [
-        (
-            use.quantity,
-            f"at most {use.share:.1%} of the limit, by {use.joint} (limit {use.limit:.4g})"
-            if math.isfinite(use.share)
-            else f"jumps, which no limit allows, of {use.joint} (limit {use.limit:.4g})",
-        )
-        for use in certificate.uses
-    ]
-
-
-def _simulation_rows(simulation: Simulation, scene: Scene, robot: str) -> list[tuple[str, str]]:
-    if simulation.duration is None:
-        motion, when = "a path without times", "at {:.3f} of 1"
-    else:
-        motion, when = f"{simulation.duration:.3f} s", "at {:.3f} s"
-    places = {"closest": simulation.closest, "own links": simulation.self_closest}
-    return [
-        ("motion", f"{motion} of {robot} in {scene.name}, {simulation.curve.rule} between rows"),
-        *(
-            (name, f"{close.link} to {close.other}, {close.distance * 1e3:.2f} mm {when.format(close.time)}")
-            for name, close in places.items()
-            if close is not None
-        ),
-        ("looked at", f"{simulation.looks} configurations, by exact distances"),
-        ("units", "rad, Nm and s; m and N where a joint slides"),
-    ]
-
-
-def _rates_table(joints: Sequence[JointUse]) -> Table:
-    """Lay out how far and how fast each joint moved, and how much of its limits that takes."""
-    rates = [what for what in joints[0].peaks if what != "torque"]
-    table = _joint_table("travel", *rates)
-    for joint in joints:
-        table.add_row(joint.name, f"{joint.travel:.3f}", *(_peak(joint.peaks[what]) for what in rates))
-    return table
-
-
-def _torques_table(joints: Sequence[JointUse]) -> Table:
-    """Lay out what drove each joint, what is left of its limit, and how well it followed."""
-    table = _joint_table("torque", "", "left", "at [s]", "error", "rms")
-    table.columns[2].justify = "left"
-    for joint in joints:
-        torque = joint.peaks["torque"]
-        bar = Text("█" * round(BAR * min(torque.share or 0.0, 1.0)) or "▏", style=_style(torque))
-        figures = (f"{torque.left:.3g}", f"{torque.time:.3f}", f"{joint.error:.1e}", f"{joint.error_rms:.1e}")
-        table.add_row(joint.name, _peak(torque), bar, *figures)
-    return table
-
-
-def _joint_table(*columns: str) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=0, header_style="bold")
-    table.add_column("joint", no_wrap=True)
-    for column in columns:
-        table.add_column(column, justify="right", no_wrap=True)
-    return table
-
-
-def _peak(peak: Peak) -> Text:
-    """Write a largest value with its share of the limit, if there is one."""
-    value = f"{peak.value if peak.value > STANDS else 0:.4g}"
-    if peak.share is None:
-        return Text(value)
-    return Text.assemble(f"{value} ", (f"{100 * peak.share:4.0f} %", _style(peak)))
-
-
-def _style(peak: Peak) -> str:
-    """Colour a share of a limit by how close it is."""
-    share = peak.share or 0.0
-    return "red" if share > 1.001 else "yellow" if share > 0.95 else "green"
-
-
-def _table(rows: Sequence[tuple[str, str]]) -> str:
-    """Lay out names and values; the values wrap within the terminal's width."""
-    return _grid([("", *row) for row in rows], (False, False, False))
-
-
-def _columns(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Lay out rows that have the same keys, under these; a single column goes without."""
-    cells = [[f"{value:.4g}" if isinstance(value, float) else str(value) for value in row.values()] for row in rows]
-    head = [[key.replace("_", " ") for key in rows[0]]] if len(rows[0]) > 1 else []
-    numeric = [all(isinstance(row[key], int | float) for row in rows) for key in rows[0]]
-    return _grid([["", *row] for row in head + cells], [False, *numeric])
-
-
-def _grid(rows: Sequence[Sequence[str]], numeric: Sequence[bool]) -> str:
-    """Align columns of text, two spaces apart, numeric ones to the right; the last one wraps."""
-    columns = list(zip(*rows, strict=True))
-    widths = [max(map(cell_len, column)) for column in columns]
-    indent = sum(widths[:-1]) + 2 * len(widths[:-1])
-    room = max(shutil.get_terminal_size((WIDTH, 24)).columns - indent, 20)
-    lines: list[str] = []
-    for row in rows:
-        gaps = [" " * (width - cell_len(cell)) for cell, width in zip(row, widths, strict=True)]
-        *cells, last = (
-            gap + cell if right else cell + gap for cell, gap, right in zip(row, gaps, numeric, strict=True)
-        )
-        first, *more = textwrap.wrap(last.rstrip(), room, drop_whitespace=False, break_on_hyphens=False) or [""]
-        lines.append("  ".join([*cells, first]).rstrip())
-        lines += [" " * indent + line.strip() for line in more]
-    return "\n".join(lines)
 
 
 if __name__ == "__main__":
