@@ -2,10 +2,10 @@
 
     python benchmarks/effects.py [--picture FILE.png] [--csv FILE] [--repeat R]
 
-One process, warm: every scene is planned once before it is measured. Given is the least of R runs, all of which do the
-same: whatever else the machine does only adds to it. An evaluation is one call of `Problem.evaluate` at the straight
-line. Solve includes the law of time. Without its section a scene is another problem, often an easier one: where the
-iterations differ, so does the solve, whatever an iteration costs.
+One process, warm: every scene is planned once before it is measured. Given is the median of R runs, all of which do
+the same. An evaluation is one call of `Problem.evaluate` at the straight line. Solve includes the law of time. Without
+its section a scene is another problem, often an easier one: where the iterations differ, so does the solve, whatever an
+iteration costs.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ EFFECTS = (
 
 
 def measure(scenes: tuple[Scene, ...], repeat: int) -> list[Cost]:
-    """Plan scenes in turn, again and again, so that all of them meet the same machine; what each took at least."""
+    """Plan scenes in turn, again and again, so that all of them meet the same machine; what each took, in the median."""
     robots = [load_scene_robot(scene) for scene in scenes]
     problems = [hdplan.build(scene, robot) for scene, robot in zip(scenes, robots, strict=True)]
     phases: list[list[tuple[float, ...]]] = [[] for _ in scenes]
@@ -107,21 +107,21 @@ def measure(scenes: tuple[Scene, ...], repeat: int) -> list[Cost]:
             tuple(term.name for term in problem.terms),
             sum(len(term.pairs) for term in problem.pair_terms),
             result.iterations,
-            tuple(np.min(taken[1:], axis=0).tolist()),
+            tuple(np.median(taken[1:], axis=0).tolist()),
         )
         for taken, problem, result in zip(phases, problems, results, strict=True)
     ]
 
 
 def look(problem: hdplan.Problem) -> float:
-    """Return what an evaluation at the straight line takes [s], the least of a few."""
+    """Return what an evaluation at the straight line takes [s], the median of a few."""
     line = np.linspace(problem.start, problem.goal, problem.waypoints)
     taken = []
     for _ in range(LOOKS):
         began = time.perf_counter()
         problem.evaluate(line, WEIGHT)
         taken.append(time.perf_counter() - began)
-    return min(taken)
+    return float(np.median(taken))
 
 
 def row(effect: Effect, off: Cost, on: Cost) -> str:
@@ -172,7 +172,7 @@ def main() -> None:
     parser.add_argument("--repeat", type=int, default=15)
     options = parser.parse_args()
 
-    print(f"Python {platform.python_version()}, {platform.machine()}, least of {options.repeat} runs, without → with\n")
+    print(f"Python {platform.python_version()}, {platform.machine()}, median of {options.repeat} runs, without → with\n")
     print("| section | scene | pairs | evaluation [ms] | iterations | build [ms] | solve [ms] | certificate [ms] | |")
     print("|---|---|---|---|---|---|---|---|---|")
     costs = []
