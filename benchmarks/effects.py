@@ -91,7 +91,7 @@ EFFECTS = (
 
 
 def measure(scenes: tuple[Scene, ...], repeat: int) -> list[Cost]:
-    """Plan scenes in turn, again and again, so that all of them meet the same machine; what each took, in the median."""
+    """Plan scenes in turn, again and again, so that all of them meet the same machine; what each took: medians."""
     robots = [load_scene_robot(scene) for scene in scenes]
     problems = [hdplan.build(scene, robot) for scene, robot in zip(scenes, robots, strict=True)]
     phases: list[list[tuple[float, ...]]] = [[] for _ in scenes]
@@ -172,7 +172,7 @@ def main() -> None:
     parser.add_argument("--repeat", type=int, default=15)
     options = parser.parse_args()
 
-    print(f"Python {platform.python_version()}, {platform.machine()}, median of {options.repeat} runs, without → with\n")
+    print(f"Python {platform.python_version()}, {platform.machine()}, medians of {options.repeat} runs\n")
     print("| section | scene | pairs | evaluation [ms] | iterations | build [ms] | solve [ms] | certificate [ms] | |")
     print("|---|---|---|---|---|---|---|---|---|")
     costs = []
