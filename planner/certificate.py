@@ -45,7 +45,7 @@ NEAR = 0.15  # [m] within which the closest pair is looked for first
 def certify(
     scene: Scene, trajectory: Trajectory, robot: Robot | None = None, *, required: float = 0.0, check_ends: bool = True
 ) -> Certificate:
-    """Certify `trajectory` in `scene`: the verdict over the motion along straight lines between its waypoints.
+    """Certify `trajectory` in `scene`: the verdict over the whole curve that it says (`Trajectory.curve`).
 
     Args:
         scene: the scene; its own shapes count, not the planner's bodies.
