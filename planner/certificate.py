@@ -74,6 +74,10 @@ class Certifier:
         """Gather links, obstacles and the pairs to be kept apart. The robot holds what the scene attaches to it."""
         if robot.attached != scene.attached:
             raise InputError("the robot does not hold what the scene attaches: take the scene's own (load_scene_robot)")
+        if scene.self_collision.checked and not robot.self_pairs and load_scene_robot(scene).self_pairs:
+            raise InputError(
+                "the robot's links are not checked against each other, the scene's are: take the scene's own"
+            )
         self.scene, self.robot = scene, robot
         bodies = list(_link_bodies(robot))
         links: dict[str, list[int]] = {link: [] for link in robot.links}

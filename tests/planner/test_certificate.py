@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import coal
@@ -17,6 +18,7 @@ from hdplan.planner.meshes import TriangleMesh
 from hdplan.planner.motion_bounds import Chain, Motion
 from hdplan.planner.proximity import Piece, best_direction, link_pieces, mesh_pieces, obstacle_pieces
 from hdplan.planner.robot import Robot, load_robot
+from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.verdict import Certificate, Status
 from hdplan.scenes.errors import InputError
@@ -31,9 +33,11 @@ from hdplan.scenes.model import (
     Pose,
     RobotSpec,
     Scene,
+    SelfCollision,
     Shape,
     Sphere,
 )
+from hdplan.scenes.reader import load_scene
 
 Array = NDArray[np.float64]
 
@@ -495,3 +499,11 @@ def test_a_certifier_is_reusable_and_says_the_same(planar: RobotSpec) -> None:
     first, again = certifier.certify(path), certifier.certify(path)
     assert first.certified
     assert (first.clearance, first.worst, first.exact_calls) == (again.clearance, again.worst, again.exact_calls)
+
+
+def test_a_robot_whose_links_are_not_checked_certifies_no_scene_in_which_they_are() -> None:
+    scene = load_scene("panda_fold")
+    blind = dataclasses.replace(scene, self_collision=SelfCollision(checked=False))
+    assert Certifier(blind, load_scene_robot(blind)).sweep.pairs.group.max(initial=0) == 0
+    with pytest.raises(InputError, match="links are not checked against each other, the scene's are"):
+        Certifier(scene, load_scene_robot(blind))
