@@ -54,7 +54,7 @@ class Cost:
 
 def standing(scene: Scene) -> Scene:
     """Return the scene without obstacles that move."""
-    return replace(scene, obstacles=tuple(obstacle for obstacle in scene.obstacles if obstacle.motion is None))
+    return replace(scene, obstacles=scene.standing)
 
 
 def one_clearance(scene: Scene) -> Scene:

@@ -32,7 +32,7 @@ def gdf_boxes(
     """
     point_a = origin_a.copy()
     point_b = np.empty_like(point_a)
-    value_a, value_b = np.zeros(len(half_a)), np.zeros(len(half_a))
+    value_a = np.zeros(len(half_a))
     going = np.arange(len(half_a))
     for _ in range(iterations):
         k = going

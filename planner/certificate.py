@@ -156,9 +156,9 @@ class Certifier:
     def _uses(self, curve: Curve) -> tuple[Use, ...]:
         """Look at the rates, where the scene limits any. Raises InputError where the scene needs times and there are
         none."""
-        moving = [obstacle.name for obstacle in self.scene.obstacles if obstacle.motion is not None]
+        moving = self.scene.moving
         if curve.times is None and (moving or self.scene.timed):
-            why = f"obstacle '{moving[0]}' moves" if moving else "the scene limits rates (limits, timing)"
+            why = f"obstacle '{moving[0].name}' moves" if moving else "the scene limits rates (limits, timing)"
             raise InputError(f"trajectory: has no times, and {why}")
         if not self.scene.timed:
             return ()

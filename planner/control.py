@@ -64,6 +64,9 @@ class Mode(Enum):
 MODES = {share: Mode.SHORTENED for share in SHARES} | {1.0: Mode.MOVING, 0.0: Mode.STOPPED}
 
 
+STANDING = (Mode.INFEASIBLE, Mode.STOPPED)  # for lack of a safe command
+
+
 @dataclass(frozen=True)
 class ControlSettings:
     """How a controller works."""
@@ -125,7 +128,7 @@ class Step:
     @property
     def stopped(self) -> bool:
         """Whether the robot stands for lack of a safe command."""
-        return self.mode in (Mode.INFEASIBLE, Mode.STOPPED)
+        return self.mode in STANDING
 
 
 class Controller:

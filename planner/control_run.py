@@ -39,6 +39,11 @@ class Run:
         return self.begin + np.arange(len(self.positions), dtype=np.float64) * self.period
 
     @property
+    def step_seconds(self) -> Array:
+        """What each step took (N,) [s]."""
+        return self.distance_seconds + self.program_seconds
+
+    @property
     def counted(self) -> Counter[Mode]:
         """How many periods ended in each mode."""
         return Counter(self.modes)

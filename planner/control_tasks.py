@@ -45,7 +45,7 @@ class PoseTask:
     def objective(self, q: Array, time: float) -> tuple[Array, Array]:
         """The quadratic at q; it does not depend on the time."""
         error, jacobian = self._pose.linearized(q[None])
-        return _least_squares(jacobian[0], self.gain * error[0], self.regularization)
+        return least_squares(jacobian[0], self.gain * error[0], self.regularization)
 
     def met(self, q: Array, time: float) -> bool:
         """Whether the link is within the target's tolerances."""
@@ -78,5 +78,6 @@ def standing(q: Array, gain: float = 2.0) -> TrackTask:
     return TrackTask(lambda time: (q, np.zeros_like(q)), gain)
 
 
-def _least_squares(jacobian: Array, wanted: Array, regularization: float) -> tuple[Array, Array]:
+def least_squares(jacobian: Array, wanted: Array, regularization: float) -> tuple[Array, Array]:
+    """Return H and f of ½ ‖J u − wanted‖² + ½ λ ‖u‖², but for a constant."""
     return jacobian.T @ jacobian + regularization * np.eye(jacobian.shape[1]), -jacobian.T @ wanted

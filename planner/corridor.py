@@ -25,7 +25,8 @@ from hdplan.planner.barriers import Barriers, BarrierSettings
 from hdplan.planner.certificate import Certifier
 from hdplan.planner.control import Controller, ControlSettings, Step
 from hdplan.planner.control_run import Run, fast_energy, simulate, total_variation
-from hdplan.planner.kinematics import Kinematics
+from hdplan.planner.control_tasks import least_squares
+from hdplan.planner.kinematics import Kinematics, KinematicsBatch
 from hdplan.planner.link_bodies import LinkBody
 from hdplan.planner.outline import kinematics_of
 from hdplan.planner.plane_bodies import PlaneBody, from_obstacle
@@ -125,6 +126,10 @@ class Outcome:
         """Return the energy above 5 Hz of the same [rad²/s]."""
         return fast_energy(self._commands(seconds, joint), self.run.period)
 
+    def jump_rate(self, seconds: float) -> float:
+        """Return how often the point jumped [1/s], up to `seconds`."""
+        return float(self.jumps[: round(seconds / self.run.period)].mean()) / self.run.period
+
     def _commands(self, seconds: float, joint: int | None) -> Array:
         commands = self.run.velocities[: round(seconds / self.run.period)]
         return commands if joint is None else commands[:, joint]
@@ -172,21 +177,21 @@ class AxesTask:
     def objective(self, q: Array, time: float) -> tuple[Array, Array]:
         """The quadratic at q."""
         state = self.kinematics.evaluate(q)
-        tool = self.at(q)
+        tool = self._placed(state)
         moved = self.kinematics.supports[self.joint][:, None]
         turning = state.angular[0] * moved
         linear = (state.linear[0] + np.cross(state.angular[0], tool[:3, 3])) * moved
         axes, wanted = tool[:3, :3].T, self.wanted[:3, :3].T  # one axis per row
         residual = np.append(tool[:3, 3] - self.wanted[:3, 3], 1.0 - np.einsum("ij,ij->i", axes, wanted))
         jacobian = np.vstack([linear.T, -np.cross(axes, wanted) @ turning.T])
-        return (
-            jacobian.T @ jacobian + self.regularization * np.eye(len(q)),
-            jacobian.T @ (self.gain * residual),
-        )
+        return least_squares(jacobian, -self.gain * residual, self.regularization)
 
     def at(self, q: Array) -> Array:
         """The tool's pose (4, 4)."""
-        state, pose = self.kinematics.evaluate(q), np.eye(4)
+        return self._placed(self.kinematics.evaluate(q))
+
+    def _placed(self, state: KinematicsBatch) -> Array:
+        pose = np.eye(4)
         pose[:3, :3] = state.rotations[0, self.joint]
         pose[:3, 3] = state.translations[0, self.joint]
         return np.asarray(pose @ self.placement)

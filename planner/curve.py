@@ -98,6 +98,10 @@ class Curve:
         found = self.at(index.ravel(), (where - index).ravel())
         return np.asarray(found.reshape(*where.shape, -1))
 
+    def at_time(self, time: ArrayLike, order: int = 0) -> Array:
+        """Return the positions (…, n) at times [s], or a derivative of that order."""
+        return self.over_time(order).at_parameter(self.parameter_of(time))
+
     def parameter_of(self, time: ArrayLike) -> Array:
         """Return the path parameters at times [s]; before the first row 0, after the last 1."""
         rows = np.linspace(0.0, 1.0, len(self))

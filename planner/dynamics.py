@@ -9,6 +9,7 @@ Gravity is the model's, in the world, whichever way the base is turned. Friction
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import casadi as ca
@@ -18,6 +19,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from hdplan.distance.compiled import RowFunction
 from hdplan.planner.kinematics import constant, motion_axes, rotation_about
+from hdplan.planner.loads import with_loads
+from hdplan.planner.robot import Robot
+from hdplan.scenes.errors import naming
+from hdplan.scenes.model import Attached, Payload, Scene
 
 Array = NDArray[np.float64]
 Spatial = tuple[ca.SX, ca.SX]  # linear and angular part of a rate, or a force and its moment about the frame's origin
@@ -80,6 +85,20 @@ class InverseDynamics:
         )
         gravity, along, bent = found.reshape(3, count, self.n)
         return PathTorques(a=along - gravity, b=bent - gravity, c=gravity)
+
+
+def dynamics_of(scene: Scene, robot: Robot) -> InverseDynamics:
+    """Return the dynamics of a scene's robot with its loads: built once for the same ones, as that takes its time.
+
+    Raises InputError for loads that do not fit the robot.
+    """
+    with naming(scene.source):
+        return _loaded_dynamics(robot, scene.payload, scene.attached)
+
+
+@functools.lru_cache(maxsize=8)
+def _loaded_dynamics(robot: Robot, payload: Payload | None, attached: tuple[Attached, ...]) -> InverseDynamics:
+    return InverseDynamics(with_loads(robot, payload, attached))
 
 
 def inverse_dynamics(model: pin.Model, q: ca.SX, v: ca.SX | ca.DM, a: ca.SX | ca.DM) -> ca.SX:

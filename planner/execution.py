@@ -85,9 +85,9 @@ def execute(arm: Arm, curve: Curve, limits: Array) -> Execution:
     """
     count = max(int(np.ceil(curve.widths.sum() / STEP - 1e-9)), 1)
     times = np.linspace(*_span(curve), count + 1)
-    wanted, wanted_speed = (sampled(curve, order, times) for order in range(2))
+    wanted, wanted_speed = (curve.at_time(times, order) for order in range(2))
     middle = 0.5 * (times[:-1] + times[1:])
-    q_d, v_d, a_d = (sampled(curve, order, middle) for order in range(3))
+    q_d, v_d, a_d = (curve.at_time(middle, order) for order in range(3))
     step, stiffness, damping = times[1] - times[0], FREQUENCY**2, 2 * FREQUENCY
     q, v = wanted[0], wanted_speed[0]
     positions, errors, asked = [q], [np.zeros_like(q)], []
@@ -102,13 +102,6 @@ def execute(arm: Arm, curve: Curve, limits: Array) -> Execution:
     done = len(positions)
     lost = bool(np.abs(errors[-1]).max() > LOST)
     return Execution(times[:done], np.array(positions), np.array(errors), np.array(asked), lost)
-
-
-def sampled(curve: Curve, order: int, times: Array) -> Array:
-    """Return a derivative of a curve (k, n) at times (k,) [s]; 0: the curve itself."""
-    where = curve.parameter_of(times) * (len(curve) - 1)
-    interval = np.clip(np.floor(where).astype(np.int64), 0, len(curve) - 2)
-    return curve.over_time(order).at(interval, where - interval)
 
 
 def _span(curve: Curve) -> tuple[float, float]:

@@ -163,7 +163,7 @@ def _pairs(problem: Problem) -> Rows:
     robot = problem.robot
     rows: Rows = []
     moving = sum(body.joint > 0 for body in problem.bodies)
-    standing = [obstacle.name for obstacle in problem.scene.obstacles if obstacle.motion is None]
+    standing = [obstacle.name for obstacle in problem.scene.standing]
     if total := moving * sum(piece.name in standing for piece in problem.plane_bodies):
         kept = _kept(problem, "obstacles")
         why = "" if kept == total else f"; {total - kept} can never meet within the joint limits"

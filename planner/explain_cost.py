@@ -32,11 +32,9 @@ def functions(problem: Problem) -> Rows:
         if not found:
             rows.append((term.name, "nothing compiled: NumPy, or a library"))
     if problem.scene.limits.torque is not None:
-        from hdplan.planner.dynamics import InverseDynamics
-        from hdplan.planner.loads import loaded_model
+        from hdplan.planner.dynamics import dynamics_of
 
-        dynamics = InverseDynamics(loaded_model(problem.scene, problem.robot))
-        rows.append(("law of time, torques", _sizes(dynamics.function)))
+        rows.append(("law of time, torques", _sizes(dynamics_of(problem.scene, problem.robot).function)))
     return rows
 
 

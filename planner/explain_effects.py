@@ -56,7 +56,7 @@ def _joint_limits(problem: Problem) -> tuple[Effect, ...]:
 
 def _standing(problem: Problem) -> Effect:
     scene, settings = problem.scene, problem.scene.planner
-    standing = [obstacle for obstacle in scene.obstacles if obstacle.motion is None]
+    standing = scene.standing
     if not _has(problem, "obstacles"):
         if not problem.bodies:
             return Effect("obstacles", "", "no link has collision geometry")
@@ -70,7 +70,7 @@ def _standing(problem: Problem) -> Effect:
 
 
 def _moving(problem: Problem) -> Effect:
-    count = sum(obstacle.motion is not None for obstacle in problem.scene.obstacles)
+    count = len(problem.scene.moving)
     words = f"{count}; each sample of the motion meets them where they are at its time"
     return Effect(
         "moving obstacles",
@@ -159,8 +159,7 @@ def _timed(problem: Problem) -> tuple[Effect, ...]:
         "jerk": limits.jerk,
     }
     kept = [f"{quantity} ({_origin(value)})" for quantity, value in rates.items() if value is not None]
-    moving = any(obstacle.motion is not None for obstacle in problem.scene.obstacles)
-    sought = "; the law of time is fixed, so what comes close to that of velocity is penalized" * moving
+    sought = "; the law of time is fixed, so what comes close to that of velocity is penalized" * bool(scene.moving)
     return (
         Effect("times", law, "needs timing.duration, or limits.acceleration"),
         Effect(

@@ -71,7 +71,7 @@ class Followed:
 
     def rows(self) -> list[tuple[str, str]]:
         """What happened, for reading."""
-        seconds = self.run.distance_seconds + self.run.program_seconds
+        seconds = self.run.step_seconds
         counted = ", ".join(f"{count} {mode.value}" for mode, count in self.run.counted.most_common())
         unguarded = ", ".join(f"{a} and {b}" for a, b in self.unguarded)
         return [

@@ -17,6 +17,8 @@ from hdplan.scenes.model import JointValues, Scene
 
 Array = NDArray[np.float64]
 
+RATES = ("velocity", "acceleration", "jerk")  # the first three derivatives of a joint's value by time
+
 
 def velocity_limits(scene: Scene, robot: Robot) -> Array | None:
     """Return the greatest speeds (n,) [rad/s or m/s]: the scene's, or the URDF's as soon as the motion is timed.
@@ -36,6 +38,11 @@ def acceleration_limits(scene: Scene, robot: Robot) -> Array | None:
 def jerk_limits(scene: Scene, robot: Robot) -> Array | None:
     """Return the greatest jerks (n,) [rad/s³ or m/s³], None if the scene gives none; raises as above."""
     return _resolved("jerk", scene.limits.jerk, scene, robot)
+
+
+def rate_limits(scene: Scene, robot: Robot) -> tuple[Array | None, Array | None, Array | None]:
+    """Return the limits of all RATES, in their order; raises as above."""
+    return velocity_limits(scene, robot), acceleration_limits(scene, robot), jerk_limits(scene, robot)
 
 
 def torque_limits(scene: Scene, robot: Robot) -> Array | None:

@@ -28,17 +28,22 @@ def loaded_model(scene: Scene, robot: Robot) -> pin.Model:
         InputError: a link that the robot does not have; an inertia that no body has; a mass for a mesh that is not
             closed, so that it has no volume to spread it over; a joint of a URDF without masses.
     """
-    model = robot.model.copy()
     with naming(scene.source):
-        if scene.payload is not None:
-            _add(model, "payload", scene.payload.link, _inertia_of_payload(scene.payload), robot.name)
-        for held in scene.attached:
-            if held.mass > 0:
-                _add(model, f"attached.{held.name}", held.link, _inertia_of_held(held), robot.name)
-        inert = np.diag(pin.crba(model, model.createData(), pin.neutral(model)))
-        if (inert <= 0).any():
-            joint = robot.joint_names[int(np.argmin(inert))]
-            raise InputError(f"limits.torque: joint '{joint}' of {robot.name} moves no mass: its URDF gives no inertia")
+        return with_loads(robot, scene.payload, scene.attached)
+
+
+def with_loads(robot: Robot, payload: Payload | None, attached: tuple[Attached, ...]) -> pin.Model:
+    """Return the same of a scene's payload and held objects; errors do not name its file."""
+    model = robot.model.copy()
+    if payload is not None:
+        _add(model, "payload", payload.link, _inertia_of_payload(payload), robot.name)
+    for held in attached:
+        if held.mass > 0:
+            _add(model, f"attached.{held.name}", held.link, _inertia_of_held(held), robot.name)
+    inert = np.diag(pin.crba(model, model.createData(), pin.neutral(model)))
+    if (inert <= 0).any():
+        joint = robot.joint_names[int(np.argmin(inert))]
+        raise InputError(f"limits.torque: joint '{joint}' of {robot.name} moves no mass: its URDF gives no inertia")
     return model
 
 

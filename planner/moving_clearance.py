@@ -64,7 +64,7 @@ def moving_clearance(
 
     supports: (nj, n) as Kinematics.supports. distance: makes the pairs' distance.
     """
-    obstacles = [obstacle for obstacle in scene.obstacles if obstacle.motion is not None]
+    obstacles = scene.moving
     enclosed = [_carried(obstacle, len(supports) + i, scene) for i, obstacle in enumerate(obstacles)]
     pieces = tuple(piece for found, _ in enclosed for piece in found)
     margins = np.array([scene.clearances[piece.name] + scene.planner.activation for piece in pieces])

@@ -108,8 +108,6 @@ class PathCheck:
 
     def at(self, q: Array) -> tuple[Departure, ...]:
         """Return the constraints that configuration q (n,) breaks; exact to rounding."""
-        if not self.constraints:
-            return ()
         frames = self.chain.frames(self.robot.pin_q(q[None]))
         found = [(each, float(each.found(*frames)[0])) for each in self.constraints]
         departures = (Departure(each.field, each.link, 0, 0.0, 0.0, value, each.allowed) for each, value in found)

@@ -143,6 +143,6 @@ def _without_second_derivatives(scene: Scene) -> str | None:
         "the distance fcl": scene.planner.distance == "fcl",
         "a path constraint (section path)": scene.path != PathConstraints(),
         "a torque limit (limits.torque)": scene.limits.torque is not None,
-        "an obstacle that moves": any(obstacle.motion is not None for obstacle in scene.obstacles),
+        "an obstacle that moves": bool(scene.moving),
     }
     return next((name for name, asked in lacking.items() if asked), None)

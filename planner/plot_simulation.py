@@ -10,9 +10,9 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hdplan.planner.execution import sampled
+from hdplan.planner.joint_limits import RATES
 from hdplan.planner.plot_style import CONTACT, CURVES, FIXED, GOOD, RC, plain
-from hdplan.planner.simulate import RATES, Simulation
+from hdplan.planner.simulate import Simulation
 from hdplan.scenes.errors import InputError
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ def simulation_sheet(simulation: Simulation, title: str) -> Figure:
         first, last = (float(time) for time in simulation.curve.time_of([0.0, 1.0]))
         times = np.linspace(first, last, 1001)
         for order, (axis, what) in enumerate(zip(panels, RATES, strict=False), start=1):
-            _draw(axis, simulation, what, times, sampled(simulation.curve, order, times))
+            _draw(axis, simulation, what, times, simulation.curve.at_time(times, order))
         if simulation.execution is not None:
             done = simulation.execution
             _draw(panels[3], simulation, "torque", done.times[: len(done.asked)], done.asked)

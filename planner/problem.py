@@ -179,8 +179,7 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
     outline = outline_of(robot, settings.link_bodies, settings.normals)
     kinematics, bodies = outline.kinematics, outline.bodies
     with naming(scene.source):
-        standing = [obstacle for obstacle in scene.obstacles if obstacle.motion is None]
-        enclosed = [from_obstacle(obstacle, settings.normals) for obstacle in standing]
+        enclosed = [from_obstacle(obstacle, settings.normals) for obstacle in scene.standing]
     plane_bodies = tuple(body for pieces, _ in enclosed for body in pieces)
     notes = [*scene.notes, *robot.notes, *query.notes, *(word for _, words in enclosed for word in words)]
 
@@ -203,7 +202,7 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
             if settings.swept
             else Clearance("obstacles", laid_out, distance)
         )
-    if len(standing) < len(scene.obstacles) and any(body.joint > 0 for body in bodies):
+    if scene.moving and any(body.joint > 0 for body in bodies):
         from hdplan.planner.moving_clearance import moving_clearance
         from hdplan.planner.pace import pace
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.planner.curve import Curve
-from hdplan.planner.joint_limits import acceleration_limits, jerk_limits, velocity_limits
+from hdplan.planner.joint_limits import RATES, rate_limits
 from hdplan.planner.robot import Robot
 from hdplan.scenes.model import Scene
 
@@ -44,9 +44,8 @@ def rates(curve: Curve, scene: Scene, robot: Robot) -> tuple[Use, ...]:
 
     Raises InputError for limits that do not fit the robot.
     """
-    limits = (velocity_limits(scene, robot), acceleration_limits(scene, robot), jerk_limits(scene, robot))
     found = []
-    for order, (quantity, limit) in enumerate(zip(("velocity", "acceleration", "jerk"), limits, strict=True), start=1):
+    for order, (quantity, limit) in enumerate(zip(RATES, rate_limits(scene, robot), strict=True), start=1):
         if limit is not None:
             found.append(_use(quantity, curve.over_time(order - 1), limit, robot, order > 1))
     return tuple(found)

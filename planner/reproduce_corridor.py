@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hdplan.planner.control import Mode
+from hdplan.planner.control import STANDING, Mode
 from hdplan.planner.corridor import (
     AS_SAFE,
     CRITICAL,
@@ -21,7 +21,6 @@ from hdplan.planner.corridor import (
 )
 from hdplan.planner.report import Cell, Report, Reporter, Stopper, check_report, csv_text, png, short, write_report
 
-STANDING = (Mode.INFEASIBLE, Mode.STOPPED)
 PUBLISHED = 35.0  # [s] after which the published run ends
 
 
@@ -63,14 +62,12 @@ def reproduce_corridor(folder: Path, quick: bool, report: Reporter, stop: Stoppe
             "variation [rad/s]": short(outcome.variation(CRITICAL, -1)),
             "all joints": short(outcome.variation(CRITICAL)),
             "> 5 Hz [rad²/s]": f"{outcome.energy(CRITICAL, -1):.1e}",
-            "jumps [1/s]": short(
-                float(outcome.jumps[: round(CRITICAL / outcome.run.period)].mean()) / outcome.run.period
-            ),
+            "jumps [1/s]": short(outcome.jump_rate(CRITICAL)),
             "boxes [mm]": short(1e3 * float(outcome.clearances.min())),
             "meshes [mm]": short(1e3 * outcome.mesh_clearance),
             "links [mm]": short(1e3 * float(outcome.between_links.min())),
             "target [s]": short(outcome.reached),
-            "step [ms]": short(1e3 * float(np.median(outcome.run.distance_seconds + outcome.run.program_seconds))),
+            "step [ms]": short(1e3 * float(np.median(outcome.run.step_seconds))),
             "rule": _rule(outcome),
         }
         for outcome in outcomes
@@ -113,7 +110,7 @@ def _rule(outcome: Outcome) -> str:
 
 
 def _corridor_line(outcome: Outcome) -> dict[str, Cell]:
-    run, seconds = outcome.run, outcome.run.distance_seconds + outcome.run.program_seconds
+    run, seconds = outcome.run, outcome.run.step_seconds
     clearance = outcome.variant.clearance
     return {
         "distance": outcome.variant.name,
@@ -121,7 +118,7 @@ def _corridor_line(outcome: Outcome) -> dict[str, Cell]:
         "variation_all_joints_rad_per_s": outcome.variation(CRITICAL),
         "energy_above_5_hz_last_joint_rad2_per_s": outcome.energy(CRITICAL, -1),
         "energy_above_5_hz_all_joints_rad2_per_s": outcome.energy(CRITICAL),
-        "jumps_per_s": float(outcome.jumps[: round(CRITICAL / run.period)].mean()) / run.period,
+        "jumps_per_s": outcome.jump_rate(CRITICAL),
         "clearance_boxes_m": float(outcome.clearances.min()),
         "clearance_boxes_35_s_m": float(outcome.clearances[: round(PUBLISHED / EXACT_EVERY)].min()),
         "clearance_meshes_m": outcome.mesh_clearance,

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from hdplan.planner.certificate import Certifier
 from hdplan.planner.curve import Curve
-from hdplan.planner.execution import LOST, STEP, Arm, Execution, execute, sampled
-from hdplan.planner.joint_limits import acceleration_limits, jerk_limits, torque_limits, velocity_limits
+from hdplan.planner.execution import LOST, STEP, Arm, Execution, execute
+from hdplan.planner.joint_limits import RATES, rate_limits, torque_limits
 from hdplan.planner.loads import loaded_model
 from hdplan.planner.robot import Robot
 from hdplan.planner.robot_curve import curve_of
@@ -32,7 +32,6 @@ PATH_SAMPLES = 1000  # of a path without times
 ROUNDING = 1e-6  # relative, by which a rate may be beyond its limit
 SATURATED = 1e-3  # relative, by which a controller may ask for more than the limit: what its own steps make
 JUMP = 1e-6  # [rad/s] or [rad/s²] that no controller sees
-RATES = ("velocity", "acceleration", "jerk")
 
 
 @dataclass(frozen=True)
@@ -149,16 +148,16 @@ def simulate(scene: Scene, trajectory: Trajectory, robot: Robot) -> Simulation:
     """
     curve = fitting(scene, trajectory, robot)
     timed = curve.times is not None
-    rate_limits = [of(scene, robot) for of in (velocity_limits, acceleration_limits, jerk_limits)]
+    limits = rate_limits(scene, robot)
     torques = torque_limits(scene, robot)
     first, last = (0.0, 1.0) if curve.times is None else (float(curve.times[0]), float(curve.times[-1]))
     count = max(int(np.ceil((last - first) / STEP)), 1) if timed else PATH_SAMPLES
     times = np.linspace(first, last, count + 1)
-    positions = sampled(curve, 0, times)
+    positions = curve.at_time(times)
     travel = np.ptp(positions, axis=0).tolist()
     peaks: list[dict[str, Peak]] = [{} for _ in range(robot.n)]
     for order, name in enumerate(RATES, start=1) if timed else ():
-        for peak, found in zip(peaks, _rates(curve, order, times, rate_limits[order - 1]), strict=True):
+        for peak, found in zip(peaks, _rates(curve, order, times, limits[order - 1]), strict=True):
             peak[name] = found
     execution = None
     if torques is not None:
@@ -190,7 +189,7 @@ def simulate(scene: Scene, trajectory: Trajectory, robot: Robot) -> Simulation:
 
 def _rates(curve: Curve, order: int, times: Array, limit: Array | None) -> Iterator[Peak]:
     """Give each joint's peak of a derivative; infinite where the one below jumps."""
-    values = sampled(curve, order, times)
+    values = curve.at_time(times, order)
     jumps = curve.over_time(order - 1).jumps() if order > 1 else np.zeros((len(curve), values.shape[1]))
     for joint, column in enumerate(values.T):
         asked = None if limit is None else float(limit[joint])

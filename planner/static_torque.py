@@ -41,20 +41,22 @@ class GravityTorques:
     masses: Array  # (nj,) of the bodies
     centres: Array  # (nj, 3) in their joints' frames [m]
     supports: Mask  # (nj, n) whether a body moves with a coordinate
-    before: Mask  # (n, n) [j, k]: whether coordinate k is at or before j in the chain
+
+    @property
+    def before(self) -> Mask:
+        """Whether coordinate k is at or before j in the chain (n, n) [j, k]: joint j + 1 is what carries j."""
+        return self.supports[1:]
 
     @classmethod
     def of(cls, model: pin.Model) -> GravityTorques:
         """Read a model whose joint i + 1 moves coordinate i."""
-        supports = Chain.of(model).carried_by
         return cls(
             gravity=np.asarray(model.gravity.linear, dtype=np.float64).copy(),
             masses=np.array([0.0, *(float(body.mass) for body in itertools.islice(model.inertias, 1, None))]),
             centres=np.array(
                 [np.zeros(3), *(np.asarray(body.lever) for body in itertools.islice(model.inertias, 1, None))]
             ),
-            supports=supports,
-            before=supports[1:],
+            supports=Chain.of(model).carried_by,
         )
 
     def __call__(self, kinematics: KinematicsBatch) -> tuple[Array, Array]:

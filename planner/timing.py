@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from hdplan.planner.curve import Curve, row_count
-from hdplan.planner.joint_limits import acceleration_limits, jerk_limits, torque_limits, velocity_limits
+from hdplan.planner.joint_limits import rate_limits, torque_limits
 from hdplan.planner.robot import Robot
 from hdplan.planner.time_laws import Averaged, Law, MinimumJerk
 from hdplan.planner.trajectory import Trajectory
@@ -64,10 +64,9 @@ class Timekeeper:
     def __init__(self, scene: Scene, robot: Robot) -> None:
         """Resolve the limits. Raises InputError for some that do not fit the robot."""
         self.robot, self.timing = robot, scene.timing or Timing()
-        self.fixed = any(obstacle.motion is not None for obstacle in scene.obstacles)  # they are met by this law
-        self.velocity = velocity_limits(scene, robot)
-        self.acceleration = acceleration_limits(scene, robot)
-        self.jerk = jerk_limits(scene, robot)
+        self.fixed = bool(scene.moving)  # they are met by this law
+        self.limits = rate_limits(scene, robot)
+        self.velocity, self.acceleration, _ = self.limits
         self.torque = torque_limits(scene, robot)
         self.dynamics = None if self.torque is None else _dynamics(scene, robot)
 
@@ -149,7 +148,7 @@ class Timekeeper:
         )
         stretches = [
             float((np.abs(rate).max(axis=0) / limit).max()) ** (1 / order)
-            for order, (rate, limit) in enumerate(zip(rates, self._limits, strict=True), start=1)
+            for order, (rate, limit) in enumerate(zip(rates, self.limits, strict=True), start=1)
             if limit is not None
         ]
         if self.dynamics is not None and self.torque is not None:
@@ -178,7 +177,7 @@ class Timekeeper:
     def _stretch(self, curve: Curve) -> float:
         """Return by how much an executed curve must be stretched for its limits to hold, at most 1 where they do."""
         stretch = 0.0
-        for order, limit in enumerate(self._limits, start=1):
+        for order, limit in enumerate(self.limits, start=1):
             if limit is not None:
                 share = float((curve.over_time(order).largest() / limit).max())
                 stretch = max(stretch, ((1 + MARGIN) * share) ** (1 / order))
@@ -188,10 +187,6 @@ class Timekeeper:
             gravity = self.dynamics.torques(q, 0.0 * v, 0.0 * a)
             stretch = max(stretch, _torque_stretch(self.dynamics.torques(q, v, a) - gravity, gravity, self.torque))
         return stretch
-
-    @property
-    def _limits(self) -> tuple[Array | None, ...]:
-        return (self.velocity, self.acceleration, self.jerk)
 
 
 def smooth(waypoints: Array) -> BSpline:
@@ -234,10 +229,9 @@ def _too_heavy(gravity: Array, limit: Array) -> bool:
 
 
 def _dynamics(scene: Scene, robot: Robot) -> InverseDynamics:
-    from hdplan.planner.dynamics import InverseDynamics
-    from hdplan.planner.loads import loaded_model
+    from hdplan.planner.dynamics import dynamics_of
 
-    return InverseDynamics(loaded_model(scene, robot))
+    return dynamics_of(scene, robot)
 
 
 class _Path:

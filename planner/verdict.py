@@ -182,8 +182,12 @@ def _words(place: Place) -> str:
 
 
 def _where(place: Place, what: str) -> str:
-    when = f"at {place.parameter:.3f} of 1" if place.seconds is None else f"{place.seconds:.3f} s"
+    when = _when(place.parameter, place.seconds)
     return f"{place.link} and {place.other} {what} after waypoint {place.interval} ({when})"
+
+
+def _when(parameter: float, seconds: float | None) -> str:
+    return f"at {parameter:.3f} of 1" if seconds is None else f"{seconds:.3f} s"
 
 
 def _length(metres: float) -> str:
@@ -200,7 +204,7 @@ def _others(failures: tuple[Place, ...]) -> str:
 
 
 def _departure(worst: Departure, departures: tuple[Departure, ...], curve: Curve) -> str:
-    when = f"at {worst.parameter:.3f} of 1" if curve.times is None else f"{float(curve.time_of(worst.parameter)):.3f} s"
+    when = _when(worst.parameter, None if curve.times is None else float(curve.time_of(worst.parameter)))
     intervals = len({place.interval for place in departures})
     return (
         f"{worst.words}{'' if worst.violated else ', too close to tell'} after waypoint {worst.interval} ({when}); "

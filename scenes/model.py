@@ -286,6 +286,16 @@ class Scene:
         return self.timing is not None or any(limit is not None for limit in asked)
 
     @property
+    def standing(self) -> tuple[Obstacle, ...]:
+        """The obstacles that stand still."""
+        return tuple(obstacle for obstacle in self.obstacles if obstacle.motion is None)
+
+    @property
+    def moving(self) -> tuple[Obstacle, ...]:
+        """The obstacles that move."""
+        return tuple(obstacle for obstacle in self.obstacles if obstacle.motion is not None)
+
+    @property
     def end_time(self) -> float:
         """When the motion ends [s], as far as anything in the scene depends on it; else 0."""
         return 0.0 if self.timing is None or self.timing.duration is None else self.timing.duration

@@ -34,7 +34,7 @@ class Timeline:
         times = [curve.times for curve in curves if curve.times is not None]
         if times:
             return cls(float(min(rows[0] for rows in times)), float(max(rows[-1] for rows in times)), True)
-        if any(obstacle.motion is not None for obstacle in scene.obstacles):
+        if scene.moving:
             return cls(0.0, scene.end_time, True)
         return cls()
 
