@@ -29,7 +29,7 @@ from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, 
 
 Array = NDArray[np.float64]
 
-MOST_PIECES = 12  # a mesh of more loose parts than this is treated whole: pairs cost time
+MOST_PIECES = 12  # a mesh of more loose parts than this is treated whole, nor is it cut into more: pairs cost time
 WORTH_CUTTING = 0.85  # of a hull's volume: where two halves' hulls have more together, triangles stay together
 DOUBTFUL = 1e-5  # coal's distance and the gap along its own normal differ by more [m] only where coal is wrong
 NUDGES = 3  # slightly turned poses that are tried where coal is in doubt
@@ -135,18 +135,31 @@ def mesh_pieces(mesh: TriangleMesh) -> tuple[Piece, ...]:
 
 
 def _cut(mesh: TriangleMesh, solid: TriangleMesh) -> tuple[Piece, ...]:
-    """Cut triangles across their longest side into parts, as long as the parts' hulls leave out much of the whole's:
-    the tighter the hulls, the less often the triangles themselves are asked."""
+    """Cut triangles into parts, the one with the largest hull first, as long as the hulls of two halves leave out much
+    of the whole's: the tighter the hulls, the less often the triangles themselves are asked.
+
+    A shell's parts could be cut for ever, each smaller by more than what is worth it: MOST_PIECES end that.
+    """
+    parts, whole = [(_hull_volume(mesh), mesh)], list[TriangleMesh]()
+    while parts:
+        volume, part = parts.pop(max(range(len(parts)), key=lambda i: parts[i][0]))
+        halves = _halves(part) if volume > 0.0 and len(parts) + len(whole) + 2 <= MOST_PIECES else ()
+        volumes = [_hull_volume(half) for half in halves]
+        if halves and sum(volumes) <= WORTH_CUTTING * volume:
+            parts.extend(zip(volumes, halves, strict=True))
+        else:
+            whole.append(part)
+    return tuple(_hull(part.vertices, Surface(part, solid)) for part in whole)
+
+
+def _halves(mesh: TriangleMesh) -> tuple[TriangleMesh, ...]:
+    """Cut triangles across their longest side; empty where all of them lie on one side of the cut."""
     middle = mesh.vertices.mean(axis=0)
     axis = np.linalg.svd(mesh.vertices - middle, full_matrices=False)[2][0]
     heights = (mesh.vertices - middle) @ axis
     origin = middle + 0.5 * (heights.min() + heights.max()) * axis
-    halves = [_beyond(mesh, origin, direction) for direction in (axis, -axis)]
-    if any(len(half.triangles) == 0 for half in halves) or (
-        sum(map(_hull_volume, halves)) > WORTH_CUTTING * _hull_volume(mesh)
-    ):
-        return (_hull(mesh.vertices, Surface(mesh, solid)),)
-    return tuple(piece for half in halves for piece in _cut(half, solid))
+    halves = tuple(_beyond(mesh, origin, direction) for direction in (axis, -axis))
+    return halves if all(len(half.triangles) for half in halves) else ()
 
 
 def _beyond(mesh: TriangleMesh, origin: Array, normal: Array) -> TriangleMesh:
