@@ -293,8 +293,8 @@ def test_a_body_that_comes_in_by_the_hole_of_an_open_mesh_is_met_at_the_next_way
     bottle.export(tmp_path / "bottle.stl")
     urdf = tmp_path / "slide.urdf"
     urdf.write_text(
-        '<robot name="slide"><link name="base"/><link name="tip"><collision><geometry><sphere radius="0.02"/></geometry>'
-        '</collision></link><joint name="along" type="prismatic"><parent link="base"/><child link="tip"/>'
+        '<robot name="slide"><link name="base"/><link name="tip"><collision><geometry><sphere radius="0.02"/>'
+        '</geometry></collision></link><joint name="along" type="prismatic"><parent link="base"/><child link="tip"/>'
         '<axis xyz="1 0 0"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>'
     )
     scene: Callable[[float], Scene] = lambda end: Scene(  # noqa: E731

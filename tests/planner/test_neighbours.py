@@ -34,7 +34,8 @@ def random_tree(rng: np.random.Generator, folder: Path) -> tuple[RobotSpec, dict
         x, y, z = rng.normal(size=3)
         parts.append(
             f"<joint name='j{i}' type='{kind}'><parent link='l{parent}'/><child link='l{i}'/>"
-            f"<origin xyz='{x} {y} {z}'/><axis xyz='0 0 1'/><limit lower='-1' upper='1' effort='1' velocity='1'/></joint>"
+            f"<origin xyz='{x} {y} {z}'/><axis xyz='0 0 1'/>"
+            "<limit lower='-1' upper='1' effort='1' velocity='1'/></joint>"
         )
     path = folder / f"tree{rng.integers(1 << 30)}.urdf"
     path.write_text(f"<robot name='tree'>{''.join(parts)}</robot>")
