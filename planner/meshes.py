@@ -44,6 +44,15 @@ class TriangleMesh:
         proper = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
         return cls(points, corners[proper])
 
+    @classmethod
+    def hull(cls, points: ArrayLike) -> TriangleMesh:
+        """Build the convex hull of points (m, 3) that are not flat."""
+        found = ConvexHull(points)
+        a, b, c = np.moveaxis(found.points[found.simplices], 1, 0)
+        outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), found.equations[:, :3]) > 0
+        triangles = np.where(outward[:, None], found.simplices, found.simplices[:, ::-1])
+        return cls(found.points, triangles.astype(np.int64)).trimmed()
+
     @property
     def closed(self) -> bool:
         """Whether every edge is met once in each direction, so that inside and outside are told apart."""
@@ -60,9 +69,14 @@ class TriangleMesh:
         return float(np.linalg.det(corners).sum() / 6.0)
 
     @property
+    def hull_volume(self) -> float:
+        """The volume [m³] of its convex hull; 0 for a flat one."""
+        return float(ConvexHull(self.vertices).volume) if thinness(self.vertices) > FLAT else 0.0
+
+    @property
     def convex(self) -> bool:
         """Whether it is closed and as large as its convex hull, up to the part `CONVEX` of the volume."""
-        return self.closed and abs(self.volume) >= (1.0 - CONVEX) * float(ConvexHull(self.vertices).volume)
+        return self.closed and abs(self.volume) >= (1.0 - CONVEX) * self.hull_volume > 0.0
 
     def components(self) -> tuple[TriangleMesh, ...]:
         """Take it apart into the pieces that share no vertex."""
