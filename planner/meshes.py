@@ -6,6 +6,7 @@ finite and it is not flat.
 
 from __future__ import annotations
 
+import threading
 import warnings
 from dataclasses import dataclass
 
@@ -24,6 +25,8 @@ Array = NDArray[np.float64]
 CONVEX = 1e-3  # a solid that misses less than this part of its hull's volume passes for its hull, which contains it
 LARGEST = 1e6  # [m] beyond which distances drown in rounding
 FLAT = 1e-6  # thinner than this part of its length, a mesh encloses nothing that could be told from rounding
+
+_reading = threading.Lock()  # which warnings are passed over is set for the whole process
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +126,7 @@ def load_mesh(shape: Mesh, field: str) -> TriangleMesh:
     if shape.file.suffix.lower().lstrip(".") not in trimesh.available_formats():
         raise InputError(f"{where}: format '{shape.file.suffix}' is not known (stl, obj, ply, off, dae, glb are)")
     try:
-        with warnings.catch_warnings():
+        with _reading, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about colours and the like
             loaded = trimesh.load_mesh(str(shape.file), process=False)
             vertices, triangles = np.array(loaded.vertices, dtype=np.float64), np.array(loaded.faces)
