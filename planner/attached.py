@@ -14,9 +14,9 @@ import numpy as np
 import pinocchio as pin
 
 from hdplan.planner.coal_shapes import convex_hull, triangle_tree
-from hdplan.planner.description import link_pair
 from hdplan.planner.meshes import FLAT, TriangleMesh, load_mesh, thinness
 from hdplan.planner.robot import MOVE_AS_ONE, Robot
+from hdplan.scenes.description import link_pair
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.model import Attached, Box, Capsule, Cylinder, Mesh, Points, Shape, Sphere
 
