@@ -10,13 +10,13 @@ robot's base and the floor on which it stands) are no part of a motion and are n
 
 from __future__ import annotations
 
-import functools
 import time
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hdplan.distance.once import made_once
 from hdplan.planner.curve import Curve
 from hdplan.planner.end_check import EndCheck
 from hdplan.planner.intervals import Bodies, Body, Pairs
@@ -269,12 +269,12 @@ class Certifier:
         return Place(0, spot.fraction, spot.fraction, None, *self._names(spot.pair), spot.distance)
 
 
-@functools.lru_cache(maxsize=8)
+@made_once(8)
 def _chain(robot: Robot) -> Chain:
     return Chain.of(robot.model)
 
 
-@functools.lru_cache(maxsize=8)
+@made_once(8)
 def _link_bodies(robot: Robot) -> tuple[Body, ...]:
     """Return the pieces of the links' collision geometry; once per robot, as meshes take their time."""
     items = [(link, robot.collision.geometryObjects[i]) for link, own in robot.link_geometry.items() for i in own]
