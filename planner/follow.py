@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 
 from hdplan.planner.barriers import BarrierSettings
 from hdplan.planner.certificate import Certifier
-from hdplan.planner.control import Controller, ControlSettings
+from hdplan.planner.control import Controller
 from hdplan.planner.control_run import Run, simulate
+from hdplan.planner.control_settings import ControlSettings
 from hdplan.planner.curve import Curve
 from hdplan.planner.robot import Robot
 from hdplan.planner.robot_curve import curve_of
