@@ -6,6 +6,7 @@ finite and it is not flat.
 
 from __future__ import annotations
 
+import threading
 import warnings
 from dataclasses import dataclass
 
@@ -25,6 +26,8 @@ CONVEX = 1e-3  # a solid that misses less than this part of its hull's volume pa
 LARGEST = 1e6  # [m] beyond which distances drown in rounding
 FLAT = 1e-6  # thinner than this part of its length, a mesh encloses nothing that could be told from rounding
 
+_reading = threading.Lock()  # which warnings are passed over is set for the whole process
+
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
@@ -40,6 +43,15 @@ class TriangleMesh:
         corners = index.ravel()[np.asarray(triangles, dtype=np.int64)]
         proper = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
         return cls(points, corners[proper])
+
+    @classmethod
+    def hull(cls, points: ArrayLike) -> TriangleMesh:
+        """Build the convex hull of points (m, 3) that are not flat."""
+        found = ConvexHull(points)
+        a, b, c = np.moveaxis(found.points[found.simplices], 1, 0)
+        outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), found.equations[:, :3]) > 0
+        triangles = np.where(outward[:, None], found.simplices, found.simplices[:, ::-1])
+        return cls(found.points, triangles.astype(np.int64)).trimmed()
 
     @property
     def closed(self) -> bool:
@@ -57,9 +69,14 @@ class TriangleMesh:
         return float(np.linalg.det(corners).sum() / 6.0)
 
     @property
+    def hull_volume(self) -> float:
+        """The volume [m³] of its convex hull; 0 for a flat one."""
+        return float(ConvexHull(self.vertices).volume) if thinness(self.vertices) > FLAT else 0.0
+
+    @property
     def convex(self) -> bool:
         """Whether it is closed and as large as its convex hull, up to the part `CONVEX` of the volume."""
-        return self.closed and abs(self.volume) >= (1.0 - CONVEX) * float(ConvexHull(self.vertices).volume)
+        return self.closed and abs(self.volume) >= (1.0 - CONVEX) * self.hull_volume > 0.0
 
     def components(self) -> tuple[TriangleMesh, ...]:
         """Take it apart into the pieces that share no vertex."""
@@ -81,15 +98,20 @@ class TriangleMesh:
     def winding_number(self, point: ArrayLike) -> float:
         """Return how often the mesh winds around `point` (3,): ±1 inside a closed mesh, 0 outside, in between if open.
 
-        The sum of the triangles' signed solid angles over 4π (A. Van Oosterom, J. Strackee, 1983; A. Jacobson et al.,
-        "Robust inside-outside segmentation using generalized winding numbers", 2013).
+        The sum of the triangles' signed solid angles over 4π (A. Jacobson et al., "Robust inside-outside segmentation
+        using generalized winding numbers", 2013).
         """
+        return float(self.solid_angles(point).sum() / (4.0 * np.pi))
+
+    def solid_angles(self, point: ArrayLike) -> Array:
+        """Return the signed solid angle (F,) under which each triangle is seen from `point` (3,), positive from inside
+        (A. Van Oosterom, J. Strackee, 1983)."""
         corners = self.vertices[self.triangles] - np.asarray(point, dtype=np.float64)
         a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
         la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
         ab, bc, ca = (np.einsum("ij,ij->i", x, y) for x, y in ((a, b), (b, c), (c, a)))
         angle = 2.0 * np.arctan2(np.linalg.det(corners), la * lb * lc + ab * lc + bc * la + ca * lb)
-        return float(angle.sum() / (4.0 * np.pi))
+        return np.asarray(angle)
 
 
 def load_mesh(shape: Mesh, field: str) -> TriangleMesh:
@@ -104,7 +126,7 @@ def load_mesh(shape: Mesh, field: str) -> TriangleMesh:
     if shape.file.suffix.lower().lstrip(".") not in trimesh.available_formats():
         raise InputError(f"{where}: format '{shape.file.suffix}' is not known (stl, obj, ply, off, dae, glb are)")
     try:
-        with warnings.catch_warnings():
+        with _reading, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about colours and the like
             loaded = trimesh.load_mesh(str(shape.file), process=False)
             vertices, triangles = np.array(loaded.vertices, dtype=np.float64), np.array(loaded.faces)
