@@ -42,6 +42,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.planner.barriers import BarrierRows, Barriers, scene_barriers
+from hdplan.planner.control_inputs import joint_numbers, number, quadratic
 from hdplan.planner.control_program import Wishes, best_velocity
 from hdplan.planner.control_settings import ControlSettings
 from hdplan.planner.control_tasks import Task
@@ -98,12 +99,13 @@ class Controller:
         self, robot: Robot, barriers: Barriers, settings: ControlSettings, limits: Array | None = None
     ) -> None:
         """Take the pairs; settings' barriers must be those that `barriers` were laid out with. limits: (n,) the
-        greatest speeds [rad/s or m/s], by default the URDF's."""
+        greatest speeds [rad/s or m/s], by default the URDF's. Raises InputError for limits that are none."""
         self.robot, self.barriers, self.settings = robot, barriers, settings
         count, outer = len(barriers.names), barriers.obstacle_pairs
         self._margins = np.where(np.arange(count) < outer, settings.margin, settings.self_margin)
         self._clearance = settings.clearance
-        self.fastest = settings.speed * (np.array(robot.model.velocityLimit) if limits is None else limits)  # (n,)
+        given = robot.model.velocityLimit if limits is None else limits
+        self.fastest = settings.speed * joint_numbers("limits", given, robot.joint_names, positive=True)  # (n,)
 
     @property
     def assured(self) -> float | None:
@@ -124,7 +126,12 @@ class Controller:
         return cls(robot, scene_barriers(scene, robot, settings.barriers), settings, limits)
 
     def step(self, q: Array, task: Task, time: float = 0.0) -> Step:
-        """Return the command at configuration q (n,) and a time [s]."""
+        """Return the command at configuration q (n,) and a time [s].
+
+        Raises InputError, before anything is commanded, for a q, a time or a task's objective that is not finite or
+        has another shape.
+        """
+        q, time = joint_numbers("q", q, self.robot.joint_names), number("time", time)
         began = perf_counter()
         rows = self.barriers.evaluate(q, time)
         slacks = rows.value - self._margins
@@ -132,7 +139,7 @@ class Controller:
         near = self.barriers.nearness(q, time, inside)
         now = _Now(q, time, rows, near, inside[: len(near.value)])
         distances = perf_counter() - began
-        hessian, linear = task.objective(q, time)
+        hessian, linear = quadratic(task.objective(q, time), self.robot.joint_names)
         wishes = self._wishes(now)
         command = best_velocity(hessian, linear, *self._box(q), wishes)
         mode, kept = Mode.MOVING, False
@@ -140,9 +147,9 @@ class Controller:
             command, mode, kept, looking = self._looked_at(command, now, hessian, linear, wishes)
             distances += looking
         velocity = np.zeros_like(q) if command is None else command
-        missed = np.flatnonzero(wishes.matrix @ velocity < wishes.wish - MISSED)
-        pair = np.append(np.arange(len(slacks)), now.inside)
-        gave = tuple(np.unique(pair[missed[missed < len(pair)]]).tolist())
+        pairs = np.append(np.arange(len(slacks)), now.inside)
+        missed = (wishes.matrix @ velocity < wishes.wish - MISSED)[: len(pairs)]
+        gave = tuple(sorted(set(pairs[missed].tolist())))
         if command is None:
             mode, kept = Mode.STOPPED, not self.barriers.movers
         elif gave:
