@@ -63,7 +63,7 @@ def plan(
     aims = [replace(scene, goal=goal) for goal in goals]
     clearances = [reachable_clearance(aim, robot, certifier) for aim in aims]  # ends in collision: before all fitting
     timekeeper = _timekeeper(scene, robot)
-    problems = [build(aim, robot) for aim in aims]
+    problems = [build(aim, robot, began + time_limit) for aim in aims]
     if timekeeper is not None:
         hurried = [timekeeper.too_short(problem.start, problem.goal) for problem in problems]
         if all(hurried):
