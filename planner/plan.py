@@ -100,7 +100,7 @@ def plan(
         iterations=sum(search.iterations for search in searches),
         steps=best.steps,
         times=Times(load, build_, compile_, solved, certified),
-        notes=(*problems[taken].notes, *words),
+        notes=(*problems[taken].notes, *best.certificate.notes, *words),
         goal=goals[taken] if several else None,
     )
 
