@@ -13,6 +13,7 @@ from pathlib import Path
 
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.urdf_check import check_urdf
+from hdplan.scenes.urdf_words import check_shapes, check_srdf_words, check_urdf_words
 
 LinkPair = tuple[str, str]  # two different links, in alphabetical order
 
@@ -30,6 +31,7 @@ class Tree:
     parent: Mapping[str, tuple[str, str]]  # child link -> (parent link, joint between them)
     mimics: Mapping[str, tuple[str, float, float]]  # joint -> (joint that it follows, factor, offset)
     collisions: int  # number of collision geometries
+    notes: tuple[str, ...] = field(default=(), kw_only=True)  # what was passed over, in words
 
     def chain(self, tip: str, base: str | None = None) -> tuple[str, ...]:
         """Return the joints from link `tip` up to link `base` (or the root), tip first."""
@@ -38,6 +40,11 @@ class Tree:
             tip, joint = self.parent[tip]
             joints.append(joint)
         return tuple(joints)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """All joints, fixed ones too."""
+        return tuple(joint for _, joint in self.parent.values())
 
     def between(self, a: str, b: str) -> tuple[str, ...]:
         """Return the links on the way from link `a` to link `b`, without these two."""
@@ -61,6 +68,7 @@ class Semantics:
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # group -> its joints, fixed ones included
     states: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # named state -> joint -> value
     disabled: frozenset[LinkPair] = frozenset()  # pairs that are not to be checked
+    notes: tuple[str, ...] = ()  # what was passed over, in words
 
 
 def _parse(path: Path, what: str) -> ElementTree.Element:
@@ -79,6 +87,7 @@ def read_tree(path: Path) -> Tree:
     """Read a URDF file's links and joints. Raises InputError for a file that is missing, not XML, or faulty."""
     root = _parse(path, "urdf")
     with naming(f"robot.urdf: {path}"):
+        notes = (*check_urdf_words(root), *check_shapes(root))
         check_urdf(root)
     parent: dict[str, tuple[str, str]] = {}
     mimics: dict[str, tuple[str, float, float]] = {}
@@ -90,12 +99,14 @@ def read_tree(path: Path) -> Tree:
             factor, offset = (float(mimic.get(key) or value) for key, value in (("multiplier", 1.0), ("offset", 0.0)))
             mimics[joint.get("name", "")] = (mimic.get("joint", ""), factor, offset)
     links = tuple(link.get("name", "") for link in root.findall("link"))
-    return Tree(links, parent, mimics, len(root.findall("link/collision")))
+    return Tree(links, parent, mimics, len(root.findall("link/collision")), notes=notes)
 
 
 def read_semantics(path: Path, tree: Tree) -> Semantics:
     """Read an SRDF file. Raises InputError for a file that is missing or not XML, or a state that is not a number."""
     root = _parse(path, "srdf")
+    with naming(f"robot.srdf: {path}"):
+        notes = check_srdf_words(root, tree.links, tree.joints)
     elements = {group.get("name", ""): group for group in root.findall("group")}
 
     def joints(name: str, above: tuple[str, ...] = ()) -> list[str]:
@@ -131,4 +142,4 @@ def read_semantics(path: Path, tree: Tree) -> Semantics:
     disabled = frozenset(
         link_pair(pair.get("link1", ""), pair.get("link2", "")) for pair in root.findall("disable_collisions")
     )
-    return Semantics({name: tuple(joints(name)) for name in elements}, states, disabled)
+    return Semantics({name: tuple(joints(name)) for name in elements}, states, disabled, notes)
