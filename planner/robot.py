@@ -169,6 +169,7 @@ def load_robot(spec: RobotSpec) -> Robot:
             )
     planned, notes = _planned(joints, spec, tree, semantics, name)
     held = {joint: _held_at(joint, full, spec, tree, semantics) for joint in joints if joint not in planned}
+    notes += [*tree.notes, *semantics.notes]
     if not geometry.geometryObjects:
         notes.append(f"no link of {name} has collision geometry: it can touch nothing")
     by_default = [f"{joint} at {value:g}" for joint, value in held.items() if joint not in spec.locked]
