@@ -135,7 +135,7 @@ class Certifier:
         beyond = beyond_limits(curve, self.robot)  # nothing else is looked at then: it could be anywhere
         if not beyond:
             refuse_what_drowns(self.sweep.bodies, self._fields, curve, self.robot.joint_names)
-        uses = () if beyond else self._uses(curve)
+        uses = self._uses(curve)
         torques = None if self.torques is None or beyond else self.torques.check(curve)
         required, lessened = self.asked(curve) if required is None else (required, ())
         floor = self._floor(required)

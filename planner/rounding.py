@@ -63,8 +63,8 @@ def refuse_what_drowns(bodies: Bodies, fields: Sequence[str], curve: Curve, join
         allowed = largest[joint] * (SHARE / UNIT) / costs.sum()
         row = int(np.abs(curve.control[:, :, joint]).max(axis=1).argmax())
         raise InputError(
-            f"trajectory: after waypoint {row}, joint '{joint_names[joint]}' is at {largest[joint]:g}: the place of what "
-            f"it moves drowns in rounding; at most {allowed:.3g} is allowed"
+            f"trajectory: after waypoint {row}, joint '{joint_names[joint]}' is at {largest[joint]:g}, where the place "
+            f"of what it moves drowns in rounding; at most {allowed:.3g} is allowed"
         )
     step = 0.5 * np.abs(np.diff(curve.control, axis=1)).sum(axis=1).max(axis=0)  # (n,) no less than |δ| ever is
     reach = _coordinates(bodies, largest, latest)[bodies.joint > 0].max(initial=0.0)

@@ -229,12 +229,15 @@ def test_wild_numbers_are_refused_or_judged_and_never_overflow(wild: str, thing:
         payload=Payload("tip", 1.0),
         path=PathConstraints(upright=Upright("tip", tolerance=0.5)),
     )
+    refused = ""
     try:
         found = certify(scene, motion(**WILD_MOTIONS.get(wild, {})), check_ends=False)
     except InputError as error:
-        assert wild in HOPELESS or thing != "standing", str(error)
-        assert "\n" not in str(error)
-        assert "nan" not in str(error)
+        refused = str(error)
+    if refused:
+        assert wild in HOPELESS or thing != "standing", refused
+        assert "\n" not in refused
+        assert "nan" not in refused
         return
     assert thing in ("standing", "turning", "waiting"), found.text
     for value in (found.clearance, *(use.share for use in found.uses), *(kept.worst for kept in found.path)):
