@@ -11,6 +11,7 @@ with: one capsule, one box, polytopes of a fixed number of vertices in all, or t
 from __future__ import annotations
 
 import itertools
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,8 @@ CANDIDATES = (
 )  # (slabs, vertices), cheapest first
 FIXED = {"capsule": (1, 2), "outer-4": (1, 4), "outer-12": (3, 4)}  # the one candidate of the settings named so
 ROUND_SIDES = 16  # sides of the prism around a cylinder
+
+_fitting = threading.Lock()  # how many threads BLAS may use is set for the whole process
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,13 +136,14 @@ def _enclosed(robot: Robot, link: str, geometry: str) -> tuple[Swept, ...]:
     key = content_key(
         FIT_VERSION, geometry, *(part for item in _items(robot, link) for part in _content(robot, link, item))
     )
-    known = load("link_bodies", key)
-    if known is not None:
-        return tuple(Swept(np.array(vertices), radius) for vertices, radius in known)
-    with threadpool_limits(1):  # thousands of tiny products: threads would only wait for each other, 5 s become 20
-        bodies = _around(_link_triangles(robot, link), geometry)
-    store("link_bodies", key, [[body.vertices.tolist(), body.radius] for body in bodies])
-    return bodies
+    with _fitting:  # who waits finds what the other has stored
+        known = load("link_bodies", key)
+        if known is not None:
+            return tuple(Swept(np.array(vertices), radius) for vertices, radius in known)
+        with threadpool_limits(1):  # thousands of tiny products: threads would only wait for each other, 5 s become 20
+            bodies = _around(_link_triangles(robot, link), geometry)
+        store("link_bodies", key, [[body.vertices.tolist(), body.radius] for body in bodies])
+        return bodies
 
 
 def _around(triangles: Array, geometry: str) -> tuple[Swept, ...]:

@@ -6,6 +6,7 @@ finite and it is not flat.
 
 from __future__ import annotations
 
+import threading
 import warnings
 from dataclasses import dataclass
 
@@ -25,6 +26,8 @@ CONVEX = 1e-3  # a solid that misses less than this part of its hull's volume pa
 LARGEST = 1e6  # [m] beyond which distances drown in rounding
 FLAT = 1e-6  # thinner than this part of its length, a mesh encloses nothing that could be told from rounding
 
+_reading = threading.Lock()  # which warnings are passed over is set for the whole process
+
 
 @dataclass(frozen=True, eq=False)
 class TriangleMesh:
@@ -40,6 +43,15 @@ class TriangleMesh:
         corners = index.ravel()[np.asarray(triangles, dtype=np.int64)]
         proper = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
         return cls(points, corners[proper])
+
+    @classmethod
+    def hull(cls, points: ArrayLike) -> TriangleMesh:
+        """Build the convex hull of points (m, 3) that are not flat."""
+        found = ConvexHull(points)
+        a, b, c = np.moveaxis(found.points[found.simplices], 1, 0)
+        outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), found.equations[:, :3]) > 0
+        triangles = np.where(outward[:, None], found.simplices, found.simplices[:, ::-1])
+        return cls(found.points, triangles.astype(np.int64)).trimmed()
 
     @property
     def closed(self) -> bool:
@@ -57,9 +69,14 @@ class TriangleMesh:
         return float(np.linalg.det(corners).sum() / 6.0)
 
     @property
+    def hull_volume(self) -> float:
+        """The volume [m³] of its convex hull; 0 for a flat one."""
+        return float(ConvexHull(self.vertices).volume) if thinness(self.vertices) > FLAT else 0.0
+
+    @property
     def convex(self) -> bool:
         """Whether it is closed and as large as its convex hull, up to the part `CONVEX` of the volume."""
-        return self.closed and abs(self.volume) >= (1.0 - CONVEX) * float(ConvexHull(self.vertices).volume)
+        return self.closed and abs(self.volume) >= (1.0 - CONVEX) * self.hull_volume > 0.0
 
     def components(self) -> tuple[TriangleMesh, ...]:
         """Take it apart into the pieces that share no vertex."""
@@ -104,7 +121,7 @@ def load_mesh(shape: Mesh, field: str) -> TriangleMesh:
     if shape.file.suffix.lower().lstrip(".") not in trimesh.available_formats():
         raise InputError(f"{where}: format '{shape.file.suffix}' is not known (stl, obj, ply, off, dae, glb are)")
     try:
-        with warnings.catch_warnings():
+        with _reading, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about colours and the like
             loaded = trimesh.load_mesh(str(shape.file), process=False)
             vertices, triangles = np.array(loaded.vertices, dtype=np.float64), np.array(loaded.faces)

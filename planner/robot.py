@@ -19,11 +19,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from hdplan.planner.description import LinkPair, Semantics, Tree, link_pair, read_semantics, read_tree
 from hdplan.planner.pin_model import move_base, read_model, without_joints
-from hdplan.planner.robot_library import find_robot, library_package_dirs
+from hdplan.scenes.description import LinkPair, Semantics, Tree, link_pair, read_semantics, read_tree
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.model import Attached, JointTarget, RobotSpec
+from hdplan.scenes.robot_library import description_of
 
 Array = NDArray[np.float64]
 
@@ -207,17 +207,6 @@ def robot_files(spec: RobotSpec) -> tuple[Path, ...]:
     """Return the URDF and, if there is one, the SRDF that a robot is read from."""
     _, urdf, srdf, _ = description_of(spec)
     return (urdf,) if srdf is None else (urdf, srdf)
-
-
-def description_of(spec: RobotSpec) -> tuple[str, Path, Path | None, tuple[Path, ...]]:
-    """Return name, URDF, SRDF and the folders for package:// addresses."""
-    if spec.name is not None:
-        files = find_robot(spec.name)
-        return spec.name, files.urdf, spec.srdf or files.srdf, (*spec.package_dirs, *library_package_dirs())
-    if spec.urdf is None:
-        raise InputError("robot: neither name nor urdf is given")
-    urdf = spec.urdf.resolve()
-    return urdf.stem, urdf, spec.srdf, (*spec.package_dirs, *urdf.parents)
 
 
 def _planned(

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hdplan.planner.urdf_check import check_urdf
 from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.urdf_check import check_urdf
 
 LinkPair = tuple[str, str]  # two different links, in alphabetical order
 
