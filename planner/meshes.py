@@ -98,15 +98,20 @@ class TriangleMesh:
     def winding_number(self, point: ArrayLike) -> float:
         """Return how often the mesh winds around `point` (3,): ±1 inside a closed mesh, 0 outside, in between if open.
 
-        The sum of the triangles' signed solid angles over 4π (A. Van Oosterom, J. Strackee, 1983; A. Jacobson et al.,
-        "Robust inside-outside segmentation using generalized winding numbers", 2013).
+        The sum of the triangles' signed solid angles over 4π (A. Jacobson et al., "Robust inside-outside segmentation
+        using generalized winding numbers", 2013).
         """
+        return float(self.solid_angles(point).sum() / (4.0 * np.pi))
+
+    def solid_angles(self, point: ArrayLike) -> Array:
+        """Return the signed solid angle (F,) under which each triangle is seen from `point` (3,), positive from inside
+        (A. Van Oosterom, J. Strackee, 1983)."""
         corners = self.vertices[self.triangles] - np.asarray(point, dtype=np.float64)
         a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
         la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
         ab, bc, ca = (np.einsum("ij,ij->i", x, y) for x, y in ((a, b), (b, c), (c, a)))
         angle = 2.0 * np.arctan2(np.linalg.det(corners), la * lb * lc + ab * lc + bc * la + ca * lb)
-        return float(angle.sum() / (4.0 * np.pi))
+        return np.asarray(angle)
 
 
 def load_mesh(shape: Mesh, field: str) -> TriangleMesh:

@@ -23,6 +23,7 @@ from trimesh.intersections import slice_faces_plane
 
 from hdplan.planner.coal_shapes import convex_hull, triangle_tree
 from hdplan.planner.meshes import TriangleMesh, load_mesh
+from hdplan.planner.solid import Solid
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, Sphere
 
@@ -76,7 +77,7 @@ class Surface:
     """Triangles that are not convex."""
 
     mesh: TriangleMesh
-    solid: TriangleMesh  # that they bound, alone or with others
+    solid: Solid  # that they bound, alone or with others
 
     @cached_property
     def tree(self) -> Any:
@@ -130,11 +131,13 @@ def mesh_pieces(mesh: TriangleMesh) -> tuple[Piece, ...]:
     if len(parts) > MOST_PIECES or not all(part.closed and part.volume > 0 for part in parts):
         if mesh.convex:
             return (_hull(mesh.vertices),)
-        return _cut(mesh, mesh)
-    return tuple(piece for part in parts for piece in ((_hull(part.vertices),) if part.convex else _cut(part, part)))
+        return _cut(mesh, Solid(mesh))
+    return tuple(
+        piece for part in parts for piece in ((_hull(part.vertices),) if part.convex else _cut(part, Solid(part)))
+    )
 
 
-def _cut(mesh: TriangleMesh, solid: TriangleMesh) -> tuple[Piece, ...]:
+def _cut(mesh: TriangleMesh, solid: Solid) -> tuple[Piece, ...]:
     """Cut triangles into parts, the one with the largest hull first, as long as the hulls of two halves leave out much
     of the whole's: the tighter the hulls, the less often the triangles themselves are asked.
 
@@ -212,9 +215,9 @@ def best_direction(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> tuple[Ar
 def surface_distance(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> float:
     """Return the distance [m] of two pieces' real surfaces, 0 if they touch or if coal's answer is not plausible.
 
-    Unsigned, and blind to one lying wholly inside the other: see `contains`. The answer is taken only if it is finite
-    and equals the distance of its own witness points, and from two poses, the second slightly turned: the smaller one
-    counts, less what the turn may have added. Poses are (4, 4).
+    Unsigned, and blind to one lying wholly inside the other: see `containment`. The answer is taken only if it is
+    finite and equals the distance of its own witness points, and from two poses, the second slightly turned: the
+    smaller one counts, less what the turn may have added. Poses are (4, 4).
     """
     rotation_b, center = pose_b[:3, :3], pose_b[:3, :3] @ b.center + pose_b[:3, 3]
     smallest = np.inf
@@ -254,20 +257,6 @@ def witness_points(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> Array:
     return np.array([result.getNearestPoint1(), result.getNearestPoint2()])
 
 
-def contains(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> bool:
-    """Whether one of two pieces whose surfaces do not touch lies inside the other's triangles. Poses (4, 4)."""
-    return _inside(a, pose_a, b, pose_b) or _inside(b, pose_b, a, pose_a)
-
-
-def _inside(outer: Piece, outer_pose: Array, inner: Piece, inner_pose: Array) -> bool:
-    if outer.surface is None:
-        return False  # a solid of coal's: its distance is signed already
-    parts = inner.surface.mesh.components() if inner.surface else (inner,)
-    points = np.array([part.vertices[0] for part in parts]) @ inner_pose[:3, :3].T + inner_pose[:3, 3]
-    local = (points - outer_pose[:3, 3]) @ outer_pose[:3, :3]
-    return any(abs(outer.surface.solid.winding_number(point)) > 0.5 for point in local)
-
-
 def transform(rotation: Array, origin: Array) -> Any:
     """Return coal's transform."""
     return coal.Transform3s(rotation, origin)
@@ -302,7 +291,7 @@ def _hull(points: Array, surface: Surface | None = None) -> Piece:
     shape = convex_hull(solid)
     if shape is None:
         hull = TriangleMesh.hull(solid)
-        surface, shape = surface or Surface(hull, hull), convex_hull(_outermost(solid))
+        surface, shape = surface or Surface(hull, Solid(hull)), convex_hull(_outermost(solid))
         return Piece(points, shape, surface=surface)
     corners = np.array(shape.points()) if solid is points else points
     return Piece(corners, shape, surface=surface)
