@@ -103,7 +103,8 @@ def _link(arm: Arm, name: str, rng: np.random.Generator, folder: Path, length: f
 def _shape(name: str, number: int, rng: np.random.Generator, folder: Path, length: float, hostile: bool) -> str:
     width = float(rng.uniform(0.02, 0.06))
     inner = 0.8 * length
-    match str(rng.choice(["box", "cylinder", "sphere", "capsule", "mesh"] if hostile else ["box", "cylinder", "sphere"])):
+    kinds, shares = ["box", "cylinder", "sphere", "mesh", "capsule"], [0.3, 0.2, 0.1, 0.38, 0.02]
+    match str(rng.choice(kinds, p=shares) if hostile else rng.choice(kinds[:3])):
         case "box":
             shape = f'<box size="{width!r} {width * 1.3!r} {inner!r}"/>'
         case "cylinder":
@@ -113,9 +114,9 @@ def _shape(name: str, number: int, rng: np.random.Generator, folder: Path, lengt
         case "sphere":
             shape = f'<sphere radius="{min(width, inner / 2)!r}"/>'
         case _:
-            kinds = [kind for kind in meshes.KINDS if kind != "room"]
+            forms = [kind for kind in meshes.KINDS if kind != "room"]
             file = f"{name}_{number}.{rng.choice(['obj', 'stl', 'ply'])}"
-            meshes.write(folder / file, meshes.hostile(str(rng.choice(kinds)), rng, 1.0))
+            meshes.write(folder / file, meshes.hostile(str(rng.choice(forms)), rng, 1.0))
             shape = f'<mesh filename="{file}" scale="{2 * width!r} {2 * width!r} {inner!r}"/>'
     turn = _words(rng.choice(RIGHT, 3)) if rng.random() < 0.1 else "0 0 0"
     return f'<collision><origin xyz="0 0 {length / 2!r}" rpy="{turn}"/><geometry>{shape}</geometry></collision>'

@@ -27,6 +27,7 @@ Attack = Callable[[np.random.Generator, Path], "Outcome"]  # a case: its random 
 
 MEMORY = 6 << 30  # [bytes] of data that a worker may ask for
 GROWN = 3 << 30  # [bytes] in memory at which a worker is ended, and what it was at is a finding
+PATIENCE = 6.0  # times its limit that a case may take by the clock, as other processes run beside it
 SILENCE = 300.0  # [s] that a worker may take to get ready
 
 
@@ -95,7 +96,7 @@ def run(name: str, count: int, seed: int, seconds: float, jobs: int, limit: floa
                     selector.unregister(worker.answers)
                     crew[place] = worker = _Worker(name, seed, output)
                     selector.register(worker.answers, selectors.EVENT_READ, worker)
-                elif worker.busy and (worker.dead or now - worker.since > (SILENCE if worker.index is None else limit)):
+                elif worker.busy and (worker.dead or worker.over(limit)):
                     words = worker.end(over=not worker.dead)
                     if worker.index is None:
                         raise RuntimeError(f"a worker of {name} does not start: {words}")
@@ -184,12 +185,27 @@ class _Worker:
         assert self.child.stdout is not None
         self.answers: IO[str] = self.child.stdout
         self.index: int | None = None
+        self.spent = 0.0
         self.ready, self.leaving, self.busy, self.since = False, False, True, time.monotonic()
 
     @property
     def dead(self) -> bool:
         """Whether it has died."""
         return self.child.poll() is not None
+
+    def over(self, limit: float) -> bool:
+        """Whether its case has taken more processor time than the limit, or much more time by the clock."""
+        waited = time.monotonic() - self.since
+        if self.index is None:
+            return waited > SILENCE
+        return waited > PATIENCE * limit or (waited > limit and self._spent() - self.spent > limit)
+
+    def _spent(self) -> float:
+        try:
+            words = Path(f"/proc/{self.child.pid}/stat").read_text().rpartition(")")[2].split()
+        except OSError:
+            return 0.0
+        return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
 
     def hear(self) -> dict[str, Any] | None:
         """Read an answer; None for none."""
@@ -208,7 +224,7 @@ class _Worker:
             self.child.wait()
             shutil.rmtree(self.folder, ignore_errors=True)
         else:
-            self.index, self.since = index, time.monotonic()
+            self.index, self.since, self.spent = index, time.monotonic(), self._spent()
             try:
                 self.child.stdin.write(f"{index}\n")
                 self.child.stdin.flush()

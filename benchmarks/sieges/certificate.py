@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -36,19 +37,23 @@ def check(folder: Path) -> Outcome:
         return Outcome("refused", "" if len(said) <= 2 else f"refused in {len(said)} lines: {short}")
     if done.code not in (0, 1):
         return Outcome("code", f"exit code {done.code}: {done.err.strip()[:200]}")
+    from hdplan.planner.scene_robot import load_scene_robot
+    from hdplan.scenes.reader import load_scene
+
     said = json.loads(done.out)
     motion = rows.read(folder / file)
     world = World(folder / "scene.yaml", motion.names)
     if said["status"] != "certified":
         return Outcome(said["status"], "", 1, _pessimism(world, motion, said))
-    world.pairs = [pair for pair in world.pairs if pair not in _excused(world, folder, motion.names)]
+    leave = excused(world, load_scene_robot(load_scene(folder / "scene.yaml")), motion.names)
+    world.pairs = [pair for pair in world.pairs if pair not in leave]
     found = judge.refute(world, motion, said["clearance_m"], said["self_clearance_m"])
     if found:
         return Outcome("refuted", f"refuted: {'; '.join(found)[:300]} ({said['text'][:120]})", 1, {"verdict": said})
     return Outcome("certified")
 
 
-def _pessimism(world: World, motion: rows.Rows, said: dict) -> dict[str, int]:
+def _pessimism(world: World, motion: rows.Rows, said: dict[str, Any]) -> dict[str, int]:
     """Count a contact with an obstacle where the judge finds the two bodies free."""
     worst = said.get("worst")
     if said["status"] != "in_contact" or not worst or worst["distance_m"] > 0.0 or worst["link"] not in said["text"]:
@@ -61,18 +66,14 @@ def _pessimism(world: World, motion: rows.Rows, said: dict) -> dict[str, int]:
     places = world.places(motion.names, motion.at(place, s), motion.when(place, s))
     names = {worst["link"], worst["obstacle"]}
     world.pairs = [pair for pair in world.pairs if {world.bodies[k].name for k in pair} == names]
-    if not world.pairs or judge.inside(world, places):
+    if not world.pairs or judge.inside(world, places, open_too=True):
         return {}
     near = judge.closest(world, places, np.array([0]), np.full(len(world.pairs), np.inf))
     return {"contacts that the judge calls free": int(min(each.low for each in near) > FREE)} if near else {}
 
 
-def _excused(world: World, folder: Path, names: tuple[str, ...]) -> set[tuple[int, int]]:
+def excused(world: World, robot: Any, names: tuple[str, ...]) -> set[tuple[int, int]]:
     """Return the pairs of links that hdplan says it leaves out as always touching, where the judge finds the same."""
-    from hdplan.planner.scene_robot import load_scene_robot
-    from hdplan.scenes.reader import load_scene
-
-    robot = load_scene_robot(load_scene(folder / "scene.yaml"))
     said = {frozenset(pair) for pair, why in robot.unchecked.items() if why == ALWAYS}
     pairs = [p for p in world.pairs if frozenset((world.bodies[p[0]].name, world.bodies[p[1]].name)) in said]
     if not pairs:

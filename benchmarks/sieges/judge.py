@@ -119,24 +119,23 @@ def _ball(centres: Array, radii: Array) -> tuple[Array, Array]:
     return middle, (np.linalg.norm(centres - middle, axis=2) + radii[:, None]).max(axis=0)
 
 
-def inside(world: World, places: Array) -> list[tuple[tuple[int, int], int]]:
-    """Return pairs, and when, of which one has a point within the other's closed mesh."""
+def inside(world: World, places: Array, open_too: bool = False) -> list[tuple[tuple[int, int], int]]:
+    """Return pairs, and when, of which one has a point within the other's closed mesh; of an open one, if asked, where
+    it winds around the point more than not."""
     found = []
     chosen = np.unique(np.linspace(0, places.shape[1] - 1, 5).round().astype(int))
     for pair in world.pairs:
         for outer, inner in (pair, pair[::-1]):
-            solid = world.bodies[outer].solid
-            if solid is None:
+            mesh = world.bodies[outer].mesh
+            if mesh is None or not (world.bodies[outer].closed or open_too):
                 continue
             points = _points(world, inner)
             turned = np.linalg.inv(places[outer, chosen]) @ places[inner, chosen]
             local = np.einsum("tij,kj->tki", turned[:, :3, :3], points) + turned[:, None, :3, 3]
-            low, high = solid[0].min(axis=0), solid[0].max(axis=0)
-            within = ((local > low) & (local < high)).all(axis=2)
-            for t, k in np.argwhere(within)[:12]:
-                if abs(meshes.windings(solid, local[t, k][None])[0]) > 0.9:
-                    found.append((pair, int(chosen[t])))
-                    break
+            low, high = mesh[0].min(axis=0), mesh[0].max(axis=0)
+            within = np.argwhere(((local > low) & (local < high)).all(axis=2))[:24]
+            if len(within) and (turns := np.abs(meshes.windings(mesh, local[within[:, 0], within[:, 1]]))).max() > 0.5:
+                found.append((pair, int(chosen[within[int(turns.argmax()), 0]])))
     return found
 
 

@@ -131,7 +131,7 @@ def obstacles(
         else:
             shape = solid(rng, size) if rng.random() < 0.5 else mesh(rng, folder, name, size)
             way = rng.normal(size=3)
-            away = world.pieces.radius[piece] * rng.uniform(0.2, 1.0) + 0.5 * size + rng.uniform(-0.02, 0.08)
+            away = world.pieces.radius[piece] * rng.uniform(0.5, 1.0) + 0.6 * size + rng.uniform(-0.02, 0.1)
             centre = centre + way / np.linalg.norm(way) * away
         entry: dict[str, Any] = {"name": name, "shape": shape}
         pose = {"position": centre.tolist(), "rpy": turn.tolist()}

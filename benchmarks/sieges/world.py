@@ -37,7 +37,8 @@ class Body:
     link: str  # that carries it; empty for an obstacle
     place: Array  # (4, 4) in the link's frame, or in the world at time 0
     rows: list[tuple[Array, float, float, Array]]  # convex pieces: points, ball, disc, axes
-    solid: meshes.Mesh | None = None  # a closed mesh that is not convex: inside is contact too
+    mesh: meshes.Mesh | None = None  # that is not convex: where it is closed, inside is contact too
+    closed: bool = False
     motion: dict[str, Any] | None = None  # of an obstacle
 
 
@@ -184,7 +185,7 @@ def _body(
     motion: dict[str, Any] | None = None,
 ) -> Body:
     if isinstance(shape, list):
-        return Body(name, link, place, shape, None, motion)
+        return Body(name, link, place, shape, motion=motion)
     points, faces = shape
     solid = meshes.closed(shape)
     corners = points[faces] - points.mean(axis=0)
@@ -192,9 +193,9 @@ def _body(
     used = points[np.unique(faces)]
     hull = ConvexHull(used) if solid else None
     if hull is not None and volume >= (1.0 - 1e-6) * hull.volume:
-        return Body(name, link, place, [(used[hull.vertices], 0.0, 0.0, SAME)], None, motion)
+        return Body(name, link, place, [(used[hull.vertices], 0.0, 0.0, SAME)], motion=motion)
     rows = [(corner, 0.0, 0.0, SAME) for corner in points[faces]]
-    return Body(name, link, place, rows, shape if solid else None, motion)
+    return Body(name, link, place, rows, shape, solid, motion)
 
 
 def _of_urdf(shape: ElementTree.Element, urdf: Path) -> list[tuple[Array, float, float, Array]] | meshes.Mesh:
