@@ -26,6 +26,7 @@ from threadpoolctl import threadpool_limits
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.cache import content_key, load, store
+from hdplan.planner.meshes import below
 from hdplan.planner.robot import Robot
 from hdplan.planner.swept_fit import MARGIN, Reference, Swept, distance_to_hull, fit_swept, outside, spread
 from hdplan.scenes.errors import InputError
@@ -208,28 +209,7 @@ def _slabs(triangles: Array, axis: Array, count: int) -> list[tuple[Array, Refer
 
 
 def _between(triangles: Array, axis: Array, low: float, high: float) -> Array:
-    return _below(_below(triangles, axis, high), -axis, -low)
-
-
-def _below(triangles: Array, normal: Array, offset: float) -> Array:
-    """Return the parts of triangles (T, 3, 3) where normal . x <= offset, as triangles."""
-    height = triangles @ normal - offset
-    inside = height <= 0
-    count = inside.sum(1)
-    parts = [triangles[count == 3]]
-    for corners_inside in (1, 2):
-        chosen = count == corners_inside
-        lone = (inside[chosen] if corners_inside == 1 else ~inside[chosen]).argmax(1)  # the corner on its own side
-        turn = (lone[:, None] + np.arange(3)) % 3
-        a, b, c = np.moveaxis(np.take_along_axis(triangles[chosen], turn[:, :, None], 1), 1, 0)
-        above_a, above_b, above_c = np.take_along_axis(height[chosen], turn, 1).T[:, :, None]
-        to_b = a + (b - a) * (above_a / (above_a - above_b))
-        to_c = a + (c - a) * (above_a / (above_a - above_c))
-        if corners_inside == 1:
-            parts.append(np.stack([a, to_b, to_c], 1))
-        else:
-            parts.extend((np.stack([to_b, b, c], 1), np.stack([to_b, c, to_c], 1)))
-    return np.concatenate(parts)
+    return below(below(triangles, axis, high), -axis, -low)
 
 
 def _hull_points(triangles: Array) -> Array:

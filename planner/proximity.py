@@ -19,10 +19,9 @@ from typing import Any
 import coal
 import numpy as np
 from numpy.typing import NDArray
-from trimesh.intersections import slice_faces_plane
 
 from hdplan.planner.coal_shapes import convex_hull, triangle_tree
-from hdplan.planner.meshes import TriangleMesh, load_mesh
+from hdplan.planner.meshes import TriangleMesh, below, load_mesh
 from hdplan.planner.solid import Solid
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, Sphere
@@ -160,15 +159,10 @@ def _halves(mesh: TriangleMesh) -> tuple[TriangleMesh, ...]:
     middle = mesh.vertices.mean(axis=0)
     axis = np.linalg.svd(mesh.vertices - middle, full_matrices=False)[2][0]
     heights = (mesh.vertices - middle) @ axis
-    origin = middle + 0.5 * (heights.min() + heights.max()) * axis
-    halves = tuple(_beyond(mesh, origin, direction) for direction in (axis, -axis))
+    offset, corners = middle @ axis + 0.5 * (heights.min() + heights.max()), mesh.vertices[mesh.triangles]
+    cut = (below(corners, side * axis, side * offset).reshape(-1, 3) for side in (1, -1))
+    halves = tuple(TriangleMesh.merged(points, np.arange(len(points)).reshape(-1, 3)).trimmed() for points in cut)
     return halves if all(len(half.triangles) for half in halves) else ()
-
-
-def _beyond(mesh: TriangleMesh, origin: Array, normal: Array) -> TriangleMesh:
-    """Return the part of the triangles where normal · (x − origin) ≥ 0; a triangle across the plane is cut there."""
-    vertices, triangles, _ = slice_faces_plane(mesh.vertices, mesh.triangles, normal, origin)
-    return TriangleMesh.merged(vertices, triangles).trimmed()
 
 
 @dataclass(frozen=True)
