@@ -48,7 +48,14 @@ def main() -> int:
         return 0
     count, limit = CAMPAIGNS[name]
     tally = campaign.run(
-        name, given.count or count, given.seed, given.seconds, given.jobs, limit, given.output / name, given.first
+        name,
+        given.count or count,
+        given.seed,
+        given.output / name,
+        limit,
+        seconds=given.seconds,
+        jobs=given.jobs,
+        first=given.first,
     )
     print(tally.table(name))
     return int(bool(tally.findings))

@@ -6,6 +6,7 @@ dies, hangs or grows too large is ended, the case that it was at is a finding, a
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import resource
@@ -25,6 +26,7 @@ import numpy as np
 
 Attack = Callable[[np.random.Generator, Path], "Outcome"]  # a case: its random numbers, and an empty folder for it
 
+SCRIPT = Path(__file__).parents[1] / "siege.py"
 MEMORY = 6 << 30  # [bytes] of data that a worker may ask for
 GROWN = 3 << 30  # [bytes] in memory at which a worker is ended, and what it was at is a finding
 PATIENCE = 6.0  # times its limit that a case may take by the clock, as other processes run beside it
@@ -73,14 +75,28 @@ class Tally:
         return "\n".join([*lines, "", *(f"* case {index}: {words}" for index, words in self.findings)])
 
 
-def run(name: str, count: int, seed: int, seconds: float, jobs: int, limit: float, output: Path, first: int) -> Tally:
-    """Attack with cases `first` to `first + count`, for at most `seconds`; findings are kept in `output`."""
+def run(
+    name: str,
+    count: int,
+    seed: int,
+    output: Path,
+    limit: float,
+    *,
+    seconds: float = float("inf"),
+    jobs: int = 1,
+    first: int = 0,
+    script: Path = SCRIPT,
+) -> Tally:
+    """Attack with cases `first` to `first + count`, each of at most `limit` [s] of processor time.
+
+    No case is begun after `seconds`. Findings are kept in `output`. `script`: what a worker runs.
+    """
     began, tally = time.monotonic(), Tally()
     output.mkdir(parents=True, exist_ok=True)
     waiting = iter(range(first, first + count))
     shown = began
     with selectors.DefaultSelector() as selector:
-        crew = [_Worker(name, seed, output) for _ in range(jobs)]
+        crew = [_Worker(script, name, seed, output) for _ in range(jobs)]
         for worker in crew:
             selector.register(worker.answers, selectors.EVENT_READ, worker)
         while any(worker.busy for worker in crew):
@@ -94,20 +110,23 @@ def run(name: str, count: int, seed: int, seconds: float, jobs: int, limit: floa
             for place, worker in enumerate(crew):
                 if worker.leaving:  # it had grown too large
                     selector.unregister(worker.answers)
-                    crew[place] = worker = _Worker(name, seed, output)
+                    crew[place] = worker = _Worker(script, name, seed, output)
                     selector.register(worker.answers, selectors.EVENT_READ, worker)
                 elif worker.busy and (worker.dead or worker.over(limit)):
+                    selector.unregister(worker.answers)
                     words = worker.end(over=not worker.dead)
                     if worker.index is None:
                         raise RuntimeError(f"a worker of {name} does not start: {words}")
                     answer = {"kind": words.split(" ", 1)[0], "finding": words, "count": 1, "notes": {}}
                     tally.take(worker.index, {**answer, "seconds": now - worker.since})
                     _keep(output, worker.folder, worker.index, words, {})
-                    selector.unregister(worker.answers)
-                    crew[place] = worker = _Worker(name, seed, output)
+                    shutil.rmtree(worker.folder, ignore_errors=True)
+                    crew[place] = worker = _Worker(script, name, seed, output)
                     selector.register(worker.answers, selectors.EVENT_READ, worker)
                 elif worker.ready and worker.index is None and worker.busy:
                     index = next(waiting, None) if now - began < seconds else None
+                    if index is None:
+                        selector.unregister(worker.answers)
                     worker.tell(index)
             if now - shown > 10.0:
                 shown = now
@@ -172,10 +191,10 @@ def _keep(output: Path, folder: Path, index: int, words: str, notes: dict[str, A
 class _Worker:
     """A child process and what it is at."""
 
-    def __init__(self, name: str, seed: int, output: Path) -> None:
+    def __init__(self, script: Path, name: str, seed: int, output: Path) -> None:
         self.folder = output / f"worker_{os.getpid()}_{time.monotonic_ns()}"
         self.folder.mkdir(parents=True)
-        command = [sys.executable, str(Path(__file__).parents[1] / "siege.py"), name]
+        command = [sys.executable, str(script), name]
         command += ["--seed", str(seed), "--worker", str(self.folder)]
         environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
         with open(self.folder / "errors.txt", "w") as errors:
@@ -217,24 +236,30 @@ class _Worker:
 
     def tell(self, index: int | None) -> None:
         """Give it a case, or none: then it ends."""
-        assert self.child.stdin is not None
         if index is None:
             self.busy = False
-            self.child.stdin.close()
+            self.close()
             self.child.wait()
             shutil.rmtree(self.folder, ignore_errors=True)
         else:
+            assert self.child.stdin is not None
             self.index, self.since, self.spent = index, time.monotonic(), self._spent()
-            try:
+            with contextlib.suppress(BrokenPipeError):  # it is found dead the next time
                 self.child.stdin.write(f"{index}\n")
                 self.child.stdin.flush()
-            except BrokenPipeError:
-                pass  # found dead the next time
+
+    def close(self) -> None:
+        """Close what leads to it and from it."""
+        assert self.child.stdin is not None
+        with contextlib.suppress(BrokenPipeError):
+            self.child.stdin.close()
+        self.answers.close()
 
     def end(self, over: bool) -> str:
         """End it, and say what happened."""
         self.child.kill()
         code = self.child.wait()
+        self.close()
         said = (self.folder / "errors.txt").read_text(errors="replace").strip().splitlines()
         last = said[-1][:300] if said else ""
         return f"limit of time reached {last}" if over else f"signal {-code} {last}"

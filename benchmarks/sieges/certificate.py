@@ -79,11 +79,16 @@ def excused(world: World, robot: Any, names: tuple[str, ...]) -> set[tuple[int, 
     if not pairs:
         return set()
     joints = [world.machine.by_name[name] for name in names]
-    low, high = (np.array([np.clip(end, -np.pi, np.pi) for end in ends]) for ends in zip(*((j.low, j.high) for j in joints), strict=True))
+    low, high = (
+        np.array([np.clip(end, -np.pi, np.pi) for end in ends])
+        for ends in zip(*((j.low, j.high) for j in joints), strict=True)
+    )
     q = np.random.default_rng(0).uniform(low, high, (16, len(names)))
     every, world.pairs = world.pairs, pairs
     places = world.places(names, q, np.zeros(16))
-    touching = [each.pair for each in judge.closest(world, places, np.arange(16), np.zeros(len(pairs))) if each.high <= 1e-9]
+    touching = [
+        each.pair for each in judge.closest(world, places, np.arange(16), np.zeros(len(pairs))) if each.high <= 1e-9
+    ]
     touching += [pair for at in range(16) for pair, _ in judge.inside(world, places[:, [at]])]
     world.pairs = every
     named = {frozenset(world.bodies[k].name for k in pair) for pair in touching if touching.count(pair) >= 8}

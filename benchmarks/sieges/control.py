@@ -34,7 +34,10 @@ def attack(rng: np.random.Generator, folder: Path, steps: int = STEPS) -> Outcom
 
     content, names, world = _scene(rng, folder)
     machine = world.machine
-    low, high = (np.array([np.clip(e, -2.8, 2.8) for e in ends]) for ends in zip(*((machine.by_name[n].low, machine.by_name[n].high) for n in names), strict=True))
+    low, high = (
+        np.array([np.clip(e, -2.8, 2.8) for e in ends])
+        for ends in zip(*((machine.by_name[n].low, machine.by_name[n].high) for n in names), strict=True)
+    )
     q = rng.uniform(low, high)
     content["start"] = content["goal"] = {"joints": dict(zip(names, q.tolist(), strict=True))}
     scenes.write(folder / "scene.yaml", content)
@@ -84,7 +87,9 @@ def _settings(rng: np.random.Generator) -> Any:
 
     kind = str(rng.choice(["hdsdf", "hdsdf", "euclidean"]))
     barriers = control.BarrierSettings() if kind == "hdsdf" else control.BarrierSettings(distance="euclidean")
-    return control.ControlSettings(barriers=barriers, speed=float(rng.choice([0.3, 1.0])), period=float(rng.choice([0.002, 0.005, 0.01])))
+    return control.ControlSettings(
+        barriers=barriers, speed=float(rng.choice([0.3, 1.0])), period=float(rng.choice([0.002, 0.005, 0.01]))
+    )
 
 
 def _scene(rng: np.random.Generator, folder: Path) -> tuple[dict[str, Any], tuple[str, ...], World]:
@@ -157,4 +162,7 @@ def _contact(world: World, places: Array) -> list[str]:
         return []
     chosen = np.unique(np.linspace(0, places.shape[1] - 1, 24).round().astype(int))
     met = [each for each in judge.closest(world, places, chosen, np.zeros(len(world.pairs))) if each.high <= 0.0]
-    return [f"step {each.place}: {world.bodies[each.pair[0]].name} meets {world.bodies[each.pair[1]].name}" for each in met[:1]]
+    return [
+        f"step {each.place}: {world.bodies[each.pair[0]].name} meets {world.bodies[each.pair[1]].name}"
+        for each in met[:1]
+    ]

@@ -84,13 +84,20 @@ def attack(rng: np.random.Generator, folder: Path, count: int = POSES, witnesses
         notes["poses of signed_distance"] = len(found)
         off = np.flatnonzero((found > high + 1e-9 * size) | (found < low - 1e-9 * size))
         if len(off):
-            wrong.append(f"signed_distance: {found[off[0]]!r} at pose {off[0]}, the judge {low[off[0]]!r} to {high[off[0]]!r}")
+            wrong.append(
+                f"signed_distance: {found[off[0]]!r} at pose {off[0]}, the judge {low[off[0]]!r} to {high[off[0]]!r}"
+            )
     if not witnesses or "halfspaces" in witnesses:
         wrong += _halfspaces(a, b, gamma, length, pose_a, pose_b, rng, notes)
     wrong += _derivatives(rng, setting, a, b, pose_a, pose_b, size, witnesses, notes)
     if wrong:
         np.savez(folder / "poses.npz", pose_a=pose_a, pose_b=pose_b)
-    return Outcome("pairs of poses", "; ".join(wrong)[:600] and f"setting {SETTINGS[setting]}: " + "; ".join(wrong)[:600], count, notes)
+    return Outcome(
+        "pairs of poses",
+        "; ".join(wrong)[:600] and f"setting {SETTINGS[setting]}: " + "; ".join(wrong)[:600],
+        count,
+        notes,
+    )
 
 
 def some_poses(rng: np.random.Generator, a: paper.Polytope, b: paper.Polytope, count: int) -> tuple[Array, Array]:
@@ -143,7 +150,9 @@ def _allowed(value: Array, gap: Array, noise: Array, gamma: int) -> Array:
     return np.where(share < 0.5, share * np.abs(value), np.abs(value) + noise) + 1e-290
 
 
-def _wide(a: paper.Polytope, pose_a: Any, b: paper.Polytope, pose_b: Any, gamma: int, length: float, normals: str) -> Any:
+def _wide(
+    a: paper.Polytope, pose_a: Any, b: paper.Polytope, pose_b: Any, gamma: int, length: float, normals: str
+) -> Any:
     x = paper.separations(a, pose_a.astype(np.longdouble), b, pose_b.astype(np.longdouble), normals)
     return paper.distance(x, gamma, np.longdouble(length))
 
@@ -164,7 +173,15 @@ def _derivatives(
     rows = rng.choice(len(pose_a), min(TWISTS, len(pose_a)), replace=False)
     twist = rng.normal(size=(len(rows), 12))
     values = [
-        _wide(a, paper.moved(pose_a[rows], twist[:, :6], h), b, paper.moved(pose_b[rows], twist[:, 6:], h), gamma, length, normals)[0]
+        _wide(
+            a,
+            paper.moved(pose_a[rows], twist[:, :6], h),
+            b,
+            paper.moved(pose_b[rows], twist[:, 6:], h),
+            gamma,
+            length,
+            normals,
+        )[0]
         for h in (-STEP, 0.0, STEP)
     ]
     slope = ((values[2] - values[0]) / (2 * STEP)).astype(float)
@@ -290,7 +307,9 @@ def _halfspaces(
     planes = np.concatenate([ways.ravel(), levels])
     shifted = pose_a.copy()
     shifted[:, :3, 3] += rng.normal(size=(len(pose_a), 3)) * 0.05
-    flat = [np.concatenate([pose[:, :3, :3].reshape(-1, 9), pose[:, :3, 3]], axis=1).T for pose in (pose_a, shifted, pose_b)]
+    flat = [
+        np.concatenate([pose[:, :3, :3].reshape(-1, 9), pose[:, :3, 3]], axis=1).T for pose in (pose_a, shifted, pose_b)
+    ]
     wrong = []
     for word, function, inputs, places in (
         ("halfspaces", halfspace_distance, [flat[0], flat[2]], [pose_a]),
@@ -298,7 +317,8 @@ def _halfspaces(
     ):
         found = np.asarray(function(points, 26, gamma, length)(*inputs, ca.DM(body), ca.DM(planes))[0]).ravel()
         corners = [
-            np.einsum("nij,mj->nmi", pose[:, :3, :3], a.points) + (pose[:, :3, 3] - pose_b[:, :3, 3])[:, None] for pose in places
+            np.einsum("nij,mj->nmi", pose[:, :3, :3], a.points) + (pose[:, :3, 3] - pose_b[:, :3, 3])[:, None]
+            for pose in places
         ]
         local = np.einsum("nij,nmi->nmj", pose_b[:, :3, :3], np.concatenate(corners, axis=1))
         x = np.einsum("ki,nmi->nkm", ways, local) - a.radius - levels[:, None]

@@ -85,7 +85,9 @@ def _planar(rng: np.random.Generator, folder: Path, what: str) -> list[str]:
     if rng.random() < 0.3:
         content["limits"] = {"velocity": 2.0, "acceleration": 8.0}
     if rng.random() < 0.3:
-        content["obstacles"].append({"name": "m", "shape": scenes.mesh(rng, folder, "m", 0.1), "pose": {"position": [0.6, 0.4, 0.3]}})
+        content["obstacles"].append(
+            {"name": "m", "shape": scenes.mesh(rng, folder, "m", 0.1), "pose": {"position": [0.6, 0.4, 0.3]}}
+        )
     scenes.write(folder / "scene.yaml", content)
     if what == "plan":
         return ["plan", "scene.yaml", "--time-limit", "0.5", "-o", "out.json"]
@@ -136,7 +138,10 @@ def _moveit(
         "world": {"collision_objects": things},
         "is_diff": False,
     }
-    goal = [{"joint_name": name, "position": value} for name, value in zip(names, motion.positions[-1].tolist(), strict=True)]
+    goal = [
+        {"joint_name": name, "position": value}
+        for name, value in zip(names, motion.positions[-1].tolist(), strict=True)
+    ]
     request = {"group_name": "arm", "start_state": state, "goal_constraints": [{"joint_constraints": goal}]}
     scenes.write(folder / "scene.yaml", message)
     scenes.write(folder / "request.yaml", request)
@@ -145,7 +150,9 @@ def _moveit(
 def spoil(rng: np.random.Generator, folder: Path) -> str:
     """Make one of the folder's files wrong; return its name."""
     files = sorted(path for path in folder.iterdir() if path.is_file() and path.name not in ("command.txt",))
-    weights = np.array([3.0 if path.suffix == ".yaml" else 2.0 if path.name.startswith("m.") else 1.0 for path in files])
+    weights = np.array(
+        [3.0 if path.suffix == ".yaml" else 2.0 if path.name.startswith("m.") else 1.0 for path in files]
+    )
     path = files[int(rng.choice(len(files), p=weights / weights.sum()))]
     how = rng.random()
     if path.suffix == ".yaml" and how < 0.75:
@@ -153,7 +160,9 @@ def spoil(rng: np.random.Generator, folder: Path) -> str:
         with contextlib.suppress(yaml.YAMLError, ValueError):
             loaded = yaml.safe_load(path.read_text(errors="replace"))
         if loaded is not None:
-            path.write_text(yaml.safe_dump(mutations.of_tree(rng, loaded), sort_keys=False, allow_unicode=True), errors="replace")
+            path.write_text(
+                yaml.safe_dump(mutations.of_tree(rng, loaded), sort_keys=False, allow_unicode=True), errors="replace"
+            )
             return path.name
     if path.suffix == ".json" and how < 0.6 and path.read_text(errors="replace").startswith("{"):
         with contextlib.suppress(ValueError):  # it may be spoilt already

@@ -93,7 +93,11 @@ class Machine:
                 return factor * value(followed) + offset
             return min(max(0.0, joint.low), joint.high)
 
-        return {joint.name: value(joint.name) for joint in self.joints if joint.kind != "fixed" and joint.name not in planned}
+        return {
+            joint.name: value(joint.name)
+            for joint in self.joints
+            if joint.kind != "fixed" and joint.name not in planned
+        }
 
     def carrier(self, link: str, planned: set[str]) -> str:
         """Return the planned joint that carries a link; empty for the world."""
@@ -167,7 +171,12 @@ def _step(joint: Joint, values: dict[str, Array], count: int) -> Array:
 
 
 def _joint(element: ElementTree.Element) -> Joint:
-    kind, limit, axis, mimic = element.get("type", ""), element.find("limit"), element.find("axis"), element.find("mimic")
+    kind, limit, axis, mimic = (
+        element.get("type", ""),
+        element.find("limit"),
+        element.find("axis"),
+        element.find("mimic"),
+    )
     about: dict[str, str] = {} if limit is None else dict(limit.attrib)
     direction = np.array([float(word) for word in ("1 0 0" if axis is None else axis.get("xyz", "")).split()])
     free = kind == "continuous"

@@ -80,7 +80,9 @@ def hostile(kind: str, rng: np.random.Generator, size: float) -> Mesh:
         case "channel":
             a, b = rng.uniform(0.2, 0.4, 2)
             outline = np.array([[0, 0], [1, 0], [1, 1], [1 - a, 1], [1 - a, b], [a, b], [a, 1], [0, 1]]) - 0.5
-            return prism(outline * edges[:2], edges[2], [[0, 1, 4], [0, 4, 5], [0, 5, 7], [5, 6, 7], [1, 2, 4], [2, 3, 4]])
+            return prism(
+                outline * edges[:2], edges[2], [[0, 1, 4], [0, 4, 5], [0, 5, 7], [5, 6, 7], [1, 2, 4], [2, 3, 4]]
+            )
         case "ball":
             rings = int(rng.integers(3, 5))
             return ball(np.full((rings + 1, 2 * rings), 0.5 * size), rings)

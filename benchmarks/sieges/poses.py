@@ -19,7 +19,9 @@ def turn(axis: Array, angle: Array) -> Array:
 
 def from_rpy(xyz: Any, rpy: Any) -> Array:
     """Return the placement of URDF's origin: turns about the fixed axes x, y, z, one after the other."""
-    roll, pitch, yaw = (turn(axis, np.array([angle]))[0] for axis, angle in zip(np.eye(3), map(float, rpy), strict=True))
+    roll, pitch, yaw = (
+        turn(axis, np.array([angle]))[0] for axis, angle in zip(np.eye(3), map(float, rpy), strict=True)
+    )
     placement = np.eye(4)
     placement[:3, :3], placement[:3, 3] = yaw @ pitch @ roll, [float(value) for value in xyz]
     return placement

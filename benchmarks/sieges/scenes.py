@@ -60,7 +60,9 @@ def random_case(rng: np.random.Generator, folder: Path) -> tuple[dict[str, Any],
     if limited:
         content["limits"] = limits(rng, world, motion)
     if moving or (limited and "acceleration" not in content.get("limits", {})):
-        content["timing"] = {"duration": float(np.clip(1.0 if motion.times is None else np.ptp(motion.times), 1e-3, 1e3))}
+        content["timing"] = {
+            "duration": float(np.clip(1.0 if motion.times is None else np.ptp(motion.times), 1e-3, 1e3))
+        }
     if rng.random() < 0.2:
         content["planner"] = {"clearance": float(rng.choice([1e-4, 0.01, 0.05]))}
     if rng.random() < 0.15:
@@ -127,7 +129,13 @@ def obstacles(
         if trap < 0.12:  # a thing within a body, or a solid or a shell around it
             shape = solid(rng, 0.02) if rng.random() < 0.5 else mesh(rng, folder, name, 0.02)
         elif trap < 0.25:
-            shape = mesh(rng, folder, name, float(rng.choice([2.0, 6.0])), str(rng.choice(["star", "room", "ball", "inverted", "hollow", "open", "nested"])))
+            shape = mesh(
+                rng,
+                folder,
+                name,
+                float(rng.choice([2.0, 6.0])),
+                str(rng.choice(["star", "room", "ball", "inverted", "hollow", "open", "nested"])),
+            )
         else:
             shape = solid(rng, size) if rng.random() < 0.5 else mesh(rng, folder, name, size)
             way = rng.normal(size=3)
@@ -189,5 +197,3 @@ def limits(rng: np.random.Generator, world: World, motion: rows.Rows) -> dict[st
     if not found:
         found["velocity"] = "urdf"
     return found
-
-

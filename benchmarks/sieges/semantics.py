@@ -83,13 +83,17 @@ def _compare(certifier: Any, world: World, names: tuple[str, ...], q: Array, pla
         touching = within | {each.pair for each in near if each.high < -SAME * reach}
         seen = [pair for pair in touching if frozenset(world.bodies[k].name for k in pair) in contacts]
         if len(seen) < len(touching):
-            return f"{word}: contact of {_names(world, next(pair for pair in touching if pair not in seen))} is not seen"
+            return (
+                f"{word}: contact of {_names(world, next(pair for pair in touching if pair not in seen))} is not seen"
+            )
         world.pairs = [pair for pair in extra if _names(world, pair) in _both(place)]  # it may look at more pairs
         met = bool(touching) or bool(judge.inside(world, places, open_too=True))  # and take an open mesh for a solid
         near = _near(world, places, max(place.distance, 0.0) + TURNED * reach)
         world.pairs = every
         if not met and not any(each.low <= max(place.distance, 0.0) + TURNED * reach for each in near):
-            return f"{word}: {place.distance:.9g} m of {place.link} and {place.other}, the judge finds them farther apart"
+            return (
+                f"{word}: {place.distance:.9g} m of {place.link} and {place.other}, the judge finds them farther apart"
+            )
     return ""
 
 
@@ -131,7 +135,9 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Path):
         return value.resolve()
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return type(value).__name__, [(f.name, _plain(getattr(value, f.name))) for f in dataclasses.fields(value) if f.compare]
+        return type(value).__name__, [
+            (f.name, _plain(getattr(value, f.name))) for f in dataclasses.fields(value) if f.compare
+        ]
     if isinstance(value, tuple):
         return tuple(_plain(item) for item in value)
     return value

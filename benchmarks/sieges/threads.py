@@ -29,7 +29,7 @@ def attack(rng: np.random.Generator, folder: Path) -> Outcome:
         together = list(pool.map(lambda k: tasks[k](), order))
     different = [int(k) for k, found in zip(order, together, strict=True) if found != alone[k]]
     words = ", ".join(sorted({f"{kinds[k]} {k}: {alone[k][:40]}" for k in different}))
-    return Outcome("things", different and f"other in threads than alone: {words}"[:400] or "", len(order))
+    return Outcome("things", (different and f"other in threads than alone: {words}"[:400]) or "", len(order))
 
 
 def _task(kind: str, rng: np.random.Generator, folder: Path) -> Callable[[], str]:

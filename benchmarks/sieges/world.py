@@ -125,10 +125,7 @@ class World:
         """Return where each body is (B, T, 4, 4)."""
         frames = self.machine.frames(self.values(names, q), self.base)
         return np.stack(
-            [
-                frames[body.link] @ body.place if body.link else _passage(body, times)
-                for body in self.bodies
-            ]
+            [frames[body.link] @ body.place if body.link else _passage(body, times) for body in self.bodies]
         )
 
     def _shape(self, shape: dict[str, Any]) -> list[tuple[Array, float, float, Array]] | meshes.Mesh:
