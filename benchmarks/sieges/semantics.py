@@ -79,7 +79,8 @@ def _compare(certifier: Any, world: World, names: tuple[str, ...], q: Array, pla
         world.pairs = every
         least = min(near, key=lambda each: each.high, default=None)
         if least is not None and place.distance > max(least.high, 0.0) + SAME * reach:
-            return f"{word}: nothing nearer than {place.distance:.9g} m, the judge {least.high:.9g} m of {_names(world, least.pair)}"
+            other = f"the judge {least.high:.9g} m of {_names(world, least.pair)}"
+            return f"{word}: nothing nearer than {place.distance:.9g} m, {other}"
         touching = within | {each.pair for each in near if each.high < -SAME * reach}
         seen = [pair for pair in touching if frozenset(world.bodies[k].name for k in pair) in contacts]
         if len(seen) < len(touching):
@@ -144,7 +145,7 @@ def _plain(value: Any) -> Any:
 
 
 def _as_moveit(rng: np.random.Generator, content: dict[str, Any], folder: Path, motion: Any) -> str:
-    """Write boxes, balls and cylinders of the scene in MoveIt's words; the closest obstacle must be as far as before."""
+    """Write boxes, balls and cylinders of the scene in MoveIt's words; the closest must be as far as before."""
     from hdplan.planner.certificate import Certifier
     from hdplan.planner.scene_robot import load_scene_robot
     from hdplan.scenes.reader import load_scene
