@@ -1,7 +1,7 @@
 """All axes of a pair in CasADi: from their projections to D, D̃ and the derivatives by a motion.
 
 The outer level of the HD-SDF: the shaped Hölder maximum over groups of like axes, each a mapped function. Everything is
-seen in one frame, A's, and the motion is that of B in it.
+seen in one frame, A's, and the motion is that of B in it. What an axis adds to D̃ is said at ``normals.py``.
 """
 
 from __future__ import annotations
@@ -43,7 +43,9 @@ class Axes:
     points_b: ca.MX  # (3, m K) in A's frame; A's vertices where the axes are fixed in B
     points_a: ca.MX | None = None  # (3, L K) where both lists of projections move
     signs: tuple[int, ...] = (1, -1)  # the axes and their opposites, or one of them
+    squares: ca.MX | None = None  # (1, K) |w|², of axes that are not unit vectors
     least: ca.MX = field(init=False)  # (s, K) the least separation along the axis, for each sign
+    bounds: ca.MX = field(init=False)  # (s, K) what the axis says of the signed distance: a lower bound of it
 
     def __post_init__(self) -> None:
         """Find the least separations."""
@@ -51,7 +53,16 @@ class Axes:
         low_b, high_b = _spans(self.along)
         # rounded as the axis function rounds each x: the least of them must be one of them
         gaps = {1: (low_a - self.drop) - high_b, -1: (-high_a - self.drop) + low_b}
-        object.__setattr__(self, "least", ca.vertcat(*(gaps[sign] for sign in self.signs)))
+        least = ca.vertcat(*(gaps[sign] for sign in self.signs))
+        object.__setattr__(self, "least", least)
+        if self.squares is None:
+            object.__setattr__(self, "bounds", least)
+            return
+        plain = {1: low_a - high_b, -1: -high_a + low_b}
+        overlaps = ca.fmin(ca.vertcat(*(plain[sign] for sign in self.signs)), 0)
+        squares, drops = (ca.repmat(row, len(self.signs), 1) for row in (self.squares, self.drop))
+        seen = ca.if_else(overlaps < 0, overlaps / ca.fmax(squares, TINY) - drops, least)
+        object.__setattr__(self, "bounds", ca.if_else(squares > 0, seen, -ca.inf))
 
     def shape(self, gamma: int, order: int) -> AxisShape:
         """Return what this group's axis function is built for."""
@@ -79,8 +90,8 @@ class Axes:
 
 def combined(groups: list[Axes], gamma: int, order: int, length: ca.MX) -> list[ca.MX]:
     """Return D, D̃ and, by order, the gradient (6) and the Hessian (6, 6) of D by the motion."""
-    separation = ca.mmax(ca.horzcat(*(ca.vec(group.least).T for group in groups)))
-    apart = separation > TINY
+    apart = ca.mmax(ca.horzcat(*(ca.vec(group.least).T for group in groups))) > TINY
+    separation = ca.mmax(ca.horzcat(*(ca.vec(group.bounds).T for group in groups)))  # positive where the former is
     evaluated = []
     for group in groups:
         separates = ca.fmax(group.least[0, :], group.least[-1, :]) > TINY

@@ -26,6 +26,7 @@ class Sums(NamedTuple):
     """Sums over all pairs of vertices for each axis of a group."""
 
     least: Array  # (n, N) min x
+    bound: Array  # (n, N) what the axis adds to D̃, see ``normals``
     total: Array  # (n, N) Σ w r^p
     moments: tuple[Array, ...]  # by order of derivatives: Σ pull ψ (m, n, N) and Σ sharp ψψᵀ (m, m, n, N)
 
@@ -94,7 +95,7 @@ def _evaluate(
     counts = jnp.concatenate([axes.counts for axes in by_b + by_a])
     total, pull, sharp = _weights(-inner.value, counts, m, gamma)
     outer = _shaped(m, sum_halves(total, 0), gamma, length)
-    results = [-outer.value, jnp.max(least, axis=0)]
+    results = [-outer.value, jnp.max(jnp.concatenate([s.bound for s in sums]), axis=0)]
     if order == 0:
         return tuple(results)
 
@@ -140,8 +141,12 @@ def _sums(axes: Axes, gamma: int, order: int) -> Sums:
         return jnp.maximum(highest, along), along
 
     highest, along = lax.scan(find, jnp.full_like(axes.base, -jnp.inf), axes.points)
-    least = jnp.min(axes.levels, axis=0) - highest
-    m = _not_zero(least)
+    lowest = jnp.min(axes.levels, axis=0)
+    along, least = along + axes.drop, lowest - (highest + axes.drop)
+    m, bound = _not_zero(least), least
+    if axes.squares is not None:
+        overlap = jnp.minimum(lowest - highest, 0) / jnp.maximum(axes.squares, np.finfo(m.dtype).tiny)
+        bound = jnp.where(axes.squares > 0, jnp.where(overlap < 0, overlap - axes.drop, least), -jnp.inf)
 
     psi, products = _powers(axes.points, 1)
     moving = axes.level_points is not None
@@ -175,7 +180,7 @@ def _sums(axes: Axes, gamma: int, order: int) -> Sums:
             of_levels = _symmetric(of_levels, ((0, 1, 2), (1, 3, 4), (2, 4, 5)))
             square = blocks(square, mixed.swapaxes(0, 1), mixed, of_levels)
         moments.append(square)
-    return Sums(least, total, tuple(moments))
+    return Sums(least, bound, total, tuple(moments))
 
 
 def _powers(points: Array, axis: int) -> tuple[Array, Array]:

@@ -40,35 +40,44 @@ def hdsdf(body_a, pose_a, body_b, pose_b, *, gamma=2, shaping_length=1e-3, norma
     radii = mp.mpf(body_a.radius) + mp.mpf(body_b.radius)
     corners_a, corners_b = _placed(pose_a, body_a.vertices), _placed(pose_b, body_b.vertices)
     shaped, counts, least = [], [], []
-    for w, fade, count in _axes(candidate_normals(normals, body_a, body_b), pose_a, pose_b, witnesses):
+    for w, fade, count, unit in _axes(candidate_normals(normals, body_a, body_b), pose_a, pose_b, witnesses):
         along_a, along_b = [_dot(w, a) for a in corners_a], [_dot(w, b) for b in corners_b]
         for sign in (1, -1):
             x = [sign * (a - b) - radii - fade for a in along_a for b in along_b]
             shaped.append(_shaping(_minimum(x, [1] * len(x), gamma), gamma, shaping_length))
             counts.append(int(count))
-            least.append(min(x))
+            least.append(_bound(min(sign * (a - b) for a in along_a for b in along_b), w, radii + fade, unit))
     return _shaping(-_minimum([-g for g in shaped], counts, gamma), gamma, shaping_length), max(least)
 
 
 def _axes(normals, pose_a, pose_b, witnesses):
-    """Yield every axis in the world, what it is faded by, and how often it counts."""
+    """Yield every axis in the world, what it is faded by, how often it counts, and whether it is a unit vector."""
     for pose, directions, counts in (
         (pose_a, normals.in_a, normals.counts_a),
         (pose_b, normals.in_b, normals.counts_b),
         (pose_b, witnesses, np.ones(len(witnesses))),
     ):
         for direction, count in zip(directions, counts, strict=True):
-            yield _turned(pose, direction), mp.mpf(0), count
+            yield _turned(pose, direction), mp.mpf(0), count, True
     if (centre := normals.centre) is not None:
         t = _minus(_placed(pose_a, [centre.point_a])[0], _placed(pose_b, [centre.point_b])[0])
-        yield _over(t, mp.sqrt(_dot(t, t) + mp.mpf(centre.softness) ** 2)), mp.mpf(0), 1
+        yield _over(t, mp.sqrt(_dot(t, t) + mp.mpf(centre.softness) ** 2)), mp.mpf(0), 1, False
     if (edges := normals.edges) is not None:
         soft = mp.mpf(edges.sine) ** 2
         for u in (_turned(pose_a, edge) for edge in edges.along_a):
             for v in (_turned(pose_b, edge) for edge in edges.along_b):
                 w = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]]
                 square = _dot(w, w)
-                yield _over(w, mp.sqrt(square + soft)), mp.mpf(edges.fade) * soft * (1 - square) / (square + soft), 1
+                fade = mp.mpf(edges.fade) * soft * (1 - square) / (square + soft)
+                yield _over(w, mp.sqrt(square + soft)), fade, 1, False
+
+
+def _bound(least, w, drop, unit):
+    """Return what an axis says of the signed distance, from the least w·(a - b): see ``normals``."""
+    if unit or least > 0:
+        return least - drop
+    square = _dot(w, w)
+    return least / square - drop if square > 0 else mp.mpf("-inf")
 
 
 def _minimum(x, counts, gamma):
