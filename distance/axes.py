@@ -43,6 +43,7 @@ class Axes:
     points_b: ca.MX  # (3, m K) in A's frame; A's vertices where the axes are fixed in B
     points_a: ca.MX | None = None  # (3, L K) where both lists of projections move
     signs: tuple[int, ...] = (1, -1)  # the axes and their opposites, or one of them
+    placements: int = 1  # of B's points: each has an equal share of them and a motion of its own
     squares: ca.MX | None = None  # (1, K) |w|², of axes that are not unit vectors
     least: ca.MX = field(init=False)  # (s, K) the least separation along the axis, for each sign
     bounds: ca.MX = field(init=False)  # (s, K) what the axis says of the signed distance: a lower bound of it
@@ -66,7 +67,8 @@ class Axes:
 
     def shape(self, gamma: int, order: int) -> AxisShape:
         """Return what this group's axis function is built for."""
-        return AxisShape(self.levels.shape[0], self.along.shape[0], gamma, order, self.points_a is not None, self.signs)
+        sizes = self.levels.shape[0], self.along.shape[0]
+        return AxisShape(*sizes, gamma, order, self.points_a is not None, self.signs, self.placements)
 
     def evaluated(self, gamma: int, order: int, case: ca.MX, length: ca.MX) -> list[ca.MX]:
         """Return the outputs of ``axis_function`` for all axes, side by side; ``case`` (1, K)."""
@@ -89,7 +91,7 @@ class Axes:
 
 
 def combined(groups: list[Axes], gamma: int, order: int, length: ca.MX) -> list[ca.MX]:
-    """Return D, D̃ and, by order, the gradient (6) and the Hessian (6, 6) of D by the motion."""
+    """Return D, D̃ and, by order, the gradient (6) and the Hessian (6, 6) of D by the motion, six for each placement."""
     apart = ca.mmax(ca.horzcat(*(ca.vec(group.least).T for group in groups))) > TINY
     separation = ca.mmax(ca.horzcat(*(ca.vec(group.bounds).T for group in groups)))  # positive where the former is
     evaluated = []
@@ -132,7 +134,8 @@ def _derivatives(
     groups: list[Axes], evaluated: list[list[ca.MX]], maximum: _Maximum, gamma: int, order: int
 ) -> list[ca.MX]:
     """Return the gradient (6), and the Hessian (6, 6) for order 2, of D by the twist of B in A's frame."""
-    wrench, hessian, start = ca.MX.zeros(6), ca.MX.zeros(6, 6), 0
+    twists = 6 * groups[0].placements
+    wrench, hessian, start = ca.MX.zeros(twists), ca.MX.zeros(twists, twists), 0
     for group, outputs in zip(groups, evaluated, strict=True):
         count = group.levels.shape[1]
         columns = slice(start, start + len(group.signs) * count)
@@ -151,7 +154,7 @@ def _derivatives(
             *group.parameters, pull, push, sharp, weight * slope, weight * outer + spread * slope * slope, weight
         )
         wrench += ca.sum2(first)
-        hessian += ca.reshape(ca.sum2(ca.reshape(second, 36, count)), 6, 6)
+        hessian += ca.reshape(ca.sum2(ca.reshape(second, twists * twists, count)), twists, twists)
     gradient = maximum.slope * wrench
     return [gradient] if order == 1 else [gradient, hessian + maximum.outer * wrench @ wrench.T]
 

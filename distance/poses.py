@@ -9,6 +9,8 @@ from hdplan.scenes.errors import InputError
 
 Array = NDArray[np.float64]
 
+RIGID = 2e-6  # what may be amiss in a rotation: its entries' decimals were cut at the sixth, or it was a float32
+
 
 def check_poses(name: str, poses: ArrayLike) -> Array:
     """Return poses (..., 4, 4); raises InputError for another shape and for numbers that are not finite."""

@@ -28,6 +28,8 @@ HOMES = {
         "distance/axes.py",
         "distance/symbolic.py",
         "distance/boxes.py",
+        "distance/graph_distance.py",
+        "distance/graph_poses.py",
         "distance/halfspaces.py",
         "distance/compiled.py",
         "planner/dynamics.py",
