@@ -5,6 +5,7 @@ A graph cannot refuse a number with a word, as ``poses`` does for arrays; so wha
 
 from __future__ import annotations
 
+import functools
 import math
 
 import casadi as ca
@@ -20,16 +21,14 @@ def relative_pose(pose_a: ca.MX, pose_b: ca.MX) -> tuple[ca.MX, ca.MX]:
 
 def rigid_or_nan(*rotations: ca.MX) -> ca.MX:
     """Return 0 where all are rotations (3, 3), to ``poses.RIGID``, else NaN: a summand of what they lead to."""
-    marks = [_mark()(rotation) for rotation in rotations]
-    return ca.sum1(ca.vertcat(*marks))
+    return _mark(len(rotations))(*rotations)
 
 
-def _mark() -> ca.Function:
-    rotation = ca.SX.sym("rotation", 3, 3)
-    x, y, z = ca.horzsplit(rotation)
-    misses = [ca.fabs(ca.dot(axis, axis) - 1) for axis in (x, y, z)]
-    misses += [ca.fabs(part) for part in ca.vertsplit(ca.cross(x, y) - z)]  # right-handed
-    rigid = misses[0] <= RIGID
-    for miss in misses[1:]:
-        rigid = ca.logic_and(rigid, miss <= RIGID)
-    return ca.Function("rigid_or_nan", [rotation], [ca.if_else(rigid, 0, math.nan)])
+@functools.cache
+def _mark(count: int) -> ca.Function:
+    rotations = [ca.SX.sym("rotation", 3, 3) for _ in range(count)]
+    amiss = ca.SX(0)  # the sum of squares is the cheapest to ask once
+    for rotation in rotations:
+        x, y, z = ca.horzsplit(rotation)
+        amiss += (ca.dot(x, x) - 1) ** 2 + (ca.dot(y, y) - 1) ** 2 + ca.sumsqr(ca.cross(x, y) - z)  # right-handed
+    return ca.Function("rigid_or_nan", rotations, [ca.if_else(amiss <= RIGID**2, 0, math.nan)])

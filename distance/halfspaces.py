@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from hdplan.distance.axes import Axes, combined
 from hdplan.distance.axis_motion import fixed_in_a
+from hdplan.distance.graph_poses import rigid_or_nan
 
 Floats = NDArray[np.float64]
 
@@ -65,10 +66,11 @@ def halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: f
     points = rotation_b.T @ (world + ca.repmat(placement_a[9:] - placement_b[9:], 1, vertices))  # A's, in B's frame
     axes = _axes(points, body[3 * vertices : 4 * vertices], body[4 * vertices], body_planes)
     distance, separation, gradient = combined([axes], gamma, 1, ca.MX(shaping_length))
+    mark = rigid_or_nan(rotation_a, rotation_b)
     return ca.Function(
         f"hdsdf_halfspaces_{vertices}_{planes}_{gamma}",
         [placement_a, placement_b, body, body_planes],
-        [distance, _wrench(rotation_b, placement_b[9:], gradient), separation],
+        [distance + mark, _wrench(rotation_b, placement_b[9:], gradient), separation + mark],
         ["placement_a", "placement_b", "body", "body_planes"],
         ["distance", "wrench", "separation"],
     )
@@ -84,19 +86,22 @@ def swept_halfspace_distance(vertices: int, planes: int, gamma: int, shaping_len
     """
     first, second, placement_b = (ca.MX.sym(name, 12) for name in ("first", "second", "placement_b"))
     body, body_planes = ca.MX.sym("body", 4 * vertices + 1), ca.MX.sym("body_planes", 4 * planes)
-    rotation_b, corners = ca.reshape(placement_b[:9], 3, 3).T, ca.reshape(body[: 3 * vertices], 3, vertices)
+    turns = [ca.reshape(placement[:9], 3, 3).T for placement in (first, second, placement_b)]
+    corners, rotation_b = ca.reshape(body[: 3 * vertices], 3, vertices), turns[2]
     placed = [
-        ca.reshape(a[:9], 3, 3).T @ corners + ca.repmat(a[9:] - placement_b[9:], 1, vertices) for a in (first, second)
+        turn @ corners + ca.repmat(placement[9:] - placement_b[9:], 1, vertices)
+        for turn, placement in zip(turns, (first, second), strict=False)
     ]
     weights = body[3 * vertices : 4 * vertices]
     points = rotation_b.T @ ca.horzcat(*placed)  # A's, in B's frame
     axes = _axes(points, ca.vertcat(weights, weights), body[4 * vertices], body_planes, placements=2)
     distance, separation, gradient = combined([axes], gamma, 1, ca.MX(shaping_length))
     wrenches = [_wrench(rotation_b, placement_b[9:], part) for part in ca.vertsplit(gradient, 6)]
+    mark = rigid_or_nan(*turns)
     return ca.Function(
         f"hdsdf_swept_halfspaces_{vertices}_{planes}_{gamma}",
         [first, second, placement_b, body, body_planes],
-        [distance, *wrenches, separation],
+        [distance + mark, *wrenches, separation + mark],
         ["first", "second", "placement_b", "body", "body_planes"],
         ["distance", "first_wrench", "second_wrench", "separation"],
     )
