@@ -15,7 +15,7 @@ from hdplan.scenes.errors import InputError
 
 Array = NDArray[np.float64]
 
-RIGID = 2e-6  # what may be amiss in a rotation: its entries' decimals were cut at the sixth, or it was a float32
+RIGID = 1e-5  # what may be amiss in a rotation: its decimals were cut at the sixth, or it is a product of float32
 FAR = 1e100  # [m] what is farther away has squares that overflow
 FEW = 12  # poses up to which plain numbers are faster than arrays
 BLOCK = 4096  # poses at once, few enough for the processor's cache
