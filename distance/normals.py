@@ -162,6 +162,12 @@ def check_witnesses(witnesses: ArrayLike | None) -> Array:
     return np.asarray(vectors / lengths)
 
 
+def check_witness_count(shape: tuple[int, ...], count: int) -> None:
+    """Raise InputError unless witnesses of ``shape`` (..., W, 3) are as many at each pose as the distance has."""
+    if shape[-2] != count:
+        raise InputError(f"witnesses: found {shape[-2]} at each pose, allowed are {count}")
+
+
 def separating_axes(body_a: ConvexBody, rotation_a: Array, body_b: ConvexBody, rotation_b: Array) -> Array:
     """Return N(A, B) up to sign, unit vectors (K, 3) in the world (paper: Definition ``def:normal-set``).
 

@@ -14,10 +14,9 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.compiled import RowFunction
 from hdplan.distance.graph_poses import relative_pose
 from hdplan.distance.holder import check_gamma, resolve_shaping_length
-from hdplan.distance.normals import candidate_normals, check_witnesses
+from hdplan.distance.normals import candidate_normals, check_witness_count, check_witnesses
 from hdplan.distance.poses import check_poses
 from hdplan.distance.symbolic import relative_function
-from hdplan.scenes.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -69,8 +68,7 @@ class CompiledDistance:
 
     def _run(self, order: int, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None) -> list[Array]:
         units = check_witnesses(witnesses)
-        if units.shape[-2] != self._witness_count:
-            raise InputError(f"witnesses: found {units.shape[-2]} at each pose, allowed are {self._witness_count}")
+        check_witness_count(units.shape, self._witness_count)
         a, b = check_poses("pose_a", pose_a), check_poses("pose_b", pose_b)
         if a.ndim == b.ndim == units.ndim == 2:
             once = self.function(order).once(a.ravel(), b.ravel(), self._length[0], units.ravel())

@@ -37,7 +37,7 @@ HOMES = {
         "planner/nlp.py",
         "planner/solvers/ipopt.py",
     },
-    "jax": {"distance/batch.py", "distance/batch_axes.py", "distance/batch_kernel.py"},
+    "jax": {"distance/batch.py", "distance/batch_axes.py", "distance/batch_kernel.py", "distance/batch_traced.py"},
     "fcl": {"distance/fcl.py"},
     "viser": {
         "planner/view/nodes.py",
