@@ -16,7 +16,16 @@ FILES = sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob("*.p
 MAY_IMPORT = {
     "scenes": {"scenes"},
     "distance": {"distance", "scenes.model", "scenes.errors"},
-    "planner": {"planner", "distance", "scenes.model", "scenes.moving", "scenes.errors", "scenes.writer"},
+    "planner": {
+        "planner",
+        "distance",
+        "scenes.description",
+        "scenes.errors",
+        "scenes.model",
+        "scenes.moving",
+        "scenes.robot_library",
+        "scenes.writer",
+    },
 }
 
 # Each heavy library has few homes.
