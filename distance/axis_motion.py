@@ -21,8 +21,10 @@ Motion = Callable[[ca.SX, ca.SX, float, list[ca.SX]], ca.SX]
 def fixed_in_a(eta: ca.SX, psi: ca.SX, sign: float, parameters: list[ca.SX]) -> ca.SX:
     """x = -n·b, b moving, each of B's placements by six of η; parameters: n."""
     (normal,) = parameters
-    moved = [_moved(eta[6 * k : 6 * k + 6], psi[4 * k], psi[4 * k + 1 : 4 * k + 4]) for k in range(psi.numel() // 4)]
-    return -sign * sum(ca.dot(normal, part) for part in moved)
+    x = ca.SX(0)
+    for k in range(psi.numel() // 4):
+        x -= sign * ca.dot(normal, _moved(eta[6 * k : 6 * k + 6], psi[4 * k], psi[4 * k + 1 : 4 * k + 4]))
+    return x
 
 
 def fixed_in_b(eta: ca.SX, psi: ca.SX, sign: float, parameters: list[ca.SX]) -> ca.SX:

@@ -108,12 +108,14 @@ class BatchDistance:
         check_witness_count(units.shape, self.witness_count)
         on_device = isinstance(pose_a, jax.Array) or isinstance(pose_b, jax.Array)
         numpy = jax.numpy if on_device else np
-        with jax.enable_x64(True):
+        with jax.enable_x64(True), np.errstate(over="ignore"):
             a, b = (_checked(*named) for named in (("pose_a", pose_a), ("pose_b", pose_b)))
             offset = numpy.asarray(b[..., :3, 3]) - numpy.asarray(a[..., :3, 3])  # before digits are cut
-        with jax.enable_x64(self.dtype == "float64"), np.errstate(over="ignore"):
             parts = [a[..., :3, :3], b[..., :3, :3], offset, units]
             parts = [numpy.asarray(part, dtype=self.dtype) for part in parts]
+        if self.dtype == "float32" and not bool(numpy.isfinite(parts[2]).all()):
+            raise InputError("pose_b: found a body too far from the other, allowed is what float32 holds: 3.4e+38 m")
+        with jax.enable_x64(self.dtype == "float64"):
             shape = np.broadcast_shapes(*(part.shape[:-size] for part, size in zip(parts, SIZES, strict=True)))
             rows = [
                 numpy.broadcast_to(part, shape + part.shape[-size:]).reshape(prod(shape), *part.shape[-size:])
@@ -121,9 +123,9 @@ class BatchDistance:
             ]
             length = np.asarray(self.shaping_length, dtype=self.dtype)
 
-            def run(*block: Array, lanes: int) -> tuple[Array, ...]:
-                places = Places(*block[:3])
-                return evaluate(self.pair, length, places, block[3], gamma=self.gamma, order=order, lanes=lanes)
+            def run(turn_a: Array, turn_b: Array, apart: Array, axes: Array, lanes: int) -> Any:
+                places = Places(turn_a, turn_b, apart)
+                return evaluate(self.pair, length, places, axes, gamma=self.gamma, order=order, lanes=lanes)
 
             results = _in_blocks(run, rows, lanes, numpy)
             return [part.reshape(shape + part.shape[1:]) for part in results]

@@ -80,7 +80,9 @@ def separation_gradient(pair: Pair, places: Places, witnesses: Array, *, lanes: 
 
     def some(places: Places, witnesses: Array) -> tuple[Array]:
         def moved(twists: Array) -> Array:
-            (v_a, turn_a), (v_b, turn_b) = ((twist[:3], skew(twist[3:])[..., None]) for twist in (twists[:6], twists[6:]))
+            (v_a, turn_a), (v_b, turn_b) = (
+                (twist[:3], skew(twist[3:])[..., None]) for twist in (twists[:6], twists[6:])
+            )
             there = Places(
                 places.turn_a + _turned(places.turn_a, turn_a),
                 places.turn_b + _turned(places.turn_b, turn_b),

@@ -59,7 +59,8 @@ def traced(
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
 def _distance(settings: Settings, pair: Pair, length: Array, a: Array, b: Array, witnesses: Array) -> tuple[Array, ...]:
-    return _many(settings)(pair, length, a, b, witnesses)
+    found: tuple[Array, ...] = _many(settings)(pair, length, a, b, witnesses)
+    return found
 
 
 @_distance.defjvp
@@ -109,6 +110,7 @@ def _run(settings: Settings, pair: Pair, length: Array, a: Array, b: Array, witn
     rows = [jnp.concatenate([x, jnp.broadcast_to(x[:1], (missing, *x.shape[1:]))]) if missing else x for x in rows]
     with jax.enable_x64(settings.dtype == "float64" or given == np.float64):
         *places, units = (lax.convert_element_type(x, settings.dtype) for x in rows)
+        found: tuple[Array, ...]
         if settings.order < 0:
             found = (separation_gradient(pair, Places(*places), units, lanes=lanes),)
         else:

@@ -35,6 +35,34 @@ def truth(body_a, pose_a, body_b, pose_b, twist, *, digits=120, **settings) -> T
         return Truth(*map(float, (*here, slope, (after[0] - 2 * here[0] + before[0]) / step**2)))
 
 
+def swept_truth(
+    body, first, second, normals, supports, pose_b, twists, *, digits=120, gamma=2, shaping_length
+) -> Truth:
+    """Return the same of the planner's distance of a body, swept between two poses, to the planes (n, h) of B.
+
+    ``twists`` (2, 6): motions [v, w] of the world that move the body at either pose; ``second`` may be None.
+    """
+    with mp.workdps(digits):
+        step = mp.mpf(10) ** -(digits // 3)
+        found = []
+        for h in (-step, mp.mpf(0), step):
+            poses = [_moved_by_the_world(first, twists[0], h)]
+            if second is not None:
+                poses.append(_moved_by_the_world(second, twists[1], h))
+            points = [point for pose in poses for point in _placed(pose, body.vertices)]
+            origin, shaped, least = [mp.mpf(float(row[3])) for row in pose_b[:3]], [], []
+            for normal, support in zip(normals, supports, strict=True):
+                n = _turned([[mp.mpf(float(x)) for x in row] for row in pose_b[:3]], normal)
+                x = [_dot(n, _minus(point, origin)) - mp.mpf(body.radius) - mp.mpf(float(support)) for point in points]
+                shaped.append(_shaping(_minimum(x, [1] * len(x), gamma), gamma, shaping_length))
+                least.append(min(x))
+            value = _shaping(-_minimum([-g for g in shaped], [1] * len(shaped), gamma), gamma, shaping_length)
+            found.append((value, max(least)))
+        before, here, after = found
+        slope = (after[0] - before[0]) / (2 * step)
+        return Truth(*map(float, (*here, slope, (after[0] - 2 * here[0] + before[0]) / step**2)))
+
+
 def hdsdf(body_a, pose_a, body_b, pose_b, *, gamma=2, shaping_length=1e-3, normals="paper", witnesses=()):
     """Return D and D-tilde of two bodies at poses as rows of numbers, in the digits of the context."""
     radii = mp.mpf(body_a.radius) + mp.mpf(body_b.radius)
@@ -97,9 +125,18 @@ def _shaping(u, gamma, length):
 
 def _moved(pose, twist, h):
     """Return pose·exp(h ξ) to the second order in h, as rows of numbers."""
+    return (mp.matrix(np.asarray(pose).tolist()) * _motion(twist, h)).tolist()
+
+
+def _moved_by_the_world(pose, twist, h):
+    """Return exp(h ξ)·pose likewise."""
+    return (_motion(twist, h) * mp.matrix(np.asarray(pose).tolist())).tolist()
+
+
+def _motion(twist, h):
     (x, y, z), (a, b, c) = (list(map(mp.mpf, map(float, part))) for part in (twist[:3], twist[3:]))
     xi = mp.matrix([[0, -c, b, x], [c, 0, -a, y], [-b, a, 0, z], [0, 0, 0, 0]])
-    return (mp.matrix(np.asarray(pose).tolist()) * (mp.eye(4) + h * xi + h**2 * xi * xi / 2)).tolist()
+    return mp.eye(4) + h * xi + h**2 * xi * xi / 2
 
 
 def _placed(pose, points):
