@@ -63,7 +63,7 @@ def plan(
     aims = [replace(scene, goal=goal) for goal in goals]
     clearances = [reachable_clearance(aim, robot, certifier) for aim in aims]  # ends in collision: before all fitting
     timekeeper = _timekeeper(scene, robot)
-    problems = [build(aim, robot) for aim in aims]
+    problems = [build(aim, robot, began + time_limit) for aim in aims]
     if timekeeper is not None:
         hurried = [timekeeper.too_short(problem.start, problem.goal) for problem in problems]
         if all(hurried):
@@ -100,7 +100,7 @@ def plan(
         iterations=sum(search.iterations for search in searches),
         steps=best.steps,
         times=Times(load, build_, compile_, solved, certified),
-        notes=(*problems[taken].notes, *words),
+        notes=(*problems[taken].notes, *best.certificate.notes, *words),
         goal=goals[taken] if several else None,
     )
 

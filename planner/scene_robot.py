@@ -87,14 +87,13 @@ def _unchecked(robot: Robot) -> Robot:
 def _load_bare(scene: Scene) -> Robot:
     """Load the robot without the objects that it holds."""
     spec = scene.robot
-    if scene.from_request and scene.start.by_name is not None:
-        robot = _load_once(spec)
-        requested = {joint: value for joint, value in scene.start.by_name.items() if joint in robot.locked}
-        spec = replace(spec, locked={**requested, **spec.locked})
-        if spec.locked != robot.locked:
-            robot = _load_once(spec)
-        return _with_room(robot, scene)
-    return _load_once(spec)
+    robot = _load_once(spec)
+    if not scene.from_request:
+        return robot
+    requested = {joint: value for joint, value in (scene.start.by_name or {}).items() if joint in robot.locked}
+    if requested:
+        robot = _load_once(replace(spec, locked={**requested, **spec.locked}))
+    return _with_room(robot, scene)
 
 
 @made_once(MOST)
@@ -125,8 +124,9 @@ def _with_room(robot: Robot, scene: Scene) -> Robot:
     lower, upper = robot.lower.copy(), robot.upper.copy()
     ends = [target for target in (scene.start, scene.goal) if isinstance(target, JointTarget)]
     for target in ends:
+        given = target.by_name or dict(zip(robot.joint_names, target.positions or (), strict=False))
         for i, joint in enumerate(robot.joint_names):
-            value = (target.by_name or {}).get(joint, robot.lower[i])
+            value = given.get(joint, robot.lower[i])
             if 0.0 < robot.lower[i] - value <= ROOM:
                 lower[i] = min(lower[i], value)
             if 0.0 < value - robot.upper[i] <= ROOM:
@@ -153,6 +153,7 @@ def _load_once(spec: RobotSpec) -> Robot:
         spec.urdf,
         spec.srdf,
         spec.package_dirs,
+        spec.group,
         spec.base.matrix.tobytes(),
         tuple(sorted(spec.locked.items())),
         spec.ignore_pairs,

@@ -146,6 +146,7 @@ class RobotSpec:
     urdf: Path | None = None
     srdf: Path | None = None
     package_dirs: tuple[Path, ...] = ()  # where package:// addresses of the URDF are looked up
+    group: str | None = None  # of the SRDF: its joints are planned; None: those of its arm
     base: Pose = field(default_factory=Pose)  # of the URDF's root link
     locked: Mapping[str, float] = field(default_factory=dict)  # joint name -> value [rad] or [m]
     ignore_pairs: tuple[tuple[str, str], ...] = ()  # link pairs not checked against each other

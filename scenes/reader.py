@@ -54,7 +54,7 @@ SECTIONS = (
     "timing",
     "planner",
 )
-ROBOT_KEYS = ("name", "urdf", "srdf", "package_dirs", "base", "locked", "ignore_pairs")
+ROBOT_KEYS = ("name", "urdf", "srdf", "package_dirs", "group", "base", "locked", "ignore_pairs")
 
 FilePath = str | PathLike[str]
 
@@ -187,6 +187,7 @@ def _robot(section: Field) -> RobotSpec:
         urdf=keys["urdf"].path() if "urdf" in keys else None,
         srdf=keys["srdf"].path() if "srdf" in keys else None,
         package_dirs=tuple(directory.path(directory=True) for directory in directories),
+        group=keys["group"].text() if "group" in keys else None,
         base=read_pose(keys["base"]) if "base" in keys else Pose(),
         locked={name: value.number(unit="rad or m") for name, value in locked.items()},
         ignore_pairs=tuple(_pair(pair) for pair in pairs),

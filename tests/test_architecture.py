@@ -56,8 +56,8 @@ HOMES = {
         "planner/view/server.py",
         "planner/view/viewer.py",
     },
-    "daqp": {"planner/control.py"},
-    "coacd": {"planner/convex_pieces.py"},
+    "daqp": {"planner/control_program.py"},
+    "coacd": {"planner/convex_task.py"},
     "toppra": {"planner/timing.py", "planner/torque_timing.py"},
     "yaml": {"scenes/fields.py"},
 }
