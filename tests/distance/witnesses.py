@@ -1,4 +1,4 @@
-"""The distance's witnesses behind one interface: NumPy, CasADi (interpreted, compiled, or in a graph) and JAX (batch)."""
+"""The distance's witnesses behind one interface: NumPy, CasADi (interpreted, compiled, in a graph) and JAX (batch)."""
 
 from __future__ import annotations
 
