@@ -196,7 +196,7 @@ def test_another_robots_name_is_told(files: Files) -> None:
 def test_what_differs_from_an_unknown_state_is_told(files: Files) -> None:
     (note,) = files.edit("scene", "robot_state.is_diff", True).load().notes
     assert "robot_state: is_diff is true" in note
-    files.edit("scene", "robot_state.is_diff", False).edit("scene", HELD, [held("cup")])
+    files.edit("scene", "robot_state.is_diff", False).edit("scene", HELD, [{**held("cup"), "weight": 0.0}])
     (note,) = files.load().notes
     assert "start_state: is_diff is not true, but what the scene's state attaches is still held" in note
     assert files.edit("request", "start_state.is_diff", True).load().notes == ()
