@@ -102,7 +102,7 @@ def closest(world: World, places: Array, chosen: Index, within: Array) -> list[N
         kept = np.argpartition(gaps, MOST)[:MOST]
         left, right, number, time = left[kept], right[kept], number[kept], time[kept]
     a, b = poses[pieces.body[left], time], poses[pieces.body[right], time]
-    low, high = gjk.distances(pieces, left, a, right, b)
+    low, high = gjk.distances(pieces, left, a, right, b, within[number])
     best: dict[tuple[int, int], Nearest] = {}
     for k, (pair, at) in enumerate(zip(number.tolist(), time.tolist(), strict=True)):
         key = (pair, at)

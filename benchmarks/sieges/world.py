@@ -48,7 +48,7 @@ class World:
     def __init__(self, scene: Path, planned: tuple[str, ...]) -> None:
         """Read the scene; `planned`: the joints that a motion moves."""
         self.folder = scene.parent
-        self.content: dict[str, Any] = yaml.safe_load(scene.read_text())
+        self.content: dict[str, Any] = yaml.load(scene.read_text(), yaml.CSafeLoader)
         robot = self.content["robot"]
         if "name" in robot:
             urdf, srdf = (DATA / file for file in NAMED[robot["name"]])
