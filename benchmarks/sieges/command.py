@@ -16,7 +16,6 @@ from typing import Any
 
 import typer
 
-
 _build = typer.main.get_command
 
 
