@@ -78,6 +78,7 @@ class World:
             item["name"]: item.get("clearance", (self.content.get("planner") or {}).get("clearance", 0.0))
             for item in self.content.get("obstacles") or []
         }
+        self.insist = {item["name"] for item in self.content.get("obstacles") or [] if "clearance" in item}
         own = self.content.get("self_collision", True)
         self.own_asked = own.get("clearance", 0.0) if isinstance(own, dict) else 0.0
         self.checks_own = own is not False
