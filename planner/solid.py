@@ -47,37 +47,39 @@ class Shells:
     @classmethod
     def of(cls, triangles: Index) -> Shells:
         """Take triangles (F, 3) apart."""
-        _, first, again = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True, return_inverse=True)
+        size = int(triangles.max()) + 1
+        low, middle, high = np.sort(triangles, axis=1).T
+        _, pair = np.unique(low * size + middle, return_inverse=True)
+        _, first, again = np.unique(pair * size + high, return_index=True, return_inverse=True)
         both_ways = np.zeros(len(first), dtype=bool)
-        np.logical_or.at(both_ways, again.ravel(), _odd(triangles) != _odd(triangles[first])[again.ravel()])
+        both_ways[again[_odd(triangles) != _odd(triangles[first])[again]]] = True
         triangles = triangles[first]
         count = len(triangles)
         begin, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
         face, rising = np.repeat(np.arange(count), 3), begin < end
-        edges = np.stack([np.minimum(begin, end), np.maximum(begin, end)], axis=1)
-        _, edge, met = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
-        order = np.argsort(edge.ravel(), kind="stable")
-        one, other = order[met[edge.ravel()[order]] == 2].reshape(-1, 2).T
+        edges = np.minimum(begin, end) * size + np.maximum(begin, end)
+        _, edge, met = np.unique(edges, return_inverse=True, return_counts=True)
+        order = np.argsort(edge, kind="stable")
+        one, other = order[met[edge[order]] == 2].reshape(-1, 2).T
         # each triangle stands twice, as it is and turned: what is joined runs the same way
         same = rising[one] != rising[other]
         joined = np.concatenate([face[other] + count * ~same, (face[other] + count * same)])
         pairs = (np.ones(len(joined)), (np.concatenate([face[one], face[one] + count]), joined))
         _, way = connected_components(coo_matrix(pairs, shape=(2 * count, 2 * count)), directed=False)
         _, shell = np.unique(np.minimum(way[:count], way[count:]), return_inverse=True)
-        shell, number = shell.ravel(), int(shell.max()) + 1
+        number = int(shell.max()) + 1
         lead = np.unique(shell, return_index=True)[1]  # the first triangle of each shell runs as it did
         flip = way[:count] != way[lead][shell]
         triangles = np.where(flip[:, None], triangles[:, ::-1], triangles)
         rising = np.where(np.repeat(flip, 3), ~rising, rising)
-        keys = np.stack([np.repeat(shell, 3), edge.ravel()], axis=1)
-        held, row = np.unique(keys, axis=0, return_inverse=True)
-        balance = np.bincount(row.ravel(), weights=np.where(rising, 1.0, -1.0))
+        held, row = np.unique(np.repeat(shell, 3) * len(met) + edge, return_inverse=True)
+        balance = np.bincount(row, weights=np.where(rising, 1.0, -1.0))
         one_sided = way[lead] == way[count:][lead]
         return cls(
             triangles,
             shell,
             _any(flip | both_ways, shell, number) | one_sided,
-            _any(balance != 0.0, held[:, 0], number),
+            _any(balance != 0.0, held // len(met), number),
             one_sided,
         )
 
