@@ -123,18 +123,15 @@ def notes_on(scene: Scene, robot: Robot) -> tuple[str, ...]:
 
 def _left_out(robot: Robot, scene: Scene) -> tuple[str, ...]:
     """Say which values of the scene's start and goal are not kept to: of joints that the robot does not have, and,
-    where a named state speaks of more than is planned, of joints that are held elsewhere."""
+    where a named state speaks of more than is planned, of joints that are held elsewhere though nobody asked for it."""
     ends = [target for target in (scene.start, scene.goal) if isinstance(target, JointTarget)]
     named = [joint for target in ends for joint in target.by_name or ()]
     unknown = [joint for joint in dict.fromkeys(named) if joint not in (*robot.joint_names, *robot.locked)]
     words = [f"left out, as {robot.name} has no such joints: {', '.join(unknown)}"] if unknown else []
     for target in ends:
         state = robot.named_states.get(target.state or "", {})
-        off = [
-            joint
-            for joint in robot.locked
-            if abs(state.get(joint, robot.locked[joint]) - robot.locked[joint]) > SAME_PLACE
-        ]
+        held_anyhow = {joint: at for joint, at in robot.locked.items() if joint not in scene.robot.locked}
+        off = [joint for joint, at in held_anyhow.items() if abs(state.get(joint, at) - at) > SAME_PLACE]
         if off:
             held = ", ".join(f"{joint} at {state[joint]:g}, held at {robot.locked[joint]:g}" for joint in off)
             words.append(f"{target.field}: state '{target.state}' has {held}")
