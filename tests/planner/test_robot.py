@@ -219,6 +219,29 @@ def test_limits_make_room_for_a_request_that_lies_a_little_beyond(panda: Robot) 
         assert load_scene_robot(scene) is robot
 
 
+@pytest.mark.parametrize(("excess", "allowed"), [(0.0, True), (0.08, True), (0.12, False)])
+def test_limits_make_room_for_a_named_state_that_lies_a_little_beyond(
+    tmp_path: Path, excess: float, allowed: bool
+) -> None:
+    srdf = tmp_path / "arm.srdf"
+    srdf.write_text(
+        f'<robot name="arm"><group_state name="up" group="arm"><joint name="a" value="{2 + excess}"/>'
+        '<joint name="b" value="0"/></group_state></robot>'
+    )
+    spec = RobotSpec(urdf=_file(tmp_path), srdf=srdf)
+    scene = _scene(spec, JointTarget("start", state="up"), JointTarget("goal", positions=(0.0, 0.0)))
+    robot = load_scene_robot(scene)
+    assert robot.upper.tolist() == [2 + excess if allowed else 2.0, 1.0]
+    assert any("joint 'a': limits [-1, 2] widened to" in note for note in robot.notes) == (allowed and excess > 0)
+    if allowed:
+        np.testing.assert_array_equal(resolve_query(robot, scene).start, [2 + excess, 0.0])
+    else:
+        with pytest.raises(InputError, match=r"start: state 'up': joint 'a' is 2.12, outside its limits \[-1, 2\]"):
+            resolve_query(robot, scene)
+    plain = _scene(spec, JointTarget("start", positions=(2.05, 0.0)), JointTarget("goal", positions=(0.0, 0.0)))
+    assert load_scene_robot(plain).upper.tolist() == [2.0, 1.0]
+
+
 def test_a_robot_is_loaded_once_until_its_files_change(tmp_path: Path) -> None:
     file = tmp_path / "arm.urdf"
     text = (
