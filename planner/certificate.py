@@ -25,8 +25,9 @@ from hdplan.planner.motion_bounds import Chain
 from hdplan.planner.proximity import link_pieces, obstacle_pieces
 from hdplan.planner.robot import Robot
 from hdplan.planner.robot_curve import beyond_limits, curve_of
+from hdplan.planner.rounding import refuse_far_bodies, refuse_what_drowns
 from hdplan.planner.scene_robot import load_scene_robot
-from hdplan.planner.sweep import Spot, Sweep
+from hdplan.planner.sweep import Proof, Spot, Sweep
 from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.verdict import Certificate, Closest, Contact, Findings, Place, Status, complaints, proven
 from hdplan.scenes.errors import InputError, naming
@@ -100,6 +101,10 @@ class Certifier:
         rows = [(a, b, 0) for a in range(count) for b in range(count, len(bodies))]
         rows += [(a, b, 1) for first, second in robot.self_pairs for a in links[first] for b in links[second]]
         gathered = Bodies(_chain(robot), bodies, robot.pin_q)
+        self._fields = [f"robot: '{body.name}'" for body in bodies[:count]]
+        self._fields += [f"obstacles.{body.name}" for body in bodies[count:]]
+        with naming(scene.source):
+            refuse_far_bodies(gathered, self._fields)
         self.sweep = Sweep(gathered, Pairs.of(gathered, rows))
         self.ends = EndCheck(scene, robot)
         self.path = None if scene.path == PathConstraints() else _path_check(scene, robot, gathered.chain)
@@ -127,12 +132,15 @@ class Certifier:
         there may be more than the failures tell."""
         began = time.perf_counter()
         curve = curve_of(self.robot, trajectory)
+        beyond = beyond_limits(curve, self.robot)  # nothing else is looked at then: it could be anywhere
+        if not beyond:
+            refuse_what_drowns(self.sweep.bodies, self._fields, curve, self.robot.joint_names)
         uses = self._uses(curve)
-        torques = None if self.torques is None else self.torques.check(curve)
+        torques = None if self.torques is None or beyond else self.torques.check(curve)
         required, lessened = self.asked(curve) if required is None else (required, ())
         floor = self._floor(required)
-        proof = self.sweep.prove(curve, floor, stop_at_contact)
-        path = None if self.path is None else self.path.prove(curve)
+        proof = Proof() if beyond else self.sweep.prove(curve, floor, stop_at_contact)
+        path = None if self.path is None or beyond else self.path.prove(curve)
         kept, departures = (path.kept, path.departures) if path else ((), ())
         failures = tuple(self._place(spot, curve) for spot in proof.failures)
         worst, self_worst = (self._place(spot, curve) if spot else None for spot in proof.closest)
@@ -144,7 +152,7 @@ class Certifier:
         found = Findings(
             curve,
             self.ends.wrong(curve) if check_ends else None,
-            beyond_limits(curve, self.robot),
+            beyond,
             failures,
             tuple(spot.touching for spot in proof.failures),
             tuple(float(floor[spot.pair]) for spot in proof.failures),
