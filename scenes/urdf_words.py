@@ -15,7 +15,7 @@ from hdplan.scenes.errors import InputError, nearest
 
 # Each element that says where and what a robot's bodies are: what it may hold, and its attributes.
 ELEMENTS = {
-    "link": ("inertial", "visual", "collision"),
+    "link": ("inertial", "visual", "collision", "collision_checking"),  # the last one is Pinocchio's: capsules
     "inertial": ("origin", "mass", "inertia"),
     "collision": ("origin", "geometry", "material", "verbose"),
     "geometry": ("box", "cylinder", "sphere", "capsule", "mesh"),
