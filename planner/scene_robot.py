@@ -128,10 +128,10 @@ def _with_room(robot: Robot, scene: Scene) -> Robot:
         elif scene.from_request:
             given = target.by_name or dict(zip(robot.joint_names, target.positions or (), strict=False))
         for i, joint in enumerate(robot.joint_names):
-            value = given.get(joint, robot.lower[i])
-            if 0.0 < robot.lower[i] - value <= ROOM:
+            value = given.get(joint)
+            if value is not None and 0.0 < robot.lower[i] - value <= ROOM:
                 lower[i] = min(lower[i], value)
-            if 0.0 < value - robot.upper[i] <= ROOM:
+            if value is not None and 0.0 < value - robot.upper[i] <= ROOM:
                 upper[i] = max(upper[i], value)
     if np.array_equal(lower, robot.lower) and np.array_equal(upper, robot.upper):
         return robot
