@@ -56,10 +56,10 @@ def read_model(urdf: Path, package_dirs: tuple[Path, ...]) -> tuple[pin.Model, p
     trees: dict[Mesh, Any] = {}
     for item in geometry.geometryObjects:
         if item.name in meshes:
-            link, told = meshes[item.name]
+            carrier, told = meshes[item.name]
             if told not in trees:
                 with naming(f"robot.urdf: {urdf}"):
-                    trees[told] = triangle_tree(load_mesh(told, f"link '{link}'"))
+                    trees[told] = triangle_tree(load_mesh(told, f"link '{carrier}'"))
             item.geometry = trees[told]
             item.meshPath, item.meshScale = str(told.file), np.array(told.scale)
     return model, geometry
