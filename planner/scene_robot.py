@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.distance.once import made_once
-from hdplan.planner.robot import Robot, load_robot, robot_files
+from hdplan.planner.robot import SAME_PLACE, Robot, load_robot, robot_files
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.model import Attached, Goals, JointTarget, Mesh, RobotSpec, Scene
 
@@ -110,10 +110,29 @@ def resolve_query(robot: Robot, scene: Scene) -> Query:
         raise InputError(f"{scene.source}: {scene.goal.field}: leaves a choice; one configuration is needed here")
     with naming(scene.source):
         start, goal = (robot.configuration(target, scene.from_request) for target in (scene.start, scene.goal))
-    named = {**(scene.start.by_name or {}), **(scene.goal.by_name or {})}
-    unknown = [joint for joint in named if joint not in robot.joint_names and joint not in robot.locked]
-    notes = (f"left out, as {robot.name} has no such joints: {', '.join(unknown)}",) if unknown else ()
-    return Query(start, goal, notes)
+    return Query(start, goal, _left_out(robot, scene))
+
+
+def notes_on(scene: Scene, robot: Robot) -> tuple[str, ...]:
+    """Return what is to be said of a scene with its robot, in words: what was changed, assumed or left out."""
+    return (*scene.notes, *robot.notes, *_left_out(robot, scene))
+
+
+def _left_out(robot: Robot, scene: Scene) -> tuple[str, ...]:
+    """Say which values of the scene's start and goal are not kept to: of joints that the robot does not have, and,
+    where a named state speaks of more than is planned, of joints that are held elsewhere though nobody asked for it."""
+    ends = [target for target in (scene.start, scene.goal) if isinstance(target, JointTarget)]
+    named = [joint for target in ends for joint in target.by_name or ()]
+    unknown = [joint for joint in dict.fromkeys(named) if joint not in (*robot.joint_names, *robot.locked)]
+    words = [f"left out, as {robot.name} has no such joints: {', '.join(unknown)}"] if unknown else []
+    for target in ends:
+        state = robot.named_states.get(target.state or "", {})
+        held_anyhow = {joint: at for joint, at in robot.locked.items() if joint not in scene.robot.locked}
+        off = [joint for joint, at in held_anyhow.items() if abs(state.get(joint, at) - at) > SAME_PLACE]
+        if off:
+            held = ", ".join(f"{joint} at {state[joint]:g}, held at {robot.locked[joint]:g}" for joint in off)
+            words.append(f"{target.field}: state '{target.state}' has {held}")
+    return tuple(words)
 
 
 def _with_room(robot: Robot, scene: Scene) -> Robot:
