@@ -21,10 +21,11 @@ from sieges.poses import turn
 
 Array = NDArray[np.float64]
 
-POSES = 2500
+POSES = 4096
 TWISTS = 60  # poses of a case at which derivatives are looked at
 ULP = float(np.finfo(float).eps)
 STEP = 1e-6
+EXACT = 5e-9  # of the size, of the exact distance; the library says about 1e-9
 SETTINGS = (  # pairs, gamma, shaping length [m], normals
     ("cube", "cube", 2, 1e-3, "paper"),
     ("box", "cube", 2, 1e-2, "paper+edges"),
@@ -83,7 +84,7 @@ def attack(rng: np.random.Generator, folder: Path, count: int = POSES, witnesses
 
         found = signed_distances(_body(a), pose_a, _body(b), pose_b)
         notes["poses of signed_distance"] = len(found)
-        off = np.flatnonzero((found > high + 1e-9 * size) | (found < low - 1e-9 * size))
+        off = np.flatnonzero((found > high + EXACT * size) | (found < low - EXACT * size))
         if len(off):
             wrong.append(
                 f"signed_distance: {found[off[0]]!r} at pose {off[0]}, the judge {low[off[0]]!r} to {high[off[0]]!r}"

@@ -124,6 +124,8 @@ class World:
 
     def places(self, names: tuple[str, ...], q: Array, times: Array) -> Array:
         """Return where each body is (B, T, 4, 4)."""
+        if not self.bodies:
+            return np.zeros((0, len(q), 4, 4))
         frames = self.machine.frames(self.values(names, q), self.base)
         return np.stack(
             [frames[body.link] @ body.place if body.link else _passage(body, times) for body in self.bodies]
