@@ -83,5 +83,5 @@ def moving_clearance(
 
 def _carried(obstacle: Obstacle, joint: int, scene: Scene) -> tuple[tuple[PlaneBody, ...], tuple[str, ...]]:
     """Enclose an obstacle in its own frame, which `joint` carries."""
-    pieces, words = from_obstacle(replace(obstacle, pose=Pose()), scene.planner.normals)
+    pieces, words = from_obstacle(replace(obstacle, pose=Pose(), motion=None), scene.planner.normals)
     return tuple(replace(piece, joint=joint) for piece in pieces), words

@@ -15,7 +15,7 @@ from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.search import Event, Search, search_in_turn
 from hdplan.planner.solvers import solver_named
-from hdplan.scenes.errors import InputError
+from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.model import Goals, JointTarget, PathConstraints, Scene
 
 if TYPE_CHECKING:
@@ -56,6 +56,8 @@ def plan(
     if solver == "ipopt" and (lacking := _without_second_derivatives(scene)):
         raise InputError(f"solver ipopt: needs exact second derivatives, which {lacking} does not have")
     began = time.perf_counter()
+    with naming(scene.source):
+        scene.check_effects()
     robot = robot or load_scene_robot(scene)
     loaded = time.perf_counter()
     certifier = Certifier(scene, robot)

@@ -50,7 +50,7 @@ def from_obstacle(obstacle: Obstacle, normals: str = "box") -> tuple[tuple[Plane
     if not isinstance(obstacle.shape, Mesh):
         return (from_shape(obstacle.name, obstacle.shape, placement, normals),), ()
     pieces = convex_pieces(load_mesh(obstacle.shape, f"obstacles.{obstacle.name}"))
-    bodies = tuple(from_shape(obstacle.name, Points(tuple(map(tuple, piece))), placement, normals) for piece in pieces)
+    bodies = tuple(from_points(obstacle.name, piece, placement, normals) for piece in pieces)
     file = obstacle.shape.file.name
     words = (
         (f"obstacle '{obstacle.name}': mesh {file} split into {len(pieces)} convex pieces",) if len(pieces) > 1 else ()
@@ -80,16 +80,20 @@ def from_shape(name: str, shape: Shape, placement: Floats, normals: str = "box")
                 name, 0, placement, shape, directions, supports, np.array([radius, radius, length / 2 + radius])
             )
         case Points(points):
-            vertices = np.array(points)
-            frame = _box_frame(vertices)
-            local = (vertices - frame[:3, 3]) @ frame[:3, :3]
-            faces = _face_normals(local)
-            directions = _many(np.vstack([box_directions(), faces]), normals) if len(faces) else _few(normals)
-            spare = MANY - FEW - len(faces) if len(faces) else 0
-            directions, supports = _fill(directions, (directions @ local.T).max(axis=1), spare)
-            half = np.abs(local).max(axis=0)
-            return _placed(name, 0, placement, shape, directions, supports, half, frame)
+            return from_points(name, np.array(points), placement, normals)
     raise TypeError(f"{name}: a {type(shape).__name__} has to be split into convex pieces first")
+
+
+def from_points(name: str, points: Floats, placement: Floats, normals: str = "box") -> PlaneBody:
+    """Enclose the hull of points (m, 3), flat ones too, that stands at `placement` in the world."""
+    frame = _box_frame(points)
+    local = (points - frame[:3, 3]) @ frame[:3, :3]
+    faces = _face_normals(local)
+    directions = _many(np.vstack([box_directions(), faces]), normals) if len(faces) else _few(normals)
+    spare = MANY - FEW - len(faces) if len(faces) else 0
+    directions, supports = _fill(directions, (directions @ local.T).max(axis=1), spare)
+    half = np.abs(local).max(axis=0)
+    return _placed(name, 0, placement, ConvexBody.from_points(points), directions, supports, half, frame)
 
 
 def from_link_body(link: str, joint: int, body: ConvexBody, normals: str = "box") -> PlaneBody:

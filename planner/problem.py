@@ -170,6 +170,8 @@ def self_margin(scene: Scene) -> float:
 
 def build(scene: Scene, robot: Robot | None = None) -> Problem:
     """Lay out the problem of a scene. Raises InputError for what the scene or its robot gets wrong."""
+    with naming(scene.source):
+        scene.check_effects()
     robot = robot or load_scene_robot(scene)
     query = resolve_query(robot, _settled(scene, robot))
     settings = scene.planner
@@ -267,7 +269,6 @@ def _distance(
     settings: PlannerSettings,
     counts: tuple[int, ...] = (),
 ) -> PairDistance:
-    check_distance(settings.distance)
     if settings.distance == "fcl":
         return FclPairs(pairs, bodies, plane_bodies)
     return HdsdfPairs(pairs, settings.gamma, settings.shaping_length, counts)

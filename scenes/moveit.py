@@ -118,7 +118,8 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
         request_keys.get("start_state"), obstacles
     )
     constraints = request_keys.get("path_constraints")
-    return Scene(
+    return scene.make(
+        Scene,
         name=scene.document.file.stem,
         source=scene.document.file,
         robot=robot,

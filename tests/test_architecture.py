@@ -15,8 +15,17 @@ FILES = sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob("*.p
 
 MAY_IMPORT = {
     "scenes": {"scenes"},
-    "distance": {"distance", "scenes.model", "scenes.errors"},
-    "planner": {"planner", "distance", "scenes.model", "scenes.moving", "scenes.errors", "scenes.writer"},
+    "distance": {"distance", "scenes.model", "scenes.errors", "scenes.values"},
+    "planner": {
+        "planner",
+        "distance",
+        "scenes.model",
+        "scenes.moving",
+        "scenes.errors",
+        "scenes.files",
+        "scenes.values",
+        "scenes.writer",
+    },
 }
 
 # Each heavy library has few homes.
