@@ -15,6 +15,10 @@ class InputError(HdplanError):
     """Bad input: a file, a field, a name or a number. The command line ends with exit code 2."""
 
 
+class OutOfTime(HdplanError):
+    """The time limit passed before anything was found. The command line ends with exit code 1."""
+
+
 class FieldError(InputError):
     """A value that its field does not allow; who knows the file, and where in it the field stands, puts that before."""
 

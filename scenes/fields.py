@@ -210,8 +210,10 @@ def read_document(file: Path) -> Field:
         raise top.error(f"line {line}: YAML syntax: the character {chr(error.character)!r} is not allowed") from None
     except InputError:
         raise
-    except Exception as error:  # such as the date 2026-99-99; each of YAML's types has failures of its own
-        raise top.error(f"YAML syntax: {' '.join(str(error).split()) or type(error).__name__}") from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # such as the date 2026-99-99
+        raise top.error(f"YAML syntax: {' '.join(str(error).split())}") from None
+    except (AttributeError, LookupError, TypeError):  # PyYAML's own, of `!!int ""` or `!!timestamp x`
+        raise top.error("YAML syntax: a value is not of the type that its tag (!!) says") from None
     if value is None:
         raise top.error("is empty")
     if not isinstance(value, dict):
@@ -222,29 +224,30 @@ def read_document(file: Path) -> Field:
 def _check_size(top: Field, content: str) -> None:
     """Refuse a document that is nested too deeply, or too large once what its aliases repeat is counted; what is built
     of it is walked through again and again, and by functions that call themselves."""
-    count, sizes = 0, dict[str, int]()  # of what bears an anchor
+    count, sizes = 0, dict[str | None, int]()  # of what bears an anchor
     begun: list[tuple[str | None, int]] = []  # the anchors of the collections that are open, and the count before them
     for event in yaml.parse(content, yaml.CSafeLoader):
+        count += isinstance(event, yaml.ScalarEvent | yaml.CollectionEndEvent)
+        fault = None
         match event:
-            case yaml.AliasEvent(anchor=anchor) if anchor in [name for name, _ in begun]:
-                raise top.error(f"line {event.start_mark.line + 1}: the alias '*{anchor}' stands within what it names")
             case yaml.AliasEvent(anchor=anchor):
                 count += sizes.get(anchor, 0)
+                if anchor in [name for name, _ in begun]:
+                    fault = f"the alias '*{anchor}' stands within what it names"
             case yaml.CollectionStartEvent(anchor=anchor):
                 begun.append((anchor, count))
             case yaml.CollectionEndEvent():
                 anchor, before = begun.pop()
-                count += 1
-                if anchor:
-                    sizes[anchor] = count - before
+                sizes[anchor] = count - before
             case yaml.ScalarEvent(anchor=anchor):
-                count += 1
-                if anchor:
-                    sizes[anchor] = 1
+                sizes[anchor] = 1
         if len(begun) > DEEPEST:
-            raise top.error(f"line {event.start_mark.line + 1}: is nested more than {DEEPEST} levels deep")
+            fault = f"is nested more than {DEEPEST} levels deep"
         if count > MOST_VALUES:
-            raise top.error(f"line {event.start_mark.line + 1}: holds more than {MOST_VALUES} values, aliases counted")
+            fault = f"holds more than {MOST_VALUES} values, those that aliases repeat counted"
+        if fault:
+            line = f"line {event.start_mark.line + 1}: " if event.start_mark else ""
+            raise top.error(f"{line}{fault}")
 
 
 def _as_yaml_number(text: str) -> str | None:

@@ -145,7 +145,7 @@ def boolean(value: object) -> bool:
     return bool(value)
 
 
-def path(value: object) -> Path:
+def path_of(value: object) -> Path:
     """Return a path given as one or as a text."""
     if not isinstance(value, str | os.PathLike):
         raise wrong("a path", value)
@@ -224,7 +224,7 @@ def _check_of(hint: Any) -> Check:
         return _optional(check) if len(given) < len(members) else check
     if typing.get_origin(hint) is tuple:
         return Row(_check_of(typing.get_args(hint)[0]), of="values")
-    plain: Mapping[Any, Check] = {bool: boolean, str: _any_text, Path: path}
+    plain: Mapping[Any, Check] = {bool: boolean, str: _any_text, Path: path_of}
     return plain.get(hint) or _instance((hint,))
 
 
