@@ -226,8 +226,9 @@ def check(
 ) -> None:
     """Certify a joint trajectory, ours or another planner's.
 
-    Proves that the whole motion is free, or says where it is not: straight lines between the waypoints, or the curve
-    that the file's velocities say. Its ends must be the scene's start and goal; its joints are found by name.
+    Proves that the whole motion is free and keeps the clearance that the scene asks for, or says where it does not:
+    straight lines between the waypoints, or the curve that the file's velocities say. Its ends must be the scene's
+    start and goal; its joints are found by name.
     """
     from hdplan.planner.certificate import Certifier
     from hdplan.planner.result import how_long, verdict
@@ -239,6 +240,7 @@ def check(
     certifier = Certifier(problem, load_scene_robot(problem))
     with naming(trajectory):  # its joints may not fit
         certificate = certifier.certify(motion)
+    notes = [*problem.notes, *certificate.notes]
     with printing() as show:
         if as_json:
             about = {
@@ -250,6 +252,7 @@ def check(
                 "joint_names": list(motion.joint_names),
                 "waypoints": len(motion),
                 **how_long(motion),
+                "notes": notes,
             }
             times = {"certify": round(certificate.seconds, 6)}
             show(json.dumps({**about, **verdict(certificate), "time_s": times}))
@@ -261,7 +264,7 @@ def check(
             )
             motion_row = ("motion", f"{motion.extent} of {certifier.robot.name} in {problem.name}")
             rows = [motion_row, *closest_rows(certificate), *limit_rows(certificate), ("proof", effort)]
-            show(table(rows))
+            show(table([*rows, *(("note", note) for note in notes)]))
     raise typer.Exit(0 if certificate.certified else 1)
 
 
@@ -307,7 +310,8 @@ def follow(
         else:
             show(Text(found.text, style="green" if found.succeeded else "red"))
             show(verdict_text(found.certificate))
-            rows = [*found.rows(), *closest_rows(found.certificate)]
+            notes = [("note", note) for note in (*problem.notes, *found.certificate.notes)]
+            rows = [*found.rows(), *closest_rows(found.certificate), *notes]
             show(table([*rows, *([("written", str(output))] if output is not None else [])]))
     raise typer.Exit(0 if found.succeeded else 1)
 

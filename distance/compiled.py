@@ -18,9 +18,10 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -63,7 +64,10 @@ void {name}_rows(long long count, const double** tables, const long long* widths
 
 
 class RowFunction:
-    """A CasADi function of dense inputs, evaluated for many rows; not to be called from two threads at once.
+    """A CasADi function of dense inputs, evaluated for many rows, by as many threads at once as you like.
+
+    Every thread works in memory of its own, so all get what one alone would get, bit for bit. Compiled, a call does not
+    hold Python's lock, and threads run side by side; CasADi's interpreter holds it.
 
     Parameters
     ----------
@@ -71,7 +75,7 @@ class RowFunction:
     matrix.
     """
 
-    seconds: ClassVar[float] = 0.0  # spent on compiling by this process, or on finding what was compiled
+    spent: ClassVar[_Spent]  # on compiling, or on finding what was compiled
 
     def __init__(self, function: ca.Function) -> None:
         """Compile the function, or find it in the cache."""
@@ -84,13 +88,9 @@ class RowFunction:
         if library is not None:
             self._loop = getattr(library, f"{function.name()}_rows")
             self._loop.restype = None
-            sizes = (function.sz_arg(), function.sz_res(), function.sz_iw(), function.sz_w())
-            self._arg, self._res = ((ctypes.c_void_p * max(size, 1))() for size in sizes[:2])
-            self._iw, self._w = np.zeros(max(sizes[2], 1), np.int64), np.zeros(max(sizes[3], 1))
-            self._memories = [memory.ctypes.data_as(ctypes.c_void_p) for memory in (self._iw, self._w)]
             self._numbers = [(ctypes.c_longlong * len(widths))(*widths) for widths in (self.widths, self.result_widths)]
-        self._prepare_once(library)
-        RowFunction.seconds += time.perf_counter() - began
+        self._workspace = _Workspace(function, library)
+        self.spent.seconds += time.perf_counter() - began
 
     def __call__(self, tables: Sequence[Floats], rows: Sequence[Rows]) -> list[Floats]:
         """Evaluate for k = 0 … count-1 with input i taken from `tables[i][rows[i][k]]`.
@@ -122,9 +122,7 @@ class RowFunction:
                 _addresses(rows),
                 _addresses(results),
                 self._numbers[1],
-                self._arg,
-                self._res,
-                *self._memories,
+                *self._workspace.memory,
             )
         else:
             self._interpret(tables, rows, results)
@@ -132,38 +130,64 @@ class RowFunction:
 
     def once(self, *arguments: Floats) -> list[Floats]:
         """Evaluate at one row of each input, flat arrays (width_i,): the same with the least overhead for one call."""
-        for slot, argument in zip(self._arguments, arguments, strict=True):
+        bound, run, results = self._workspace.single
+        for slot, argument in zip(bound, arguments, strict=True):
             slot[:] = argument
-        self._trigger()
-        return [result.copy() for result in self._results]
-
-    def _prepare_once(self, library: ctypes.CDLL | None) -> None:
-        """Bind inputs and outputs of a single evaluation to arrays that stay where they are."""
-        self._arguments = [np.zeros(width) for width in self.widths]
-        self._results = [np.zeros(width) for width in self.result_widths]
-        if library is None:
-            self._buffer: Any  # must outlive the trigger
-            self._buffer, self._trigger = self.function.buffer()
-            for i, argument in enumerate(self._arguments):
-                self._buffer.set_arg(i, argument.data)
-            for i, result in enumerate(self._results):
-                self._buffer.set_res(i, result.data)
-            return
-        arg, res = ((ctypes.c_void_p * len(memory))() for memory in (self._arg, self._res))
-        arg[: len(self.widths)] = [argument.ctypes.data for argument in self._arguments]
-        res[: len(self.result_widths)] = [result.ctypes.data for result in self._results]
-        memories = self._memories
-        self._trigger = functools.partial(getattr(library, self.function.name()), arg, res, *memories, 0)
+        run()
+        return [result.copy() for result in results]
 
     def _interpret(self, tables: Sequence[Floats], rows: Sequence[Rows], results: Sequence[Floats]) -> None:
         """The same through CasADi's virtual machine, by buffers: converting to CasADi's DM would cost more than the
         work."""
+        bound, run, outputs = self._workspace.single
         for k in range(len(rows[0])):
-            for argument, table, row in zip(self._arguments, tables, rows, strict=True):
+            for argument, table, row in zip(bound, tables, rows, strict=True):
                 argument[:] = table[row[k]]
-            self._trigger()
-            for result, output in zip(results, self._results, strict=True):
+            run()
+            for result, output in zip(results, outputs, strict=True):
                 result[k] = output
+
+
+class _Spent(threading.local):
+    """Time that a thread has spent."""
+
+    seconds = 0.0
+
+
+RowFunction.spent = _Spent()
+
+
+class _Workspace(threading.local):
+    """The memory in which a function is evaluated: made anew for each thread that comes, and nobody else's.
+
+    Attributes:
+        memory: of a compiled function, what its C loop is to work in: arg, res, iw and w of CasADi's C interface.
+        single: for one evaluation: arrays for the inputs, what runs it, and arrays in which it leaves the outputs.
+    """
+
+    def __init__(self, function: ca.Function, library: ctypes.CDLL | None) -> None:
+        arguments = [np.zeros(function.numel_in(i)) for i in range(function.n_in())]
+        results = [np.zeros(function.numel_out(i)) for i in range(function.n_out())]
+        run: Callable[[], Any]
+        if library is None:
+            self._buffer: Any  # must outlive the run
+            self._buffer, run = function.buffer()
+            for i, argument in enumerate(arguments):
+                self._buffer.set_arg(i, argument.data)
+            for i, result in enumerate(results):
+                self._buffer.set_res(i, result.data)
+        else:
+            self._numbers = np.zeros(max(function.sz_iw(), 1), np.int64), np.zeros(max(function.sz_w(), 1))
+            numbers = [memory.ctypes.data_as(ctypes.c_void_p) for memory in self._numbers]
+            pointers = [
+                [(ctypes.c_void_p * max(size, 1))() for size in (function.sz_arg(), function.sz_res())] for _ in "ab"
+            ]
+            self.memory = (*pointers[0], *numbers)
+            arg, res = pointers[1]
+            arg[: len(arguments)] = [argument.ctypes.data for argument in arguments]
+            res[: len(results)] = [result.ctypes.data for result in results]
+            run = functools.partial(getattr(library, function.name()), arg, res, *numbers, 0)
+        self.single = arguments, run, results
 
 
 def _addresses(arrays: Sequence[Floats] | Sequence[Rows]) -> ctypes.Array[ctypes.c_void_p]:

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from typing import Any
 
@@ -17,6 +16,7 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.compiled import RowFunction
 from hdplan.distance.holder import check_gamma, resolve_shaping_length
 from hdplan.distance.normals import candidate_normals, check_witnesses
+from hdplan.distance.once import made_once
 from hdplan.distance.poses import check_poses
 from hdplan.distance.symbolic import relative_function
 from hdplan.scenes.errors import InputError
@@ -29,7 +29,7 @@ class CompiledDistance:
 
     A lower bound of the signed distance in sign; ``separation`` D̃ (eq. ``eq:Dtilde``) is one in value, and has the sign
     of D where D itself is too small for a number. Runs as C where a compiler is found, in CasADi's interpreter
-    elsewhere. Not to be called from two threads at once. Made by ``hdsdf_compiled``.
+    elsewhere; threads may share it. Made by ``hdsdf_compiled``.
     """
 
     def __init__(
@@ -43,6 +43,7 @@ class CompiledDistance:
     ) -> None:
         """Take the settings; the functions are built and compiled when they are first asked for."""
         self._settings = (body_a, body_b, gamma, normals, witness_count)
+        self._functions: dict[int, RowFunction] = {}
         self._length = np.array([[shaping_length]])
         self._witness_count = witness_count
 
@@ -67,7 +68,10 @@ class CompiledDistance:
 
     def function(self, order: int) -> RowFunction:
         """Return the function of ``twist_function`` for many rows."""
-        return _row_function(*self._settings, order)
+        function = self._functions.get(order)
+        if function is None:
+            function = self._functions[order] = _row_function(*self._settings, order)
+        return function
 
     def _run(self, order: int, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None) -> list[Array]:
         units = check_witnesses(witnesses)
@@ -184,7 +188,7 @@ def twist_function(
     return ca.Function(f"hdsdf_order_{order}", [flat_a, flat_b, length, witnesses], results, inputs, names)
 
 
-@functools.lru_cache(maxsize=256)
+@made_once(256)
 def _row_function(
     body_a: ConvexBody, body_b: ConvexBody, gamma: int, normals: str, witness_count: int, order: int
 ) -> RowFunction:

@@ -14,9 +14,9 @@ import numpy as np
 import pinocchio as pin
 
 from hdplan.planner.coal_shapes import convex_hull, triangle_tree
-from hdplan.planner.description import link_pair
-from hdplan.planner.meshes import FLAT, load_mesh, thinness
+from hdplan.planner.meshes import FLAT, TriangleMesh, load_mesh, thinness
 from hdplan.planner.robot import MOVE_AS_ONE, Robot
+from hdplan.scenes.description import link_pair
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.model import Attached, Box, Capsule, Cylinder, Mesh, Points, Shape, Sphere
 
@@ -85,6 +85,6 @@ def _coal_shape(shape: Shape, field: str) -> Any:
             corners = np.array(points)
             if thinness(corners) <= FLAT:
                 raise InputError(f"{field}.shape.points: are flat; a body with some thickness is needed")
-            return convex_hull(corners)
+            return convex_hull(corners) or triangle_tree(TriangleMesh.hull(corners))
         case Mesh():
             return triangle_tree(load_mesh(shape, field))

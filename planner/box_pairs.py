@@ -6,7 +6,6 @@ Both know boxes alone: links by the setting `link_bodies: box`, and obstacles th
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,6 +15,7 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.boxes import box_distance
 from hdplan.distance.compiled import RowFunction
 from hdplan.distance.gdf_batch import gdf_boxes
+from hdplan.distance.once import made_once
 from hdplan.planner.kinematics import KinematicsBatch
 from hdplan.planner.link_bodies import LinkBody
 from hdplan.planner.pairs import BodyPairs, Floats, Rows
@@ -128,6 +128,6 @@ def _box_axes(body: ConvexBody) -> Floats | None:
     return np.stack([x, y, np.cross(x, y)], axis=1)
 
 
-@functools.cache
+@made_once(64)
 def _kernel(gamma: int, shaping_length: float, normals: str) -> RowFunction:
     return RowFunction(box_distance(gamma, shaping_length, normals))

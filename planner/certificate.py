@@ -10,13 +10,13 @@ robot's base and the floor on which it stands) are no part of a motion and are n
 
 from __future__ import annotations
 
-import functools
 import time
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hdplan.distance.once import made_once
 from hdplan.planner.curve import Curve
 from hdplan.planner.end_check import EndCheck
 from hdplan.planner.intervals import Bodies, Body, Pairs
@@ -39,11 +39,17 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+ENDS_KEEP = 0.75  # share of an end's distance that is asked for where it is below planner.clearance
 NEAR = 0.15  # [m] within which the closest pair is looked for first
 
 
 def certify(
-    scene: Scene, trajectory: Trajectory, robot: Robot | None = None, *, required: float = 0.0, check_ends: bool = True
+    scene: Scene,
+    trajectory: Trajectory,
+    robot: Robot | None = None,
+    *,
+    required: float | None = None,
+    check_ends: bool = True,
 ) -> Certificate:
     """Certify `trajectory` in `scene`: the verdict over the whole curve that it says (`Trajectory.curve`).
 
@@ -51,7 +57,8 @@ def certify(
         scene: the scene; its own shapes count, not the planner's bodies.
         trajectory: joints by name, in any order.
         robot: the scene's robot, if it is loaded already.
-        required: clearance [m] that must be proven between robot and obstacles that have no own; 0 means free.
+        required: clearance [m] that must be proven between robot and obstacles that have no own; 0 means free; None
+            means what the scene asks for, `Certifier.asked`.
         check_ends: whether the first and last waypoint must be the scene's start and goal.
 
     Raises:
@@ -96,12 +103,13 @@ class Certifier:
         self.ends = EndCheck(scene, robot)
         self.path = None if scene.path == PathConstraints() else _path_check(scene, robot, gathered.chain)
         self.torques = None if scene.limits.torque is None else _torque_limits(scene, robot)
+        self._lenient = {obstacle.name for obstacle in scene.obstacles if obstacle.clearance is None}
 
     def certify(
         self,
         trajectory: Trajectory,
         *,
-        required: float = 0.0,
+        required: float | None = None,
         check_ends: bool = True,
         stop_at_contact: bool = False,
     ) -> Certificate:
@@ -111,6 +119,7 @@ class Certifier:
         curve = curve_of(self.robot, trajectory)
         uses = self._uses(curve)
         torques = None if self.torques is None else self.torques.check(curve)
+        required, lessened = self.asked(curve) if required is None else (required, ())
         floor = self._floor(required)
         proof = self.sweep.prove(curve, floor, stop_at_contact)
         path = None if self.path is None else self.path.prove(curve)
@@ -151,7 +160,31 @@ class Certifier:
             proof.configurations + (path.configurations if path else 0),
             proof.exact_calls,
             time.perf_counter() - began,
+            lessened,
         )
+
+    def asked(self, curve: Curve) -> tuple[float, tuple[str, ...]]:
+        """Return what a motion must keep from obstacles without a clearance of their own [m], by the scene:
+        planner.clearance, or less, with a word, where the scene's own ends are closer. Of several goals the one that
+        the motion reaches counts."""
+        required, words = self.scene.planner.clearance, []
+        for field, q, seconds in self.ends.placed(curve) if required > 0.0 else ():
+            required, word = self.allowed(field, q, required, seconds)
+            words += [word] if word else []
+        return required, tuple(words)
+
+    def allowed(self, field: str, q: Array, required: float, time: float = 0.0) -> tuple[float, str]:
+        """Return the clearance that can be asked for [m] where an end of the scene is q (n,), at a time [s]:
+        `required`, or, with a word, a share of the end's own where it is closer than that to an obstacle that has no
+        clearance of its own."""
+        for place, _ in self.too_close(q, required, time):
+            if place.other in self._lenient:
+                less, asked = ENDS_KEEP * max(place.distance, 0.0), self.scene.planner.clearance
+                return less, (
+                    f"{field} is {place.distance * 1e3:.3g} mm from {place.other}: over the whole motion "
+                    f"{less * 1e3:.3g} mm are asked for instead of the {asked * 1e3:g} mm of planner.clearance"
+                )
+        return required, ""
 
     def _uses(self, curve: Curve) -> tuple[Use, ...]:
         """Look at the rates, where the scene limits any. Raises InputError where the scene needs times and there are
@@ -236,12 +269,12 @@ class Certifier:
         return Place(0, spot.fraction, spot.fraction, None, *self._names(spot.pair), spot.distance)
 
 
-@functools.lru_cache(maxsize=8)
+@made_once(8)
 def _chain(robot: Robot) -> Chain:
     return Chain.of(robot.model)
 
 
-@functools.lru_cache(maxsize=8)
+@made_once(8)
 def _link_bodies(robot: Robot) -> tuple[Body, ...]:
     """Return the pieces of the links' collision geometry; once per robot, as meshes take their time."""
     items = [(link, robot.collision.geometryObjects[i]) for link, own in robot.link_geometry.items() for i in own]

@@ -11,9 +11,15 @@ from numpy.typing import NDArray
 from hdplan.planner.meshes import TriangleMesh
 
 
-def convex_hull(points: NDArray[np.float64]) -> Any:
-    """Return coal's hull of points (m, 3) that are not flat."""
-    return coal.Convex.convexHull(_points(points), True, "Qt")
+def convex_hull(points: NDArray[np.float64]) -> Any | None:
+    """Return coal's hull of points (m, 3) that are not flat; None where a corner has more than 255 neighbours, such as
+    a cone's tip or the centre of a round face: coal counts them in a byte."""
+    try:
+        return coal.Convex.convexHull(_points(points), True, "Qt")
+    except RuntimeError as error:
+        if "Too many neighbors" in str(error):
+            return None
+        raise
 
 
 def triangle_tree(mesh: TriangleMesh) -> Any:

@@ -9,7 +9,6 @@ Gravity is the model's, in the world, whichever way the base is turned. Friction
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 
 import casadi as ca
@@ -18,6 +17,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.distance.compiled import RowFunction
+from hdplan.distance.once import made_once
 from hdplan.planner.kinematics import constant, motion_axes, rotation_about
 from hdplan.planner.loads import with_loads
 from hdplan.planner.robot import Robot
@@ -96,7 +96,7 @@ def dynamics_of(scene: Scene, robot: Robot) -> InverseDynamics:
         return _loaded_dynamics(robot, scene.payload, scene.attached)
 
 
-@functools.lru_cache(maxsize=8)
+@made_once(8)
 def _loaded_dynamics(robot: Robot, payload: Payload | None, attached: tuple[Attached, ...]) -> InverseDynamics:
     return InverseDynamics(with_loads(robot, payload, attached))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +32,19 @@ class EndCheck:
             start = self.robot.configuration(self.scene.start, self.scene.from_request)
             at_start, at_goal = self._off("first", waypoints[0], start, "start"), self.off_goal(waypoints[-1])
         return at_start or at_goal
+
+    def placed(self, curve: Curve) -> Iterator[tuple[str, Array, float]]:
+        """Yield the scene's ends: field, configuration (n,), time [s]; where the scene leaves a choice of goals, the
+        motion's last row if it reaches one."""
+        goal, scene = self.scene.goal, self.scene
+        with naming(scene.source):
+            yield scene.start.field, self.robot.configuration(scene.start, scene.from_request), 0.0
+            if isinstance(goal, JointTarget):
+                yield goal.field, self.robot.configuration(goal, scene.from_request), scene.end_time
+                return
+            reached = next((target for target in goal.targets if not self._missing(curve.rows[-1], target)), None)
+            if reached is not None:
+                yield reached.field, curve.rows[-1], scene.end_time
 
     def off_goal(self, q: Array) -> str | None:
         """Say how configuration q (n,) as the last waypoint misses the scene's goal, the first of several; None if it

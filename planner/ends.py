@@ -8,8 +8,6 @@ from hdplan.planner.scene_robot import resolve_query
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Scene
 
-ENDS_KEEP = 0.5  # share of an end's distance that is asked for where it is below planner.clearance
-
 
 def reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tuple[float, tuple[str, ...]]:
     """The clearance that can be asked for [m]: the scene's, or less, with a word, where its own ends are closer than
@@ -32,18 +30,12 @@ def reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tup
             raise InputError(f"{scene.source}: {field}: off the path: {'; '.join(each.words for each in departures)}")
         if overload := certifier.overload(q):
             raise InputError(f"{scene.source}: {field}: {overload.words}")
-        close = certifier.too_close(q, required, time_)
-        for place, asked in close:
+        for place, asked in certifier.too_close(q, required, time_):
             if place.other not in lenient:
                 raise InputError(
                     f"{scene.source}: {field}: {place.link} is {place.distance * 1e3:.3g} mm from {place.other}, "
                     f"{asked * 1e3:g} mm are asked for (obstacles[].clearance, self_collision.clearance)"
                 )
-        if close:
-            place, _ = close[0]
-            required = ENDS_KEEP * place.distance
-            words.append(
-                f"{field} is {place.distance * 1e3:.3g} mm from {place.other}: "
-                f"{required * 1e3:.3g} mm are proven for the whole motion instead of planner.clearance"
-            )
+        required, word = certifier.allowed(field, q, required, time_)
+        words += [word] if word else []
     return required, tuple(words)

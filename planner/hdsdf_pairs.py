@@ -5,12 +5,11 @@ A lower bound in sign, an approximation in value: see `hdplan.distance.halfspace
 
 from __future__ import annotations
 
-import functools
-
 import numpy as np
 
 from hdplan.distance.compiled import RowFunction
 from hdplan.distance.halfspaces import halfspace_distance
+from hdplan.distance.once import made_once
 from hdplan.planner.kinematics import KinematicsBatch
 from hdplan.planner.pairs import BodyPairs, Floats, Rows
 
@@ -56,6 +55,6 @@ class HdsdfPairs:
         return distance, wrench, separation
 
 
-@functools.cache
+@made_once(64)
 def _kernel(vertices: int, planes: int, gamma: int, shaping_length: float) -> RowFunction:
     return RowFunction(halfspace_distance(vertices, planes, gamma, shaping_length))

@@ -7,6 +7,7 @@ parent p(i) and a_i its axis, T_i(q) = T_p(i)(q) X_i exp(a_i q_i). All in the wo
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass
 from typing import Any
 
@@ -50,7 +51,7 @@ class KinematicsBatch:
 
 
 class Kinematics:
-    """Kinematics of one model; `function` for CasADi graphs, `evaluate` for NumPy batches.
+    """Kinematics of one model; `function` for CasADi graphs, `evaluate` for NumPy batches, from any thread.
 
     Attributes:
         n: number of coordinates. nj: number of joints, world included.
@@ -103,36 +104,36 @@ class Kinematics:
         values = np.atleast_2d(np.asarray(q, dtype=np.float64))
         count = len(values)
         capacity = 1 << max(count - 1, 0).bit_length()  # few different sizes, so few buffers
-        if capacity not in self._maps:
-            self._maps[capacity] = _MappedState(self.state, capacity)
-        flat = self._maps[capacity](values)
+        mapped = self._maps.get(capacity)
+        if mapped is None:
+            mapped = self._maps[capacity] = _MappedState(self.state.map(capacity))
+        flat = mapped(values)
         placements, columns = flat[:, : 12 * self.nj], flat[:, 12 * self.nj :]
         return KinematicsBatch(placements.reshape(count, self.nj, 12), columns.reshape(count, self.n, 6))
 
 
-class _MappedState:
-    """A Function mapped over a fixed number of columns, evaluated in place on arrays that stay alive beside it.
+class _MappedState(threading.local):
+    """A Function mapped over a fixed number of columns, evaluated in place on arrays of each thread's own, which are
+    made when it first comes.
 
     CasADi's conversion of DM to NumPy costs some 70 times the evaluation; its buffers use our memory directly.
     """
 
-    def __init__(self, function: ca.Function, capacity: int) -> None:
-        mapped = function.map(capacity)
-        self._input = np.zeros(mapped.nnz_in(0))
-        self._output = np.zeros(mapped.nnz_out(0))
-        self._columns = capacity
+    def __init__(self, mapped: ca.Function) -> None:
         buffer: Any
-        buffer, self._run = mapped.buffer()
-        buffer.set_arg(0, self._input.data)
-        buffer.set_res(0, self._output.data)
+        buffer, run = mapped.buffer()
+        given, found = np.zeros(mapped.nnz_in(0)), np.zeros((mapped.size2_out(0), mapped.size1_out(0)))
+        buffer.set_arg(0, given.data)
+        buffer.set_res(0, found.data)
+        self._own = given, run, found
         self._alive = (mapped, buffer)
 
     def __call__(self, values: Array) -> Array:
-        """Return the outputs (B, m) for inputs (B, n), B at most the capacity."""
-        count = len(values)
-        self._input[: values.size] = values.ravel()
-        self._run()
-        return self._output.reshape(self._columns, -1)[:count].copy()
+        """Return the outputs (B, m) for inputs (B, n), B at most the number of columns."""
+        given, run, found = self._own
+        given[: values.size] = values.ravel()
+        run()
+        return found[: len(values)].copy()
 
 
 def motion_axes(joint: pin.JointModel) -> tuple[Array, Array]:

@@ -11,6 +11,7 @@ with: one capsule, one box, polytopes of a fixed number of vertices in all, or t
 from __future__ import annotations
 
 import itertools
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from threadpoolctl import threadpool_limits
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.cache import content_key, load, store
+from hdplan.planner.meshes import below
 from hdplan.planner.robot import Robot
 from hdplan.planner.swept_fit import MARGIN, Reference, Swept, distance_to_hull, fit_swept, outside, spread
 from hdplan.scenes.errors import InputError
@@ -48,6 +50,8 @@ CANDIDATES = (
 )  # (slabs, vertices), cheapest first
 FIXED = {"capsule": (1, 2), "outer-4": (1, 4), "outer-12": (3, 4)}  # the one candidate of the settings named so
 ROUND_SIDES = 16  # sides of the prism around a cylinder
+
+_fitting = threading.Lock()  # how many threads BLAS may use is set for the whole process
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,13 +137,14 @@ def _enclosed(robot: Robot, link: str, geometry: str) -> tuple[Swept, ...]:
     key = content_key(
         FIT_VERSION, geometry, *(part for item in _items(robot, link) for part in _content(robot, link, item))
     )
-    known = load("link_bodies", key)
-    if known is not None:
-        return tuple(Swept(np.array(vertices), radius) for vertices, radius in known)
-    with threadpool_limits(1):  # thousands of tiny products: threads would only wait for each other, 5 s become 20
-        bodies = _around(_link_triangles(robot, link), geometry)
-    store("link_bodies", key, [[body.vertices.tolist(), body.radius] for body in bodies])
-    return bodies
+    with _fitting:  # who waits finds what the other has stored
+        known = load("link_bodies", key)
+        if known is not None:
+            return tuple(Swept(np.array(vertices), radius) for vertices, radius in known)
+        with threadpool_limits(1):  # thousands of tiny products: threads would only wait for each other, 5 s become 20
+            bodies = _around(_link_triangles(robot, link), geometry)
+        store("link_bodies", key, [[body.vertices.tolist(), body.radius] for body in bodies])
+        return bodies
 
 
 def _around(triangles: Array, geometry: str) -> tuple[Swept, ...]:
@@ -204,28 +209,7 @@ def _slabs(triangles: Array, axis: Array, count: int) -> list[tuple[Array, Refer
 
 
 def _between(triangles: Array, axis: Array, low: float, high: float) -> Array:
-    return _below(_below(triangles, axis, high), -axis, -low)
-
-
-def _below(triangles: Array, normal: Array, offset: float) -> Array:
-    """Return the parts of triangles (T, 3, 3) where normal . x <= offset, as triangles."""
-    height = triangles @ normal - offset
-    inside = height <= 0
-    count = inside.sum(1)
-    parts = [triangles[count == 3]]
-    for corners_inside in (1, 2):
-        chosen = count == corners_inside
-        lone = (inside[chosen] if corners_inside == 1 else ~inside[chosen]).argmax(1)  # the corner on its own side
-        turn = (lone[:, None] + np.arange(3)) % 3
-        a, b, c = np.moveaxis(np.take_along_axis(triangles[chosen], turn[:, :, None], 1), 1, 0)
-        above_a, above_b, above_c = np.take_along_axis(height[chosen], turn, 1).T[:, :, None]
-        to_b = a + (b - a) * (above_a / (above_a - above_b))
-        to_c = a + (c - a) * (above_a / (above_a - above_c))
-        if corners_inside == 1:
-            parts.append(np.stack([a, to_b, to_c], 1))
-        else:
-            parts.extend((np.stack([to_b, b, c], 1), np.stack([to_b, c, to_c], 1)))
-    return np.concatenate(parts)
+    return below(below(triangles, axis, high), -axis, -low)
 
 
 def _hull_points(triangles: Array) -> Array:

@@ -6,17 +6,16 @@ finite and it is not flat.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
 
-from hdplan.scenes.errors import InputError
+from hdplan.planner.mesh_files import read_mesh_file
+from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.model import Mesh
 
 Array = NDArray[np.float64]
@@ -41,6 +40,15 @@ class TriangleMesh:
         proper = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
         return cls(points, corners[proper])
 
+    @classmethod
+    def hull(cls, points: ArrayLike) -> TriangleMesh:
+        """Build the convex hull of points (m, 3) that are not flat."""
+        found = ConvexHull(points)
+        a, b, c = np.moveaxis(found.points[found.simplices], 1, 0)
+        outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), found.equations[:, :3]) > 0
+        triangles = np.where(outward[:, None], found.simplices, found.simplices[:, ::-1])
+        return cls(found.points, triangles.astype(np.int64)).trimmed()
+
     @property
     def closed(self) -> bool:
         """Whether every edge is met once in each direction, so that inside and outside are told apart."""
@@ -57,9 +65,14 @@ class TriangleMesh:
         return float(np.linalg.det(corners).sum() / 6.0)
 
     @property
+    def hull_volume(self) -> float:
+        """The volume [m³] of its convex hull; 0 for a flat one."""
+        return float(ConvexHull(self.vertices).volume) if thinness(self.vertices) > FLAT else 0.0
+
+    @property
     def convex(self) -> bool:
         """Whether it is closed and as large as its convex hull, up to the part `CONVEX` of the volume."""
-        return self.closed and abs(self.volume) >= (1.0 - CONVEX) * float(ConvexHull(self.vertices).volume)
+        return self.closed and abs(self.volume) >= (1.0 - CONVEX) * self.hull_volume > 0.0
 
     def components(self) -> tuple[TriangleMesh, ...]:
         """Take it apart into the pieces that share no vertex."""
@@ -81,46 +94,40 @@ class TriangleMesh:
     def winding_number(self, point: ArrayLike) -> float:
         """Return how often the mesh winds around `point` (3,): ±1 inside a closed mesh, 0 outside, in between if open.
 
-        The sum of the triangles' signed solid angles over 4π (A. Van Oosterom, J. Strackee, 1983; A. Jacobson et al.,
-        "Robust inside-outside segmentation using generalized winding numbers", 2013).
+        The sum of the triangles' signed solid angles over 4π (A. Jacobson et al., "Robust inside-outside segmentation
+        using generalized winding numbers", 2013).
         """
+        return float(self.solid_angles(point).sum() / (4.0 * np.pi))
+
+    def solid_angles(self, point: ArrayLike) -> Array:
+        """Return the signed solid angle (F,) under which each triangle is seen from `point` (3,), positive from inside
+        (A. Van Oosterom, J. Strackee, 1983)."""
         corners = self.vertices[self.triangles] - np.asarray(point, dtype=np.float64)
         a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
         la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
         ab, bc, ca = (np.einsum("ij,ij->i", x, y) for x, y in ((a, b), (b, c), (c, a)))
         angle = 2.0 * np.arctan2(np.linalg.det(corners), la * lb * lc + ab * lc + bc * la + ca * lb)
-        return float(angle.sum() / (4.0 * np.pi))
+        return np.asarray(angle)
 
 
 def load_mesh(shape: Mesh, field: str) -> TriangleMesh:
-    """Read a mesh file (anything that trimesh reads), scaled, its parts merged into one.
+    """Read a mesh file (stl, obj, ply, off, dae, glb, gltf), scaled, its parts merged into one.
 
-    `field` is where the scene speaks of it, for the error. Raises InputError when the file is missing, unreadable or of
-    an unknown format, holds no triangles or numbers that are not finite, or is flat.
+    `field` is where the scene speaks of it, for the error. Raises InputError when the file is missing, damaged or of an
+    unknown format, holds no triangles or numbers that are not finite, or is flat.
     """
-    where = f"{field}: mesh {shape.file}"
-    if not shape.file.is_file():
-        raise InputError(f"{where}: no such file")
-    if shape.file.suffix.lower().lstrip(".") not in trimesh.available_formats():
-        raise InputError(f"{where}: format '{shape.file.suffix}' is not known (stl, obj, ply, off, dae, glb are)")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about colours and the like
-            loaded = trimesh.load_mesh(str(shape.file), process=False)
-            vertices, triangles = np.array(loaded.vertices, dtype=np.float64), np.array(loaded.faces)
-    except ImportError:  # it guesses at the encoding of what is no text
-        raise InputError(f"{where}: cannot be read, it is not what its ending says") from None
-    except Exception as error:  # each format's reader has its own failures; none is the user's language
-        raise InputError(f"{where}: cannot be read ({type(error).__name__}: {error})") from error
-    if len(triangles) == 0:
-        raise InputError(f"{where}: is empty, it holds no triangles")
-    if not np.isfinite(vertices[triangles]).all():
-        raise InputError(f"{where}: holds coordinates that are not finite (NaN or infinite)")
-    if np.abs(vertices * np.array(shape.scale)).max() > LARGEST:
-        raise InputError(f"{where}: reaches farther than {LARGEST:g} m (its scale is {shape.scale[0]:g})")
-    mesh = TriangleMesh.merged(vertices * np.array(shape.scale), triangles).trimmed()
-    if len(mesh.triangles) == 0 or thinness(mesh.vertices) <= FLAT:
-        raise InputError(f"{where}: is flat; a body with some thickness is needed")
+    with naming(f"{field}: mesh {shape.file}"):
+        vertices, triangles = read_mesh_file(shape.file)
+        used = np.unique(triangles)
+        with np.errstate(over="ignore"):
+            vertices[used] *= np.array(shape.scale)
+        if not np.isfinite(vertices[used]).all():
+            raise InputError("holds coordinates that are not finite (NaN or infinite)")
+        if np.abs(vertices[used]).max() > LARGEST:
+            raise InputError(f"reaches farther than {LARGEST:g} m (its scale is {shape.scale[0]:g})")
+        mesh = TriangleMesh.merged(vertices, triangles).trimmed()
+        if len(mesh.triangles) == 0 or thinness(mesh.vertices) <= FLAT:
+            raise InputError("is flat; a body with some thickness is needed")
     return mesh
 
 
@@ -128,3 +135,24 @@ def thinness(points: Array) -> float:
     """Return the smallest over the largest principal extent of `points` (m, 3)."""
     extents = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     return float(extents[-1] / extents[0]) if len(extents) == 3 else 0.0
+
+
+def below(triangles: Array, normal: Array, offset: float) -> Array:
+    """Return the parts of triangles (T, 3, 3) where normal · x ≤ offset, as triangles."""
+    height = triangles @ normal - offset
+    inside = height <= 0
+    count = inside.sum(1)
+    parts = [triangles[count == 3]]
+    for corners_inside in (1, 2):
+        chosen = count == corners_inside
+        lone = (inside[chosen] if corners_inside == 1 else ~inside[chosen]).argmax(1)  # the corner on its own side
+        turn = (lone[:, None] + np.arange(3)) % 3
+        a, b, c = np.moveaxis(np.take_along_axis(triangles[chosen], turn[:, :, None], 1), 1, 0)
+        above_a, above_b, above_c = np.take_along_axis(height[chosen], turn, 1).T[:, :, None]
+        to_b = a + (b - a) * (above_a / (above_a - above_b))
+        to_c = a + (c - a) * (above_a / (above_a - above_c))
+        if corners_inside == 1:
+            parts.append(np.stack([a, to_b, to_c], 1))
+        else:
+            parts.extend((np.stack([to_b, b, c], 1), np.stack([to_b, c, to_c], 1)))
+    return np.concatenate(parts)

@@ -5,12 +5,12 @@ Robot -> `Outline`, made once per robot in a process: a second plan with the sam
 
 from __future__ import annotations
 
-import functools
 import itertools
 from dataclasses import dataclass
 
 import numpy as np
 
+from hdplan.distance.once import made_once
 from hdplan.planner.hdsdf_pairs import HdsdfPairs
 from hdplan.planner.kinematics import Kinematics
 from hdplan.planner.link_bodies import LinkBody, link_bodies
@@ -42,7 +42,7 @@ class Outline:
     unresolved: tuple[LinkPair, ...]  # link pairs left to the certificate, as their outer bodies overlap anyway
 
 
-@functools.lru_cache(maxsize=8)
+@made_once(8)
 def outline_of(robot: Robot, geometry: str, normals: str) -> Outline:
     """Return the outline of a robot with the bodies and normals of these settings, the same object for the same
     ones."""
@@ -54,7 +54,7 @@ def outline_of(robot: Robot, geometry: str, normals: str) -> Outline:
     return Outline(kinematics, bodies, planes, reach, pairs, kept, unresolved)
 
 
-@functools.lru_cache(maxsize=8)
+@made_once(8)
 def kinematics_of(robot: Robot) -> Kinematics:
     """Return the kinematics of a robot, the same object for the same robot: they need no bodies."""
     return Kinematics(robot.model)

@@ -10,6 +10,7 @@ import math
 import os
 import sys
 import tempfile
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TypeVar
@@ -23,6 +24,8 @@ from hdplan.planner.meshes import FLAT, thinness
 from hdplan.scenes.errors import InputError
 
 Result = TypeVar("Result")
+
+_reading = threading.Lock()  # the error stream is the whole process's: one reader at a time may turn it aside
 
 
 def read_model(urdf: Path, package_dirs: tuple[Path, ...]) -> tuple[pin.Model, pin.GeometryModel]:
@@ -102,7 +105,7 @@ def move_base(model: pin.Model, collision: pin.GeometryModel, base: pin.SE3) -> 
 
 def _quietly(read: Callable[[], Result], urdf: Path) -> Result:
     """Run a C++ reader that writes its complaints to the error stream; they become the text of the error instead."""
-    with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as said:
+    with _reading, tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as said:
         try:
             with _error_stream_to(said.fileno()):
                 return read()

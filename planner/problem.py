@@ -177,7 +177,7 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
     settings = scene.planner
     if settings.swept and settings.distance != "hdsdf":
         raise InputError(f"{scene.source}: planner.swept: true needs planner.distance hdsdf, found {settings.distance}")
-    compiled_before = RowFunction.seconds
+    compiled_before = RowFunction.spent.seconds
     outline = outline_of(robot, settings.link_bodies, settings.normals)
     kinematics, bodies = outline.kinematics, outline.bodies
     with naming(scene.source):
@@ -249,7 +249,7 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
         unresolved=outline.unresolved,
         apart=tuple(pair for pair, proven in kept if proven),
         notes=tuple(notes),
-        compile_seconds=RowFunction.seconds - compiled_before,
+        compile_seconds=RowFunction.spent.seconds - compiled_before,
     )
 
 

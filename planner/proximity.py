@@ -19,18 +19,18 @@ from typing import Any
 import coal
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
-from trimesh.intersections import slice_faces_plane
 
 from hdplan.planner.coal_shapes import convex_hull, triangle_tree
-from hdplan.planner.meshes import FLAT, TriangleMesh, load_mesh, thinness
+from hdplan.planner.meshes import TriangleMesh, below, load_mesh
+from hdplan.planner.solid import Solid
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, Sphere
 
 Array = NDArray[np.float64]
 
-MOST_PIECES = 12  # a mesh of more loose parts than this is treated whole: pairs cost time
+MOST_PIECES = 12  # a mesh of more loose parts than this is treated whole, nor is it cut into more: pairs cost time
 WORTH_CUTTING = 0.85  # of a hull's volume: where two halves' hulls have more together, triangles stay together
+FEW = 250  # corners of a hull that stands in for one that coal cannot hold
 DOUBTFUL = 1e-5  # coal's distance and the gap along its own normal differ by more [m] only where coal is wrong
 NUDGES = 3  # slightly turned poses that are tried where coal is in doubt
 NUDGE = 1e-5  # [rad] by which they are turned: enough to end an exactly parallel contact
@@ -76,7 +76,7 @@ class Surface:
     """Triangles that are not convex."""
 
     mesh: TriangleMesh
-    solid: TriangleMesh  # that they bound, alone or with others
+    solid: Solid  # that they bound, alone or with others
 
     @cached_property
     def tree(self) -> Any:
@@ -130,34 +130,39 @@ def mesh_pieces(mesh: TriangleMesh) -> tuple[Piece, ...]:
     if len(parts) > MOST_PIECES or not all(part.closed and part.volume > 0 for part in parts):
         if mesh.convex:
             return (_hull(mesh.vertices),)
-        return _cut(mesh, mesh)
-    return tuple(piece for part in parts for piece in ((_hull(part.vertices),) if part.convex else _cut(part, part)))
+        return _cut(mesh, Solid(mesh))
+    return tuple(
+        piece for part in parts for piece in ((_hull(part.vertices),) if part.convex else _cut(part, Solid(part)))
+    )
 
 
-def _cut(mesh: TriangleMesh, solid: TriangleMesh) -> tuple[Piece, ...]:
-    """Cut triangles across their longest side into parts, as long as the parts' hulls leave out much of the whole's:
-    the tighter the hulls, the less often the triangles themselves are asked."""
+def _cut(mesh: TriangleMesh, solid: Solid) -> tuple[Piece, ...]:
+    """Cut triangles into parts, the one with the largest hull first, as long as the hulls of two halves leave out much
+    of the whole's: the tighter the hulls, the less often the triangles themselves are asked.
+
+    A shell's parts could be cut for ever, each smaller by more than what is worth it: MOST_PIECES end that.
+    """
+    parts, whole = [(mesh.hull_volume, mesh)], list[TriangleMesh]()
+    while parts:
+        volume, part = parts.pop(max(range(len(parts)), key=lambda i: parts[i][0]))
+        halves = _halves(part) if volume > 0.0 and len(parts) + len(whole) + 2 <= MOST_PIECES else ()
+        volumes = [half.hull_volume for half in halves]
+        if halves and sum(volumes) <= WORTH_CUTTING * volume:
+            parts.extend(zip(volumes, halves, strict=True))
+        else:
+            whole.append(part)
+    return tuple(_hull(part.vertices, Surface(part, solid)) for part in whole)
+
+
+def _halves(mesh: TriangleMesh) -> tuple[TriangleMesh, ...]:
+    """Cut triangles across their longest side; empty where all of them lie on one side of the cut."""
     middle = mesh.vertices.mean(axis=0)
     axis = np.linalg.svd(mesh.vertices - middle, full_matrices=False)[2][0]
     heights = (mesh.vertices - middle) @ axis
-    origin = middle + 0.5 * (heights.min() + heights.max()) * axis
-    halves = [_beyond(mesh, origin, direction) for direction in (axis, -axis)]
-    if any(len(half.triangles) == 0 for half in halves) or (
-        sum(map(_hull_volume, halves)) > WORTH_CUTTING * _hull_volume(mesh)
-    ):
-        return (_hull(mesh.vertices, Surface(mesh, solid)),)
-    return tuple(piece for half in halves for piece in _cut(half, solid))
-
-
-def _beyond(mesh: TriangleMesh, origin: Array, normal: Array) -> TriangleMesh:
-    """Return the part of the triangles where normal · (x − origin) ≥ 0; a triangle across the plane is cut there."""
-    vertices, triangles, _ = slice_faces_plane(mesh.vertices, mesh.triangles, normal, origin)
-    return TriangleMesh.merged(vertices, triangles).trimmed()
-
-
-def _hull_volume(mesh: TriangleMesh) -> float:
-    """The volume [m³] of the convex hull; 0 for a flat one."""
-    return float(ConvexHull(mesh.vertices).volume) if thinness(mesh.vertices) > FLAT else 0.0
+    offset, corners = middle @ axis + 0.5 * (heights.min() + heights.max()), mesh.vertices[mesh.triangles]
+    cut = (below(corners, side * axis, side * offset).reshape(-1, 3) for side in (1, -1))
+    halves = tuple(TriangleMesh.merged(points, np.arange(len(points)).reshape(-1, 3)).trimmed() for points in cut)
+    return halves if all(len(half.triangles) for half in halves) else ()
 
 
 @dataclass(frozen=True)
@@ -204,9 +209,9 @@ def best_direction(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> tuple[Ar
 def surface_distance(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> float:
     """Return the distance [m] of two pieces' real surfaces, 0 if they touch or if coal's answer is not plausible.
 
-    Unsigned, and blind to one lying wholly inside the other: see `contains`. The answer is taken only if it is finite
-    and equals the distance of its own witness points, and from two poses, the second slightly turned: the smaller one
-    counts, less what the turn may have added. Poses are (4, 4).
+    Unsigned, and blind to one lying wholly inside the other: see `containment`. The answer is taken only if it is
+    finite and equals the distance of its own witness points, and from two poses, the second slightly turned: the
+    smaller one counts, less what the turn may have added. Poses are (4, 4).
     """
     rotation_b, center = pose_b[:3, :3], pose_b[:3, :3] @ b.center + pose_b[:3, 3]
     smallest = np.inf
@@ -246,20 +251,6 @@ def witness_points(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> Array:
     return np.array([result.getNearestPoint1(), result.getNearestPoint2()])
 
 
-def contains(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> bool:
-    """Whether one of two pieces whose surfaces do not touch lies inside the other's triangles. Poses (4, 4)."""
-    return _inside(a, pose_a, b, pose_b) or _inside(b, pose_b, a, pose_a)
-
-
-def _inside(outer: Piece, outer_pose: Array, inner: Piece, inner_pose: Array) -> bool:
-    if outer.surface is None:
-        return False  # a solid of coal's: its distance is signed already
-    parts = inner.surface.mesh.components() if inner.surface else (inner,)
-    points = np.array([part.vertices[0] for part in parts]) @ inner_pose[:3, :3].T + inner_pose[:3, 3]
-    local = (points - outer_pose[:3, 3]) @ outer_pose[:3, :3]
-    return any(abs(outer.surface.solid.winding_number(point)) > 0.5 for point in local)
-
-
 def transform(rotation: Array, origin: Array) -> Any:
     """Return coal's transform."""
     return coal.Transform3s(rotation, origin)
@@ -281,7 +272,10 @@ def _capsule(radius: float, length: float) -> Piece:
 
 
 def _hull(points: Array, surface: Surface | None = None) -> Piece:
-    """Return the hull of `points`; if they are flat, coal gets them thickened a little, the supports stay exact."""
+    """Return the hull of `points`; if they are flat, coal gets them thickened a little, the supports stay exact.
+
+    Where coal cannot hold the hull, its triangles tell the distance, and fewer corners the direction.
+    """
     centered = points - points.mean(axis=0)
     extents = np.linalg.svd(centered, compute_uv=False)
     solid = points
@@ -289,8 +283,18 @@ def _hull(points: Array, surface: Surface | None = None) -> Piece:
         swell = 1e-4 * (float(extents[0]) or 1.0) * np.array([[1, 1, 1], [-1, -1, 1], [-1, 1, -1], [1, -1, -1]])
         solid = (points[:, None] + swell[None]).reshape(-1, 3)
     shape = convex_hull(solid)
+    if shape is None:
+        hull = TriangleMesh.hull(solid)
+        surface, shape = surface or Surface(hull, Solid(hull)), convex_hull(_outermost(solid))
+        return Piece(points, shape, surface=surface)
     corners = np.array(shape.points()) if solid is points else points
     return Piece(corners, shape, surface=surface)
+
+
+def _outermost(points: Array) -> Array:
+    """Return the points that lie farthest in FEW directions."""
+    directions = np.random.default_rng(0).normal(size=(FEW, 3))
+    return np.asarray(points[np.unique((directions @ points.T).argmax(axis=1))])
 
 
 def _turns() -> tuple[Array, ...]:

@@ -19,16 +19,16 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from hdplan.planner.description import LinkPair, Semantics, Tree, link_pair, read_semantics, read_tree
 from hdplan.planner.pin_model import move_base, read_model, without_joints
-from hdplan.planner.robot_library import find_robot, library_package_dirs
+from hdplan.scenes.description import LinkPair, Semantics, Tree, link_pair, read_semantics, read_tree
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.model import Attached, JointTarget, RobotSpec
+from hdplan.scenes.robot_library import description_of
 
 Array = NDArray[np.float64]
 
 LIMIT_ROUNDING = 1e-3  # how far a MoveIt request may lie beyond a limit [rad or m]: it is rounded
-CONTACT_SAMPLES = 60  # configurations at which a pair must touch to count as always in contact
+CONTACT_SAMPLES = 1000  # configurations at which a pair must touch to count as always in contact
 GRIPPER = re.compile("finger|gripper|knuckle|thumb", re.IGNORECASE)  # joints of a hand: held
 # Why pairs of links are not checked, beside what a file says of them.
 NEIGHBOURS, MOVE_AS_ONE, ALWAYS_TOUCHING = "neighbours", "moving as one", "in contact at every sampled configuration"
@@ -209,17 +209,6 @@ def robot_files(spec: RobotSpec) -> tuple[Path, ...]:
     return (urdf,) if srdf is None else (urdf, srdf)
 
 
-def description_of(spec: RobotSpec) -> tuple[str, Path, Path | None, tuple[Path, ...]]:
-    """Return name, URDF, SRDF and the folders for package:// addresses."""
-    if spec.name is not None:
-        files = find_robot(spec.name)
-        return spec.name, files.urdf, spec.srdf or files.srdf, (*spec.package_dirs, *library_package_dirs())
-    if spec.urdf is None:
-        raise InputError("robot: neither name nor urdf is given")
-    urdf = spec.urdf.resolve()
-    return urdf.stem, urdf, spec.srdf, (*spec.package_dirs, *urdf.parents)
-
-
 def _planned(
     joints: list[str], locked: Mapping[str, float], tree: Tree, semantics: Semantics, name: str
 ) -> tuple[list[str], list[str]]:
@@ -259,21 +248,20 @@ def _held_at(joint: str, model: pin.Model, spec: RobotSpec, tree: Tree, semantic
 
 
 def _told_apart(robot: Robot, tree: Tree, semantics: Semantics, spec: RobotSpec) -> dict[LinkPair, str]:
-    """Return the pairs that are not checked, each with its reason: ignored, disabled, neighbours in the tree, or
-    without motion against each other."""
+    """Return the pairs that are not checked, each with its reason: ignored, disabled, neighbours, or without motion
+    against each other.
+
+    Neighbours have exactly one moving joint between them, and no other link with geometry: what meets at a joint may
+    overlap there. Across two joints, be it by a link without geometry, and beyond a link that is fixed to another, they
+    are as free to collide as any two. Held joints do not move.
+    """
     for link in (link for pair in spec.ignore_pairs for link in pair):
         if link not in tree.links:
             raise InputError(f"robot.ignore_pairs: unknown link '{link}'{nearest(link, tree.links)}")
-    neighbours = []
-    for link in robot.links:
-        above = link
-        while above in tree.parent:
-            above = tree.parent[above][0]
-            if above in robot.link_joint:
-                neighbours.append(link_pair(link, above))
-                break
-    joint = robot.link_joint
+    joint, parents = robot.link_joint, robot.model.parents
     pairs = [link_pair(a, b) for a, b in itertools.combinations(robot.links, 2)]
+    one_joint = [(a, b) for a, b in pairs if joint[a] == parents[joint[b]] or joint[b] == parents[joint[a]]]
+    neighbours = [pair for pair in one_joint if not any(link in joint for link in tree.between(*pair))]
     return {
         **{link_pair(*pair): "robot.ignore_pairs" for pair in spec.ignore_pairs},
         **dict.fromkeys(semantics.disabled, "the SRDF"),

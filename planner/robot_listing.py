@@ -8,9 +8,9 @@ import numpy as np
 
 from hdplan.planner.link_bodies import fit_report
 from hdplan.planner.robot import load_robot
-from hdplan.planner.robot_library import robot_names
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import RobotSpec
+from hdplan.scenes.robot_library import robot_names
 
 Rows = list[dict[str, Any]]
 

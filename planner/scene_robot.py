@@ -5,8 +5,8 @@ Reading a URDF and its meshes takes longer than many a plan; a robot is kept unt
 
 from __future__ import annotations
 
-import functools
 import os
+import threading
 from collections import OrderedDict
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.distance.once import made_once
 from hdplan.planner.robot import LIMIT_ROUNDING, Robot, load_robot, robot_files
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.model import Attached, Goals, JointTarget, Mesh, RobotSpec, Scene
@@ -27,6 +28,7 @@ ROOM = (
     0.1  # how far beyond a limit a MoveIt request may lie [rad or m]: descriptions of one robot differ in their limits
 )
 _kept: OrderedDict[Hashable, tuple[Robot, Stamps]] = OrderedDict()
+_loading = threading.Lock()  # one robot at a time: threads that ask for the same one are to get the same
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ def load_scene_robot(scene: Scene) -> Robot:
     return robot if scene.self_collision.checked else _unchecked(robot)
 
 
-@functools.lru_cache(maxsize=MOST)
+@made_once(MOST)
 def _narrowed(robot: Robot, ranges: tuple[tuple[str, tuple[float, float]], ...]) -> Robot:
     """Return the robot within ranges of its joints' positions that lie within its own."""
     lower, upper = robot.lower.copy(), robot.upper.copy()
@@ -73,7 +75,7 @@ def _narrowed(robot: Robot, ranges: tuple[tuple[str, tuple[float, float]], ...])
     return replace(robot, lower=lower, upper=upper)
 
 
-@functools.lru_cache(maxsize=MOST)
+@made_once(MOST)
 def _unchecked(robot: Robot) -> Robot:
     """Return the robot with nothing of it kept apart from itself."""
     bodies = "links and held objects" if robot.attached else "links"
@@ -95,7 +97,7 @@ def _load_bare(scene: Scene) -> Robot:
     return _load_once(spec)
 
 
-@functools.lru_cache(maxsize=MOST)
+@made_once(MOST)
 def _holding(robot: Robot, attached: tuple[Attached, ...], stamps: Stamps) -> Robot:
     """Give the robot its objects, once for the same ones as long as their mesh files, by `stamps`, stay as they are."""
     from hdplan.planner.attached import with_attached
@@ -134,7 +136,7 @@ def _with_room(robot: Robot, scene: Scene) -> Robot:
     return _with_limits(robot, tuple(lower.tolist()), tuple(upper.tolist()))
 
 
-@functools.lru_cache(maxsize=MOST)
+@made_once(MOST)
 def _with_limits(robot: Robot, lower: tuple[float, ...], upper: tuple[float, ...]) -> Robot:
     words = tuple(
         f"joint '{joint}': limits [{robot.lower[i]:g}, {robot.upper[i]:g}] widened to [{lower[i]:g}, {upper[i]:g}], "
@@ -155,14 +157,15 @@ def _load_once(spec: RobotSpec) -> Robot:
         tuple(sorted(spec.locked.items())),
         spec.ignore_pairs,
     )
-    if key in _kept and _stamps([file for file, _, _ in _kept[key][1]]) == _kept[key][1]:
-        _kept.move_to_end(key)
-        return _kept[key][0]
-    robot = load_robot(spec)
-    _kept[key] = robot, _stamps(_files(robot, spec))
-    while len(_kept) > MOST:
-        _kept.popitem(last=False)
-    return robot
+    with _loading:
+        if key in _kept and _stamps([file for file, _, _ in _kept[key][1]]) == _kept[key][1]:
+            _kept.move_to_end(key)
+            return _kept[key][0]
+        robot = load_robot(spec)
+        _kept[key] = robot, _stamps(_files(robot, spec))
+        while len(_kept) > MOST:
+            _kept.popitem(last=False)
+        return robot
 
 
 def _files(robot: Robot, spec: RobotSpec) -> list[str]:

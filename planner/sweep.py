@@ -11,17 +11,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hdplan.planner.containment import Containment
 from hdplan.planner.curve import Curve
 from hdplan.planner.interval_bounds import ROUNDING, Bounds, Items, travel_of
 from hdplan.planner.intervals import Bodies, Index, Intervals, Pairs
-from hdplan.planner.motion_bounds import Array, Mask
-from hdplan.planner.proximity import Piece, contains, surface_distance, witness_points
+from hdplan.planner.motion_bounds import Array
+from hdplan.planner.proximity import Piece, surface_distance, witness_points
 
 SHORTEST = 2.0**-17  # of a waypoint interval: below it, the answer is "not proven"
 STILL = 1e-6  # [m] motion below which halving is of no use
 TOLERANCE = 5e-4  # [m] by which the proven clearance may fall short of the closest place found,
 RELATIVE_TOLERANCE = 0.05  # or by this part of it, whichever is larger; never by more than half
 FIRST_CHUNK = 64  # pairs looked at before the closest distance is known; later ones are looked at in larger chunks
+WAYPOINTS_AT_ONCE = 256  # asked of open meshes
 MOST_ITEMS = 30_000  # pairs on intervals looked at together: more would only fill the memory
 MOST_EXACT_CALLS = 300_000  # exact distances computed in one proof, then the rest is "not proven"
 
@@ -55,6 +57,7 @@ class Sweep:
         """Note which pairs are not told by their hulls alone."""
         self.bodies, self.pairs = bodies, pairs
         self.hollow = bodies.hollow[pairs.a] | bodies.hollow[pairs.b]  # (P,)
+        self.containment = Containment(bodies, pairs)
 
     def distances(
         self, q: Array, within: float = np.inf, time: float = 0.0, surfaces: bool = False
@@ -98,7 +101,7 @@ class _Run:
 
     def __init__(self, sweep: Sweep, curve: Curve, floor: Array, stop_at_contact: bool = False) -> None:
         self.bodies, self.pairs, self.hollow = sweep.bodies, sweep.pairs, sweep.hollow
-        self.bounds = Bounds(sweep.bodies, sweep.pairs)
+        self.bounds, self.containment = Bounds(sweep.bodies, sweep.pairs), sweep.containment
         self.curve, self.floor, self.rho = curve, floor, sweep.bodies.reach(curve)
         self.stop_at_contact = stop_at_contact
         self.clearance = [np.inf, np.inf]
@@ -108,11 +111,10 @@ class _Run:
         self.configurations = self.exact_calls = 0
 
     def prove(self) -> Proof:
-        if len(self.pairs.a):
+        for spot in self._inside():
+            self._met(spot)
+        if len(self.pairs.a) and not self._settled():
             self._prove_all()
-            for spot in self.at_start(only=self.hollow):
-                if spot.distance < 0.0:  # the surfaces may never touch when one lies within the other all the time
-                    self._fail(spot)
         return Proof(
             (self.clearance[0], self.clearance[1]),
             (self.closest[0], self.closest[1]),
@@ -144,25 +146,21 @@ class _Run:
                 if items:
                     nodes, items = self._halve(nodes, items)
 
-    def at_start(self, only: Mask | None = None, within: float = np.inf, surfaces: bool = False) -> tuple[Spot, ...]:
-        """Return the signed distances of all pairs (or some) at the first waypoint, but for those that balls tell to be
-        farther apart than `within`."""
-        nodes = self._place(np.zeros(1, dtype=np.int64), np.zeros(1), np.zeros(1))
+    def at_start(self, within: float = np.inf, surfaces: bool = False) -> tuple[Spot, ...]:
+        """Return the signed distances of all pairs at the first waypoint, but for those that balls tell to be farther
+        apart than `within`."""
+        nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
+        spots = self._contained(nodes, self.containment.found(nodes))
         items = Items.all(1, np.arange(len(self.pairs.a)))
-        if only is not None:
-            items = items[only]
         if within < np.inf:
             bound, _ = self.bounds.by_ball(nodes, items)
             items = items[bound <= within + ROUNDING]
         if not len(items):
-            return ()
+            return tuple(spots)
         values, _, _ = self._exact(nodes, self.bounds.with_motion(nodes, items))
-        spots = []
         for value, pair in zip(values.tolist(), items.pair.tolist(), strict=True):
             if value <= 0.0 and self.hollow[pair]:
                 value = self._surface(nodes, 0, pair)
-                if contains(*self._posed(nodes, 0, pair)):
-                    value = -max(value, ROUNDING)
             elif surfaces and self.hollow[pair] and value <= within:
                 value = max(value, self._surface(nodes, 0, pair))
             spots.append(Spot(0, 0.0, pair, value, value <= 0.0))
@@ -170,7 +168,7 @@ class _Run:
 
     def nearest_at_start(self, within: float) -> tuple[Spot | None, Spot | None]:
         """Return the closest pair of each group at the first waypoint, if it is `within`."""
-        nodes = self._place(np.zeros(1, dtype=np.int64), np.zeros(1), np.zeros(1))
+        nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
         best: list[Spot | None] = [None, None]
         for spot in sorted(
             self.at_start(within=within), key=lambda spot: spot.distance
@@ -187,8 +185,29 @@ class _Run:
 
     def witnesses_at_start(self, pair: int) -> Array:
         """Return the points (2, 3) at which two bodies are closest at the first waypoint."""
-        nodes = self._place(np.zeros(1, dtype=np.int64), np.zeros(1), np.zeros(1))
+        nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
         return witness_points(*self._posed(nodes, 0, pair))
+
+    # --- one inside the other ----------------------------------------------------------------------------------------
+
+    def _inside(self) -> list[Spot]:
+        """Return the bodies that lie inside others at the start of the motion, or in open meshes at a waypoint, the
+        first."""
+        nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
+        spots = self._contained(nodes, self.containment.found(nodes))
+        rows = np.arange(1, len(self.curve)) if self.containment.open.any() else np.arange(0)
+        for first in range(0, len(rows), WAYPOINTS_AT_ONCE):
+            nodes, known = self._at_waypoints(rows[first : first + WAYPOINTS_AT_ONCE]), {spot.pair for spot in spots}
+            earliest = {pairs: (node, pairs) for node, pairs in reversed(self.containment.found_in_open(nodes))}
+            spots += self._contained(nodes, [each for pairs, each in earliest.items() if pairs[0] not in known])
+        return spots
+
+    def _contained(self, nodes: Intervals, found: list[tuple[int, tuple[int, ...]]]) -> list[Spot]:
+        """Return a place for each, as deep as the surfaces are apart: at least so far one of the two has to move."""
+        return [
+            self._spot(nodes, node, pairs[0], -max(min(self._surface(nodes, node, p) for p in pairs), ROUNDING), True)
+            for node, pairs in found
+        ]
 
     # --- one round ----------------------------------------------------------------------------------------------------
 
@@ -254,19 +273,14 @@ class _Run:
         """Raise the items' bounds by exact distances at the midpoints, and note the closest places and the contacts."""
         values, bound, normals = self._exact(nodes, items)
         bound = np.maximum(items.bound, bound)
-        group, goal = self.pairs.group[items.pair], self._enough(items.pair)
+        goal = self._enough(items.pair)
         hollow, travel = self.hollow[items.pair], travel_of(items)
         for i in np.flatnonzero(hollow & (values < goal) & (bound < goal)).tolist():
             values[i] = self._surface(nodes, int(items.node[i]), int(items.pair[i]))
             bound[i] = max(bound[i], values[i] - travel[i] - ROUNDING)
         for i in np.argsort(values).tolist():
             node, pair, value = int(items.node[i]), int(items.pair[i]), float(values[i])
-            spot = self._spot(nodes, node, pair, value, value <= self.floor[pair])
-            best = self.closest[group[i]]
-            if best is None or value < best.distance:
-                self.closest[group[i]] = spot
-            if spot.touching:
-                self._fail(spot)
+            self._met(self._spot(nodes, node, pair, value, value <= self.floor[pair]))
         return replace(items, bound=bound, normal=normals)
 
     def _halve(self, nodes: Intervals, items: Items) -> tuple[Intervals, Items]:
@@ -290,6 +304,15 @@ class _Run:
         )
         return self._place(np.repeat(nodes.interval[used], 2), start, width), halves
 
+    def _met(self, spot: Spot) -> None:
+        """Note a distance that was met."""
+        group = int(self.pairs.group[spot.pair])
+        best = self.closest[group]
+        if best is None or spot.distance < best.distance:
+            self.closest[group] = spot
+        if spot.touching:
+            self._fail(spot)
+
     def _fail(self, spot: Spot) -> None:
         key = (spot.interval, spot.pair)
         self.failed[key] = True
@@ -302,6 +325,11 @@ class _Run:
     def _place(self, interval: Index, start: Array, width: Array) -> Intervals:
         self.configurations += len(interval)
         return Intervals.of(self.bodies, self.curve, self.rho, interval, start, width)
+
+    def _at_waypoints(self, rows: Index) -> Intervals:
+        """Place the bodies at waypoints (k,)."""
+        interval = np.minimum(rows, len(self.curve) - 2)
+        return self._place(interval, (rows - interval).astype(np.float64), np.zeros(len(rows)))
 
     def _surface(self, nodes: Intervals, node: int, pair: int) -> float:
         self.exact_calls += 1

@@ -9,13 +9,12 @@ that turns leaves it a little in between, which is the certificate's to see, as 
 
 from __future__ import annotations
 
-import functools
-
 import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.distance.compiled import RowFunction
 from hdplan.distance.halfspaces import swept_halfspace_distance
+from hdplan.distance.once import made_once
 from hdplan.planner.kinematics import KinematicsBatch
 from hdplan.planner.pairs import BodyPairs
 from hdplan.planner.terms import Clearance, Inside, MotionPenalty, MotionTerm, PairDistance
@@ -88,6 +87,6 @@ class SweptClearance(Clearance, MotionTerm):
         return MotionPenalty(0.5 * weight * float(np.sum(inside.distance**2)), gradient, diagonal, coupling, depth)
 
 
-@functools.cache
+@made_once(64)
 def _kernel(vertices: int, planes: int, gamma: int, shaping_length: float) -> RowFunction:
     return RowFunction(swept_halfspace_distance(vertices, planes, gamma, shaping_length))

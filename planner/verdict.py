@@ -84,6 +84,7 @@ class Certificate:
     configurations: int  # at which distances were computed
     exact_calls: int  # of the exact distance
     seconds: float  # spent
+    notes: tuple[str, ...] = ()  # where less clearance had to be proven than the scene asks for, and why
 
     @property
     def unproven(self) -> tuple[int, ...]:
@@ -145,7 +146,7 @@ def complaints(found: Findings) -> Iterator[tuple[Status, str]]:
         if place.distance <= 0.0:
             yield Status.IN_CONTACT, f"{_words(place)}; {others}"
         else:
-            yield Status.TOO_CLOSE, f"{_words(place)}, {asked * 1e3:g} mm are required; {others}"
+            yield Status.TOO_CLOSE, f"{_words(place)}, {asked * 1e3:.4g} mm are required; {others}"
     if found.departures:
         worst = max(found.departures, key=lambda place: place.excess)
         status = Status.OFF_PATH if worst.violated else Status.NOT_PROVEN

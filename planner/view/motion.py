@@ -49,7 +49,7 @@ class Motion:
         robot = certifier.robot
         curve = curve_of(robot, trajectory)
         if certificate is None:
-            certificate = certifier.certify(trajectory, required=certifier.scene.planner.clearance)
+            certificate = certifier.certify(trajectory)
         parameter = sample_parameters(len(curve))
         joints, nothing = curve.at_parameter(parameter), np.full(len(parameter), np.inf)
         places, between_links = exact(certifier, joints, curve.time_of(parameter))

@@ -25,9 +25,10 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.link_bodies import link_bodies
 from hdplan.planner.meshes import load_mesh
 from hdplan.planner.pin_model import read_visuals
-from hdplan.planner.robot import Robot, description_of
+from hdplan.planner.robot import Robot
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, RobotSpec, Sphere
+from hdplan.scenes.robot_library import description_of
 
 Array = NDArray[np.float64]
 Color = tuple[int, int, int]  # red, green, blue, 0 to 255

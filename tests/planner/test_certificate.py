@@ -310,7 +310,7 @@ def test_a_ball_inside_a_link_that_is_not_convex() -> None:
     pieces = link_pieces(item.geometry, "forearm_link")
     assert len(pieces) > 1  # cut, and what is cut still knows the solid that it belongs to
     assert pieces[0].surface is not None
-    solid = pieces[0].surface.solid
+    solid = pieces[0].surface.solid.mesh
     placement = data.oMi[item.parentJoint] * item.placement
     mesh = trimesh.Trimesh(solid.vertices, solid.triangles)
     inside = next(p for p in mesh.triangles_center - 0.01 * mesh.face_normals if abs(solid.winding_number(p)) > 0.9)
@@ -326,7 +326,7 @@ def test_cut_pieces_hold_the_whole_surface() -> None:
     item = robot.collision.geometryObjects[robot.link_geometry["forearm_link"][0]]
     pieces = link_pieces(item.geometry, "forearm_link")
     assert pieces[0].surface is not None
-    solid = pieces[0].surface.solid
+    solid = pieces[0].surface.solid.mesh
     points, _ = trimesh.sample.sample_surface(trimesh.Trimesh(solid.vertices, solid.triangles), 2000, seed=3)
     hulls = [ConvexHull(piece.vertices).equations for piece in pieces]
     outside = np.min([(points @ hull[:, :3].T + hull[:, 3]).max(axis=1) for hull in hulls], axis=0)

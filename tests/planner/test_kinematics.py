@@ -9,9 +9,9 @@ import pytest
 
 from hdplan.planner.kinematics import Kinematics
 from hdplan.planner.robot import Robot, load_robot
-from hdplan.planner.robot_library import robot_names
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Pose, RobotSpec
+from hdplan.scenes.robot_library import robot_names
 
 ARMS = ["panda", "ur3_gripper", "ur5", "ur5_gripper", "ur10", "xarm7", "kinova", "z1"]
 EXACT = 1e-12  # [m, 1] agreement with Pinocchio: rounding of a dozen products of matrices

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hdplan.planner.certificate import Certifier, certify
-from hdplan.planner.ends import ENDS_KEEP
+from hdplan.planner.certificate import ENDS_KEEP, Certifier, certify
 from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
 from hdplan.planner.search import Event
@@ -140,7 +139,10 @@ def test_ends_closer_than_the_clearance_lower_it_with_a_word(field: str) -> None
     assert result.certificate.clearance is not None
     assert ENDS_KEEP * 0.003 - EXACT <= result.certificate.clearance <= 0.003 + EXACT
     (note,) = result.notes
-    assert note == (f"{field} is 3 mm from pea: 1.5 mm are proven for the whole motion instead of planner.clearance")
+    assert note == (
+        f"{field} is 3 mm from pea: over the whole motion 2.25 mm are asked for instead of the 20 mm of "
+        "planner.clearance"
+    )
 
 
 def test_no_time_gives_the_straight_line_with_its_verdict() -> None:

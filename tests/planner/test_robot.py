@@ -10,10 +10,10 @@ import pinocchio as pin
 import pytest
 
 from hdplan.planner.robot import Robot, load_robot
-from hdplan.planner.robot_library import robot_names
 from hdplan.planner.scene_robot import load_scene_robot, resolve_query
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import JointTarget, Pose, RobotSpec, Scene
+from hdplan.scenes.robot_library import robot_names
 
 ARMS = {"panda": 7, "ur3_gripper": 6, "ur5": 6, "ur5_gripper": 6, "ur10": 6, "xarm7": 7, "kinova": 6, "z1": 6}
 FINGERS = {"panda_finger_joint1": 0.065, "panda_finger_joint2": 0.065}  # beyond the URDF's 0.04

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from hdplan.planner.pin_model import read_visuals
 from hdplan.planner.proximity import link_pieces, obstacle_pieces
-from hdplan.planner.robot import Robot, description_of
+from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.view import skins as module
 from hdplan.planner.view.skins import Skin, collision_skins, obstacle_mesh, outer_skins, visual_skins
 from hdplan.scenes.model import RobotSpec
 from hdplan.scenes.reader import load_scene, shipped_scenes
+from hdplan.scenes.robot_library import description_of
 
 DIRECTIONS = np.array([d for d in itertools.product((-1, 0, 1), repeat=3) if any(d)], dtype=np.float64)
 

@@ -1,4 +1,4 @@
-"""The robots that come with the package example-robot-data: name -> URDF and SRDF file.
+"""Where the files of a robot lie: those that a scene names, or those of a name of the package example-robot-data.
 
 The package is data only. Its files are asked for at its installed distribution, so no path is assumed.
 """
@@ -11,6 +11,7 @@ from importlib import metadata
 from pathlib import Path
 
 from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.model import RobotSpec
 
 DISTRIBUTION = "example-robot-data"
 
@@ -84,3 +85,14 @@ def find_robot(name: str) -> RobotFiles:
     if name not in table:
         raise InputError(f"robot.name: unknown robot '{name}'{nearest(name, table, '`hdplan robots` lists them')}")
     return table[name]
+
+
+def description_of(spec: RobotSpec) -> tuple[str, Path, Path | None, tuple[Path, ...]]:
+    """Return name, URDF, SRDF and the folders for package:// addresses."""
+    if spec.name is not None:
+        files = find_robot(spec.name)
+        return spec.name, files.urdf, spec.srdf or files.srdf, (*spec.package_dirs, *library_package_dirs())
+    if spec.urdf is None:
+        raise InputError("robot: neither name nor urdf is given")
+    urdf = spec.urdf.resolve()
+    return urdf.stem, urdf, spec.srdf, (*spec.package_dirs, *urdf.parents)

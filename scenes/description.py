@@ -11,9 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hdplan.planner.urdf_check import check_urdf
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import read_file
+from hdplan.scenes.urdf_check import check_urdf
 
 DEEPEST = 64  # levels of elements
 LinkPair = tuple[str, str]  # two different links, in alphabetical order
@@ -40,6 +40,20 @@ class Tree:
             tip, joint = self.parent[tip]
             joints.append(joint)
         return tuple(joints)
+
+    def between(self, a: str, b: str) -> tuple[str, ...]:
+        """Return the links on the way from link `a` to link `b`, without these two."""
+        above_a, above_b = self._upward(a), self._upward(b)
+        shared = [link for link in above_a if link in above_b]
+        way = [link for link in (*above_a, *above_b) if link not in shared]
+        return tuple(link for link in (*way, *shared[:1]) if link not in (a, b))
+
+    def _upward(self, link: str) -> list[str]:
+        """Return the links from one up to the root."""
+        found = [link]
+        while found[-1] in self.parent:
+            found.append(self.parent[found[-1]][0])
+        return found
 
 
 @dataclass(frozen=True)

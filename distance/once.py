@@ -1,0 +1,53 @@
+"""What is made once in a process and then shared: a cache in memory that threads may ask at the same time."""
+
+from __future__ import annotations
+
+import functools
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from typing import ParamSpec, TypeVar
+
+Arguments = ParamSpec("Arguments")
+Made = TypeVar("Made")
+
+
+def made_once(most: int) -> Callable[[Callable[Arguments, Made]], Callable[Arguments, Made]]:
+    """Keep the `most` values of a function that were asked for last, by its arguments, which must be hashable.
+
+    As `functools.lru_cache`, but of threads that ask for the same value at once one makes it and the others wait for
+    it: for what takes seconds to make, and for what is to be one and the same object for all. A failure is kept by
+    nobody; the next one to ask tries again.
+    """
+
+    def decorate(make: Callable[Arguments, Made]) -> Callable[Arguments, Made]:
+        made: OrderedDict[Hashable, Made] = OrderedDict()
+        under_way: dict[Hashable, threading.Lock] = {}
+        changing = threading.Lock()  # of the two above; never held while something is made
+
+        @functools.wraps(make)
+        def find(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Made:
+            key = (args, tuple(sorted(kwargs.items())))
+            with changing:
+                if key in made:
+                    made.move_to_end(key)
+                    return made[key]
+                turn = under_way.setdefault(key, threading.Lock())
+            with turn:
+                with changing:
+                    if key in made:  # by the thread whose turn it was before
+                        return made[key]
+                try:
+                    value = make(*args, **kwargs)
+                    with changing:
+                        made[key] = value
+                        while len(made) > most:
+                            made.popitem(last=False)
+                    return value
+                finally:
+                    with changing:
+                        under_way.pop(key, None)
+
+        return find
+
+    return decorate
