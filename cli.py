@@ -36,12 +36,14 @@ from hdplan.planner.printed import (
     torques_table,
     verdict_text,
 )
+from hdplan.scenes.deadline import time_limit as limited
 from hdplan.scenes.errors import HdplanError, InputError, OutOfTime, naming
 
 if TYPE_CHECKING:
     from hdplan.planner.report import Report
     from hdplan.scenes.model import Scene
 
+SEARCH = 30.0  # [s] for solving and certifying, where no time limit is given
 INTERNAL = 3
 INTERRUPTED, TERMINATED = 130, 143  # what shells say of a command ended by Ctrl-C, or by `kill`
 TyperError: type[Exception] = typer.BadParameter.__mro__[2]  # ClickException, wherever this Typer keeps its click
@@ -160,11 +162,14 @@ def plan(
     ] = None,
     seed: Annotated[int, typer.Option(metavar="N", help="Seed of the random first guesses.", parser=_whole_number)] = 0,
     time_limit: Annotated[
-        float,
+        float | None,
         typer.Option(
-            metavar="SECONDS", help="Time for solving and certifying, all attempts together.", parser=_seconds
+            metavar="SECONDS",
+            help="Time for all of it, reading and building included. Without it solving and certifying take at most "
+            f"{SEARCH:g} s, all attempts together.",
+            parser=_seconds,
         ),
-    ] = 30.0,
+    ] = None,
     plot: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Draw scene, joints, clearance and convergence, as .png, .pdf or .svg."),
@@ -197,11 +202,13 @@ def plan(
         check_writable(output, FORMATS)
     if plot is not None:
         check_picture(plot)
-    problem = _load(scene, request, robot)
-    if distance is not None:
-        problem = replace(problem, planner=replace(problem.planner, distance=distance))
-    with progress(problem.planner, shown=not quiet and not as_json) as (report, stop):
-        result = find(problem, solver=solver, seed=seed, time_limit=time_limit, report=report, stop=stop)
+    with limited(time_limit):
+        problem = _load(scene, request, robot)
+        if distance is not None:
+            problem = replace(problem, planner=replace(problem.planner, distance=distance))
+        with progress(problem.planner, shown=not quiet and not as_json) as (report, stop):
+            longest = SEARCH if time_limit is None else time_limit
+            result = find(problem, solver=solver, seed=seed, time_limit=longest, report=report, stop=stop)
     if output is not None:
         result.save(output)
     if plot is not None:

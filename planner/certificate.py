@@ -25,9 +25,10 @@ from hdplan.planner.proximity import link_pieces, obstacle_pieces
 from hdplan.planner.robot import Robot
 from hdplan.planner.robot_curve import beyond_limits, curve_of
 from hdplan.planner.scene_robot import load_scene_robot
-from hdplan.planner.sweep import Spot, Sweep
+from hdplan.planner.sweep import Proof, Spot, Sweep
 from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.verdict import Certificate, Closest, Contact, Findings, Place, Status, complaints, proven
+from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.model import Obstacle, PathConstraints, Scene
 
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 ENDS_KEEP = 0.75  # share of an end's distance that is asked for where it is below planner.clearance
+NOTHING_PROVEN = Proof((np.inf, np.inf), (None, None), (), 0, 0)  # where a motion leaves the joints' limits anyway
 NEAR = 0.15  # [m] within which the closest pair is looked for first
 
 
@@ -92,6 +94,7 @@ class Certifier:
             links[body.name].append(row)
         count = len(bodies)
         for obstacle in scene.obstacles:
+            check_time("reading the scene's shapes for the certificate")
             with naming(scene.source):
                 pieces = obstacle_pieces(obstacle)
             passages = _passages(obstacle)
@@ -117,12 +120,13 @@ class Certifier:
         there may be more than the failures tell."""
         began = time.perf_counter()
         curve = curve_of(self.robot, trajectory)
+        beyond = beyond_limits(curve, self.robot)
         uses = self._uses(curve)
-        torques = None if self.torques is None else self.torques.check(curve)
+        torques = None if self.torques is None or beyond else self.torques.check(curve)
         required, lessened = self.asked(curve) if required is None else (required, ())
         floor = self._floor(required)
-        proof = self.sweep.prove(curve, floor, stop_at_contact)
-        path = None if self.path is None else self.path.prove(curve)
+        proof = NOTHING_PROVEN if beyond else self.sweep.prove(curve, floor, stop_at_contact)
+        path = None if self.path is None or beyond else self.path.prove(curve)
         kept, departures = (path.kept, path.departures) if path else ((), ())
         failures = tuple(self._place(spot, curve) for spot in proof.failures)
         worst, self_worst = (self._place(spot, curve) if spot else None for spot in proof.closest)
@@ -134,7 +138,7 @@ class Certifier:
         found = Findings(
             curve,
             self.ends.wrong(curve) if check_ends else None,
-            beyond_limits(curve, self.robot),
+            beyond,
             failures,
             tuple(spot.touching for spot in proof.failures),
             tuple(float(floor[spot.pair]) for spot in proof.failures),

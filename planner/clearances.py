@@ -23,7 +23,8 @@ from hdplan.scenes.model import Scene
 
 Array = NDArray[np.float64]
 
-FARTHER, FARTHER_BY = 1.2, 0.01  # times and [m] beyond the last distance: where the next one is looked for first
+FARTHER, FARTHEST = 1.0  # [m] as far as the planner's settings let it see
+FARTHER_BY = 1.2, 0.01  # times and [m] beyond the last distance: where the next one is looked for first
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +50,8 @@ class Clearances:
         outer = np.empty(0)
         if closest:
             within = max(place.distance for place in closest) * FARTHER + FARTHER_BY
-            outer = outer_clearance(certifier.scene, certifier.robot, positions, times, max(within, FARTHER_BY))
+            within = min(max(within, FARTHER_BY), FARTHEST)
+            outer = outer_clearance(certifier.scene, certifier.robot, positions, times, within)
         return cls(parameter, closest, between_links, outer)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -15,8 +16,11 @@ from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.search import Event, Search, search_in_turn
 from hdplan.planner.solvers import solver_named
+from hdplan.scenes.deadline import check_time, seconds_left
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.model import Goals, JointTarget, PathConstraints, Scene
+
+RESERVED, MOST_RESERVED = 0.2, 1.0  # share of what is left, at most [s], that is kept for the certificate
 
 if TYPE_CHECKING:
     from hdplan.planner.timing import Timekeeper
@@ -42,13 +46,14 @@ def plan(
         solver: "gauss_newton", "chomp" or "ipopt".
         seed: of the random first guesses; the same seed gives the same result, as far as the time limit allows.
         time_limit: [s] for solving and certifying; the best motion found by then is given back, its status saying
-            what it is.
+            what it is. Within `deadline.time_limit` building counts too, and the certificate ends with it.
         robot: the scene's robot, if it is loaded already.
         report: called with every step and every certificate.
         stop: asked at every step; once it says True, the best motion so far is certified and given back. A
             KeyboardInterrupt does the same, except in the moments in which a C++ library swallows it.
 
     Raises:
+        OutOfTime: a `deadline.time_limit` passed before there was a motion.
         InputError: for what scene or robot get wrong, among it a start or goal in collision or off a path constraint,
             and for ipopt with the distance fcl, swept bodies or path constraints.
     """
@@ -72,8 +77,11 @@ def plan(
             raise InputError(f"{scene.source}: {hurried[0]}")
     built = time.perf_counter()
 
+    check_time("building the problem")
+    left = seconds_left()  # of what bounds more than this search
+    deadline = built + min(time_limit, left - min(RESERVED * left, MOST_RESERVED) if left < math.inf else left)
     searches = [
-        Search(problem, certifier, timekeeper, run, required, built + time_limit, report, stop)
+        Search(problem, certifier, timekeeper, run, required, deadline, report, stop)
         for problem, (required, _) in zip(problems, clearances, strict=True)
     ]
     try:
@@ -88,6 +96,8 @@ def plan(
     compile_ = sum(problem.compile_seconds for problem in problems)
     load, build_ = loaded - began, built - loaded - compile_
     words = (*found, *clearances[taken][1])
+    if seconds_left() == 0.0 and not best.certificate.certified:
+        words = (*words, "the time limit passed: what is not proven may only not have been looked at closely enough")
     several = isinstance(scene.goal, Goals)
     if several:
         words = (*words, _taken(searches, taken, goals))

@@ -22,6 +22,7 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.halfspaces import FAR, box_directions
 from hdplan.planner.convex_pieces import convex_pieces
 from hdplan.planner.meshes import load_mesh
+from hdplan.scenes.deadline import check_time
 from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, Shape, Sphere
 
 Floats = NDArray[np.float64]
@@ -46,6 +47,7 @@ class PlaneBody:
 
 def from_obstacle(obstacle: Obstacle, normals: str = "box") -> tuple[tuple[PlaneBody, ...], tuple[str, ...]]:
     """Enclose an obstacle: one body, or one for each convex piece of its mesh; and words on what was made of it."""
+    check_time("building the problem")
     placement = obstacle.pose.matrix
     if not isinstance(obstacle.shape, Mesh):
         return (from_shape(obstacle.name, obstacle.shape, placement, normals),), ()

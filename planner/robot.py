@@ -20,6 +20,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.pin_model import move_base, read_model, without_joints
+from hdplan.scenes.deadline import check_time
 from hdplan.scenes.description import LinkPair, Semantics, Tree, link_pair, read_semantics, read_tree
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.model import Attached, JointTarget, RobotSpec
@@ -279,6 +280,7 @@ def _always_in_contact(robot: Robot, pairs: tuple[LinkPair, ...]) -> tuple[LinkP
     for q in robot.pin_q(samples):
         if not left:
             break
+        check_time("loading the robot")
         pin.updateGeometryPlacements(robot.model, data, robot.collision, geometry_data, q)
         left = [
             (a, b)

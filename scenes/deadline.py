@@ -33,6 +33,12 @@ def seconds_left() -> float:
     return max(0.0, _until.get() - time.perf_counter())
 
 
+def most_seconds(otherwise: float | None = None) -> float | None:
+    """Return how long another process may take [s], as `subprocess` wants it: what is left, or `otherwise`."""
+    left = seconds_left()
+    return otherwise if math.isinf(left) else left if otherwise is None else min(left, otherwise)
+
+
 def check_time(doing: str) -> None:
     """Raise OutOfTime, saying what was being done, once the limit has passed."""
     if seconds_left() == 0.0:

@@ -58,7 +58,6 @@ HOMES = {
         "planner/view/viewer.py",
     },
     "daqp": {"planner/control.py"},
-    "coacd": {"planner/convex_pieces.py"},
     "toppra": {"planner/timing.py", "planner/torque_timing.py"},
     "yaml": {"scenes/fields.py"},
 }

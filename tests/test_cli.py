@@ -446,11 +446,11 @@ BAD_ARGUMENTS = {
     "output too long": (["plan", "planar_arm", "-o", f"{'x' * 250}.json"], ["cannot be written"]),
     "no picture": (["plot", "planar_arm", "x.json"], ["--output"]),
     "plot ending": (["plot", "planar_arm", "x.json", "-o", "x.jpg"], ["x.jpg", "'.jpg'", ".png, .pdf, .svg"]),
-    "plot of nothing": (["plot", "planar_arm", "no.json", "-o", "x.png"], ["no.json: cannot be read"]),
+    "plot of nothing": (["plot", "planar_arm", "no.json", "-o", "x.png"], ["no.json: no such file"]),
     "picture ending": (["plan", "planar_arm", "--plot", "x.jpg"], ["x.jpg", "'.jpg'", ".png, .pdf, .svg"]),
-    "no trajectory": (["check", "planar_arm", "no.json"], ["no.json: cannot be read"]),
+    "no trajectory": (["check", "planar_arm", "no.json"], ["no.json: no such file"]),
     "trajectory ending": (["check", "planar_arm", "no.txt"], ["no.txt", "'.txt'", ".json, .csv, .npz"]),
-    "trajectory a folder": (["check", "planar_arm", "folder.json"], ["folder.json: cannot be read"]),
+    "trajectory a folder": (["check", "planar_arm", "folder.json"], ["folder.json: is a directory; a file is wanted"]),
 }
 
 

@@ -103,7 +103,7 @@ def test_playing_comes_to_the_end_and_stops(viewer: Viewer) -> None:
 @pytest.fixture(scope="module")
 def drifting(scene: Scene) -> Scene:
     """The arm's scene, in which a ball crosses and a bar swings."""
-    ball = Obstacle("ball", Sphere(0.08), Pose((1.2, -0.5, 0.1)), motion=SteadyMotion((0.0, 0.3, 0.0), (0.0, 0.0, 1.0)))
+    ball = Obstacle("crossing", Sphere(0.08), Pose((1.2, -0.5, 0.1)), motion=SteadyMotion((0.0, 0.3, 0.0), (0.0, 0.0, 1.0)))
     poses = (Pose((0.0, 1.4, 0.1)), Pose((0.3, 1.4, 0.1), (0.0, 0.0, 0.6, 0.8)))
     bar = Obstacle("bar", Box((0.3, 0.05, 0.1)), poses[0], motion=TimedPoses((0.3, 1.1), poses))
     return dataclasses.replace(scene, obstacles=(*scene.obstacles, ball, bar), timing=Timing(duration=1.5))
