@@ -135,6 +135,8 @@ class Barriers:
             self._true.append((_Group(pairs, FclPairs(pairs, hulls, solids)), rows))
         self._nothing = BarrierRows(np.empty(0), np.empty((0, kinematics.n)), np.empty(0), np.empty(0))
         self.names = tuple(names)  # (P,) link and obstacle, or link and link
+        self.coming = np.zeros(len(names), dtype=np.bool_)  # (P,) pairs with an obstacle that moves
+        self.coming[: len(outer)] = [b >= len(obstacles) for _, b in outer]
         self.obstacle_pairs = len(outer)  # the first of the P
         self.levers = levers(robot, [(body.joint, body.body) for body in bodies])  # (n,) [m]
 

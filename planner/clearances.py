@@ -23,8 +23,8 @@ from hdplan.scenes.model import Scene
 
 Array = NDArray[np.float64]
 
-FARTHER, FARTHEST = 1.0  # [m] as far as the planner's settings let it see
-FARTHER_BY = 1.2, 0.01  # times and [m] beyond the last distance: where the next one is looked for first
+FARTHEST = 1.0  # [m] as far as the planner's settings let it see
+FARTHER, FARTHER_BY = 1.2, 0.01  # times and [m] beyond the last distance: where the next one is looked for first
 
 
 @dataclass(frozen=True, eq=False)

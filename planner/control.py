@@ -7,109 +7,69 @@ At every period T it solves, for the joint velocity u (n,) [rad/s or m/s],
                 −η (q − q_min) ≤ u ≤ η (q_max − q),  |u| ≤ v   joint limits as barriers, velocity limits
 
 (paper, section ``sec:real-experiment``; Ames et al., "Control barrier functions: theory and applications", ECC 2019).
-Where the program has no solution the robot is stopped, u = 0, and the step says so.
+Where not all of it can be met, there still is a best command, by this order (`control_program`):
+
+1. The velocity limits; no joint goes further beyond a limit; and of what stands, and of the links among themselves, no
+   Δ_k falls below δ_k, or falls at all where it is below already. Standing still keeps all this, so it can be kept.
+2. What comes: its barriers are missed by as little as can be, least where it would touch soonest.
+3. Pairs inside their margins, and joints beyond their limits, come back as the equations above want it, or as fast as
+   they can.
+
+The step names the pairs whose barrier its command does not meet (`Step.gave`).
 
 What it guarantees is derived in `barrier_rules`. The barrier's inequality is linear in u and holds at one instant; over
 a period the distance bends. So each command is looked at once more at its end: it is taken only if every Δ_k(q + u T)
-stays at or above δ_k, or at least does not fall where it is below already; otherwise it is halved, and stopped at last.
-Then Δ_k ≥ δ_k at every sample for all time once it holds at the first, whatever the distance's kinks, against obstacles
-that stand; standing still is always allowed. Below its margin Δ says too little, as outer bodies may overlap where the
-links do not: there the exact distance of the links' hulls is kept from falling below NEAR as well, by a barrier and by
-the same look. Against an obstacle that moves, standing still may not be enough: then the command that is best at its
-end is taken, and the step says that it gives way.
+stays at or above δ_k, or at least does not fall where it is below already; otherwise the program is solved again with
+the rows that fell as they are at that end, and at last the robot is stopped. Then Δ_k ≥ δ_k at every sample for all
+time once it holds at the first, whatever the distance's kinks, against obstacles that stand; standing still is always
+allowed. Below its margin Δ says too little, as outer bodies may overlap where the links do not: there the exact
+distance of the links' hulls is kept from falling below NEAR as well, by a barrier and by the same look. Against an
+obstacle that moves, standing still may not be enough: then the command that is best at its end is taken.
 
 Settings that are provably not safe are refused by name (`barrier_rules.refuse_unsafe`). A controller like this is no
-planner: it can come to rest where no velocity brings it on, short of its target.
+planner: it can come to rest where no velocity brings it on, short of its target. A `Controller` has no state between
+its steps, so threads may share one; a task may have some (`follow.FollowTask`), and then belongs to one thread.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import Enum
 from time import perf_counter
+from typing import NamedTuple
 
-import daqp
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.planner.barrier_rules import guaranteed_clearance, refuse_unsafe
-from hdplan.planner.barriers import BarrierRows, Barriers, BarrierSettings, scene_barriers
+from hdplan.planner.barriers import BarrierRows, Barriers, scene_barriers
+from hdplan.planner.control_inputs import joint_numbers, number, quadratic
+from hdplan.planner.control_program import Wishes, best_velocity
+from hdplan.planner.control_settings import ControlSettings
 from hdplan.planner.control_tasks import Task
 from hdplan.planner.joint_limits import velocity_limits
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Scene
 
 Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
 
-SHARES = (1.0, 0.5, 0.25, 0.0)  # of a command that are tried in turn
+LOOKS = 4  # at a command's end, the first included
 ROUNDING = 1e-12  # [m] granted to a distance that may not fall
+SPARE = 1e-9  # [m] that a corrected command is to end above that
 NEAR = 0.01  # [m] below which the exact distance of a pair that is inside its margin may not fall
-VANISHED = 1e-12  # a gradient shorter than this is none: no velocity changes that distance
-UNBOUNDED = 1e30  # DAQP's infinity
-SOLVED = (1, 2)  # DAQP's exit flags of a solution, exact or to its tolerance
+MISSED = 1e-4  # [m/s] by which a barrier is missed before it is said
+COMING, RECOVERING = 1e3, 30.0  # price of what is missed beside what comes, and of a way back to a margin [s/m or s]
+SOON = 0.01  # [m] from what comes, below which its price rises no more
 
 
 class Mode(Enum):
     """What became of a period."""
 
-    MOVING = "moving"  # the command is the program's
-    SHORTENED = "shortened"  # a part of it: the whole would have come too close
-    INFEASIBLE = "infeasible"  # stopped: no velocity meets all barriers
-    STOPPED = "stopped"  # no part of the command keeps every distance
-    GIVING_WAY = "giving way"  # an obstacle comes, and no command keeps every distance: the best one
-
-
-MODES = {share: Mode.SHORTENED for share in SHARES} | {1.0: Mode.MOVING, 0.0: Mode.STOPPED}
-
-
-STANDING = (Mode.INFEASIBLE, Mode.STOPPED)  # for lack of a safe command
-
-
-@dataclass(frozen=True)
-class ControlSettings:
-    """How a controller works."""
-
-    barriers: BarrierSettings = field(default_factory=BarrierSettings)
-    margin: float = -2.5e-4  # δ between robot and obstacles [m]: where the barrier stops
-    self_margin: float = -2.5e-4  # the same between links [m]
-    rate: float = 2.0  # η: how fast a barrier may be approached, the part per second [1/s]
-    period: float = 0.005  # T: commands are held as long [s]
-    speed: float = 1.0  # share of the robot's velocity limits that is used
-    look_ahead: bool = True  # whether commands are looked at once more at their end
-    as_published: bool = False  # takes settings that are provably not safe, to show what they do
-
-    def __post_init__(self) -> None:
-        """Refuse, by name, what is out of range and what is provably not safe."""
-        for name, low, high in (("rate", 0.0, 1e3), ("period", 0.0, 1.0), ("speed", 0.0, 1.0)):
-            if not low < getattr(self, name) <= high:
-                raise InputError(f"control.{name}: found {getattr(self, name):g}, allowed is up to {high:g}, above 0")
-        for name in ("margin", "self_margin"):
-            if not np.isfinite(getattr(self, name)):
-                raise InputError(f"control.{name}: found {getattr(self, name)}, allowed is a finite length")
-        if not self.as_published:
-            self.refuse_unsafe()
-
-    def refuse_unsafe(self) -> None:
-        """Raise InputError for settings that are provably not safe."""
-        b = self.barriers
-        for margin, growth in ((self.margin, b.growth), (self.self_margin, b.self_growth)):
-            refuse_unsafe(b.distance, margin, growth, b.gamma, b.shaping_length, b.normals, self.rate, self.period)
-
-    @property
-    def clearance(self) -> float | None:
-        """True clearance [m] to obstacles that Δ ≥ δ proves at a sample; None if nothing is proven."""
-        return self._proven(self.margin, self.barriers.growth)
-
-    @property
-    def self_clearance(self) -> float | None:
-        """The same between links."""
-        return self._proven(self.self_margin, self.barriers.self_growth)
-
-    def _proven(self, margin: float, growth: float) -> float | None:
-        b = self.barriers
-        return guaranteed_clearance(b.distance, margin, growth, b.gamma, b.shaping_length, b.normals)
+    MOVING = "moving"  # every barrier is met, the command is the best
+    CORRECTED = "corrected"  # the same, but for a first one that would have ended too close
+    GIVING_WAY = "giving way"  # not every barrier can be met: the best command, `Step.gave` says which it misses
+    STOPPED = "stopped"  # no command was found that keeps what stands far enough away
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +81,7 @@ class Step:
     rows: BarrierRows  # Δ and its derivatives at the start of the period
     slack: float  # least Δ − δ there [m]; inf without pairs
     closest: int  # the pair of the least, a row of Barriers.names; −1 without pairs
+    gave: tuple[int, ...]  # the pairs whose barrier the command does not meet, rows of Barriers.names
     proven: float | None  # a lower bound of the true clearance to obstacles over the whole period [m]; None: no proof
     distance_seconds: float
     program_seconds: float
@@ -128,7 +89,7 @@ class Step:
     @property
     def stopped(self) -> bool:
         """Whether the robot stands for lack of a safe command."""
-        return self.mode in STANDING
+        return self.mode is Mode.STOPPED
 
 
 class Controller:
@@ -138,12 +99,13 @@ class Controller:
         self, robot: Robot, barriers: Barriers, settings: ControlSettings, limits: Array | None = None
     ) -> None:
         """Take the pairs; settings' barriers must be those that `barriers` were laid out with. limits: (n,) the
-        greatest speeds [rad/s or m/s], by default the URDF's."""
+        greatest speeds [rad/s or m/s], by default the URDF's. Raises InputError for limits that are none."""
         self.robot, self.barriers, self.settings = robot, barriers, settings
         count, outer = len(barriers.names), barriers.obstacle_pairs
         self._margins = np.where(np.arange(count) < outer, settings.margin, settings.self_margin)
         self._clearance = settings.clearance
-        self.fastest = settings.speed * (np.array(robot.model.velocityLimit) if limits is None else limits)  # (n,)
+        given = robot.model.velocityLimit if limits is None else limits
+        self.fastest = settings.speed * joint_numbers("limits", given, robot.joint_names, positive=True)  # (n,)
 
     @property
     def assured(self) -> float | None:
@@ -164,18 +126,34 @@ class Controller:
         return cls(robot, scene_barriers(scene, robot, settings.barriers), settings, limits)
 
     def step(self, q: Array, task: Task, time: float = 0.0) -> Step:
-        """Return the command at configuration q (n,) and a time [s]."""
+        """Return the command at configuration q (n,) and a time [s].
+
+        Raises InputError, before anything is commanded, for a q, a time or a task's objective that is not finite or
+        has another shape.
+        """
+        q, time = joint_numbers("q", q, self.robot.joint_names), number("time", time)
         began = perf_counter()
         rows = self.barriers.evaluate(q, time)
         slacks = rows.value - self._margins
         inside = np.flatnonzero(slacks < 0.0) if self.settings.look_ahead else np.empty(0, dtype=np.int64)
         near = self.barriers.nearness(q, time, inside)
-        measured = perf_counter() - began
-        began = perf_counter()
-        wanted = self._program(q, rows, near, task, time)
-        solved = perf_counter() - began
-        began = perf_counter()
-        velocity, mode, kept = self._looked_at(q, wanted, rows, near, inside, time)
+        now = _Now(q, time, rows, near, inside[: len(near.value)])
+        distances = perf_counter() - began
+        hessian, linear = quadratic(task.objective(q, time), self.robot.joint_names)
+        wishes = self._wishes(now)
+        command = best_velocity(hessian, linear, *self._box(q), wishes)
+        mode, kept = Mode.MOVING, False
+        if command is not None and self.settings.look_ahead:
+            command, mode, kept, looking = self._looked_at(command, now, hessian, linear, wishes)
+            distances += looking
+        velocity = np.zeros_like(q) if command is None else command
+        pairs = np.append(np.arange(len(slacks)), now.inside)
+        missed = (wishes.matrix @ velocity < wishes.wish - MISSED)[: len(pairs)]
+        gave = tuple(sorted(set(pairs[missed].tolist())))
+        if command is None:
+            mode, kept = Mode.STOPPED, not self.barriers.movers
+        elif gave:
+            mode = Mode.GIVING_WAY
         closest = int(np.argmin(slacks)) if len(slacks) else -1
         return Step(
             velocity,
@@ -183,79 +161,72 @@ class Controller:
             rows,
             float(slacks[closest]) if len(slacks) else np.inf,
             closest,
+            gave,
             self._proven(velocity, rows, kept),
-            measured + perf_counter() - began,
-            solved,
+            distances,
+            perf_counter() - began - distances,
         )
 
-    def _program(self, q: Array, rows: BarrierRows, near: BarrierRows, task: Task, time: float) -> Array | None:
-        """Return the solution of the quadratic program (n,), or None if there is none.
+    def _box(self, q: Array) -> tuple[Array, Array]:
+        """Return the least and greatest velocities (n,), standing still among them, for joints beyond a limit too."""
+        rate, robot, fastest = self.settings.rate, self.robot, self.fastest
+        return np.clip(rate * (robot.lower - q), -fastest, 0.0), np.clip(rate * (robot.upper - q), 0.0, fastest)
 
-        By DAQP, a dual active-set solver: for 7 joints, bounds and 60 rows it took 0.02 ms where quadprog took 0.04,
-        PIQP 0.11, ProxQP 0.47 and OSQP 1.6 (benchmarks/control.py), with quadprog's answers to 1e-13.
-        """
-        settings, robot = self.settings, self.robot
-        lower = np.maximum(-self.fastest, -settings.rate * (q - robot.lower))
-        upper = np.minimum(self.fastest, settings.rate * (robot.upper - q))
-        bound = np.concatenate(
-            [
-                -settings.rate * (rows.value - self._margins) - rows.drift,
-                -settings.rate * np.maximum(near.value - NEAR, 0.0) - near.drift,
-            ]
+    def _wishes(self, now: _Now) -> Wishes:
+        """Return the barriers as rows: of all pairs, of those inside their margins, of joints beyond their limits."""
+        rate, rows, near = self.settings.rate, now.rows, now.near
+        drift = np.concatenate([rows.drift, near.drift])
+        wish = -rate * np.concatenate([rows.value - self._margins, np.maximum(near.value - NEAR, 0.0)]) - drift
+        gap = np.concatenate([rows.separation, near.value])
+        coming = np.concatenate([self.barriers.coming, self.barriers.coming[now.inside]])
+        beyond = np.maximum(now.q - self.robot.upper, self.robot.lower - now.q)  # [rad] or [m]
+        joints = np.flatnonzero(beyond > 0.0)
+        back = np.eye(len(beyond))[joints] * np.where(now.q > self.robot.upper, -1.0, 1.0)[joints, None]
+        return _wished(
+            np.concatenate([rows.gradient, near.gradient, back]),
+            np.append(wish, np.minimum(rate * beyond, self.fastest)[joints]),
+            np.append(np.where(coming, SOON / np.maximum(gap, SOON), 0.0), np.zeros(len(joints))),
         )
-        gradient = np.concatenate([rows.gradient, near.gradient])
-        length = np.linalg.norm(gradient, axis=1)
-        # a row that no velocity within the limits can break is left out: exact, and most are
-        least = np.minimum(gradient * lower, gradient * upper).sum(axis=1)
-        kept = (least < bound) & (length > VANISHED)
-        matrix = gradient[kept] / length[kept, None]  # the solver's tolerance then means the same for all
-        hessian, linear = task.objective(q, time)
-        if np.any(lower > upper):
-            return None
-        solution, _, flag, _ = daqp.solve(
-            hessian,
-            linear,
-            np.ascontiguousarray(matrix),
-            np.concatenate([upper, np.full(len(matrix), UNBOUNDED)]),
-            np.concatenate([lower, bound[kept] / length[kept]]),
-            np.zeros(len(lower) + len(matrix), dtype=np.int32),
-        )
-        return np.array(solution) if flag in SOLVED else None
 
     def _looked_at(
-        self,
-        q: Array,
-        wanted: Array | None,
-        rows: BarrierRows,
-        near: BarrierRows,
-        inside: NDArray[np.int64],
-        time: float,
-    ) -> tuple[Array, Mode, bool]:
-        """Return what is commanded of the program's solution, and whether every Δ that was δ or more still is at its
-        end, as far as that was looked at."""
-        nothing = np.zeros_like(q)
-        if wanted is None:
-            return nothing, Mode.INFEASIBLE, not self.barriers.movers
-        if not self.settings.look_ahead:
-            return wanted, Mode.MOVING, False
-        period, floor = self.settings.period, np.minimum(rows.value, self._margins) - ROUNDING
-        certain = self.barriers.certain(rows, wanted, period) & (floor <= 0.0)
-        looked = np.flatnonzero(~certain)
-        tried: list[tuple[float, Array]] = []
-        for share in SHARES:
-            if share == 0.0 and not self.barriers.movers:
-                return nothing, Mode.STOPPED, True  # nothing changes
-            velocity = share * wanted
-            ahead, then = q + period * velocity, time + period
+        self, velocity: Array, now: _Now, hessian: Array, linear: Array, wishes: Wishes
+    ) -> tuple[Array | None, Mode, bool, float]:
+        """Return what is commanded once its end was looked at, None for nothing; whether every Δ that was δ or more
+        still is there, as far as that was looked at; and the seconds that distances took.
+
+        Where a pair ends below its floor, the program is solved again with that pair's row as it is at that end u₀ T,
+
+            Δ(q + u₀ T) + T ∂Δ/∂q(q + u₀ T) · (u − u₀) ≥ floor.
+        """
+        period, seconds = self.settings.period, 0.0
+        floors = np.concatenate([np.minimum(now.rows.value, self._margins), np.minimum(now.near.value, NEAR)])
+        best: tuple[float, Array] | None = None
+        for look in range(LOOKS):
+            began = perf_counter()
+            certain = self.barriers.certain(now.rows, velocity, period) & (floors[: len(self._margins)] <= ROUNDING)
+            looked = np.flatnonzero(~certain)
+            ahead, then = now.q + period * velocity, now.time + period
             after = self.barriers.evaluate(ahead, then, looked)
-            worst = float(np.min(after.value - floor[looked], initial=np.inf))
-            if len(near.value):
-                least = np.minimum(near.value, NEAR) - ROUNDING
-                worst = min(worst, float(np.min(self.barriers.nearness(ahead, then, inside).value - least)))
-            tried.append((worst, velocity))
-            if worst >= 0.0:
-                return velocity, MODES[share], True
-        return max(tried, key=lambda each: each[0])[1], Mode.GIVING_WAY, False
+            near = self.barriers.nearness(ahead, then, now.inside)
+            seconds += perf_counter() - began
+            rows = np.append(looked, len(self._margins) + np.arange(len(near.value)))
+            coming = self.barriers.coming[np.append(looked, now.inside)]
+            over = np.append(after.value, near.value) - floors[rows]
+            fallen = over < -ROUNDING
+            if not fallen.any():
+                return velocity, Mode.CORRECTED if look else Mode.MOVING, True, seconds
+            if not (fallen & ~coming).any() and (best is None or over.min() > best[0]):
+                best = float(over.min()), velocity
+            if look == LOOKS - 1:
+                break
+            gradient = np.concatenate([after.gradient, near.gradient])[fallen]
+            wish = gradient @ velocity + (SPARE - over[fallen]) / period
+            wishes = wishes.with_rows(_wished(gradient, wish, np.where(coming[fallen], 1.0, 0.0)))
+            corrected = best_velocity(hessian, linear, *self._box(now.q), wishes)
+            if corrected is None:
+                break
+            velocity = corrected
+        return None if best is None else best[1], Mode.CORRECTED, False, seconds
 
     def _proven(self, velocity: Array, rows: BarrierRows, kept: bool) -> float | None:
         """Return the proven clearance over the period: that of its ends, less the way to the middle of it."""
@@ -263,3 +234,21 @@ class Controller:
         if self._clearance is None or not kept or self.barriers.movers or (outer < self.settings.margin).any():
             return None
         return self._clearance - 0.5 * self.settings.period * float(np.abs(velocity) @ self.barriers.levers)
+
+
+class _Now(NamedTuple):
+    """Robot and barriers at the start of a period."""
+
+    q: Array  # (n,)
+    time: float  # [s]
+    rows: BarrierRows
+    near: BarrierRows  # exact distances of the pairs inside their margins
+    inside: Rows  # those pairs; none where exact distances are not known
+
+
+def _wished(matrix: Array, wish: Array, urgency: Array) -> Wishes:
+    """Return rows that are wished; urgency (m,): of what comes, up to 1; 0 for what stands, which holds at least where
+    it is."""
+    coming = urgency > 0.0
+    hold = np.where(coming, -np.inf, np.minimum(wish, 0.0))
+    return Wishes(matrix, wish, hold, np.where(coming, COMING * urgency, RECOVERING))

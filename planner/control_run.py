@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.planner.control import Controller, Mode, Step
+from hdplan.planner.control_inputs import joint_numbers, number
 from hdplan.planner.control_tasks import Task
 
 Array = NDArray[np.float64]
@@ -31,6 +32,7 @@ class Run:
     distance_seconds: Array  # (N,) spent on distances
     program_seconds: Array  # (N,) spent on the task and the quadratic program
     met: float | None  # when the task was met [s]; None: it was not
+    gave: Counter[tuple[str, str]]  # for how many periods the barrier of each pair was not met
     begin: float = 0.0  # when the first period starts [s]
 
     @property
@@ -61,9 +63,11 @@ def simulate(
 ) -> Run:
     """Run a controller from `start` (n,), at time `begin` [s], for at most `duration` [s], or until its task is met.
 
-    watch: is called each period with the time, the configuration and the step.
+    watch: is called each period with the time, the configuration and the step. Raises InputError for a start, a
+    duration or a begin that is none.
     """
-    period, q = controller.settings.period, np.array(start, dtype=np.float64)
+    duration, begin = number("duration", duration, 0.0), number("begin", begin)
+    period, q = controller.settings.period, joint_numbers("start", start, controller.robot.joint_names).copy()
     positions, steps, met = [q], [], None
     for index in range(round(duration / period)):
         time = begin + index * period
@@ -88,6 +92,7 @@ def simulate(
         np.array([step.distance_seconds for step in steps]),
         np.array([step.program_seconds for step in steps]),
         met,
+        Counter(controller.barriers.names[pair] for step in steps for pair in step.gave),
         begin,
     )
 

@@ -8,8 +8,9 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from hdplan.planner.control_inputs import joint_numbers, number
 from hdplan.planner.goal_search import LinkPose
 from hdplan.planner.robot import Robot
 from hdplan.scenes.model import PoseTarget
@@ -38,6 +39,11 @@ class PoseTask:
     gain: float = 0.4  # k: the part of the error that is gone in a second [1/s]
     regularization: float = 0.01  # λ: what keeps u short near singular configurations
 
+    def __post_init__(self) -> None:
+        """Refuse a gain or a regularization that is none."""
+        number("gain", self.gain, 0.0, 1e3)
+        number("regularization", self.regularization, 0.0, 1e3, above=True)
+
     @cached_property
     def _pose(self) -> LinkPose:
         return LinkPose.of(self.robot, self.target)
@@ -63,9 +69,16 @@ class TrackTask:
     end: float = 0.0  # when the reference stands still [s]
     tolerance: float = 1e-3  # [rad] or [m] of each joint
 
+    def __post_init__(self) -> None:
+        """Refuse a gain, an end or a tolerance that is none."""
+        number("gain", self.gain, 0.0, 1e3)
+        number("end", self.end)
+        number("tolerance", self.tolerance, 0.0)
+
     def objective(self, q: Array, time: float) -> tuple[Array, Array]:
         """The quadratic at q and a time."""
-        wanted, speed = self.reference(time)
+        joints = _counted(q)
+        wanted, speed = (joint_numbers("reference", row, joints) for row in self.reference(time))
         return np.eye(len(q)), -(speed + self.gain * (wanted - q))
 
     def met(self, q: Array, time: float) -> bool:
@@ -74,10 +87,16 @@ class TrackTask:
 
 
 def standing(q: Array, gain: float = 2.0) -> TrackTask:
-    """Return the task of going to a configuration and staying there."""
-    return TrackTask(lambda time: (q, np.zeros_like(q)), gain)
+    """Return the task of going to a configuration (n,) and staying there. Raises InputError for one that is none."""
+    goal = joint_numbers("q", q, _counted(q))
+    return TrackTask(lambda time: (goal, np.zeros_like(goal)), gain)
 
 
 def least_squares(jacobian: Array, wanted: Array, regularization: float) -> tuple[Array, Array]:
     """Return H and f of ½ ‖J u − wanted‖² + ½ λ ‖u‖², but for a constant."""
     return jacobian.T @ jacobian + regularization * np.eye(jacobian.shape[1]), -jacobian.T @ wanted
+
+
+def _counted(q: ArrayLike) -> list[str]:
+    """Return names for joints that a task knows by number alone."""
+    return [str(joint) for joint in range(np.size(q))]

@@ -23,8 +23,9 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.barrier_rules import refuse_unsafe
 from hdplan.planner.barriers import Barriers, BarrierSettings
 from hdplan.planner.certificate import Certifier
-from hdplan.planner.control import Controller, ControlSettings, Step
+from hdplan.planner.control import Controller, Step
 from hdplan.planner.control_run import Run, fast_energy, simulate, total_variation
+from hdplan.planner.control_settings import ControlSettings
 from hdplan.planner.control_tasks import least_squares
 from hdplan.planner.kinematics import Kinematics, KinematicsBatch
 from hdplan.planner.link_bodies import LinkBody

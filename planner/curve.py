@@ -194,6 +194,13 @@ def _between(control: Array, first: Array, last: Array) -> Array:
     return _left(left[:, ::-1], 1.0 - share)[:, ::-1]
 
 
+def halves(control: Array) -> Array:
+    """Return the control points (2 k, d + 1, n) of the two halves of each of k polynomials, one after the other."""
+    middle = np.full(len(control), 0.5)
+    left, right = _left(control, middle), _left(control[:, ::-1], middle)[:, ::-1]
+    return np.stack([left, right], axis=1).reshape(-1, *control.shape[1:])
+
+
 def row_count(duration: float, rate: float) -> int:
     """Return the rows of a motion that are at most 1/rate [s] apart."""
     return max(2, math.ceil(duration * rate - 1e-9) + 1)

@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 
 from hdplan.planner.barriers import BarrierSettings
 from hdplan.planner.certificate import Certifier
-from hdplan.planner.control import Controller, ControlSettings
+from hdplan.planner.control import Controller
 from hdplan.planner.control_run import Run, simulate
+from hdplan.planner.control_settings import ControlSettings
 from hdplan.planner.curve import Curve
 from hdplan.planner.robot import Robot
 from hdplan.planner.robot_curve import curve_of
@@ -74,9 +75,11 @@ class Followed:
         seconds = self.run.step_seconds
         counted = ", ".join(f"{count} {mode.value}" for mode, count in self.run.counted.most_common())
         unguarded = ", ".join(f"{a} and {b}" for a, b in self.unguarded)
+        yielded = ", ".join(f"{a} to {b} ({count} periods)" for (a, b), count in self.run.gave.most_common(3))
         return [
             *([("not kept apart", f"{unguarded}: their outer bodies overlap anyway")] if unguarded else []),
             ("away", f"{self.away:.3g} rad from the trajectory at most, held up for {self.held:.1f} s"),
+            *([("not kept", f"the margin of {yielded}")] if yielded else []),
             ("periods", f"{counted}, of {1e3 * self.run.period:g} ms"),
             ("time", f"{1e3 * np.median(seconds):.2f} ms a step, {1e3 * np.quantile(seconds, 0.95):.2f} ms at 95 %"),
         ]
@@ -92,6 +95,7 @@ class Followed:
             "held_s": self.held,
             "clearance_m": self.certificate.clearance,
             "self_clearance_m": self.certificate.self_clearance,
+            "gave": [{"pair": list(pair), "periods": count} for pair, count in self.run.gave.most_common()],
             "periods": {mode.value: count for mode, count in self.run.counted.items()},
             "period_s": self.run.period,
         }

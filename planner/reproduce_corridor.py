@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hdplan.planner.control import STANDING, Mode
+from hdplan.planner.control import Mode
 from hdplan.planner.corridor import (
     AS_SAFE,
     CRITICAL,
@@ -127,7 +127,7 @@ def _corridor_line(outcome: Outcome) -> dict[str, Cell]:
         "way_in_half_a_period_m": outcome.way,
         "least_slack_m": float(run.slacks.min()),
         "target_reached_s": outcome.reached,
-        "infeasible_steps": run.modes.count(Mode.INFEASIBLE),
+        "steps_that_gave_way": run.modes.count(Mode.GIVING_WAY),
         "step_median_s": float(np.median(seconds)),
         "step_95_percent_s": float(np.quantile(seconds, 0.95)),
         "program_median_s": float(np.median(run.program_seconds)),
@@ -144,7 +144,7 @@ def _setting_line(words: str, outcome: Outcome) -> dict[str, Cell]:
         "> 5 Hz [rad²/s]": float(f"{outcome.energy(CRITICAL, -1):.2g}"),
         "boxes [mm]": 1e3 * float(outcome.clearances.min()),
         "slack [mm]": 1e3 * float(outcome.run.slacks.min()),
-        "stopped [%]": 100.0 * float(np.mean([mode in STANDING for mode in outcome.run.modes])),
+        "gave way [%]": 100.0 * float(np.mean([mode is Mode.GIVING_WAY for mode in outcome.run.modes])),
         "target off [mm]": 1e3 * outcome.missing,
         "proven [mm]": proven,
         "rule": "refused" if outcome.variant.refused else "safe" if proven is not None and proven > 0 else "not proven",

@@ -22,13 +22,14 @@ from numpy.typing import ArrayLike, NDArray
 from hdplan.planner.pin_model import move_base, read_model, without_joints
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.description import LinkPair, Semantics, Tree, link_pair, read_semantics, read_tree
-from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.model import Attached, JointTarget, RobotSpec
 from hdplan.scenes.robot_library import description_of
 
 Array = NDArray[np.float64]
 
 LIMIT_ROUNDING = 1e-3  # how far a MoveIt request may lie beyond a limit [rad or m]: it is rounded
+SAME_PLACE = 1e-6  # [rad or m] between two values of a joint that are the same
 CONTACT_SAMPLES = 1000  # configurations at which a pair must touch to count as always in contact
 GRIPPER = re.compile("finger|gripper|knuckle|thumb", re.IGNORECASE)  # joints of a hand: held
 # Why pairs of links are not checked, beside what a file says of them.
@@ -82,11 +83,13 @@ class Robot:
     def configuration(self, target: JointTarget, from_request: bool = False) -> Array:
         """Return the joint values (n,) that a scene's start or goal means.
 
-        Names that the robot lacks or does not plan are passed over when `from_request` (a MoveIt request speaks of
-        whole robots and is rounded: LIMIT_ROUNDING); otherwise they are refused.
+        A MoveIt request speaks of whole robots and is rounded: with `from_request` names that the robot lacks are
+        passed over, joints that are not planned must be wanted where they are held, and the limits have LIMIT_ROUNDING.
+        Otherwise both kinds of names are refused.
 
         Raises:
-            InputError: wrong number of values, unknown or missing names, values outside the limits.
+            InputError: wrong number of values, unknown or missing names, values outside the limits, or for joints that
+                are held elsewhere.
         """
         where = target.field
         if target.positions is not None:
@@ -102,8 +105,14 @@ class Robot:
             where, named = f"{where}: state '{target.state}'", self.named_states[target.state]
         else:
             named = target.by_name or {}
-            for joint in named if not from_request else ():
-                self.index_of(joint, where)
+            for joint, value in named.items():
+                if not from_request:
+                    self.index_of(joint, where)
+                elif abs(value - self.locked.get(joint, value)) > SAME_PLACE:
+                    raise InputError(
+                        f"{where}: joint '{joint}' is to be at {value:g}, but is not planned, and held at "
+                        f"{self.locked[joint]:g}; planned are {', '.join(self.joint_names)}"
+                    )
         missing = [joint for joint in self.joint_names if joint not in named]
         if missing:
             raise InputError(f"{where}: no value for {', '.join(missing)}")
@@ -133,12 +142,13 @@ class Robot:
 def load_robot(spec: RobotSpec) -> Robot:
     """Load a robot from example-robot-data by name, or from a URDF (and SRDF) file.
 
-    Planned are the joints of the SRDF's arm group, or else all joints; not the joints of a hand, nor mimic joints and
-    what they follow. All others are held: at the scene's value (even beyond the limits), or else at the first named
-    state that mentions them, or else at 0, as near as their limits allow.
+    Planned are the joints of the SRDF's group that the specification names; without one those of its arm group, or else
+    all joints, but for those of a hand. Never planned are mimic joints and what they follow. All others are held: at
+    the scene's value (even beyond the limits), or else at the first named state that mentions them, or else at 0, as
+    near as their limits allow.
 
     Raises:
-        InputError: unknown robot, joint or link; a file that cannot be read; a joint with several coordinates.
+        InputError: unknown robot, group, joint or link; a file that cannot be read; a joint with several coordinates.
     """
     name, urdf, srdf, package_dirs = description_of(spec)
     tree = read_tree(urdf)
@@ -158,7 +168,7 @@ def load_robot(spec: RobotSpec) -> Robot:
                 f"robot: joint '{joint}' of {name} has {kind.nv} coordinates ({kind.shortname()}); "
                 "only joints with one coordinate can be planned"
             )
-    planned, notes = _planned(joints, spec.locked, tree, semantics, name)
+    planned, notes = _planned(joints, spec, tree, semantics, name)
     held = {joint: _held_at(joint, full, spec, tree, semantics) for joint in joints if joint not in planned}
     if not geometry.geometryObjects:
         notes.append(f"no link of {name} has collision geometry: it can touch nothing")
@@ -211,20 +221,32 @@ def robot_files(spec: RobotSpec) -> tuple[Path, ...]:
 
 
 def _planned(
-    joints: list[str], locked: Mapping[str, float], tree: Tree, semantics: Semantics, name: str
+    joints: list[str], spec: RobotSpec, tree: Tree, semantics: Semantics, name: str
 ) -> tuple[list[str], list[str]]:
-    """Return the joints to plan, and a note where a group of the SRDF chose them."""
+    """Return the joints to plan, and notes where a group of the SRDF chose them or could not."""
     notes: list[str] = []
     coupled = {joint for mimic, (followed, _, _) in tree.mimics.items() for joint in (mimic, followed)}
     candidates = [joint for joint in joints if joint not in coupled]
     groups = {group: [joint for joint in candidates if joint in members] for group, members in semantics.groups.items()}
+    if spec.group is not None and semantics.groups:
+        with naming("robot.group"):
+            group = semantics.group(spec.group, (name, tree.name))
+        planned = [joint for joint in groups[group] if joint not in spec.locked]
+        if not planned:
+            raise InputError(
+                f"robot.group: the group '{group}' has no joint that can be planned: fixed and mimic joints cannot, "
+                "nor what those follow, nor those of robot.locked"
+            )
+        return planned, [f"planned are the joints of the SRDF's group '{group}'"]
+    if spec.group is not None:
+        notes.append(f"no SRDF of {name} says which joints the group '{spec.group}' has: planned is what can be")
     groups = {group: members for group, members in groups.items() if members}
     arms = [group for group in groups if ARM_GROUP.search(group)] if len(groups) > 1 else list(groups)
     if len(arms) == 1 and len(groups[arms[0]]) < len(candidates):
         candidates = groups[arms[0]]
         notes.append(f"planned are the joints of the SRDF's group '{arms[0]}'")
     candidates = [joint for joint in candidates if not GRIPPER.search(joint)] or candidates
-    planned = [joint for joint in candidates if joint not in locked]
+    planned = [joint for joint in candidates if joint not in spec.locked]
     if not planned:
         raise InputError(f"robot: {name} has no joint left to plan")
     return planned, notes

@@ -8,14 +8,14 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hdplan.planner.curve import Curve
+from hdplan.planner.curve import Curve, halves
 from hdplan.planner.robot import Robot
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError, nearest
 
 FARTHEST = 1e6  # [rad] or [m] beyond which a waypoint drowns in rounding
-AT_LIMIT = 1e-3  # [rad] or [m] by which an end may lie beyond a joint limit: scenes sit on limits to rounding
-BEYOND_LIMIT = 1e-9  # the same for all other waypoints
+BEYOND_LIMIT = 1e-9  # [rad] or [m] by which a motion may be beyond a joint limit: rounding
+HALVINGS = 40  # of an interval, to tell a curve that grazes a limit from one that passes it
 SAME_LOCKED = 1e-6  # [rad] or [m] between a locked joint's value in trajectory and scene
 
 
@@ -53,22 +53,24 @@ def curve_of(robot: Robot, trajectory: Trajectory) -> Curve:
 
 
 def beyond_limits(curve: Curve, robot: Robot) -> str | None:
-    """Say where a motion is beyond the limits of position; None if it is not.
+    """Say where a motion is beyond the limits of position; None if it is not, anywhere.
 
-    Looks at the waypoints alone where straight lines join them: a box is convex, so they stay within the limits, too;
-    or else at bounds of the curve after each.
+    A part of the curve lies within the hull of its control points, the first and last of which are on it. So a part
+    whose hull is beyond a limit is halved, until a point on the curve is, or none of the hulls are.
     """
-    straight = curve.degree == 1
-    low, high = (curve.rows, curve.rows) if straight else curve.bounds()
-    slack = np.full((len(low), 1), BEYOND_LIMIT)
-    slack[[0, -1]] = AT_LIMIT
-    below, above = robot.lower - low, high - robot.upper
-    beyond = np.maximum(below, above) - slack
-    row, joint = (int(i) for i in np.unravel_index(int(beyond.argmax()), beyond.shape))
-    if beyond[row, joint] <= 0.0:
-        return None
-    found = low[row, joint] if below[row, joint] > above[row, joint] else high[row, joint]
+    interval, control = np.arange(len(curve) - 1), curve.control  # (k,), (k, d + 1, n)
+    for halving in range(HALVINGS + 1):
+        excess = np.maximum(robot.lower - control, control - robot.upper)
+        open_ = ~(excess <= BEYOND_LIMIT).all(axis=(1, 2))
+        if not open_.any():
+            return None
+        if not (excess[:, [0, -1]] <= BEYOND_LIMIT).all() or halving == HALVINGS:
+            break
+        interval, control = np.repeat(interval[open_], 2), halves(control[open_])
+    on_curve = excess[:, [0, -1]]
+    part, end, joint = (int(i) for i in np.unravel_index(int(on_curve.argmax()), on_curve.shape))
+    where = f"waypoint {interval[part] + end}" if not halving else f"the curve after waypoint {interval[part]}"
     return (
-        f"{'' if straight else 'the curve after '}waypoint {row} has joint '{robot.joint_names[joint]}' at "
-        f"{found:g}, its limits are [{robot.lower[joint]:g}, {robot.upper[joint]:g}]"
+        f"{where} has joint '{robot.joint_names[joint]}' at {control[part, -end, joint]:.10g}, "
+        f"its limits are [{robot.lower[joint]:g}, {robot.upper[joint]:g}]"
     )

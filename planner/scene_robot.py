@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.distance.once import made_once
-from hdplan.planner.robot import LIMIT_ROUNDING, Robot, load_robot, robot_files
+from hdplan.planner.robot import Robot, load_robot, robot_files
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.model import Attached, Goals, JointTarget, Mesh, RobotSpec, Scene
 
@@ -87,14 +87,13 @@ def _unchecked(robot: Robot) -> Robot:
 def _load_bare(scene: Scene) -> Robot:
     """Load the robot without the objects that it holds."""
     spec = scene.robot
-    if scene.from_request and scene.start.by_name is not None:
-        robot = _load_once(spec)
-        requested = {joint: value for joint, value in scene.start.by_name.items() if joint in robot.locked}
-        spec = replace(spec, locked={**requested, **spec.locked})
-        if spec.locked != robot.locked:
-            robot = _load_once(spec)
-        return _with_room(robot, scene)
-    return _load_once(spec)
+    robot = _load_once(spec)
+    if not scene.from_request:
+        return robot
+    requested = {joint: value for joint, value in (scene.start.by_name or {}).items() if joint in robot.locked}
+    if requested:
+        robot = _load_once(replace(spec, locked={**requested, **spec.locked}))
+    return _with_room(robot, scene)
 
 
 @made_once(MOST)
@@ -121,15 +120,16 @@ def resolve_query(robot: Robot, scene: Scene) -> Query:
 
 
 def _with_room(robot: Robot, scene: Scene) -> Robot:
-    """Widen the limits to the request's ends where they lie beyond by more than rounding and at most ROOM."""
+    """Widen the limits to the request's ends where they lie beyond, by at most ROOM."""
     lower, upper = robot.lower.copy(), robot.upper.copy()
     ends = [target for target in (scene.start, scene.goal) if isinstance(target, JointTarget)]
     for target in ends:
+        given = target.by_name or dict(zip(robot.joint_names, target.positions or (), strict=False))
         for i, joint in enumerate(robot.joint_names):
-            value = (target.by_name or {}).get(joint, robot.lower[i])
-            if LIMIT_ROUNDING < robot.lower[i] - value <= ROOM:
+            value = given.get(joint, robot.lower[i])
+            if 0.0 < robot.lower[i] - value <= ROOM:
                 lower[i] = min(lower[i], value)
-            if LIMIT_ROUNDING < value - robot.upper[i] <= ROOM:
+            if 0.0 < value - robot.upper[i] <= ROOM:
                 upper[i] = max(upper[i], value)
     if np.array_equal(lower, robot.lower) and np.array_equal(upper, robot.upper):
         return robot
@@ -139,8 +139,8 @@ def _with_room(robot: Robot, scene: Scene) -> Robot:
 @made_once(MOST)
 def _with_limits(robot: Robot, lower: tuple[float, ...], upper: tuple[float, ...]) -> Robot:
     words = tuple(
-        f"joint '{joint}': limits [{robot.lower[i]:g}, {robot.upper[i]:g}] widened to [{lower[i]:g}, {upper[i]:g}], "
-        "as the request's start or goal lies there"
+        f"joint '{joint}': limits [{robot.lower[i]:g}, {robot.upper[i]:g}] widened to "
+        f"[{lower[i]:.9g}, {upper[i]:.9g}], as the request's start or goal lies there"
         for i, joint in enumerate(robot.joint_names)
         if (lower[i], upper[i]) != (robot.lower[i], robot.upper[i])
     )
@@ -153,6 +153,7 @@ def _load_once(spec: RobotSpec) -> Robot:
         spec.urdf,
         spec.srdf,
         spec.package_dirs,
+        spec.group,
         spec.base.matrix.tobytes(),
         tuple(sorted(spec.locked.items())),
         spec.ignore_pairs,

@@ -2,12 +2,13 @@
 
 Sampled every other millisecond, and proven between the samples: τ stays within h²/8 max|τ̈| of the straight line between
 two samples h apart (`torque_bounds`); where that is not enough, the piece is halved. What no speed can help is told
-apart: a configuration in which gravity alone asks for too much. Shares nothing with the planner's own dynamics.
+apart: a configuration in which gravity alone asks for too much. A motion rests before its first row and after its last:
+one that begins or ends at speed needs an infinite torque. Shares nothing with the planner's own dynamics.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -17,7 +18,7 @@ from hdplan.planner.curve import Curve
 from hdplan.planner.joint_limits import torque_limits
 from hdplan.planner.loads import loaded_model
 from hdplan.planner.motion_bounds import Chain
-from hdplan.planner.rate_check import Use
+from hdplan.planner.rate_check import JUMP, Use
 from hdplan.planner.robot import Robot
 from hdplan.planner.torque_bounds import torque_curvature
 from hdplan.scenes.errors import InputError
@@ -93,6 +94,8 @@ class TorqueCheck:
             return (
                 f"joint '{name}' needs a torque of {self.found[i]:.6g} {when}: too close to its limit {limit:g} to tell"
             )
+        if np.isinf(self.found[i]):
+            return f"joint '{name}' needs an infinite torque {when}: its velocity jumps there"
         if over is None:
             return f"joint '{name}' needs a torque of {self.found[i]:.4g} {when}, its limit is {limit:g}"
         return f"{over.words}, at {over.time:.3f} s: going slower does not help"
@@ -113,8 +116,15 @@ class TorqueLimits:
         return None if limits is None else cls(loaded_model(scene, robot), robot, limits)
 
     def check(self, curve: Curve) -> TorqueCheck:
-        """Compare the torques along a timed curve with the limits; see `check_torques`."""
-        return check_torques(self.model, self.robot, curve, self.limits)
+        """Compare the torques along a timed curve with the limits; see `check_torques`. Where a velocity jumps, at
+        the first row or the last, the torque is infinite."""
+        checked = check_torques(self.model, self.robot, curve, self.limits)
+        jumps = curve.derivative().jumps()  # (N, n)
+        abrupt, rows = jumps.max(axis=0) > JUMP, jumps.argmax(axis=0)
+        if not abrupt.any() or curve.times is None:
+            return checked
+        proven, found = (np.where(abrupt, np.inf, values) for values in (checked.proven, checked.found))
+        return replace(checked, proven=proven, found=found, times=np.where(abrupt, curve.times[rows], checked.times))
 
     def overload(self, q: Array) -> Overload | None:
         """Return the joint that gravity overloads most in one configuration (n,); None if there is none."""

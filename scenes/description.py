@@ -7,13 +7,20 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+<<<<<<< HEAD
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import read_file
 from hdplan.scenes.urdf_check import check_urdf
+=======
+from hdplan.scenes.errors import InputError, naming, nearest
+from hdplan.scenes.model import Pose
+from hdplan.scenes.poses import compose
+from hdplan.scenes.urdf_check import check_urdf, read_origin
+>>>>>>> main
 
 DEEPEST = 64  # levels of elements
 LinkPair = tuple[str, str]  # two different links, in alphabetical order
@@ -32,14 +39,39 @@ class Tree:
     parent: Mapping[str, tuple[str, str]]  # child link -> (parent link, joint between them)
     mimics: Mapping[str, tuple[str, float, float]]  # joint -> (joint that it follows, factor, offset)
     collisions: int  # number of collision geometries
+    name: str = ""  # of the robot
+    fixed: Mapping[str, Pose] = field(default_factory=dict)  # child link of a fixed joint -> its frame in its parent's
 
-    def chain(self, tip: str, base: str | None = None) -> tuple[str, ...]:
-        """Return the joints from link `tip` up to link `base` (or the root), tip first."""
+    def chain(self, tip: str, base: str) -> tuple[str, ...]:
+        """Return the joints of a chain as MoveIt has it: those from the tip up to the base (or the root); where the
+        base is not above the tip, also those of the base up to the link that is above both, and that link's own."""
         joints: list[str] = []
         while tip != base and tip in self.parent:
             tip, joint = self.parent[tip]
             joints.append(joint)
-        return tuple(joints)
+        if tip == base:
+            return tuple(joints)
+        others: list[str] = []
+        while base in self.parent and self.parent[base][1] not in joints:
+            base, joint = self.parent[base]
+            others.append(joint)
+        if base in self.parent:
+            joints = joints[: joints.index(self.parent[base][1]) + 1]
+        return (*joints, *others)
+
+    def standing(self) -> dict[str, Pose]:
+        """Return where the links stand in the root link's frame that no joint can move, the root itself among them."""
+        below: dict[str, list[str]] = {}
+        for link in self.fixed:
+            below.setdefault(self.parent[link][0], []).append(link)
+        found = {link: Pose() for link in self.links if link not in self.parent}
+        waiting = list(found)
+        while waiting:
+            above = waiting.pop()
+            for link in below.get(above, ()):
+                found[link] = compose(found[above], self.fixed[link])
+                waiting.append(link)
+        return found
 
     def between(self, a: str, b: str) -> tuple[str, ...]:
         """Return the links on the way from link `a` to link `b`, without these two."""
@@ -63,6 +95,17 @@ class Semantics:
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # group -> its joints, fixed ones included
     states: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # named state -> joint -> value
     disabled: frozenset[LinkPair] = frozenset()  # pairs that are not to be checked
+
+    def group(self, asked: str, robot: Collection[str]) -> str:
+        """Return the name of a group that is asked for by it, or with a name of the robot before it (`panda_arm`: arm).
+
+        Raises InputError with the nearest name.
+        """
+        names = (asked, *(asked.removeprefix(f"{name}_") for name in robot))
+        for name in names:
+            if name in self.groups:
+                return name
+        raise InputError(f"unknown group '{asked}'{nearest(min(names, key=len), self.groups)}")
 
 
 def _parse(path: Path, what: str) -> ElementTree.Element:
@@ -93,16 +136,20 @@ def read_tree(path: Path) -> Tree:
     with naming(f"robot.urdf: {path}"):
         check_urdf(root)
     parent: dict[str, tuple[str, str]] = {}
+    fixed: dict[str, Pose] = {}
     mimics: dict[str, tuple[str, float, float]] = {}
     for joint in root.findall("joint"):
         above, below, mimic = joint.find("parent"), joint.find("child"), joint.find("mimic")
         if above is not None and below is not None:
             parent[below.get("link", "")] = (above.get("link", ""), joint.get("name", ""))
+            if joint.get("type") == "fixed":
+                with naming(f"robot.urdf: {path}"):
+                    fixed[below.get("link", "")] = read_origin(joint, f"joint '{joint.get('name')}'")
         if mimic is not None:
             factor, offset = (float(mimic.get(key) or value) for key, value in (("multiplier", 1.0), ("offset", 0.0)))
             mimics[joint.get("name", "")] = (mimic.get("joint", ""), factor, offset)
     links = tuple(link.get("name", "") for link in root.findall("link"))
-    return Tree(links, parent, mimics, len(root.findall("link/collision")))
+    return Tree(links, parent, mimics, len(root.findall("link/collision")), root.get("name", ""), fixed)
 
 
 def read_semantics(path: Path, tree: Tree) -> Semantics:

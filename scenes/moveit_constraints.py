@@ -32,23 +32,21 @@ from hdplan.scenes.model import (
     Vector3,
     Within,
 )
-from hdplan.scenes.moveit_messages import is_filled, read_message_pose, read_primitive, refuse_other_frame
-from hdplan.scenes.poses import read_quaternion, read_vector
+from hdplan.scenes.moveit_fields import MESSAGES, is_filled
+from hdplan.scenes.moveit_frames import Frames
+from hdplan.scenes.moveit_messages import read_message_pose, read_orientation, read_point, read_primitive
+from hdplan.scenes.poses import compose
 
-KINDS = ("joint_constraints", "position_constraints", "orientation_constraints", "visibility_constraints")
-JOINT_KEYS = ("joint_name", "position", "tolerance_above", "tolerance_below", "weight")
-POSITION_KEYS = ("header", "link_name", "target_point_offset", "constraint_region", "weight")
-REGION_KEYS = ("primitives", "primitive_poses", "meshes", "mesh_poses")
+KINDS = ("joint_constraints", "position_constraints", "orientation_constraints")
 AXES = ("x", "y", "z")
 TOLERANCES = tuple(f"absolute_{axis}_axis_tolerance" for axis in AXES)
-ORIENTATION_KEYS = ("header", "orientation", "link_name", *TOLERANCES, "parameterization", "weight")
 FREE = 3.14  # [rad] a tolerance from here on leaves the axis free: π as it is written by hand
 WIDEST = 1.5  # [rad] below π/2, so that the cones of the module's head hold
 LARGEST_BALL = 1.0  # [m] tolerance of a goal's position
 SLANT = 1e-2  # [rad] by which an axis that is to be upright may be off; it is taken from the tolerance
 
 
-def read_goal_constraints(section: Field, name: str) -> JointTarget | Goals:
+def read_goal_constraints(section: Field, name: str, frames: Frames) -> JointTarget | Goals:
     """Read the one goal: joint values, whose tolerances are not used as they are met exactly, or a link's pose.
 
     Raises:
@@ -62,17 +60,17 @@ def read_goal_constraints(section: Field, name: str) -> JointTarget | Goals:
     if placed and "joint_constraints" in given:
         raise placed[0].error("stands beside joint_constraints; a goal is given by joints or by a pose, not by both")
     if placed:
-        return Goals((_pose_goal(goals[0], given, name),))
+        return Goals((_pose_goal(goals[0], given, name, frames),))
     if "joint_constraints" not in given:
         raise goals[0].error("has no joint_constraints and no position_constraints, so there is no goal")
     return JointTarget(name, by_name=_joints(given["joint_constraints"]))
 
 
-def read_path_constraints(section: Field) -> PathConstraints:
+def read_path_constraints(section: Field, frames: Frames) -> PathConstraints:
     """Read what holds along the way: one link's axis upright, and one point of a link in a box.
 
     Raises:
-        InputError: joint or visibility constraints, several of a kind, or one that has no counterpart in a scene.
+        InputError: joint constraints, several of a kind, or one that has no counterpart in a scene.
     """
     given = _given(section)
     if "joint_constraints" in given:
@@ -81,17 +79,15 @@ def read_path_constraints(section: Field) -> PathConstraints:
         )
     orientation, position = given.get("orientation_constraints"), given.get("position_constraints")
     return PathConstraints(
-        _upright(_only(orientation)) if orientation else None, _within(_only(position)) if position else None
+        _upright(_only(orientation), frames) if orientation else None,
+        _within(_only(position), frames) if position else None,
     )
 
 
 def _given(constraints: Field) -> dict[str, Field]:
     """Return the kinds of constraints that are there."""
-    keys = constraints.mapping(("name", *KINDS))
-    given = {kind: keys[kind] for kind in KINDS if kind in keys and is_filled(keys[kind].value)}
-    if "visibility_constraints" in given:
-        raise given["visibility_constraints"].error("is not supported")
-    return given
+    keys = constraints.mapping(MESSAGES["Constraints"])
+    return {kind: keys[kind] for kind in KINDS if kind in keys and is_filled(keys[kind].value)}
 
 
 def _only(section: Field) -> Field:
@@ -104,7 +100,7 @@ def _only(section: Field) -> Field:
 def _joints(section: Field) -> dict[str, float]:
     joints: dict[str, float] = {}
     for entry in section.items():
-        joint = entry.mapping(JOINT_KEYS, required=["joint_name", "position"])
+        joint = entry.mapping(MESSAGES["JointConstraint"], required=["joint_name", "position"])
         name = joint["joint_name"].text()
         if name in joints:
             raise entry.error(f"the joint {name!r} has a goal already")
@@ -118,24 +114,21 @@ class _Region(NamedTuple):
     link: str
     point: Vector3  # in the link's frame [m]
     shape: Shape
-    pose: Pose  # of the shape
+    pose: Pose  # of the shape, in the world
 
 
-def _region(entry: Field) -> _Region:
-    keys = entry.mapping(POSITION_KEYS, required=["link_name", "constraint_region"])
-    refuse_other_frame(entry, keys.get("header"), what="regions")
-    region = keys["constraint_region"].mapping(REGION_KEYS, required=["primitives"])
-    if "meshes" in region and is_filled(region["meshes"].value):
-        raise region["meshes"].error("meshes are not supported (a box or a sphere is)")
+def _region(entry: Field, frames: Frames) -> _Region:
+    keys = entry.mapping(MESSAGES["PositionConstraint"], required=["link_name", "constraint_region"])
+    region = keys["constraint_region"].mapping(MESSAGES["BoundingVolume"], required=["primitives"])
     shapes = region["primitives"].items(of="primitives")
     poses = region["primitive_poses"].items(of="poses") if "primitive_poses" in region else []
     if len(shapes) != 1 or len(poses) > 1:
         raise keys["constraint_region"].error(f"must be one primitive with its pose, found {len(shapes)}, {len(poses)}")
     return _Region(
         keys["link_name"].text(),
-        read_vector(keys["target_point_offset"], unit="m") if "target_point_offset" in keys else (0.0, 0.0, 0.0),
+        read_point(keys["target_point_offset"]) if "target_point_offset" in keys else (0.0, 0.0, 0.0),
         read_primitive(shapes[0]),
-        read_message_pose(poses[0]) if poses else Pose(),
+        compose(frames.of_header(keys.get("header")), read_message_pose(poses[0] if poses else None)),
     )
 
 
@@ -148,9 +141,8 @@ class _Orientation(NamedTuple):
     free: str  # the axis about which it may turn: none, x, y, z, or all
 
 
-def _orientation(entry: Field) -> _Orientation:
-    keys = entry.mapping(ORIENTATION_KEYS, required=["link_name", "orientation", *TOLERANCES])
-    refuse_other_frame(entry, keys.get("header"), what="orientations")
+def _orientation(entry: Field, frames: Frames) -> _Orientation:
+    keys = entry.mapping(MESSAGES["OrientationConstraint"], required=["link_name", "orientation", *TOLERANCES])
     tolerances = [keys[key].number(above=0.0, unit="rad") for key in TOLERANCES]
     turning = [axis for axis, tolerance in zip(AXES, tolerances, strict=True) if tolerance >= FREE]
     bounded = [tolerance for tolerance in tolerances if tolerance < FREE]
@@ -164,14 +156,16 @@ def _orientation(entry: Field) -> _Orientation:
     if any(other > tolerance for other in bounded):
         entry.note(f"allows up to {max(bounded):g} rad about one axis; {tolerance:g} rad is kept to about all")
     free = "all" if len(turning) == 3 else "".join(turning) or "none"
-    return _Orientation(keys["link_name"].text(), read_quaternion(keys["orientation"]), tolerance, free)
+    wanted = compose(frames.of_header(keys.get("header")), Pose(quaternion_xyzw=read_orientation(keys["orientation"])))
+    quaternion = Pose().quaternion_xyzw if free == "all" else wanted.quaternion_xyzw  # of no meaning if all is free
+    return _Orientation(keys["link_name"].text(), quaternion, tolerance, free)
 
 
-def _pose_goal(goal: Field, given: dict[str, Field], name: str) -> PoseTarget:
+def _pose_goal(goal: Field, given: dict[str, Field], name: str, frames: Frames) -> PoseTarget:
     if "position_constraints" not in given:
         raise given["orientation_constraints"].error("stands without position_constraints; a goal has a place too")
     entry = _only(given["position_constraints"])
-    region = _region(entry)
+    region = _region(entry, frames)
     if any(region.point):
         raise entry.error("has a target_point_offset, which is not supported in a goal: its pose is the link's own")
     match region.shape:
@@ -184,15 +178,17 @@ def _pose_goal(goal: Field, given: dict[str, Field], name: str) -> PoseTarget:
             raise entry.error("has a region that is no box and no sphere, which is not supported in a goal")
     turn = _Orientation(region.link, Pose().quaternion_xyzw, PoseTarget.orientation_tolerance, "all")
     if "orientation_constraints" in given:
-        turn = _orientation(_only(given["orientation_constraints"]))
+        turn = _orientation(_only(given["orientation_constraints"]), frames)
     if turn.link != region.link:
         raise goal.error(f"speaks of two links, {region.link!r} and {turn.link!r}; a goal is the pose of one")
+    if tolerance > LARGEST_BALL:
+        entry.note(f"allows a ball of radius {tolerance:g} m; one of {LARGEST_BALL:g} m is kept to")
     pose = Pose(region.pose.position, turn.quaternion)
     return PoseTarget(name, region.link, pose, min(tolerance, LARGEST_BALL), turn.tolerance, turn.free)
 
 
-def _upright(entry: Field) -> Upright:
-    turn = _orientation(entry)
+def _upright(entry: Field, frames: Frames) -> Upright:
+    turn = _orientation(entry, frames)
     if turn.free not in AXES:
         raise entry.error("must leave the link's x or z axis free and point it up or down; others are not supported")
     index = AXES.index(turn.free)
@@ -207,8 +203,8 @@ def _upright(entry: Field) -> Upright:
     return Upright(turn.link, (axis[0], axis[1], axis[2]), turn.tolerance - slant)
 
 
-def _within(entry: Field) -> Within:
-    region = _region(entry)
+def _within(entry: Field, frames: Frames) -> Within:
+    region = _region(entry, frames)
     if not isinstance(region.shape, Box):
         raise entry.error("has a region that is no box, which is not supported along the way")
     return Within(region.link, region.shape.size, region.pose, region.point)

@@ -11,6 +11,8 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 
 from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.model import Pose
+from hdplan.scenes.poses import from_rpy
 
 SIZES = {  # attributes of each shape and how many numbers they hold; all must be positive
     "box": {"size": 3},
@@ -57,6 +59,17 @@ def _check_collision(collision: ElementTree.Element, where: str) -> None:
     if (origin := collision.find("origin")) is not None:
         for attribute in ("xyz", "rpy"):
             _numbers(origin, attribute, 3, f"{where}: origin", default="0 0 0")
+
+
+def read_origin(element: ElementTree.Element, where: str) -> Pose:
+    """Return the placement that an element's `origin` says. Raises InputError for what are no numbers."""
+    origin = element.find("origin")
+    if origin is None:
+        return Pose()
+    (x, y, z), (roll, pitch, yaw) = (
+        _numbers(origin, attribute, 3, f"{where}: origin", default="0 0 0") for attribute in ("xyz", "rpy")
+    )
+    return Pose((x, y, z), from_rpy(roll, pitch, yaw))
 
 
 def _check_joint(joint: ElementTree.Element, where: str, joints: Mapping[str, ElementTree.Element]) -> None:

@@ -57,7 +57,7 @@ HOMES = {
         "planner/view/server.py",
         "planner/view/viewer.py",
     },
-    "daqp": {"planner/control.py"},
+    "daqp": {"planner/control_program.py"},
     "toppra": {"planner/timing.py", "planner/torque_timing.py"},
     "yaml": {"scenes/fields.py"},
 }

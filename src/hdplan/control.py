@@ -10,8 +10,9 @@ See `hdplan.planner.control` for the equations, and `hdplan.planner.barrier_rule
 from __future__ import annotations
 
 from hdplan.planner.barriers import Barriers, BarrierSettings, scene_barriers
-from hdplan.planner.control import Controller, ControlSettings, Mode, Step
+from hdplan.planner.control import Controller, Mode, Step
 from hdplan.planner.control_run import Run, simulate
+from hdplan.planner.control_settings import ControlSettings
 from hdplan.planner.control_tasks import PoseTask, Task, TrackTask, standing
 
 __all__ = [

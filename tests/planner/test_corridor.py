@@ -12,8 +12,8 @@ import pytest
 from numpy.typing import NDArray
 
 from hdplan.planner import reproduce_corridor
-from hdplan.planner.control import ControlSettings
 from hdplan.planner.control_run import simulate
+from hdplan.planner.control_settings import ControlSettings
 from hdplan.planner.corridor import (
     AS_SAFE,
     NAMES,

@@ -88,6 +88,18 @@ def test_it_yields_and_recovers(room: Scene, robot: Robot, sweep: Trajectory) ->
         assert not Certifier(scene, robot).certify(free.trajectory, check_ends=False).certified
 
 
+def test_a_program_without_a_solution_is_no_reason_to_stand(room: Scene, robot: Robot) -> None:
+    """A ball comes at the elbow faster than its barrier allows for: the step that gives way says to what."""
+    start = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
+    slow = Trajectory(robot.joint_names, np.stack([start, start + 0.15]), robot.locked, np.array([0.0, 3.0]))
+    ball = Obstacle("ball", Sphere(0.08), Pose((-0.282, 0.096, 0.763)), motion=SteadyMotion((0.491, -0.08, -0.054)))
+    found = follow(replace(room, obstacles=(ball,)), slow, robot)
+    assert found.succeeded, found.certificate.text
+    assert found.run.counted[Mode.GIVING_WAY]
+    assert Mode.STOPPED not in found.run.counted
+    assert {name for _, name in found.run.gave} == {"ball"}
+
+
 def test_a_way_that_stays_blocked_is_given_up(
     monkeypatch: pytest.MonkeyPatch, room: Scene, robot: Robot, sweep: Trajectory
 ) -> None:

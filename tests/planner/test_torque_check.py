@@ -9,13 +9,16 @@ import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
+from hdplan.planner.certificate import certify
 from hdplan.planner.curve import Curve
 from hdplan.planner.motion_bounds import Chain
 from hdplan.planner.robot import Robot, load_robot
 from hdplan.planner.torque_bounds import torque_curvature
 from hdplan.planner.torque_check import check_torques
+from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.verdict import Status
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Pose, RobotSpec
+from hdplan.scenes.model import JointTarget, Limits, Pose, RobotSpec, Scene
 
 Floats = NDArray[np.float64]
 
@@ -170,3 +173,30 @@ def test_loads_count() -> None:
     limits = check_torques(robot.model, robot, curve, np.full(7, 1e6)).proven * 1.01
     assert check_torques(robot.model, robot, curve, limits).within
     assert check_torques(heavy, robot, curve, limits).exceeded
+
+
+@pytest.mark.parametrize("end", ["start", "goal"])
+def test_a_motion_that_begins_or_ends_at_speed_needs_an_infinite_torque(end: str) -> None:
+    """Whatever the limits; and a motion that rests at both ends needs none. The jump counts as in the rates."""
+    start, goal = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785], [0.3, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
+    for speed, abrupt in ((0.0, False), (1e-3, True), (0.5, True)):
+        velocities = np.zeros((2, 7))
+        velocities[0 if end == "start" else 1, 0] = speed
+        scene = Scene(
+            "abrupt",
+            Path("s.yaml"),
+            RobotSpec(name="panda"),
+            (),
+            JointTarget("start", tuple(start)),
+            JointTarget("goal", tuple(goal)),
+            limits=Limits(torque=1e6),
+        )
+        names = load_robot(scene.robot).joint_names
+        motion = Trajectory(names, np.array([start, goal]), {}, np.array([0.0, 1.0]), velocities, np.zeros((2, 7)))
+        verdict = certify(scene, motion)
+        assert verdict.certified is not abrupt
+        if abrupt:
+            assert verdict.status is Status.OVERLOADED
+            assert "panda_joint1" in verdict.text
+            assert f"{0.0 if end == 'start' else 1.0:.3f} s" in verdict.text
+            assert np.isinf(verdict.uses[-1].share)

@@ -51,10 +51,8 @@ SCENE: dict[str, Any] = {
 }
 REQUEST: dict[str, Any] = {
     "group_name": "panda_arm",
-    "planner_id": "RRTConnect",
     "start_state": {"joint_state": {"name": ["panda_joint2", "panda_joint1"], "position": [0.2, 0.1]}},
     "goal_constraints": [{"joint_constraints": [{"joint_name": "panda_joint1", "position": 1.0}]}],
-    "workspace_parameters": {"header": {"frame_id": ""}, "min_corner": [-1, -1, -1], "max_corner": [1, 1, 1]},
 }
 
 
@@ -93,7 +91,7 @@ def files(tmp_path: Path) -> Files:
 
 def test_what_stands_around(files: Files) -> None:
     scene = files.load()
-    assert scene.robot == RobotSpec(name="panda")
+    assert scene.robot == RobotSpec(name="panda", group="arm")
     assert scene.from_request
     assert scene.notes == ()
     assert {o.name: o.shape for o in scene.obstacles} == {
@@ -229,13 +227,34 @@ REFUSED = [
     ("scene", f"{OBJECT}.pose.orientation", [0, 0, 0, 0], ["pose.orientation: ", "unit quaternion", "length 0"]),
     ("scene", f"{OBJECT}.pose.position", [0, float("nan"), 0], ["pose.position[1]: ", "finite", "nan"]),
     ("scene", f"{OBJECT}.id", "can", ["collision_objects[1]: ", "'can'", "differ"]),
-    ("scene", f"{OBJECT}.header.frame_id", "panda_hand", ["header.frame_id: ", "world frame", "'panda_hand'"]),
+    ("scene", f"{OBJECT}.header.frame_id", "panda_hand", ["header.frame_id: ", "world frame", "'panda_hand' moves"]),
+    ("scene", f"{OBJECT}.header.frame_id", "panda_lik0", ["header.frame_id: ", "'panda_lik0'", "'panda_link0'"]),
+    ("scene", f"{OBJECT}.primitives.0.type", True, ["primitives[0].type: ", "box, cylinder or sphere", "true"]),
+    ("scene", f"{OBJECT}.meshes", "box.stl", ["collision_objects[1].meshes: ", "not supported"]),
+    ("scene", "world.octomap.octomap.data", b"\x01\x02", ["world.octomap", "octomaps are not supported"]),
+    ("scene", "world.octomap.octomap.data", "AQI=", ["world.octomap", "octomaps are not supported"]),
+    ("scene", "is_diff", True, ["is_diff: ", "whole scene"]),
+    ("scene", "allowed_collision_matrix.entry_values.0", [True], ["entry_values[0]: ", "list of 2", "list of 1"]),
+    ("scene", "allowed_collision_matrix.entry_values", [], ["entry_values", "list of 0"]),
+    ("scene", "allowed_collision_matrix.default_entry_names", ["a"], ["default_entry_values", "found 0 and 1"]),
     ("scene", f"{OBJECT}.operation", 1, ["operation: ", "0 (ADD)", "found 1"]),
     (
         "scene",
         "fixed_frame_transforms",
         [{"transform": MOVED}],
         ["fixed_frame_transforms[0].transform: ", "fixed frame"],
+    ),
+    (
+        "scene",
+        "fixed_frame_transforms",
+        [{"child_frame_id": "panda_link0", "transform": MOVED}],
+        ["fixed_frame_transforms[0].transform: ", "'panda_link0' stands elsewhere"],
+    ),
+    (
+        "scene",
+        "fixed_frame_transforms",
+        [{"child_frame_id": "panda_hand", "transform": STILL}],
+        ["fixed_frame_transforms[0].child_frame_id: ", "'panda_hand' moves"],
     ),
     ("scene", "robot_state.multi_dof_joint_state.transforms", [TURNED], ["transforms[0]: ", "moves the robot's base"]),
     ("scene", HELD, [{"link_name": "a"}], ["attached_collision_objects[0]: ", "'object' is missing"]),
@@ -267,6 +286,8 @@ REFUSED = [
     ),
     ("request", "trajectory_constraints.constraints", [{"name": "a"}], ["trajectory_constraints: ", "not supported"]),
     ("request", "goal_constraints.0.joint_constraints.0", {"joint_name": "a"}, ["'position' is missing"]),
+    ("request", "group_name", "panda_am", ["group_name: ", "unknown group 'panda_am'", "'arm'"]),
+    ("request", "start_state.joint_state.velocty", [], ["unknown key 'velocty'", "'velocity'"]),
     ("request", "goal_constrants", [], ["unknown key 'goal_constrants'", "'goal_constraints'"]),
 ]
 
@@ -312,12 +333,16 @@ def test_swapped_files_are_told(files: Files) -> None:
 
 
 @pytest.mark.skipif(not MBM.is_dir(), reason="the MotionBenchMaker problems are not beside this repository")
-@pytest.mark.parametrize("arm", ["panda", "ur5"])
-def test_every_benchmark_problem_loads(arm: str) -> None:
+@pytest.mark.parametrize(
+    ("arm", "group"),
+    [("panda", "arm"), ("ur5", "manipulator"), ("fetch", "arm_with_torso"), ("baxter", "both_arms")],
+)
+def test_every_benchmark_problem_loads(arm: str, group: str) -> None:
     files = sorted((MBM / arm).glob("*/scene*.yaml"))
     assert files
-    for file in files:
+    for file in files[::5]:
         scene = load_scene(file, file.with_name(file.name.replace("scene", "request")), MBM / arm / "robot.yaml")
         assert scene.obstacles
-        assert scene.notes == ()
+        assert scene.robot.group == group
+        assert sum("speaks of the robot 'ur5_robotiq85', not ur5" in note for note in scene.notes) == (arm == "ur5")
         assert set(scene.goal.by_name or {}) <= set(scene.start.by_name or {})

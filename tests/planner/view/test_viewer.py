@@ -310,7 +310,7 @@ def test_a_trajectory_of_another_robot_is_refused(scene: Scene) -> None:
 
 
 def test_a_path_without_times_is_refused_where_obstacles_move(drifting: Scene, trajectory: Trajectory) -> None:
-    with pytest.raises(InputError, match="found: trajectory: has no times, and obstacle 'ball' moves"):
+    with pytest.raises(InputError, match="found: trajectory: has no times, and obstacle 'crossing' moves"):
         open_viewer(drifting, [("found", trajectory)], port=8180)
 
 

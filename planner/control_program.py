@@ -1,0 +1,89 @@
+"""The quadratic program of a controller: the best velocity there is, also where not everything asked can be met.
+
+    minimize ½ uᵀ H u + fᵀ u    subject to    low ≤ u ≤ high,   a_k·u ≥ wish_k    for every row k          (1)
+
+Where no velocity meets every wish, a row still keeps its floor, hold_k ≤ wish_k, and what it misses of its wish, s_k,
+has a price:
+
+    minimize ½ uᵀ H u + fᵀ u + ½ Σ (price_k s_k)²    subject to    a_k·u ≥ hold_k,   a_k·u + s_k ≥ wish_k    (2)
+
+so that (1), where it can be solved, is solved exactly, and (2) gives what the dearest rows can get. A row with
+hold = wish gives nothing, one with hold = −∞ may give all. (2) has a solution as soon as some velocity keeps every
+floor: with box and floors around 0, standing still is one.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import daqp
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+VANISHED = 1e-12  # a row shorter than this is none: no velocity changes it
+UNBOUNDED = 1e30  # DAQP's infinity
+SOLVED = (1, 2)  # DAQP's exit flags of a solution, exact or to its tolerance
+
+
+class Wishes(NamedTuple):
+    """Rows of the program, m of them."""
+
+    matrix: Array  # (m, n) a
+    wish: Array  # (m,)
+    hold: Array  # (m,) at most the wish; −inf: none
+    price: Array  # (m,) of what is missed of the wish
+
+    def with_rows(self, other: Wishes) -> Wishes:
+        """Return these rows and others."""
+        return Wishes(*(np.concatenate(parts) for parts in zip(self, other, strict=True)))
+
+
+def best_velocity(hessian: Array, linear: Array, low: Array, high: Array, wishes: Wishes) -> Array | None:
+    """Return u (n,); None where no velocity keeps every floor.
+
+    By DAQP, a dual active-set solver: for 7 joints, bounds and 60 rows it took 0.02 ms where quadprog took 0.04,
+    PIQP 0.11, ProxQP 0.47 and OSQP 1.6 (benchmarks/control.py), with quadprog's answers to 1e-13.
+    """
+    matrix, wish, hold, price = wishes
+    length = np.linalg.norm(matrix, axis=1)
+    # a row that no velocity within the box can break is left out: exact, and most are
+    least = np.minimum(matrix * low, matrix * high).sum(axis=1)
+    kept = (least < wish) & (length > VANISHED)
+    length = length[kept]
+    matrix, wish, hold = matrix[kept] / length[:, None], wish[kept] / length, hold[kept] / length
+    found = _solved(hessian, linear, matrix, low, high, wish)
+    if found is not None:
+        return found
+    price = price[kept] * length
+    n, gives = len(linear), hold < wish
+    count = int(gives.sum())
+    # (2) in u and price · s; each row with its price in units in which its coefficients are at most 1
+    scale = np.maximum(price[gives], 1.0)
+    priced = np.hstack([matrix[gives] * (price[gives] / scale)[:, None], np.diag(1.0 / scale)])
+    floors = np.hstack([matrix, np.zeros((len(matrix), count))])
+    firm = np.isfinite(hold)
+    both = np.zeros((n + count, n + count))
+    both[:n, :n], both[n:, n:] = hessian, np.eye(count)
+    found = _solved(
+        both,
+        np.append(linear, np.zeros(count)),
+        np.concatenate([floors[firm], priced]),
+        np.append(low, np.zeros(count)),
+        np.append(high, np.full(count, UNBOUNDED)),
+        np.concatenate([hold[firm], wish[gives] * price[gives] / scale]),
+    )
+    return None if found is None else found[:n]
+
+
+def _solved(hessian: Array, linear: Array, matrix: Array, low: Array, high: Array, bound: Array) -> Array | None:
+    solution, _, flag, _ = daqp.solve(
+        hessian,
+        linear,
+        np.ascontiguousarray(matrix),
+        np.append(high, np.full(len(matrix), UNBOUNDED)),
+        np.append(low, bound),
+        np.zeros(len(low) + len(matrix), dtype=np.int32),
+    )
+    return np.array(solution) if flag in SOLVED else None
