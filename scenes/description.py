@@ -11,16 +11,11 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-<<<<<<< HEAD
-from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.files import read_file
-from hdplan.scenes.urdf_check import check_urdf
-=======
 from hdplan.scenes.errors import InputError, naming, nearest
+from hdplan.scenes.files import read_file
 from hdplan.scenes.model import Pose
 from hdplan.scenes.poses import compose
 from hdplan.scenes.urdf_check import check_urdf, read_origin
->>>>>>> main
 
 DEEPEST = 64  # levels of elements
 LinkPair = tuple[str, str]  # two different links, in alphabetical order

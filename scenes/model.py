@@ -173,7 +173,7 @@ class RobotSpec(Checked):
     urdf: Path | None = None
     srdf: Path | None = None
     package_dirs: tuple[Path, ...] = ()  # where package:// addresses of the URDF are looked up
-    group: str | None = None  # of the SRDF: its joints are planned; None: those of its arm
+    group: Name | None = None  # of the SRDF: its joints are planned; None: those of its arm
     base: Pose = field(default_factory=Pose)  # of the URDF's root link
     locked: Annotated[Mapping[str, float], Named(JointValue)] = field(default_factory=dict)  # joint -> [rad] or [m]
     ignore_pairs: Annotated[tuple[tuple[str, str], ...], Row(meaning.pair, of="link pairs")] = ()  # not checked

@@ -175,31 +175,9 @@ def _robot(section: Field) -> RobotSpec:
     base = read_pose(keys["base"]) if "base" in keys else Pose()
     spec = section.make(RobotSpec, **{**keys, "base": base})
     directories = keys["package_dirs"].items(of="directories") if "package_dirs" in keys else []
-<<<<<<< HEAD
     folders = tuple(directory.path(directory=True) for directory in directories)
     urdf, srdf = (keys[name].path() if name in keys else None for name in ("urdf", "srdf"))
     return dataclasses.replace(spec, urdf=urdf, srdf=srdf, package_dirs=folders)
-=======
-    locked = keys["locked"].mapping() if "locked" in keys else {}
-    pairs = keys["ignore_pairs"].items(of="link pairs") if "ignore_pairs" in keys else []
-    return RobotSpec(
-        name=keys["name"].text() if "name" in keys else None,
-        urdf=keys["urdf"].path() if "urdf" in keys else None,
-        srdf=keys["srdf"].path() if "srdf" in keys else None,
-        package_dirs=tuple(directory.path(directory=True) for directory in directories),
-        group=keys["group"].text() if "group" in keys else None,
-        base=read_pose(keys["base"]) if "base" in keys else Pose(),
-        locked={name: value.number(unit="rad or m") for name, value in locked.items()},
-        ignore_pairs=tuple(_pair(pair) for pair in pairs),
-    )
-
-
-def _pair(entry: Field) -> tuple[str, str]:
-    first, second = (item.text() for item in entry.items(2, "link names"))
-    if first == second:
-        raise entry.error(f"must name two different links, found {first!r} twice")
-    return first, second
->>>>>>> main
 
 
 def _obstacles(section: Field) -> tuple[Obstacle, ...]:
