@@ -247,7 +247,7 @@ def check(
     certifier = Certifier(problem, load_scene_robot(problem))
     with naming(trajectory):  # its joints may not fit
         certificate = certifier.certify(motion)
-    notes = [*problem.notes, *certificate.notes]
+    notes = [*problem.notes, *certifier.robot.notes, *certificate.notes]
     with printing() as show:
         if as_json:
             about = {

@@ -1,16 +1,17 @@
 """A mesh that is not convex, taken apart into convex pieces for the planner.
 
 The pieces follow the mesh closely but not exactly: they are for the planner alone, the certificate works with the
-triangles themselves. Taking apart takes seconds, so the pieces are kept on disk by the mesh's content.
+triangles themselves. Taking apart takes seconds, so the pieces are kept on disk by the mesh's content. It is done in a
+process of its own, bounded in time and memory.
 """
 
 from __future__ import annotations
 
-import json
+import math
+import os
 import subprocess
 import sys
 import tempfile
-import threading
 from importlib.metadata import version
 from pathlib import Path
 
@@ -19,55 +20,52 @@ from numpy.typing import NDArray
 
 from hdplan.distance.cache import content_key, load, store
 from hdplan.planner.meshes import TriangleMesh
-from hdplan.scenes.deadline import check_time, most_seconds
-from hdplan.scenes.errors import InputError
 
 Floats = NDArray[np.float64]
 
 CONCAVITY = 0.03  # how deep a dent a convex piece may bridge, as part of the mesh's size (coacd's threshold)
-
-LONGEST = 300.0  # [s] for one mesh
-# coacd cannot be asked to stop, and a mesh with faults may take it for ever or end it with the process around it.
-CHILD = """
-import sys, json, coacd, numpy
-coacd.set_log_level("error")
-job = json.load(sys.stdin)
-mesh = coacd.Mesh(numpy.array(job["vertices"]), numpy.array(job["triangles"]))
-pieces = coacd.run_coacd(mesh, threshold=job["threshold"], seed=0)
-json.dump([vertices.tolist() for vertices, _ in pieces], open(sys.argv[1], "w"))
-"""
-
-_cutting = threading.Lock()  # the same mesh is cut once
+MOST_SECONDS = 60.0  # that taking apart may last
+MOST_MEMORY = 8 * 2**30  # [bytes] of addresses: several times what is used
 
 
-def convex_pieces(mesh: TriangleMesh) -> tuple[Floats, ...]:
-    """Return point sets (m, 3) whose convex hulls together stand for `mesh`: exactly, if its loose parts are convex."""
+def convex_pieces(mesh: TriangleMesh, seconds: float = MOST_SECONDS) -> tuple[Floats, ...] | None:
+    """Return point sets (m, 3) whose convex hulls together stand for `mesh`: exactly, if its loose parts are convex.
+
+    None where it cannot be taken apart, or not within `seconds`.
+    """
     parts = mesh.components()
     if all(part.convex and part.volume > 0 for part in parts):
         return tuple(part.vertices for part in parts)
     key = content_key(str(CONCAVITY), version("coacd"), mesh.vertices.tobytes(), mesh.triangles.tobytes())
-    with _cutting:
-        known = load("convex_pieces", key)
-        if known is None:
-            known = _cut(mesh)
-            store("convex_pieces", key, known)
+    known = load("convex_pieces", key)
+    if known is None:
+        found = _taken_apart(mesh, min(seconds, MOST_SECONDS))
+        if not found:
+            return None
+        known = [vertices.tolist() for vertices in found]
+        store("convex_pieces", key, known)
     return tuple(np.array(vertices) for vertices in known)
 
 
-def _cut(mesh: TriangleMesh) -> list[list[list[float]]]:
-    """Let coacd take a mesh apart, in a process of its own. Raises InputError where it fails or takes too long."""
-    job = {"vertices": mesh.vertices.tolist(), "triangles": mesh.triangles.tolist(), "threshold": CONCAVITY}
+def _taken_apart(mesh: TriangleMesh, seconds: float) -> list[Floats]:
+    """Run coacd on a mesh; empty where it fails."""
+    if seconds <= 0.0:
+        return []
     with tempfile.TemporaryDirectory() as folder:
-        answer = Path(folder) / "pieces.json"
-        command = [sys.executable, "-P", "-c", CHILD, str(answer)]
+        given, result = Path(folder) / "mesh.npz", Path(folder) / "pieces.npz"
+        np.savez(given, vertices=mesh.vertices, triangles=mesh.triangles)
+        processor = math.ceil(seconds * (os.cpu_count() or 1)) + 1
+        told = [str(given), str(result), str(CONCAVITY), str(processor), str(MOST_MEMORY)]
         try:
-            done = subprocess.run(
-                command, input=json.dumps(job), capture_output=True, text=True, timeout=most_seconds(LONGEST)
+            subprocess.run(
+                [sys.executable, "-P", str(Path(__file__).with_name("convex_task.py")), *told],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                timeout=seconds,
+                check=True,
             )
-        except subprocess.TimeoutExpired:
-            check_time("cutting a mesh into convex pieces")
-            raise InputError(f"mesh: cannot be cut into convex pieces within {LONGEST:g} s") from None
-        if done.returncode or not answer.is_file():
-            raise InputError("mesh: cannot be cut into convex pieces; is it closed, and does it not cross itself?")
-        pieces: list[list[list[float]]] = json.loads(answer.read_text())
-        return pieces
+            with np.load(result) as pieces:
+                return [np.asarray(pieces[name], dtype=np.float64) for name in pieces.files]
+        except (OSError, ValueError, subprocess.SubprocessError):
+            return []

@@ -7,6 +7,7 @@ from the law of time (`timing.duration`), which does not depend on the motion.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -58,14 +59,15 @@ def moving_clearance(
     bodies: tuple[LinkBody, ...],
     supports: NDArray[np.bool_],
     distance: Callable[[BodyPairs, tuple[LinkBody, ...], tuple[PlaneBody, ...]], PairDistance],
+    deadline: float,
 ) -> tuple[MovingClearance, tuple[PlaneBody, ...], tuple[str, ...]]:
     """Lay out the pairs of every moving link body with every moving obstacle; also the obstacles' convex pieces, and
     words on what was made of them.
 
-    supports: (nj, n) as Kinematics.supports. distance: makes the pairs' distance.
+    supports: (nj, n) as Kinematics.supports. distance: makes the pairs' distance. deadline: as `problem.build`'s.
     """
     obstacles = scene.moving
-    enclosed = [_carried(obstacle, len(supports) + i, scene) for i, obstacle in enumerate(obstacles)]
+    enclosed = [_carried(obstacle, len(supports) + i, scene, deadline) for i, obstacle in enumerate(obstacles)]
     pieces = tuple(piece for found, _ in enclosed for piece in found)
     margins = np.array([scene.clearances[piece.name] + scene.planner.activation for piece in pieces])
     pairs = [(a, b) for a, body in enumerate(bodies) if body.joint > 0 for b in range(len(pieces))]
@@ -81,7 +83,10 @@ def moving_clearance(
     return term, pieces, tuple(word for _, words in enclosed for word in words)
 
 
-def _carried(obstacle: Obstacle, joint: int, scene: Scene) -> tuple[tuple[PlaneBody, ...], tuple[str, ...]]:
+def _carried(
+    obstacle: Obstacle, joint: int, scene: Scene, deadline: float
+) -> tuple[tuple[PlaneBody, ...], tuple[str, ...]]:
     """Enclose an obstacle in its own frame, which `joint` carries."""
-    pieces, words = from_obstacle(replace(obstacle, pose=Pose(), motion=None), scene.planner.normals)
+    standing = replace(obstacle, pose=Pose(), motion=None)
+    pieces, words = from_obstacle(standing, scene.planner.normals, deadline - time.perf_counter())
     return tuple(replace(piece, joint=joint) for piece in pieces), words

@@ -19,7 +19,9 @@ from hdplan.planner.solvers import solver_named
 from hdplan.scenes.deadline import check_time, seconds_left
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.model import Goals, JointTarget, PathConstraints, Scene
+from hdplan.scenes.values import Number, Whole, checked, instance
 
+FOR_MESHES = 0.5  # share of what is left of a limit to all, for taking meshes apart
 RESERVED, MOST_RESERVED = 0.2, 1.0  # share of what is left, at most [s], that is kept for the certificate
 
 if TYPE_CHECKING:
@@ -57,6 +59,9 @@ def plan(
         InputError: for what scene or robot get wrong, among it a start or goal in collision or off a path constraint,
             and for ipopt with the distance fcl, swept bodies or path constraints.
     """
+    instance(scene, Scene, "scene")
+    seed = checked(Whole(0, 2**63 - 1), seed, "seed")
+    time_limit = checked(Number(above=0.0, unit="s"), time_limit, "time_limit")
     run = solver_named(solver)
     if solver == "ipopt" and (lacking := _without_second_derivatives(scene)):
         raise InputError(f"solver ipopt: needs exact second derivatives, which {lacking} does not have")
@@ -70,7 +75,7 @@ def plan(
     aims = [replace(scene, goal=goal) for goal in goals]
     clearances = [reachable_clearance(aim, robot, certifier) for aim in aims]  # ends in collision: before all fitting
     timekeeper = _timekeeper(scene, robot)
-    problems = [build(aim, robot) for aim in aims]
+    problems = [build(aim, robot, began + min(time_limit, FOR_MESHES * seconds_left())) for aim in aims]
     if timekeeper is not None:
         hurried = [timekeeper.too_short(problem.start, problem.goal) for problem in problems]
         if all(hurried):
@@ -112,7 +117,7 @@ def plan(
         iterations=sum(search.iterations for search in searches),
         steps=best.steps,
         times=Times(load, build_, compile_, solved, certified),
-        notes=(*problems[taken].notes, *words),
+        notes=(*problems[taken].notes, *best.certificate.notes, *words),
         goal=goals[taken] if several else None,
     )
 

@@ -20,7 +20,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.halfspaces import FAR, box_directions
-from hdplan.planner.convex_pieces import convex_pieces
+from hdplan.planner.convex_pieces import MOST_SECONDS, convex_pieces
 from hdplan.planner.meshes import load_mesh
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, Shape, Sphere
@@ -45,19 +45,26 @@ class PlaneBody:
     placement: Floats  # (4, 4) the frame in which `shape` is given
 
 
-def from_obstacle(obstacle: Obstacle, normals: str = "box") -> tuple[tuple[PlaneBody, ...], tuple[str, ...]]:
-    """Enclose an obstacle: one body, or one for each convex piece of its mesh; and words on what was made of it."""
+def from_obstacle(
+    obstacle: Obstacle, normals: str = "box", seconds: float = MOST_SECONDS
+) -> tuple[tuple[PlaneBody, ...], tuple[str, ...]]:
+    """Enclose an obstacle: one body, or one for each convex piece of its mesh; and words on what was made of it.
+
+    A mesh that cannot be split, or not within `seconds`, is enclosed by its hull.
+    """
     check_time("building the problem")
     placement = obstacle.pose.matrix
     if not isinstance(obstacle.shape, Mesh):
         return (from_shape(obstacle.name, obstacle.shape, placement, normals),), ()
-    pieces = convex_pieces(load_mesh(obstacle.shape, f"obstacles.{obstacle.name}"))
+    mesh = load_mesh(obstacle.shape, f"obstacles.{obstacle.name}")
+    split = convex_pieces(mesh, seconds)
+    pieces = (mesh.vertices,) if split is None else split
     bodies = tuple(from_points(obstacle.name, piece, placement, normals) for piece in pieces)
-    file = obstacle.shape.file.name
-    words = (
-        (f"obstacle '{obstacle.name}': mesh {file} split into {len(pieces)} convex pieces",) if len(pieces) > 1 else ()
-    )
-    return bodies, words
+    about = f"obstacle '{obstacle.name}': mesh {obstacle.shape.file.name}"
+    if split is None:
+        limit = f"{min(max(seconds, 0.0), MOST_SECONDS):.3g} s"
+        return bodies, (f"{about} could not be split into convex pieces within {limit}: planned around as its hull",)
+    return bodies, (f"{about} split into {len(pieces)} convex pieces",) if len(pieces) > 1 else ()
 
 
 def from_shape(name: str, shape: Shape, placement: Floats, normals: str = "box") -> PlaneBody:

@@ -12,6 +12,8 @@ terms that the scene calls for exist.
 
 from __future__ import annotations
 
+import math
+import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -33,6 +35,7 @@ from hdplan.planner.swept_clearance import SweptClearance
 from hdplan.planner.terms import Clearance, MotionTerm, PairDistance, Smoothness, Term
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.model import JointTarget, PathConstraints, PlannerSettings, Scene
+from hdplan.scenes.values import instance
 
 if TYPE_CHECKING:
     from hdplan.planner.path_terms import PathTerm
@@ -168,8 +171,13 @@ def self_margin(scene: Scene) -> float:
     return max(scene.planner.clearance, scene.self_collision.clearance) + SELF_ACTIVATION
 
 
-def build(scene: Scene, robot: Robot | None = None) -> Problem:
-    """Lay out the problem of a scene. Raises InputError for what the scene or its robot gets wrong."""
+def build(scene: Scene, robot: Robot | None = None, deadline: float = math.inf) -> Problem:
+    """Lay out the problem of a scene. Raises InputError for what the scene or its robot gets wrong.
+
+    What can be done without waits no longer than `deadline` (time.perf_counter()): meshes that are not split into
+    convex pieces by then are planned around as their hulls, with a note.
+    """
+    instance(scene, Scene, "scene")
     with naming(scene.source):
         scene.check_effects()
     robot = robot or load_scene_robot(scene)
@@ -181,7 +189,9 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
     outline = outline_of(robot, settings.link_bodies, settings.normals)
     kinematics, bodies = outline.kinematics, outline.bodies
     with naming(scene.source):
-        enclosed = [from_obstacle(obstacle, settings.normals) for obstacle in scene.standing]
+        enclosed = [
+            from_obstacle(obstacle, settings.normals, deadline - time.perf_counter()) for obstacle in scene.standing
+        ]
     plane_bodies = tuple(body for pieces, _ in enclosed for body in pieces)
     notes = [*scene.notes, *robot.notes, *query.notes, *(word for _, words in enclosed for word in words)]
 
@@ -216,6 +226,7 @@ def build(scene: Scene, robot: Robot | None = None) -> Problem:
                 lambda pairs, bodies, pieces: _distance(
                     pairs, bodies, pieces, settings, plane_counts(settings.normals)
                 ),
+                deadline,
             )
         terms += [term, pace(scene, robot)]
         plane_bodies, notes = (*plane_bodies, *drifting), [*notes, *words]

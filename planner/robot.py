@@ -25,6 +25,7 @@ from hdplan.scenes.description import LinkPair, Semantics, Tree, link_pair, read
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.model import Attached, JointTarget, RobotSpec
 from hdplan.scenes.robot_library import description_of
+from hdplan.scenes.values import instance
 
 Array = NDArray[np.float64]
 
@@ -150,6 +151,7 @@ def load_robot(spec: RobotSpec) -> Robot:
     Raises:
         InputError: unknown robot, group, joint or link; a file that cannot be read; a joint with several coordinates.
     """
+    instance(spec, RobotSpec, "spec")
     name, urdf, srdf, package_dirs = description_of(spec)
     tree = read_tree(urdf)
     semantics = read_semantics(srdf, tree) if srdf is not None else Semantics()
@@ -170,6 +172,7 @@ def load_robot(spec: RobotSpec) -> Robot:
             )
     planned, notes = _planned(joints, spec, tree, semantics, name)
     held = {joint: _held_at(joint, full, spec, tree, semantics) for joint in joints if joint not in planned}
+    notes += [*tree.notes, *semantics.notes]
     if not geometry.geometryObjects:
         notes.append(f"no link of {name} has collision geometry: it can touch nothing")
     by_default = [f"{joint} at {value:g}" for joint, value in held.items() if joint not in spec.locked]

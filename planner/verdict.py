@@ -84,7 +84,7 @@ class Certificate:
     configurations: int  # at which distances were computed
     exact_calls: int  # of the exact distance
     seconds: float  # spent
-    notes: tuple[str, ...] = ()  # where less clearance had to be proven than the scene asks for, and why
+    notes: tuple[str, ...] = ()  # less clearance to be proven than the scene asks for, and why; meshes with holes
 
     @property
     def unproven(self) -> tuple[int, ...]:

@@ -16,6 +16,7 @@ from hdplan.scenes.files import read_file
 from hdplan.scenes.model import Pose
 from hdplan.scenes.poses import compose
 from hdplan.scenes.urdf_check import check_urdf, read_origin
+from hdplan.scenes.urdf_words import check_shapes, check_srdf_words, check_urdf_words
 
 DEEPEST = 64  # levels of elements
 LinkPair = tuple[str, str]  # two different links, in alphabetical order
@@ -36,6 +37,7 @@ class Tree:
     collisions: int  # number of collision geometries
     name: str = ""  # of the robot
     fixed: Mapping[str, Pose] = field(default_factory=dict)  # child link of a fixed joint -> its frame in its parent's
+    notes: tuple[str, ...] = ()  # what was passed over, in words
 
     def chain(self, tip: str, base: str) -> tuple[str, ...]:
         """Return the joints of a chain as MoveIt has it: those from the tip up to the base (or the root); where the
@@ -68,6 +70,11 @@ class Tree:
                 waiting.append(link)
         return found
 
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """All joints, fixed ones too."""
+        return tuple(joint for _, joint in self.parent.values())
+
     def between(self, a: str, b: str) -> tuple[str, ...]:
         """Return the links on the way from link `a` to link `b`, without these two."""
         above_a, above_b = self._upward(a), self._upward(b)
@@ -90,6 +97,7 @@ class Semantics:
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # group -> its joints, fixed ones included
     states: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # named state -> joint -> value
     disabled: frozenset[LinkPair] = frozenset()  # pairs that are not to be checked
+    notes: tuple[str, ...] = ()  # what was passed over, in words
 
     def group(self, asked: str, robot: Collection[str]) -> str:
         """Return the name of a group that is asked for by it, or with a name of the robot before it (`panda_arm`: arm).
@@ -129,6 +137,7 @@ def read_tree(path: Path) -> Tree:
     """Read a URDF file's links and joints. Raises InputError for a file that is missing, not XML, or faulty."""
     root = _parse(path, "urdf")
     with naming(f"robot.urdf: {path}"):
+        notes = (*check_urdf_words(root), *check_shapes(root))
         check_urdf(root)
     parent: dict[str, tuple[str, str]] = {}
     fixed: dict[str, Pose] = {}
@@ -144,12 +153,15 @@ def read_tree(path: Path) -> Tree:
             factor, offset = (float(mimic.get(key) or value) for key, value in (("multiplier", 1.0), ("offset", 0.0)))
             mimics[joint.get("name", "")] = (mimic.get("joint", ""), factor, offset)
     links = tuple(link.get("name", "") for link in root.findall("link"))
-    return Tree(links, parent, mimics, len(root.findall("link/collision")), root.get("name", ""), fixed)
+    collisions = len(root.findall("link/collision"))
+    return Tree(links, parent, mimics, collisions, root.get("name", ""), fixed, notes)
 
 
 def read_semantics(path: Path, tree: Tree) -> Semantics:
     """Read an SRDF file. Raises InputError for a file that is missing or not XML, or a state that is not a number."""
     root = _parse(path, "srdf")
+    with naming(f"robot.srdf: {path}"):
+        notes = check_srdf_words(root, tree.links, tree.joints)
     elements = {group.get("name", ""): group for group in root.findall("group")}
 
     def joints(name: str, above: tuple[str, ...] = ()) -> list[str]:
@@ -185,4 +197,4 @@ def read_semantics(path: Path, tree: Tree) -> Semantics:
     disabled = frozenset(
         link_pair(pair.get("link1", ""), pair.get("link2", "")) for pair in root.findall("disable_collisions")
     )
-    return Semantics({name: tuple(joints(name)) for name in elements}, states, disabled)
+    return Semantics({name: tuple(joints(name)) for name in elements}, states, disabled, notes)

@@ -36,6 +36,7 @@ from hdplan.scenes.poses import read_pose
 from hdplan.scenes.settings import read_settings
 from hdplan.scenes.shapes import read_shape
 from hdplan.scenes.targets import read_goal, read_target
+from hdplan.scenes.values import checked, path_of
 
 VERSION = 1
 SECTIONS = (
@@ -70,6 +71,9 @@ def load_scene(path: FilePath, request: FilePath | None = None, robot: FilePath 
         InputError: anything wrong with these files, in one line: file, field, what was found, what is allowed.
             Names of joints, links and states are checked when the robot is loaded.
     """
+    for name, given in (("path", path), ("request", request), ("robot", robot)):
+        if given is not None or name == "path":
+            checked(path_of, given, name)
     top = read_document(find_scene(path))
     keys = top.mapping()
     spec, notes = (None, ()) if robot is None else read_robot(robot)

@@ -176,6 +176,12 @@ def checked(check: Check, value: object, where: str) -> Any:
         raise error.within(where) from None
 
 
+def instance(value: object, kind: type, where: str) -> None:
+    """Raise a FieldError unless a function was given what it is for."""
+    if not isinstance(value, kind):
+        raise wrong(f"of the class {kind.__name__}", value).within(where)
+
+
 def shorten(text: str) -> str:
     """Cut a long text for an error line."""
     return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
@@ -220,12 +226,12 @@ def _check_of(hint: Any) -> Check:
     if typing.get_origin(hint) in (typing.Union, types.UnionType):
         members = typing.get_args(hint)
         given = [member for member in members if member is not type(None)]
-        check = _check_of(given[0]) if len(given) == 1 else _instance(tuple(given))
+        check = _check_of(given[0]) if len(given) == 1 else _one_of(tuple(given))
         return _optional(check) if len(given) < len(members) else check
     if typing.get_origin(hint) is tuple:
         return Row(_check_of(typing.get_args(hint)[0]), of="values")
     plain: Mapping[Any, Check] = {bool: boolean, str: _any_text, Path: path_of}
-    return plain.get(hint) or _instance((hint,))
+    return plain.get(hint) or _one_of((hint,))
 
 
 def _optional(check: Check) -> Check:
@@ -238,7 +244,7 @@ def _any_text(value: object) -> str:
     return value
 
 
-def _instance(kinds: tuple[type, ...]) -> Check:
+def _one_of(kinds: tuple[type, ...]) -> Check:
     def check(value: object) -> object:
         if not isinstance(value, kinds):
             raise wrong(f"of the class {' or '.join(kind.__name__ for kind in kinds)}", value)

@@ -58,6 +58,7 @@ HOMES = {
         "planner/view/viewer.py",
     },
     "daqp": {"planner/control_program.py"},
+    "coacd": {"planner/convex_task.py"},
     "toppra": {"planner/timing.py", "planner/torque_timing.py"},
     "yaml": {"scenes/fields.py"},
 }

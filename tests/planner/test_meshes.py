@@ -159,3 +159,26 @@ def test_a_hull_with_a_corner_of_many_neighbours_is_as_far_away_as_it_is(section
         _, gap = best_direction(piece, here, ball, there)
         assert gap <= expected + 2e-4
         assert gap == pytest.approx(expected, abs=2e-3)
+
+
+def rings(count: int) -> TriangleMesh:
+    """Rings, one in the other, each with triangles missing: nothing that can be cut into convex pieces at once."""
+    parts = [trimesh.creation.torus(0.3, 0.1, major_sections=40, minor_sections=20) for _ in range(count)]
+    for i, part in enumerate(parts):
+        part.apply_translation([0.3 * i, 0, 0])
+        part.update_faces(np.arange(len(part.faces)) % 7 > 0)
+    whole = trimesh.util.concatenate(parts)
+    return TriangleMesh.merged(whole.vertices, whole.faces)
+
+
+def test_a_mesh_that_takes_too_long_to_split_is_planned_around_as_its_hull(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "cache"))
+    mesh = rings(3)
+    assert convex_pieces(mesh, 0.5) is None
+    trimesh.Trimesh(mesh.vertices, mesh.triangles).export(tmp_path / "rings.obj")
+    (body,), (note,) = from_obstacle(Obstacle("thing", Mesh(tmp_path / "rings.obj")), seconds=0.5)
+    assert "rings.obj could not be split into convex pieces within 0.5 s: planned around as its hull" in note
+    assert ((mesh.vertices @ body.normals.T) <= body.supports + 1e-6).all()
+    assert not list((tmp_path / "cache").glob("convex_pieces/*"))

@@ -1,0 +1,32 @@
+"""Cut one mesh into convex pieces with coacd: a program of its own, so that it can be given up.
+
+coacd cannot be interrupted, takes minutes for some damaged meshes and all memory for others, and may end its process.
+Arguments: file of the mesh (.npz: vertices (m, 3), triangles (F, 3)), file to write (.npz: a point set for each piece),
+concavity, processor time [s] and memory [bytes] that it may take.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import coacd
+import numpy as np
+
+
+def main(mesh: str, result: str, concavity: str, seconds: str, memory: str) -> None:
+    """Cut a mesh as the arguments say."""
+    try:
+        import resource
+    except ImportError:  # not on Windows
+        pass
+    else:
+        resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds)))
+        resource.setrlimit(resource.RLIMIT_AS, (int(memory), int(memory)))
+    coacd.set_log_level("error")
+    with np.load(mesh) as told:
+        pieces = coacd.run_coacd(coacd.Mesh(told["vertices"], told["triangles"]), threshold=float(concavity), seed=0)
+    np.savez(result, *(vertices for vertices, _ in pieces))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,149 @@
+"""Words of a URDF or SRDF that are none of the format's, or name nothing that is there.
+
+Readers of URDF pass over what they do not know: `<collisionx>` is a link shape that is never looked at. A word that is
+nearly one of the format's is taken for a slip of the pen and refused; any other (contact parameters, filters and
+the like, which many robots carry) is named in a note. At top level vendors write what they like.
+"""
+
+from __future__ import annotations
+
+import difflib
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Collection, Iterable, Sequence
+
+from hdplan.scenes.errors import InputError, nearest
+
+# Each element that says where and what a robot's bodies are: what it may hold, and its attributes.
+ELEMENTS = {
+    "link": ("inertial", "visual", "collision"),
+    "inertial": ("origin", "mass", "inertia"),
+    "collision": ("origin", "geometry", "material", "verbose"),
+    "geometry": ("box", "cylinder", "sphere", "capsule", "mesh"),
+    "joint": ("origin", "parent", "child", "axis", "calibration", "dynamics", "limit", "mimic", "safety_controller"),
+}
+ATTRIBUTES = {
+    "link": ("name", "type"),
+    "joint": ("name", "type"),
+    "collision": ("name",),
+    "geometry": ("name",),
+    "origin": ("xyz", "rpy"),
+    "mass": ("value",),
+    "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
+    "box": ("size",),
+    "cylinder": ("radius", "length"),
+    "sphere": ("radius",),
+    "capsule": ("radius", "length"),
+    "mesh": ("filename", "scale"),
+    "parent": ("link",),
+    "child": ("link",),
+    "axis": ("xyz",),
+    "limit": ("lower", "upper", "effort", "velocity"),
+    "mimic": ("joint", "multiplier", "offset"),
+}
+ONCE = ("inertial", "origin", "mass", "inertia", "geometry", "parent", "child", "axis", "limit", "mimic")
+SRDF = ("group", "group_state", "end_effector", "virtual_joint", "passive_joint", "disable_collisions")
+FLOATING = "root_joint"  # what Pinocchio calls the joint of a floating base
+NEARLY, NEARLY_SHORT = 0.7, 0.6  # likeness from which a word is taken for a misspelt one; of at most four letters
+MOST = 4  # names in a note; of more it says how many there are
+
+
+def check_urdf_words(root: ElementTree.Element) -> tuple[str, ...]:
+    """Return a note on what a URDF's links and joints hold that is not URDF.
+
+    Raises InputError for a word that is nearly one of URDF's, and for elements that may stand but once.
+    """
+    for element in root:
+        if (tag := _name(element)) not in ("link", "joint"):
+            _check_spelling(tag, ("link", "joint"), "element")
+    unknown: dict[str, None] = {}
+    for element in root:
+        if element.tag in ("link", "joint"):
+            _walk(element, f"{element.tag} '{element.get('name')}'", unknown)
+    return (f"not part of URDF, passed over: {_listed(list(unknown)[:MOST], len(unknown))}",) if unknown else ()
+
+
+def check_srdf_words(root: ElementTree.Element, links: Collection[str], joints: Collection[str]) -> tuple[str, ...]:
+    """Return notes on what an SRDF says of links and joints (..) that the robot does not have.
+
+    Raises InputError for a word that is nearly one of SRDF's.
+    """
+    named: dict[str, list[str]] = {"link": [], "joint": []}
+    for element in root:
+        tag = _name(element)
+        if tag not in SRDF:
+            _check_spelling(tag, SRDF, "element")
+        if tag == "disable_collisions":
+            for attribute in element.attrib:
+                if attribute not in ("link1", "link2", "reason"):
+                    _check_spelling(attribute, ("link1", "link2"), "disable_collisions: attribute")
+            named["link"] += [element.get("link1", ""), element.get("link2", "")]
+        if tag == "end_effector":
+            named["link"].append(element.get("parent_link", ""))
+        if tag == "group":
+            for entry in element:
+                if entry.tag in named:
+                    named[entry.tag].append(entry.get("name", ""))
+                if entry.tag == "chain":
+                    named["link"] += [entry.get("base_link", ""), entry.get("tip_link", "")]
+        if tag == "group_state":
+            named["joint"] += [joint.get("name", "") for joint in element.findall("joint")]
+    virtual = [element.get("name", "") for element in root.findall("virtual_joint")]
+    notes = []
+    for kind, there in (("link", {*links}), ("joint", {*joints, *virtual, FLOATING})):
+        if unknown := [name for name in dict.fromkeys(named[kind]) if name not in there]:
+            shown = [f"'{name}'{nearest(name, there, 'none is like it')}" for name in unknown[:MOST]]
+            notes.append(f"the SRDF names {kind}s that the robot does not have: {_listed(shown, len(unknown))}")
+    return tuple(notes)
+
+
+def check_shapes(root: ElementTree.Element) -> tuple[str, ...]:
+    """Return a note on links that are seen, but have no collision geometry, unless no link has any."""
+    links = root.findall("link")
+    seen = [
+        f"{link.get('name')}" for link in links if link.find("visual") is not None and not link.findall("collision")
+    ]
+    if not seen or not root.findall("link/collision"):
+        return ()
+    return (f"links without collision geometry, never checked: {_listed(seen[:MOST], len(seen))}",)
+
+
+def _walk(element: ElementTree.Element, where: str, unknown: dict[str, None]) -> None:
+    """Check an element and what it holds; gather what is not known and looks like nothing known."""
+    tag = _name(element)
+    for attribute in element.attrib if tag in ATTRIBUTES else ():
+        if attribute not in ATTRIBUTES[tag]:
+            _check_spelling(attribute, ATTRIBUTES[tag], f"{where}: {tag}: attribute")
+            unknown[f"{attribute} of {tag}"] = None
+    if tag not in ELEMENTS:
+        return
+    seen: set[str] = set()
+    for child in element:
+        name = _name(child)
+        if name not in ELEMENTS[tag]:
+            if tag != "geometry":  # which holds one shape that is known: checked with its sizes
+                _check_spelling(name, ELEMENTS[tag], f"{where}: element")
+                unknown[f"{name} in {tag}"] = None
+        elif name in seen and name in ONCE:
+            raise InputError(f"{where}: <{name}> stands twice in <{tag}>; one is allowed")
+        seen.add(name)
+        if name != "visual":  # which nothing is proven of
+            _walk(child, where, unknown)
+
+
+def _check_spelling(word: str, known: Iterable[str], where: str) -> None:
+    """Raise InputError for a word that is nearly a known one, unless it is put together with that (gear_velocity)."""
+    parts = word.strip("_").split("_")
+    for right in known:
+        likeness = difflib.SequenceMatcher(None, word.lower(), right).ratio()
+        if likeness >= (NEARLY if len(right) > 4 else NEARLY_SHORT) and (len(parts) == 1 or right not in parts):
+            raise InputError(f"{where} '{word}' is not known (did you mean '{right}'?)")
+
+
+def _name(element: ElementTree.Element) -> str:
+    """Return an element's name without its namespace; empty for a comment."""
+    return element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""
+
+
+def _listed(names: Sequence[str], count: int) -> str:
+    more = f" and {count - len(names)} more" if count > len(names) else ""
+    return ", ".join(names) + more
