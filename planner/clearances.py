@@ -50,8 +50,7 @@ class Clearances:
         outer = np.empty(0)
         if closest:
             within = max(place.distance for place in closest) * FARTHER + FARTHER_BY
-            within = min(max(within, FARTHER_BY), FARTHEST)
-            outer = outer_clearance(certifier.scene, certifier.robot, positions, times, within)
+            outer = outer_clearance(certifier.scene, certifier.robot, positions, times, max(within, FARTHER_BY))
         return cls(parameter, closest, between_links, outer)
 
 
@@ -60,10 +59,10 @@ def outer_clearance(scene: Scene, robot: Robot, positions: Array, times: Array, 
     [s].
 
     Lower bounds of the exact distance, by the bodies, normals and distance that the scene's settings choose; links that
-    do not move have no part in it. Pairs farther apart than `within` [m] are left out, for speed: inf where nothing is
-    left.
+    do not move have no part in it. Pairs farther apart than `within` [m], or FARTHEST, are left out, for speed: inf where
+    nothing is left.
     """
-    settings = replace(scene.planner, clearance=0.0, activation=within, swept=False)
+    settings = replace(scene.planner, clearance=0.0, activation=min(within, FARTHEST), swept=False)
     problem = build(replace(scene, planner=settings), robot)
     least = np.full(len(positions), np.inf)
     kinematics = problem.kinematics.evaluate(positions)

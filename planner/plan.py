@@ -61,7 +61,7 @@ def plan(
     """
     instance(scene, Scene, "scene")
     seed = checked(Whole(0, 2**63 - 1), seed, "seed")
-    time_limit = checked(Number(above=0.0, unit="s"), time_limit, "time_limit")
+    time_limit = checked(Number(low=0.0, unit="s"), time_limit, "time_limit")
     run = solver_named(solver)
     if solver == "ipopt" and (lacking := _without_second_derivatives(scene)):
         raise InputError(f"solver ipopt: needs exact second derivatives, which {lacking} does not have")

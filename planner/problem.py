@@ -180,7 +180,8 @@ def build(scene: Scene, robot: Robot | None = None, deadline: float = math.inf) 
     instance(scene, Scene, "scene")
     with naming(scene.source):
         scene.check_effects()
-    robot = robot or load_scene_robot(scene)
+    robot = load_scene_robot(scene) if robot is None else robot
+    instance(robot, Robot, "robot")
     query = resolve_query(robot, _settled(scene, robot))
     settings = scene.planner
     if settings.swept and settings.distance != "hdsdf":
