@@ -19,6 +19,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import traceback
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,9 +51,10 @@ class FclAnswers:
     aborted: NDArray[np.bool_]  # (N,) FCL ended its process there
 
 
-class FclPair:
+class FclPair(threading.local):
     """Two bodies for FCL's signed distance in this process, as fast as Python reaches it. For timing only.
 
+    Threads may share it, as each has FCL's objects of its own.
     Beware: FCL ends the whole process, uncatchably, in some poses with a gap below about 1e-6 m.
     Raises InputError if python-fcl is not installed.
     """
@@ -60,28 +62,30 @@ class FclPair:
     def __init__(self, body_a: ConvexBody, body_b: ConvexBody) -> None:
         """Build FCL's objects once."""
         self._fcl = fcl = _library()
-        self._a, self._b = (fcl.CollisionObject(_shape(body), fcl.Transform()) for body in (body_a, body_b))
+        self._placed = tuple(fcl.CollisionObject(_shape(body), fcl.Transform()) for body in (body_a, body_b))
         self._request = fcl.DistanceRequest(enable_nearest_points=True, enable_signed_distance=True)
         self._radii = body_a.radius + body_b.radius
         self._unfilled = fcl.DistanceResult(-np.inf)  # a result that is nearer already: nothing is copied into it
 
     def distance(self, pose_a: Array, pose_b: Array) -> float:
         """Return FCL's signed distance [m] at poses (4, 4), world from body [m]."""
-        self._place(pose_a, pose_b)
-        return float(self._fcl.distance(self._a, self._b, self._request, self._unfilled)) - self._radii
+        a, b = self._at(pose_a, pose_b)
+        return float(self._fcl.distance(a, b, self._request, self._unfilled)) - self._radii
 
     def polytopes(self, pose_a: Array, pose_b: Array) -> tuple[float, Array, Array]:
         """Return FCL's signed distance of the polytopes, radii left on, and its closest points (3,) on A and B [m]."""
-        self._place(pose_a, pose_b)
+        a, b = self._at(pose_a, pose_b)
         result = self._fcl.DistanceResult()
-        distance = self._fcl.distance(self._a, self._b, self._request, result)
+        distance = self._fcl.distance(a, b, self._request, result)
         return distance, *result.nearest_points
 
-    def _place(self, pose_a: Array, pose_b: Array) -> None:
-        self._a.setRotation(pose_a[:3, :3])
-        self._a.setTranslation(pose_a[:3, 3])
-        self._b.setRotation(pose_b[:3, :3])
-        self._b.setTranslation(pose_b[:3, 3])
+    def _at(self, pose_a: Array, pose_b: Array) -> tuple[Any, Any]:
+        a, b = self._placed
+        a.setRotation(pose_a[:3, :3])
+        a.setTranslation(pose_a[:3, 3])
+        b.setRotation(pose_b[:3, :3])
+        b.setTranslation(pose_b[:3, 3])
+        return a, b
 
 
 def fcl_distances(body_a: ConvexBody, poses_a: ArrayLike, body_b: ConvexBody, poses_b: ArrayLike) -> FclAnswers:

@@ -9,6 +9,7 @@ exactly parallel contacts; so its answer counts only if it proves itself, and ot
 from __future__ import annotations
 
 import functools
+import threading
 from typing import NamedTuple
 
 import coal
@@ -75,28 +76,28 @@ def signed_distances(body_a: ConvexBody, poses_a: ArrayLike, body_b: ConvexBody,
     return np.concatenate([np.empty(0), *(_exact(body_a, world_a[k], body_b, world_b[k]).distances for k in blocks)])
 
 
-class CoalPair:
+class CoalPair(threading.local):
     """Two bodies for coal's own signed distance, as fast as Python reaches it and as coal answers: nothing is checked.
 
-    For timing only: wrong without a word in about one of a thousand exactly parallel contacts.
+    For timing only: wrong without a word in about one of a thousand exactly parallel contacts. Threads may share it, as
+    each has its own of everything.
     """
 
     def __init__(self, body_a: ConvexBody, body_b: ConvexBody) -> None:
-        """Build coal's shapes once."""
-        self._radii = body_a.radius + body_b.radius
+        """Build what coal needs once."""
         self._hulls = _hull(body_a, 0), _hull(body_b, 0)  # the functor below does not keep them alive
-        self._compute = coal.ComputeDistance(*self._hulls)
-        self._place_a, self._place_b = coal.Transform3s(), coal.Transform3s()
-        self._result = coal.DistanceResult()
+        compute, result = coal.ComputeDistance(*self._hulls), coal.DistanceResult()
+        self._own = coal.Transform3s(), coal.Transform3s(), compute, result, body_a.radius + body_b.radius
 
     def distance(self, pose_a: Array, pose_b: Array) -> float:
         """Return coal's signed distance [m] at poses (4, 4), world from body [m]."""
-        self._place_a.setRotation(pose_a[:3, :3])
-        self._place_a.setTranslation(pose_a[:3, 3])
-        self._place_b.setRotation(pose_b[:3, :3])
-        self._place_b.setTranslation(pose_b[:3, 3])
-        self._result.clear()
-        return float(self._compute(self._place_a, self._place_b, REQUEST, self._result)) - self._radii
+        place_a, place_b, compute, result, radii = self._own
+        place_a.setRotation(pose_a[:3, :3])
+        place_a.setTranslation(pose_a[:3, 3])
+        place_b.setRotation(pose_b[:3, :3])
+        place_b.setTranslation(pose_b[:3, 3])
+        result.clear()
+        return float(compute(place_a, place_b, REQUEST, result)) - radii
 
 
 def _exact(body_a: ConvexBody, poses_a: Array, body_b: ConvexBody, poses_b: Array) -> _Answers:

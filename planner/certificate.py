@@ -26,6 +26,7 @@ from hdplan.planner.motion_bounds import Chain
 from hdplan.planner.proximity import link_pieces, obstacle_pieces
 from hdplan.planner.robot import Robot
 from hdplan.planner.robot_curve import beyond_limits, curve_of
+from hdplan.planner.rounding import refuse_far_bodies, refuse_what_drowns
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.sweep import Proof, Spot, Sweep
 from hdplan.planner.trajectory import Trajectory
@@ -44,7 +45,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 ENDS_KEEP = 0.75  # share of an end's distance that is asked for where it is below planner.clearance
-NOTHING_PROVEN = Proof((np.inf, np.inf), (None, None), (), 0, 0)  # where a motion leaves the joints' limits anyway
 NEAR = 0.15  # [m] within which the closest pair is looked for first
 
 
@@ -111,6 +111,10 @@ class Certifier:
         rows = [(a, b, 0) for a in range(count) for b in range(count, len(bodies))]
         rows += [(a, b, 1) for first, second in robot.self_pairs for a in links[first] for b in links[second]]
         gathered = Bodies(_chain(robot), bodies, robot.pin_q)
+        self._fields = [f"robot: '{body.name}'" for body in bodies[:count]]
+        self._fields += [f"obstacles.{body.name}" for body in bodies[count:]]
+        with naming(scene.source):
+            refuse_far_bodies(gathered, self._fields)
         self.sweep = Sweep(gathered, Pairs.of(gathered, rows))
         self.ends = EndCheck(scene, robot)
         self.path = None if scene.path == PathConstraints() else _path_check(scene, robot, gathered.chain)
@@ -141,12 +145,14 @@ class Certifier:
         if required is not None:
             required = checked(Number(low=0.0, unit="m"), required, "required")
         curve = curve_of(self.robot, trajectory)
-        beyond = beyond_limits(curve, self.robot)
+        beyond = beyond_limits(curve, self.robot)  # nothing else is looked at then: it could be anywhere
+        if not beyond:
+            refuse_what_drowns(self.sweep.bodies, self._fields, curve, self.robot.joint_names)
         uses = self._uses(curve)
         torques = None if self.torques is None or beyond else self.torques.check(curve)
         required, lessened = self.asked(curve) if required is None else (required, ())
         floor = self._floor(required)
-        proof = NOTHING_PROVEN if beyond else self.sweep.prove(curve, floor, stop_at_contact)
+        proof = Proof() if beyond else self.sweep.prove(curve, floor, stop_at_contact)
         path = None if self.path is None or beyond else self.path.prove(curve)
         kept, departures = (path.kept, path.departures) if path else ((), ())
         failures = tuple(self._place(spot, curve) for spot in proof.failures)

@@ -59,8 +59,8 @@ def outer_clearance(scene: Scene, robot: Robot, positions: Array, times: Array, 
     [s].
 
     Lower bounds of the exact distance, by the bodies, normals and distance that the scene's settings choose; links that
-    do not move have no part in it. Pairs farther apart than `within` [m], or FARTHEST, are left out, for speed: inf where
-    nothing is left.
+    do not move have no part in it. Pairs farther apart than `within` [m], or FARTHEST, are left out, for speed: inf
+    where nothing is left.
     """
     settings = replace(scene.planner, clearance=0.0, activation=min(within, FARTHEST), swept=False)
     problem = build(replace(scene, planner=settings), robot)

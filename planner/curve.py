@@ -9,6 +9,10 @@ which is the rule of ROS' joint_trajectory_controller. It is kept in Bernstein f
 rows, 0 ≤ s ≤ 1: a polynomial lies within the hull of its control points c_i, its parts and its derivatives within those
 of theirs (Farin, Curves and Surfaces for CAGD, chapters 4 and 5). So all bounds here are proven, up to rounding. Units:
 [rad] or [m], and [s].
+
+Numbers have bounds (FARTHEST, SHORTEST, LONGEST), so that nothing overflows: a derivative of order k ≤ 4 is at most
+d! / (d − k)! 2ᵏ FARTHEST / SHORTESTᵏ < 1e250, and so are products of rates of four orders in all, as bounds on torques
+have them.
 """
 
 from __future__ import annotations
@@ -23,6 +27,8 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+FARTHEST = 1e6  # [rad] or [m] that a control point may be from 0
+SHORTEST, LONGEST = 1e-60, 1e60  # [s] between two rows, and from time 0
 PARTS = 8  # of an interval, each bounded by its own control points
 
 

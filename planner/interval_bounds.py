@@ -19,8 +19,7 @@ import numpy as np
 from hdplan.planner.intervals import Bodies, Index, Intervals, Pairs
 from hdplan.planner.motion_bounds import Array, Mask, Motion, cross
 from hdplan.planner.proximity import DOUBTFUL, best_direction, direction
-
-ROUNDING = 1e-9  # taken off every bound [m]: floating point at the scale of a robot errs by less than a millionth of it
+from hdplan.planner.rounding import ROUNDING
 
 
 @dataclass(frozen=True, eq=False)

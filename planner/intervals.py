@@ -59,6 +59,30 @@ class Bodies:
         self.hollow = np.array([piece.surface is not None for piece in self.pieces], dtype=bool)
         self.drifting = np.array([body.passages is not None for body in bodies], dtype=bool)  # (g,)
 
+    def speed(self, g: int) -> float:
+        """Return how fast a point of a drifting body moves at most [m/s]."""
+        passages = self._passages(g)
+        return float((_lengths(passages.velocity) + _lengths(passages.spin) * self._lever(g)).max())
+
+    def latest(self, g: int) -> float:
+        """Return the greatest time [s] of a drifting body's own poses, however far before or after 0."""
+        return float(np.abs(self._passages(g).anchors).max())
+
+    def farthest(self, g: int, time: float) -> float:
+        """Return how far from the world's origin a drifting body's own may come [m] within `time` [s] of its poses."""
+        passages = self._passages(g)
+        gone = float(_lengths(passages.velocity).max()) * time if time > 0.0 else 0.0
+        return float(_lengths(passages.poses[:, :3, 3]).max()) + gone
+
+    def _lever(self, g: int) -> float:
+        """No point of a body is farther from its origin [m]."""
+        return float(np.linalg.norm(self.pieces[g].center)) + self.pieces[g].radius
+
+    def _passages(self, g: int) -> Passages:
+        passages = self.bodies[g].passages
+        assert passages is not None
+        return passages
+
     def drift(self, middle: Array, half: Array) -> tuple[Array, Motion]:
         """Return where the drifting bodies are at times `middle` (k,) [s], (k, g, 4, 4), and what they do within `half`
         (k,) of them, (k, g); at rest if they do not drift.
@@ -70,9 +94,7 @@ class Bodies:
         placements, omega, velocity = np.zeros((*shape, 4, 4)), np.zeros((*shape, 3)), np.zeros((*shape, 3))
         first, second = np.zeros(shape), np.zeros(shape)
         for g in np.flatnonzero(self.drifting).tolist():
-            passages, piece = self.bodies[g].passages, self.pieces[g]
-            assert passages is not None
-            lever = float(np.linalg.norm(piece.center)) + piece.radius  # no point is farther from the origin
+            passages, lever = self._passages(g), self._lever(g)
             placements[:, g] = passages.at(middle)
             begin = passages.row(middle - half)
             end = np.maximum(np.searchsorted(passages.begins, middle + half, side="left") - 1, begin)
@@ -95,6 +117,11 @@ class Bodies:
         else:
             rows = [body.reach(self.chain, travel) for body in self.bodies]
         return np.array(rows).reshape(-1, len(travel))
+
+
+def _lengths(vectors: Array) -> Array:
+    """The lengths (k,) of vectors (k, 3), however long."""
+    return np.asarray(np.hypot(np.hypot(vectors[:, 0], vectors[:, 1]), vectors[:, 2]))
 
 
 @functools.lru_cache(maxsize=4096)

@@ -8,12 +8,11 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hdplan.planner.curve import Curve, halves
+from hdplan.planner.curve import FARTHEST, Curve, halves
 from hdplan.planner.robot import Robot
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError, nearest
 
-FARTHEST = 1e6  # [rad] or [m] beyond which a waypoint drowns in rounding
 BEYOND_LIMIT = 1e-9  # [rad] or [m] by which a motion may be beyond a joint limit: rounding
 HALVINGS = 40  # of an interval, to tell a curve that grazes a limit from one that passes it
 SAME_LOCKED = 1e-6  # [rad] or [m] between a locked joint's value in trajectory and scene

@@ -13,10 +13,11 @@ import numpy as np
 
 from hdplan.planner.containment import Containment
 from hdplan.planner.curve import Curve
-from hdplan.planner.interval_bounds import ROUNDING, Bounds, Items, travel_of
+from hdplan.planner.interval_bounds import Bounds, Items, travel_of
 from hdplan.planner.intervals import Bodies, Index, Intervals, Pairs
 from hdplan.planner.motion_bounds import Array
 from hdplan.planner.proximity import Piece, surface_distance, witness_points
+from hdplan.planner.rounding import ROUNDING
 from hdplan.scenes.deadline import seconds_left
 
 SHORTEST = 2.0**-17  # of a waypoint interval: below it, the answer is "not proven"
@@ -42,13 +43,13 @@ class Spot:
 
 @dataclass(frozen=True)
 class Proof:
-    """What was found out about the whole motion."""
+    """What was found out about the whole motion; by default nothing."""
 
-    clearance: tuple[float, float]  # [m] proven lower bound for each group, inf without pairs
-    closest: tuple[Spot | None, Spot | None]  # the least distance met, for each group
-    failures: tuple[Spot, ...]  # every waypoint interval and pair without proof, the worst place met there
-    configurations: int  # at which distances were computed
-    exact_calls: int  # of the exact distance
+    clearance: tuple[float, float] = (np.inf, np.inf)  # [m] proven lower bound for each group, inf without pairs
+    closest: tuple[Spot | None, Spot | None] = (None, None)  # the least distance met, for each group
+    failures: tuple[Spot, ...] = ()  # every waypoint interval and pair without proof, the worst place met there
+    configurations: int = 0  # at which distances were computed
+    exact_calls: int = 0  # of the exact distance
 
 
 class Sweep:

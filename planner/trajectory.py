@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hdplan.planner.curve import Curve
+from hdplan.planner.curve import FARTHEST, LONGEST, SHORTEST, Curve
 from hdplan.planner.output import write_output
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.files import MOST_BYTES, read_file
@@ -97,8 +97,22 @@ class Trajectory:
             if values.shape != positions.shape:
                 raise InputError(f"{key}: shape {values.shape}, expected {positions.shape} as the positions have")
             _check_finite(values, key, names)
+            self._check_small(values, key)
             values.setflags(write=False)
             object.__setattr__(self, key, values)
+
+    def _check_small(self, rates: NDArray[np.float64], key: str) -> None:
+        """Refuse rates that lead farther than FARTHEST until the next row, or from the last one."""
+        assert self.times is not None
+        widths = np.diff(self.times)
+        widest = np.maximum(np.r_[widths, 0.0], np.r_[0.0, widths])[:, None]  # on both sides of each row
+        most = FARTHEST / widest ** (1 + RATES.index(key))
+        if (np.abs(rates) > most).any():
+            row, column = (int(i) for i in np.argwhere(np.abs(rates) > most)[0])
+            raise InputError(
+                f"{key}: waypoint {row}, joint '{self.joint_names[column]}': {rates[row, column]:g} leads too far in "
+                f"{widest[row, 0]:g} s; at most {most[row, 0]:.3g} is allowed"
+            )
 
     @cached_property
     def curve(self) -> Curve:
@@ -360,9 +374,19 @@ def _rising(values: object, count: int) -> NDArray[np.float64]:
         raise InputError(f"times: shape {times.shape}, expected one for each of the {count} waypoints")
     if not np.isfinite(times).all():
         raise InputError(f"times: {times[~np.isfinite(times)][0]} is not a finite number")
+    if not np.abs(times).max() <= LONGEST:
+        raise InputError(
+            f"times: {times[np.abs(times).argmax()]:g} s is too far from 0; at most {LONGEST:g} s are allowed"
+        )
     if (np.diff(times) <= 0.0).any():
         row = int(np.argmax(np.diff(times) <= 0.0)) + 1
         raise InputError(f"times: {times[row]:g} s at waypoint {row} comes after {times[row - 1]:g} s, times must rise")
+    if not np.diff(times).min() >= SHORTEST:
+        row = int(np.diff(times).argmin())
+        raise InputError(
+            f"times: {np.diff(times)[row]:g} s between waypoints {row} and {row + 1} is too short; "
+            f"at least {SHORTEST:g} s are needed"
+        )
     times.setflags(write=False)
     return times
 

@@ -173,13 +173,14 @@ class Field:
             raise Field(None, found.where, self.document).error(found.problem + hint) from None
 
     def path(self, directory: bool = False) -> Path:
-        """Return an existing file (or directory); a relative one is looked up beside the document that names it."""
+        """Return an existing file (or directory), by its whole path; a relative one is looked up beside the document
+        that names it."""
         path = self.document.file.parent / self.text()
         if not (os.path.isdir(path) if directory else os.path.isfile(path)):
             kind, other = ("directory", os.path.isfile(path)) if directory else ("file", os.path.isdir(path))
             state = f"is not a {kind}" if other else "does not exist"
             raise self.error(f"must be a {kind}, but {self.value!r} {state} (looked for {path})")
-        return path
+        return path.absolute()
 
 
 def read_document(file: Path) -> Field:

@@ -6,6 +6,7 @@ whoever makes it: a file's reader or a program (`values`, `meaning`); what is no
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -189,9 +190,9 @@ class RobotSpec(Checked):
 
 @dataclass(frozen=True)
 class JointTarget(Checked):
-    """A configuration as the scene writes it: exactly one of the first three is given."""
+    """A configuration as the scene writes it: exactly one of the last three is given."""
 
-    field: str  # where it stands in the file, for error messages: "start" or "goal"
+    field: str = dataclasses.field(compare=False)  # where it stands in the file, for error messages: "start" or "goal"
     positions: Annotated[tuple[float, ...], Row(JointValue)] | None = None  # in the order of the planned joints
     by_name: Annotated[Mapping[str, float], Named(JointValue)] | None = None  # joint name -> value
     state: Name | None = None  # a named state of the SRDF
@@ -209,7 +210,7 @@ class JointTarget(Checked):
 class PoseTarget(Checked):
     """Where a link is to be: origin within a ball, and turned by no more than an angle away."""
 
-    field: str  # where it stands in the file, for error messages: "goal.pose" or "goal.poses[1]"
+    field: str = dataclasses.field(compare=False)  # where it stands in the file: "goal.pose" or "goal.poses[1]"
     link: Name
     pose: Pose  # of the link's frame, in the world
     position_tolerance: Annotated[float, Number(high=1.0, above=0.0, unit="m")] = 1e-3  # of the link's origin [m]
@@ -231,7 +232,7 @@ class Goals(Checked):
     """A goal that leaves a choice: any of these targets will do, and any configuration that reaches a pose."""
 
     targets: Annotated[tuple[JointTarget, ...] | tuple[PoseTarget, ...], _choices]  # configurations by values, or poses
-    field: str = "goal"  # where it stands in the file, for error messages
+    field: str = dataclasses.field(default="goal", compare=False)  # where it stands in the file, for error messages
 
 
 @dataclass(frozen=True)
@@ -335,23 +336,23 @@ class PlannerSettings(Checked):
 
 @dataclass(frozen=True)
 class Scene(Checked):
-    """One planning problem, whole."""
+    """One planning problem, whole. Scenes are equal that say the same, whatever file they come from."""
 
-    name: str
-    source: Path  # the file it was read from
+    name: str = field(compare=False)
+    source: Path = field(compare=False)  # the file it was read from
     robot: RobotSpec
     obstacles: tuple[Obstacle, ...]
     start: JointTarget
     goal: JointTarget | Goals
     planner: PlannerSettings = field(default_factory=PlannerSettings)
-    from_request: bool = False  # a MoveIt request: its ends may sit on a joint limit to rounding
+    from_request: bool = False  # ends as MoveIt requests have them: of whole robots, and a little beyond limits
     attached: tuple[Attached, ...] = ()  # held objects
     self_collision: SelfCollision = field(default_factory=SelfCollision)
     limits: Limits = field(default_factory=Limits)
     payload: Payload | None = None
     path: PathConstraints = field(default_factory=PathConstraints)
     timing: Timing | None = None
-    notes: tuple[str, ...] = ()  # what the reader changed or left out, in words
+    notes: tuple[str, ...] = field(default=(), compare=False)  # what the reader changed or left out, in words
 
     def _check_whole(self) -> None:
         taken: dict[str, str] = {}

@@ -39,12 +39,14 @@ class Passages:
         times, poses = np.array(motion.times), np.array([pose.matrix for pose in motion.poses])
         widths = np.diff(times)[:, None]
         turns = Rotation.from_matrix(poses[1:, :3, :3] @ poses[:-1, :3, :3].transpose(0, 2, 1)).as_rotvec()
+        with np.errstate(over="ignore"):  # the certificate refuses what moves too fast
+            velocity, spin = np.diff(poses[:, :3, 3], axis=0) / widths, turns / widths
         return cls(
             np.concatenate([[-np.inf], times]),
             np.concatenate([times[:1], times]),
             np.concatenate([poses[:1], poses]),
-            np.concatenate([rest, np.diff(poses[:, :3, 3], axis=0) / widths, rest]),
-            np.concatenate([rest, turns / widths, rest]),
+            np.concatenate([rest, velocity, rest]),
+            np.concatenate([rest, spin, rest]),
         )
 
     def at(self, times: Array) -> Array:

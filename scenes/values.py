@@ -25,7 +25,7 @@ from hdplan.scenes.errors import FieldError, nearest
 Check = Callable[[Any], Any]
 
 LARGEST = 1e6  # in size, of any number [m, rad]: beyond it distances drown in rounding
-_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
 _SHOWN = 60  # characters of a found value that an error repeats
 
 

@@ -218,4 +218,4 @@ def _standing_alone(scene: Scene, viewer: Viewer) -> Scene:
         for field, q in (("start", viewer.query.start), ("goal", viewer.query.goal))
     )
     robot = replace(scene.robot, locked=dict(viewer.robot.locked))
-    return replace(scene, robot=robot, start=start, goal=goal, from_request=False)
+    return replace(scene, robot=robot, start=start, goal=goal)

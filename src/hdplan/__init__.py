@@ -6,7 +6,8 @@
     print(result.certificate.text)
     result.save("motion.json")
 
-Names are imported when first used, so that `import hdplan` is quick.
+Names are imported when first used, so that `import hdplan` is quick. Everything may be called from several threads at
+once, on objects that they share, and gives what it gives alone.
 """
 
 from __future__ import annotations

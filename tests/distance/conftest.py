@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import subprocess
 from collections.abc import Callable
 from itertools import combinations_with_replacement
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from hdplan.distance import compiled
 from hdplan.distance.bodies import ConvexBody
 from tests.distance.hard_cases import HARD, Case, place
 
@@ -76,3 +79,25 @@ def bodies() -> dict[str, ConvexBody]:
 @pytest.fixture(scope="session")
 def tolerance() -> dict[str, float]:
     return TOLERANCES
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Give every test a cache of its own, empty."""
+    folder = tmp_path / "cache"
+    monkeypatch.setenv("HDPLAN_CACHE", str(folder))
+    return folder
+
+
+@pytest.fixture
+def runs(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Count the runs of the compiler."""
+    counted: list[int] = []
+    run = subprocess.run
+
+    def counting(*args: object, **kwargs: object) -> object:
+        counted.append(1)
+        return run(*args, **kwargs)  # type: ignore[call-overload]
+
+    monkeypatch.setattr(compiled.subprocess, "run", counting)
+    return counted

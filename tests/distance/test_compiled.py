@@ -26,26 +26,7 @@ with warnings.catch_warnings():
     needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler here")
 
 
-@pytest.fixture(autouse=True)
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Give every test a cache of its own, empty."""
-    folder = tmp_path / "cache"
-    monkeypatch.setenv("HDPLAN_CACHE", str(folder))
-    return folder
-
-
-@pytest.fixture
-def runs(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Count the runs of the compiler."""
-    counted: list[int] = []
-    run = subprocess.run
-
-    def counting(*args: object, **kwargs: object) -> object:
-        counted.append(1)
-        return run(*args, **kwargs)  # type: ignore[call-overload]
-
-    monkeypatch.setattr(compiled.subprocess, "run", counting)
-    return counted
+pytestmark = pytest.mark.usefixtures("cache")
 
 
 def small() -> ca.Function:

@@ -1,0 +1,273 @@
+"""Every distance asked by eight threads at once, from one object and from objects of their own, gives bit for bit what
+it gives alone; what takes long to make is made once."""
+
+from __future__ import annotations
+
+import functools
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from hdplan.distance import (
+    ConvexBody,
+    hdsdf,
+    hdsdf_compiled,
+    hdsdf_derivatives,
+    hdsdf_function,
+    separation,
+    signed_distance,
+    signed_distances,
+)
+from hdplan.distance.boxes import box_distance
+from hdplan.distance.compiled import RowFunction, compiler
+from hdplan.distance.gdf import gdf
+from hdplan.distance.gdf_batch import gdf_boxes
+from hdplan.distance.halfspaces import halfspace_distance, swept_halfspace_distance
+from hdplan.distance.once import made_once
+from hdplan.distance.oracle import CoalPair
+from hdplan.distance.random_poses import paper_poses
+from tests.threads import THREADS, together
+
+Array = NDArray[np.float64]
+Asked = Callable[[Array], list[Array]]  # of some rows of the poses
+
+needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
+
+POSES = 200
+FEW = 8  # poses of what takes long for each
+A, B = ConvexBody.platonic("dodecahedron"), ConvexBody.box([0.7, 0.4, 1.1])
+POSE_A, POSE_B = paper_poses(np.random.default_rng(3), POSES)
+
+
+def arrays(found: Any) -> list[Array]:
+    """What was found, as arrays to compare."""
+    return [np.asarray(part) for part in (found if isinstance(found, tuple | list) else (found,))]
+
+
+def each(ask: Callable[[Array, Array], Any]) -> Asked:
+    """Asks pose by pose."""
+
+    def asked(rows: Array) -> list[Array]:
+        one_by_one = [arrays(ask(POSE_A[k], POSE_B[k])) for k in rows]
+        return [np.array(parts) for parts in zip(*one_by_one, strict=True)]
+
+    return asked
+
+
+def at_once(ask: Callable[[Array, Array], Any]) -> Asked:
+    """Asks for all poses in one call."""
+    return lambda rows: arrays(ask(POSE_A[rows], POSE_B[rows]))
+
+
+def rows_of(function: ca.Function, interpreted: bool = False) -> Asked:
+    """Asks a kernel for random rows of random tables."""
+    kernel = RowFunction(function)
+    kernel.is_compiled = kernel.is_compiled and not interpreted
+    rng = np.random.default_rng(5)
+    tables = []
+    for name, width in zip(function.name_in(), kernel.widths, strict=True):
+        table = rng.normal(size=(POSES, width))
+        if name.startswith(("placement", "first", "second")):
+            table[:, :9] = np.linalg.qr(rng.normal(size=(POSES, 3, 3)))[0].reshape(-1, 9)
+        tables.append(table)
+    return lambda rows: kernel(tables, [rows] * len(tables))
+
+
+def boxes(rows: Array) -> list[Array]:
+    half = np.tile([0.35, 0.2, 0.55], (len(rows), 1))
+    placed = [(half, pose[rows, :3, :3], pose[rows, :3, 3]) for pose in (POSE_A, POSE_B)]
+    return list(gdf_boxes(*placed[0], *placed[1]))
+
+
+def batch(order: str, dtype: str) -> Asked:
+    pytest.importorskip("jax")
+    from hdplan.distance import hdsdf_batch
+
+    return at_once(getattr(hdsdf_batch(A, B, dtype=dtype), order))
+
+
+def fcl_children(rows: Array) -> list[Array]:
+    pytest.importorskip("fcl")
+    from hdplan.distance.fcl import fcl_distances
+
+    found = fcl_distances(A, POSE_A[rows], B, POSE_B[rows])
+    return [found.distances, found.points_a, found.points_b, found.normals]
+
+
+def fcl_pair() -> Asked:
+    pytest.importorskip("fcl")
+    from hdplan.distance.fcl import FclPair
+
+    return each(FclPair(A, B).distance)
+
+
+def fields(proximity: Any) -> list[Any]:
+    return [proximity.distance, proximity.point_a, proximity.point_b]
+
+
+# how a thread comes by the distance, and how many poses it asks
+WITNESSES: dict[str, tuple[Callable[[], Asked], int]] = {
+    "hdsdf": (lambda: each(lambda a, b: hdsdf(A, a, B, b)), FEW),
+    "separation": (lambda: each(lambda a, b: separation(A, a, B, b)), FEW),
+    "derivatives": (lambda: each(lambda a, b: list(vars(hdsdf_derivatives(A, a, B, b)).values())), 3),
+    "compiled value": (lambda: at_once(hdsdf_compiled(A, B).value), POSES),
+    "compiled gradient": (lambda: at_once(hdsdf_compiled(A, B).gradient), POSES),
+    "compiled hessian": (lambda: at_once(hdsdf_compiled(A, B).hessian), POSES),
+    "compiled, one by one": (lambda: each(hdsdf_compiled(A, B).hessian), POSES),
+    "function": (lambda: each(functools.partial(_call, hdsdf_function(A, B))), FEW),
+    "batch": (lambda: batch("gradient", "float64"), POSES),
+    "batch, float32": (lambda: batch("value", "float32"), POSES),
+    "signed_distance": (lambda: each(lambda a, b: fields(signed_distance(A, a, B, b))), FEW),
+    "signed_distances": (lambda: at_once(lambda a, b: signed_distances(A, a, B, b)), POSES),
+    "coal": (lambda: each(CoalPair(A, B).distance), POSES),
+    "gdf": (lambda: each(lambda a, b: fields(gdf(A, a, B, b))), FEW),
+    "gdf of boxes": (lambda: boxes, POSES),
+    "half-spaces": (lambda: rows_of(halfspace_distance(4, 26, 2, 1e-3)), POSES),
+    "half-spaces, interpreted": (lambda: rows_of(halfspace_distance(4, 26, 2, 1e-3), interpreted=True), FEW),
+    "swept": (lambda: rows_of(swept_halfspace_distance(4, 26, 2, 1e-3)), POSES),
+    "boxes": (lambda: rows_of(box_distance(2, 1e-3, "paper")), POSES),
+    "fcl": (fcl_pair, POSES),
+    "fcl's children": (lambda: fcl_children, FEW),
+}
+
+
+def _call(function: ca.Function, a: Array, b: Array) -> Array:
+    return np.array(function(a, b))
+
+
+@pytest.mark.parametrize("name", WITNESSES)
+def test_threads_get_what_one_gets_alone(name: str) -> None:
+    """Each asks for the poses in an order of its own, from an object that all share, and again from one of its own."""
+    make, count = WITNESSES[name]
+    shared = make()
+    alone = shared(np.arange(count))
+    assert len(alone[0]) == count
+
+    def work(index: int) -> None:
+        order = np.random.default_rng(index).permutation(count)
+        for asked in (shared, make()):
+            for part, expected in zip(asked(order), alone, strict=True):
+                np.testing.assert_array_equal(part, expected[order])
+
+    together(work)
+
+
+@needs_compiler
+def test_bodies_of_their_own_are_no_different() -> None:
+    alone = hdsdf_compiled(A, B).gradient(POSE_A, POSE_B)
+
+    def work(index: int) -> tuple[Array, ...]:
+        own_a, own_b = ConvexBody.platonic("dodecahedron"), ConvexBody.box([0.7, 0.4, 1.1])
+        return hdsdf_compiled(own_a, own_b).gradient(POSE_A, POSE_B)
+
+    for found in together(work):
+        for part, expected in zip(found, alone, strict=True):
+            np.testing.assert_array_equal(part, expected)
+
+
+@needs_compiler
+def test_a_compiled_kernel_does_not_hold_pythons_lock() -> None:
+    """A thread that waits for its turn gets it while a kernel runs, though Python makes nobody let go."""
+    x = ca.SX.sym("x")
+    long = RowFunction(ca.Function("step", [x], [ca.sin(x) + x]).fold(10**6))
+    assert long.is_compiled
+    begun, done = threading.Event(), threading.Event()
+
+    def wait() -> None:
+        begun.wait()
+        done.set()
+
+    before = sys.getswitchinterval()
+    beside = threading.Thread(target=wait)
+    beside.start()
+    sys.setswitchinterval(1e3)  # [s]
+    try:
+        begun.set()
+        long.once(np.ones(1))
+        assert done.is_set()
+    finally:
+        sys.setswitchinterval(before)
+        beside.join()
+
+
+# --- making -----------------------------------------------------------------------------------------------------------
+
+
+@needs_compiler
+def test_threads_that_ask_for_one_kernel_compile_it_once(cache: Path, runs: list[int]) -> None:
+    own = ConvexBody.box([0.3, 0.31, 0.32]), ConvexBody.box([0.2, 0.21, 0.22])
+    found = together(lambda _: hdsdf_compiled(*own).value(POSE_A, POSE_B)[0])
+    assert len(runs) == 1
+    for values in found[1:]:
+        np.testing.assert_array_equal(values, found[0])
+
+
+@needs_compiler
+def test_threads_may_compile_different_kernels_at_once(cache: Path, runs: list[int]) -> None:
+    def work(index: int) -> Array:
+        x = ca.SX.sym("x", 2)
+        kernel = RowFunction(ca.Function("several", [x], [(index + 1) * ca.sin(x)]))
+        return kernel([np.ones((1, 2))], [np.zeros(1, np.int64)])[0]
+
+    found = together(work)
+    assert len(runs) == THREADS
+    for index, values in enumerate(found):
+        np.testing.assert_allclose(values, (index + 1) * np.sin(1.0), rtol=1e-14)
+
+
+def test_a_thread_s_time_to_compile_is_its_own() -> None:
+    x = ca.SX.sym("x")
+    before = RowFunction.spent.seconds
+
+    def work(index: int) -> float:
+        RowFunction(ca.Function(f"timed_{index}", [x], [ca.cos(x)]))
+        return RowFunction.spent.seconds
+
+    assert all(seconds > 0.0 for seconds in together(work, 3))
+    assert RowFunction.spent.seconds == before
+
+
+def test_made_once_makes_each_value_once_and_keeps_the_latest() -> None:
+    made: list[int] = []
+
+    @made_once(2)
+    def slow(number: int) -> object:
+        made.append(number)
+        threading.Event().wait(0.02)
+        return object()
+
+    found = together(lambda index: slow(index % 2))
+    assert sorted(made) == [0, 1]
+    assert len(set(map(id, found))) == 2
+    assert slow(0) is slow(0)
+    slow(2)  # one too many: 1 was asked for last
+    assert slow(0) is slow(0)
+    slow(1)
+    assert made[2:] == [2, 1]
+
+
+def test_a_failure_is_not_kept() -> None:
+    tries: list[int] = []
+
+    @made_once(2)
+    def fails_first(number: int) -> int:
+        tries.append(number)
+        if len(tries) == 1:
+            raise ValueError("once")
+        return number
+
+    def work(index: int) -> int:
+        try:
+            return fails_first(7)
+        except ValueError:
+            return -1
+
+    assert sorted(together(work)) == [-1] + [7] * (THREADS - 1)
+    assert tries == [7, 7]
