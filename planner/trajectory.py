@@ -335,6 +335,8 @@ def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[Any]:
         else (np.lib.format.read_array_header_2_0)
     )
     shape, _, dtype = header(data)
+    if dtype.hasobject:
+        raise ValueError("objects")
     if math.prod(shape) * dtype.itemsize != len(data.getbuffer()) - data.tell():
         raise InputError(f"{entry.filename}: does not hold the array that its header says")
     data.seek(0)

@@ -177,8 +177,8 @@ class Field:
         that names it."""
         path = self.document.file.parent / self.text()
         if not (os.path.isdir(path) if directory else os.path.isfile(path)):
-            kind, other = ("directory", os.path.isfile(path)) if directory else ("file", os.path.isdir(path))
-            state = f"is not a {kind}" if other else "does not exist"
+            kind = "directory" if directory else "file"
+            state = f"is not a {kind}" if os.path.exists(path) else "does not exist"
             raise self.error(f"must be a {kind}, but {self.value!r} {state} (looked for {path})")
         return path.absolute()
 

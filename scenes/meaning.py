@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hdplan.scenes.errors import FieldError
-from hdplan.scenes.values import Choice, Named, Number, Row, describe, text, wrong
+from hdplan.scenes.values import Choice, Named, Number, Row, describe, is_row, text, wrong
 
 EXACT = 1e-12  # a length this close to one stays as it is, so that what was written reads back bit for bit
 CLOSE = 1e-2  # up to here a quaternion is normalized; beyond, it is a mistake
@@ -45,7 +45,7 @@ def direction(value: object) -> tuple[float, ...]:
     """Return an axis by its name, or a vector of any length but 0, as a vector of length 1."""
     if isinstance(value, str):
         return AXES[Choice(AXES)(value)]
-    if not isinstance(value, list | tuple | np.ndarray):
+    if not is_row(value):
         raise wrong(f"one of {', '.join(AXES)}, or three numbers", value)
     vector = Row(Number(), 3)(value)
     length = math.hypot(*vector)
@@ -86,7 +86,7 @@ def _edge(value: object) -> float:
 def scale(value: object) -> tuple[float, ...]:
     """Return factors along three axes, given as such or as one for all."""
     factor = Number(above=0.0)
-    return Row(factor, 3)(value) if isinstance(value, list | tuple | np.ndarray) else (factor(value),) * 3
+    return Row(factor, 3)(value) if is_row(value) else (factor(value),) * 3
 
 
 def inertia(value: object) -> tuple[float, ...]:
@@ -150,7 +150,7 @@ class JointRates:
                 return number(value)
             case {**named} if named:
                 return Named(number)(value)
-            case list() | tuple() | np.ndarray() if np.shape(value)[:1] not in ((), (0,)):
+            case list() | tuple() | np.ndarray() if is_row(value) and len(value):
                 return Row(number)(value)
             case bool() | str() | dict() | list() | tuple() | np.ndarray():
                 raise self._wrong(value)

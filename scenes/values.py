@@ -16,7 +16,7 @@ import typing
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeGuard
 
 import numpy as np
 
@@ -92,11 +92,16 @@ class Row:
 
     def __call__(self, value: object) -> tuple[Any, ...]:
         """Return them as a tuple."""
-        if not isinstance(value, list | tuple | np.ndarray) or np.shape(value)[:1] == ():
+        if not is_row(value):
             raise wrong(f"a list of {self.of}" if self.length is None else f"a list of {self.length} {self.of}", value)
         if self.length is not None and len(value) != self.length:
             raise wrong(f"a list of {self.length} {self.of}", value)
         return tuple(checked(self.item, item, f"[{i}]") for i, item in enumerate(value))
+
+
+def is_row(value: object) -> TypeGuard[list[Any] | tuple[Any, ...]]:
+    """Tell what holds values in an order."""
+    return isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim > 0)
 
 
 @dataclass(frozen=True)
