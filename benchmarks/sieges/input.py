@@ -20,6 +20,7 @@ from sieges.machine import Machine
 
 PLANAR = "planar_arm"
 NOTE = "hdplan: note: "
+LATE = "time limit passed"  # what a command may say with exit code 1
 INNER = ("encountered in", "empty slice", "encountered a", "deprecated", "Deprecat")  # what NumPy says to programmers
 COMMANDS = ("check", "plan", "explain", "simulate", "follow", "robots")
 SHARES = (0.74, 0.08, 0.06, 0.06, 0.03, 0.03)
@@ -52,7 +53,7 @@ def judged(folder: Path, words: list[str]) -> Outcome:
         return Outcome("code", f"exit code {done.code} ({words[0]}): {last}")
     if done.code == 2 and (len(said) != 1 or not said[0].startswith("hdplan: ")):
         return Outcome("lines", f"{len(said)} lines with exit code 2 ({words[0]}): {last}")
-    if done.code < 2 and said:
+    if done.code < 2 and said and LATE not in said[0]:
         return Outcome("lines", f"words on the error stream with exit code {done.code} ({words[0]}): {last}")
     return Outcome(f"exit code {done.code}")
 

@@ -242,7 +242,7 @@ def _asked(world: World, pair: tuple[int, int], clearance: float, own: float, le
 def _ends_are_closer(world: World, names: tuple[str, ...]) -> bool:
     """Whether the scene's own start or goal is closer than planner.clearance: less is asked for then."""
     asked = (world.content.get("planner") or {}).get("clearance", 0.0)
-    ends = [world.content[end].get("joints") for end in ("start", "goal")]
+    ends = [(world.content.get(end) or {}).get("joints") for end in ("start", "goal")]
     if not asked or not all(isinstance(end, dict) for end in ends):
         return False
     q = np.array([[end[name] for name in names] for end in ends])
