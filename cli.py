@@ -227,7 +227,7 @@ def check(
     """
     from hdplan.planner.certificate import Certifier
     from hdplan.planner.result import how_long, verdict
-    from hdplan.planner.scene_robot import load_scene_robot
+    from hdplan.planner.scene_robot import load_scene_robot, notes_on
     from hdplan.planner.trajectory import Trajectory
 
     problem = _load(scene, request, robot)
@@ -235,7 +235,7 @@ def check(
     certifier = Certifier(problem, load_scene_robot(problem))
     with naming(trajectory):  # its joints may not fit
         certificate = certifier.certify(motion)
-    notes = [*problem.notes, *certifier.robot.notes, *certificate.notes]
+    notes = [*notes_on(problem, certifier.robot), *certificate.notes]
     with printing() as show:
         if as_json:
             about = {
@@ -286,7 +286,7 @@ def follow(
     from hdplan.planner.follow import follow as run
     from hdplan.planner.output import check_writable
     from hdplan.planner.result import verdict
-    from hdplan.planner.scene_robot import load_scene_robot
+    from hdplan.planner.scene_robot import load_scene_robot, notes_on
     from hdplan.planner.trajectory import FORMATS, Trajectory
 
     if output is not None:
@@ -305,7 +305,7 @@ def follow(
         else:
             show(Text(found.text, style="green" if found.succeeded else "red"))
             show(verdict_text(found.certificate))
-            notes = [("note", note) for note in (*problem.notes, *found.certificate.notes)]
+            notes = [("note", note) for note in (*notes_on(problem, arm), *found.certificate.notes)]
             rows = [*found.rows(), *closest_rows(found.certificate), *notes]
             show(table([*rows, *([("written", str(output))] if output is not None else [])]))
     raise typer.Exit(0 if found.succeeded else 1)
@@ -331,7 +331,7 @@ def simulate(
     Exit code 1 where tracking is lost, a limit is exceeded, or something touches.
     """
     from hdplan.planner.plot import check_picture, plot_simulation
-    from hdplan.planner.scene_robot import load_scene_robot
+    from hdplan.planner.scene_robot import load_scene_robot, notes_on
     from hdplan.planner.simulate import fitting
     from hdplan.planner.simulate import simulate as replay
     from hdplan.planner.trajectory import Trajectory
@@ -355,7 +355,8 @@ def simulate(
         else:
             show(Text(simulation.text, style="green" if simulation.succeeded else "red"))
             written = [] if plot is None else [("written", str(plot))]
-            show(table([*simulation_rows(simulation, problem, arm.name), *written]))
+            notes = [("note", note) for note in notes_on(problem, arm)]
+            show(table([*simulation_rows(simulation, problem, arm.name), *notes, *written]))
             show(rates_table(simulation.joints))
             if simulation.execution is not None:
                 show(torques_table(simulation.joints))

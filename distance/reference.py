@@ -26,7 +26,7 @@ from hdplan.distance.holder import (
 from hdplan.distance.jets import Jet, fixed, moving, stack
 from hdplan.distance.normals import candidate_normals, check_witnesses, separating_axes
 from hdplan.distance.poses import check_poses
-from hdplan.distance.projections import separations
+from hdplan.distance.projections import Along, separations
 
 Array = NDArray[np.float64]
 
@@ -76,9 +76,9 @@ def hdsdf(
     """
     length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
     shaped, counts = [], []
-    for x, count in _separations(body_a, pose_a, body_b, pose_b, normals, witnesses):
-        shaped.append(shaping(holder_minimum(x.value, gamma), gamma, length))
-        counts.append(count)
+    for along in _separations(body_a, pose_a, body_b, pose_b, normals, witnesses):
+        shaped.append(shaping(holder_minimum(along.x.value, gamma), gamma, length))
+        counts.append(along.count)
     return shaping(holder_maximum(np.stack(shaped, axis=-1), gamma, counts), gamma, length)
 
 
@@ -93,11 +93,12 @@ def separation(
 ) -> Array:
     """Return D̃, the largest gap along the candidate normals [m] (paper: eq. ``eq:Dtilde``), shape (...,).
 
-    A lower bound of the signed distance, continuous in the pose, and of the sign of D even where D is too small for a
-    floating-point number. Arguments and errors as ``hdsdf``.
+    A lower bound of the signed distance for every set of normals, apart and in overlap (proof in ``normals``), to
+    rounding: 4 ulp of the bodies' size. Of the sign of D even where D is too small for a floating-point number.
+    Continuous in the pose, but for an axis across edges that are exactly parallel. Arguments and errors as ``hdsdf``.
     """
     rows = _separations(body_a, pose_a, body_b, pose_b, normals, witnesses)
-    return np.asarray(reduce(np.maximum, (x.value.min(axis=-1) for x, _ in rows)))
+    return np.asarray(reduce(np.maximum, (along.bound for along in rows)))
 
 
 def hdsdf_derivatives(
@@ -118,9 +119,9 @@ def hdsdf_derivatives(
     """
     length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
     shaped, counts = [], []
-    for x, count in _separations(body_a, pose_a, body_b, pose_b, normals, witnesses, moved=True):
-        shaped.append(_shaped(x, gamma, length, None))
-        counts.append(count)
+    for along in _separations(body_a, pose_a, body_b, pose_b, normals, witnesses, moved=True):
+        shaped.append(_shaped(along.x, gamma, length, None))
+        counts.append(along.count)
     d = _shaped(stack(shaped) * -1.0, gamma, length, counts) * -1.0  # a maximum is a minimum of the opposites
     return Derivatives(d.value, d.first, d.second)
 
@@ -147,8 +148,8 @@ def _separations(
     normals: str,
     witnesses: ArrayLike | None,
     moved: bool = False,
-) -> Iterator[tuple[Jet, float]]:
-    """Yield the separations along every axis and sign, with derivatives by the twists if ``moved``, and the counts."""
+) -> Iterator[Along]:
+    """Yield the separations along every axis and sign, with derivatives by the twists if ``moved``."""
     a, b = np.broadcast_arrays(check_poses("pose_a", pose_a), check_poses("pose_b", pose_b))
     jets = (moving(a, 0), moving(b, 6)) if moved else (fixed(a), fixed(b))
     axes = candidate_normals(normals, body_a, body_b)

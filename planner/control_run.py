@@ -1,12 +1,17 @@
 """A controller run in simulation: the joints follow the commanded velocity exactly, held over each period.
 
 q_{k+1} = q_k + T u_k. What is measured of the commands, the distances and the time is here too.
+
+Velocities that are held jump, and no joint can follow a jump. `Run.executed` is what a joint does that follows the
+commanded positions smoothly, one period behind: the cubic B-spline whose control points they are (Farin, Curves and
+Surfaces for CAGD, chapter 8). It stays within the hull of the last four, its velocity between commanded ones, and its
+acceleration is at most their greatest difference over T: nothing overshoots, and nothing jumps.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +20,7 @@ from numpy.typing import NDArray
 from hdplan.planner.control import Controller, Mode, Step
 from hdplan.planner.control_inputs import joint_numbers, number
 from hdplan.planner.control_tasks import Task
+from hdplan.planner.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -39,6 +45,20 @@ class Run:
     def times(self) -> Array:
         """Start of each period, and the end of the last (N + 1,) [s]."""
         return self.begin + np.arange(len(self.positions), dtype=np.float64) * self.period
+
+    def executed(self, joint_names: tuple[str, ...], locked: Mapping[str, float]) -> Trajectory:
+        """Return the motion of joints that follow smoothly, from rest to rest: N + 3 rows, each T [s] after the last,
+
+            r_k = (q_{k−2} + 4 q_{k−1} + q_k)/6,   ṙ_k = (u_{k−2} + u_{k−1})/2,   r̈_k = (u_{k−1} − u_{k−2})/T
+
+        with the first and last q repeated and u = 0 beyond them: the quintics between rows are that spline, exactly.
+        """
+        q = np.concatenate([self.positions[:1], self.positions[:1], self.positions, *2 * [self.positions[-1:]]])
+        u = np.diff(q, axis=0) / self.period
+        times = self.begin + np.arange(len(q) - 2, dtype=np.float64) * self.period
+        rows = (q[:-2] + 4.0 * q[1:-1] + q[2:]) / 6.0
+        rows[[0, -1]] = self.positions[[0, -1]]  # to the last bit
+        return Trajectory(joint_names, rows, locked, times, 0.5 * (u[:-1] + u[1:]), np.diff(u, axis=0) / self.period)
 
     @property
     def step_seconds(self) -> Array:

@@ -7,8 +7,9 @@ that waits for the robot,
 
 so that a robot that is held up is not led through what holds it up. The controller takes the velocity nearest to u*
 that its barriers allow (`control`). A path without times is followed from rest to rest, at half of the joints' speed
-limits or over the scene's `timing.duration`. The commands are held over a period, so the motion is straight between
-its rows: what is written down and certified is exactly what was simulated.
+limits or over the scene's `timing.duration`. The joints follow the commands smoothly, one period behind
+(`Run.executed`): that motion, with its velocities and accelerations, is written down, and certified as `hdplan check`
+certifies it.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ HELD = 0.05  # [rad] or [m] behind the trajectory, in some joint, from which on 
 class Followed:
     """What became of a trajectory."""
 
-    trajectory: Trajectory  # as executed: a row for each period, with its time
+    trajectory: Trajectory  # as executed: a row for each period, with its time, velocities and accelerations
     run: Run
     certificate: Certificate  # of that, over all time, with the obstacles where they then were
     duration: float  # of the trajectory itself [s]
@@ -120,14 +121,12 @@ def follow(
     assert curve.times is not None
     begin = float(curve.times[0])
     run = simulate(controller, curve.rows[0], task, most, begin=begin)
-    if len(run.positions) < 2:  # there from the first: a trajectory has two rows all the same
-        run = replace(run, positions=np.repeat(run.positions, 2, axis=0))
-    executed = Trajectory(robot.joint_names, run.positions, robot.locked, run.times)
+    executed = run.executed(robot.joint_names, robot.locked)
     behind = np.array(task.behind)
     return Followed(
         executed,
         run,
-        Certifier(scene, robot).certify(executed, check_ends=False),
+        Certifier(scene, robot).certify(executed),
         task.duration,
         None if task.since is None else task.since - begin,
         float(behind.max(initial=0.0)),

@@ -21,7 +21,7 @@ from hdplan.scenes.errors import InputError, nearest
 
 _MERGE = "tag:yaml.org,2002:merge"
 LARGEST = 1e6  # in size, of any number [m, rad]: beyond it distances drown in rounding
-_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
 _SHOWN = 60  # characters of a found value that an error repeats
 
 
@@ -170,13 +170,14 @@ class Field:
         return self.value
 
     def path(self, directory: bool = False) -> Path:
-        """Return an existing file (or directory); a relative one is looked up beside the document that names it."""
+        """Return an existing file (or directory), by its whole path; a relative one is looked up beside the document
+        that names it."""
         path = self.document.file.parent / self.text()
         if not (os.path.isdir(path) if directory else os.path.isfile(path)):
             kind, other = ("directory", os.path.isfile(path)) if directory else ("file", os.path.isdir(path))
             state = f"is not a {kind}" if other else "does not exist"
             raise self.error(f"must be a {kind}, but {self.value!r} {state} (looked for {path})")
-        return path
+        return path.absolute()
 
 
 def read_document(file: Path) -> Field:

@@ -5,6 +5,7 @@ Lengths in metres, angles in radians, frames: world unless said.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -155,9 +156,9 @@ class RobotSpec:
 
 @dataclass(frozen=True)
 class JointTarget:
-    """A configuration as the scene writes it: exactly one of the first three is given."""
+    """A configuration as the scene writes it: exactly one of the last three is given."""
 
-    field: str  # where it stands in the file, for error messages: "start" or "goal"
+    field: str = dataclasses.field(compare=False)  # where it stands in the file, for error messages: "start" or "goal"
     positions: tuple[float, ...] | None = None  # in the order of the planned joints
     by_name: Mapping[str, float] | None = None  # joint name -> value
     state: str | None = None  # a named state of the SRDF
@@ -167,7 +168,7 @@ class JointTarget:
 class PoseTarget:
     """Where a link is to be: origin within a ball, and turned by no more than an angle away."""
 
-    field: str  # where it stands in the file, for error messages: "goal.pose" or "goal.poses[1]"
+    field: str = dataclasses.field(compare=False)  # where it stands in the file: "goal.pose" or "goal.poses[1]"
     link: str
     pose: Pose  # of the link's frame, in the world
     position_tolerance: float = 1e-3  # how far the link's origin may be off [m]
@@ -180,7 +181,7 @@ class Goals:
     """A goal that leaves a choice: any of these targets will do, and any configuration that reaches a pose."""
 
     targets: tuple[JointTarget, ...] | tuple[PoseTarget, ...]  # configurations by values, or poses
-    field: str = "goal"  # where it stands in the file, for error messages
+    field: str = dataclasses.field(default="goal", compare=False)  # where it stands in the file, for error messages
 
 
 @dataclass(frozen=True)
@@ -261,23 +262,23 @@ class PlannerSettings:
 
 @dataclass(frozen=True)
 class Scene:
-    """One planning problem, whole."""
+    """One planning problem, whole. Scenes are equal that say the same, whatever file they come from."""
 
-    name: str
-    source: Path  # the file it was read from
+    name: str = field(compare=False)
+    source: Path = field(compare=False)  # the file it was read from
     robot: RobotSpec
     obstacles: tuple[Obstacle, ...]
     start: JointTarget
     goal: JointTarget | Goals
     planner: PlannerSettings = field(default_factory=PlannerSettings)
-    from_request: bool = False  # a MoveIt request: its ends may sit on a joint limit to rounding
+    from_request: bool = False  # ends as MoveIt requests have them: of whole robots, and a little beyond limits
     attached: tuple[Attached, ...] = ()  # held objects
     self_collision: SelfCollision = field(default_factory=SelfCollision)
     limits: Limits = field(default_factory=Limits)
     payload: Payload | None = None
     path: PathConstraints = field(default_factory=PathConstraints)
     timing: Timing | None = None
-    notes: tuple[str, ...] = ()  # what the reader changed or left out, in words
+    notes: tuple[str, ...] = field(default=(), compare=False)  # what the reader changed or left out, in words
 
     @property
     def timed(self) -> bool:

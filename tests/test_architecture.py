@@ -37,6 +37,8 @@ HOMES = {
         "distance/axes.py",
         "distance/symbolic.py",
         "distance/boxes.py",
+        "distance/graph_distance.py",
+        "distance/graph_poses.py",
         "distance/halfspaces.py",
         "distance/compiled.py",
         "planner/dynamics.py",
@@ -44,7 +46,7 @@ HOMES = {
         "planner/nlp.py",
         "planner/solvers/ipopt.py",
     },
-    "jax": {"distance/batch.py", "distance/batch_axes.py", "distance/batch_kernel.py"},
+    "jax": {"distance/batch.py", "distance/batch_axes.py", "distance/batch_kernel.py", "distance/batch_traced.py"},
     "fcl": {"distance/fcl.py"},
     "viser": {
         "planner/view/nodes.py",

@@ -142,7 +142,7 @@ class Planning:
             for field, q in (("start", viewer.query.start), ("goal", viewer.query.goal))
         )
         spec = replace(viewer.scene.robot, locked=dict(viewer.robot.locked))
-        scene = replace(viewer.scene, robot=spec, start=start, goal=goal, from_request=False)
+        scene = replace(viewer.scene, robot=spec, start=start, goal=goal)
         robot = load_scene_robot(scene)
         resolve_query(robot, scene)
         return scene, Certifier(scene, robot)

@@ -20,19 +20,15 @@ from hdplan.planner.outline import kinematics_of
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.verdict import Status
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import JointTarget, Obstacle, Pose, Scene, Sphere, SteadyMotion, Timing
+from hdplan.scenes.model import JointTarget, Limits, Obstacle, Pose, Scene, Sphere, SteadyMotion, Timing
 from hdplan.scenes.writer import scene_text
 
 
 @pytest.fixture(scope="module")
-def room() -> Scene:
-    return hdplan.load_scene("empty")
-
-
-@pytest.fixture(scope="module")
-def robot(room: Scene) -> Robot:
-    return load_scene_robot(room)
+def robot() -> Robot:
+    return load_scene_robot(hdplan.load_scene("empty"))
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +37,17 @@ def sweep(robot: Robot) -> Trajectory:
     rows = np.zeros((20, 7)) + [0.0, 0.3, 0.0, -1.6, 0.0, 1.9, 0.8]
     rows[:, 0] = np.linspace(-0.8, 0.8, 20)
     return Trajectory(robot.joint_names, rows, robot.locked)
+
+
+@pytest.fixture(scope="module")
+def room(sweep: Trajectory) -> Scene:
+    return between(hdplan.load_scene("empty"), sweep)
+
+
+def between(scene: Scene, motion: Trajectory) -> Scene:
+    """The scene with the motion's own ends."""
+    start, goal = (tuple(motion.positions[row].tolist()) for row in (0, -1))
+    return replace(scene, start=JointTarget("start", start), goal=JointTarget("goal", goal))
 
 
 def ball_that_comes(robot: Robot, sweep: Trajectory, velocity: tuple[float, float, float], when: float) -> Obstacle:
@@ -93,7 +100,7 @@ def test_a_program_without_a_solution_is_no_reason_to_stand(room: Scene, robot: 
     start = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
     slow = Trajectory(robot.joint_names, np.stack([start, start + 0.15]), robot.locked, np.array([0.0, 3.0]))
     ball = Obstacle("ball", Sphere(0.08), Pose((-0.282, 0.096, 0.763)), motion=SteadyMotion((0.491, -0.08, -0.054)))
-    found = follow(replace(room, obstacles=(ball,)), slow, robot)
+    found = follow(replace(between(room, slow), obstacles=(ball,)), slow, robot)
     assert found.succeeded, found.certificate.text
     assert found.run.counted[Mode.GIVING_WAY]
     assert Mode.STOPPED not in found.run.counted
@@ -109,8 +116,54 @@ def test_a_way_that_stays_blocked_is_given_up(
     found = follow(scene, replace(sweep, times=np.linspace(0.0, 0.5, len(sweep))), robot)
     assert not found.succeeded
     assert found.arrived is None
-    assert found.certificate.certified
+    assert found.certificate.status is Status.WRONG_ENDS
+    assert not found.certificate.failures
     assert "not arrived" in found.text
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_check_says_of_the_written_motion_what_follow_said(
+    seed: int, tmp_path: Path, room: Scene, robot: Robot
+) -> None:
+    """Random motions and obstacles that come, with limits on velocities and accelerations; nothing jumps."""
+    rng = np.random.default_rng(seed)
+    ready = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
+    rows = ready + np.cumsum(rng.uniform(-0.15, 0.15, (4, 7)), axis=0)
+    motion = Trajectory(robot.joint_names, rows, robot.locked, np.linspace(0.0, 1.5, 4) if seed else None)
+    ball = ball_that_comes(robot, motion, tuple(rng.uniform(-0.5, 0.5, 3).tolist()), 0.7)
+    limits = Limits(velocity="urdf", acceleration=rng.choice([3.0, 300.0]).item())
+    scene = replace(between(room, motion), obstacles=(ball,), limits=limits, timing=Timing(duration=1.5))
+    (tmp_path / "scene.yaml").write_text(scene_text(scene), encoding="utf-8")
+    scene = hdplan.load_scene(tmp_path / "scene.yaml")
+    found = follow(scene, motion, load_scene_robot(scene))
+    use = {use.quantity: use for use in found.certificate.uses}
+    assert 0.0 < use["acceleration"].share < np.inf
+    assert use["velocity"].share <= 1.0 + 1e-9
+    assert np.abs(found.trajectory.positions[-1] - motion.positions[-1]).max() < 1e-2 or found.arrived is None
+    for ending in (".json", ".csv", ".npz"):
+        found.trajectory.save(tmp_path / f"done{ending}")
+        again = hdplan.certify(scene, Trajectory.load(tmp_path / f"done{ending}"))
+        assert (again.status, again.text) == (found.certificate.status, found.certificate.text)
+
+
+def test_what_is_executed_follows_the_commands(room: Scene, robot: Robot, sweep: Trajectory) -> None:
+    """Within the hull of the last four commanded places, no faster than them, and a spline to the second derivative."""
+    found = follow(room, sweep, robot)
+    curve, places, period = found.trajectory.curve, found.run.positions, found.run.period
+    np.testing.assert_array_equal(curve.rows[[0, -1]], places[[0, -1]])
+    padded = np.concatenate([places[:1], places[:1], places, places[-1:], places[-1:]])
+    times = np.linspace(0.0, 1.0, 9)
+    for k in range(0, len(curve) - 1, 37):
+        part = curve.at(np.full(9, k), times)
+        hull = padded[k : k + 4]
+        assert (part >= hull.min(axis=0) - 1e-12).all()
+        assert (part <= hull.max(axis=0) + 1e-12).all()
+    speeds, fastest = curve.over_time(1), np.abs(found.run.velocities).max(axis=0)
+    assert (speeds.largest() <= fastest * (1 + 1e-6) + 1e-9).all()
+    assert curve.over_time(1).jumps().max() < 1e-9
+    assert curve.over_time(2).jumps().max() < 1e-6
+    steps = np.abs(np.diff(found.run.velocities, axis=0, prepend=0.0, append=0.0)).max(axis=0) / period
+    assert (curve.over_time(2).largest() <= steps + 1e-6).all()
 
 
 def test_a_paced_path_keeps_to_the_speeds(sweep: Trajectory, robot: Robot) -> None:
@@ -154,10 +207,6 @@ def test_command(
     assert "certified" in out
     executed = Trajectory.load("done.json")
     assert executed.times is not None
-    goal = sweep.positions[-1].tolist()
-    text = scene_text(replace(scene, start=JointTarget("start", tuple(sweep.positions[0].tolist())),
-                              goal=JointTarget("goal", tuple(goal))))  # fmt: skip
-    (tmp_path / "scene.yaml").write_text(text, encoding="utf-8")
     assert run("check", "scene.yaml", "done.json")[0] == 0
     code, out, err = run("follow", "scene.yaml", "plan.json", "--json")
     assert json.loads(out)["status"] == "certified"

@@ -1,0 +1,76 @@
+"""Every robot that comes by name: it plans and certifies a small motion, or says in a word why not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hdplan
+from hdplan.planner.certificate import Certifier
+from hdplan.planner.robot import Robot, load_robot
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import JointTarget, Obstacle, Pose, RobotSpec, Scene, Sphere
+from hdplan.scenes.robot_library import robot_names
+
+QUICK = ("TwoDofs", "double_pendulum", "double_pendulum_continuous", "quadruped", "simple_humanoid")
+WITHOUT = {  # robots that nothing can be planned for
+    "iris_simple": "iris_simple has no joint left to plan",
+    "quadrotor_base": "quadrotor_base has no joint left to plan",
+    "ur_description/ur3.urdf": "No name given for the robot",
+}
+BALL = Obstacle("ball", Sphere(0.05), Pose((3.0, 3.0, 3.0)))
+
+
+def scene_of(robot: Robot, start: np.ndarray, goal: np.ndarray) -> Scene:
+    ends = JointTarget("start", tuple(start.tolist())), JointTarget("goal", tuple(goal.tolist()))
+    return Scene(robot.name, Path("small.yaml"), RobotSpec(name=robot.name), (BALL,), *ends)
+
+
+def small_motion(robot: Robot) -> Scene:
+    """From a free configuration, every joint a little farther: the least that a robot must be able to do."""
+    rest = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
+    states = [
+        np.clip([state[joint] for joint in robot.joint_names], robot.lower, robot.upper)
+        for state in robot.named_states.values()
+        if all(joint in state for joint in robot.joint_names)
+    ]
+    certifier = Certifier(scene_of(robot, rest, rest), robot)
+    drawn = robot.draw(np.random.default_rng(0), 500)
+    start = next(q for q in (rest, *states, *drawn) if not certifier.contacts(q))
+    step = np.minimum(0.02, 0.2 * (robot.upper - robot.lower))
+    return scene_of(robot, start, np.where(start + step <= robot.upper, start + step, start - step))
+
+
+def plans(name: str) -> None:
+    robot = load_robot(RobotSpec(name=name))
+    result = hdplan.plan(small_motion(robot))
+    assert result.certificate.certified, result.certificate.text
+    assert np.abs(result.trajectory.positions).max() < 100.0
+    assert bool(robot.links) == (
+        not any("has collision geometry: it can touch nothing" in note for note in robot.notes)
+    )
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_small_robots_plan_a_small_motion(name: str) -> None:
+    plans(name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(set(robot_names()) - set(QUICK) - set(WITHOUT)))
+def test_every_robot_plans_a_small_motion(name: str) -> None:
+    plans(name)
+
+
+@pytest.mark.parametrize(("name", "words"), WITHOUT.items())
+def test_robots_without_a_joint_or_a_name_say_so(name: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        load_robot(RobotSpec(name=name))
+
+
+def test_joints_without_limits_are_not_drawn_from_astronomical_ranges() -> None:
+    iris = load_robot(RobotSpec(name="iris"))
+    assert np.isinf(iris.upper).all()
+    assert np.abs(iris.draw(np.random.default_rng(0), 50)).max() <= np.pi
