@@ -77,7 +77,8 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
     if "allowed_collision_matrix" in scene_keys:
         note_allowed(scene_keys["allowed_collision_matrix"], [*obstacles, *attached], semantics.disabled)
     constraints = request_keys.get("path_constraints")
-    return Scene(
+    return scene.make(
+        Scene,
         name=scene.document.file.stem,
         source=scene.document.file,
         robot=robot,

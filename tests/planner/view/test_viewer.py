@@ -109,7 +109,8 @@ def test_playing_comes_to_the_end_and_stops(viewer: Viewer) -> None:
 @pytest.fixture(scope="module")
 def drifting(scene: Scene) -> Scene:
     """The arm's scene, in which a ball crosses and a bar swings."""
-    ball = Obstacle("ball", Sphere(0.08), Pose((1.2, -0.5, 0.1)), motion=SteadyMotion((0.0, 0.3, 0.0), (0.0, 0.0, 1.0)))
+    crossing = SteadyMotion((0.0, 0.3, 0.0), (0.0, 0.0, 1.0))
+    ball = Obstacle("crossing", Sphere(0.08), Pose((1.2, -0.5, 0.1)), motion=crossing)
     poses = (Pose((0.0, 1.4, 0.1)), Pose((0.3, 1.4, 0.1), (0.0, 0.0, 0.6, 0.8)))
     bar = Obstacle("bar", Box((0.3, 0.05, 0.1)), poses[0], motion=TimedPoses((0.3, 1.1), poses))
     return dataclasses.replace(scene, obstacles=(*scene.obstacles, ball, bar), timing=Timing(duration=1.5))
@@ -150,7 +151,7 @@ def test_a_moving_obstacle_is_dragged_at_time_0_and_moves_on_from_there(
     viewer = opened(drifting, timed=timed)
     viewer.show(0.7)
     handles, index = viewer.planning.handles, len(drifting.obstacles) - 2
-    handles.choice.value = "obstacle ball"
+    handles.choice.value = "obstacle crossing"
     viewer.worker.settle(20)
     assert viewer.player.time == 0.0
     pose = Pose((1.4, -0.5, 0.1))
@@ -316,7 +317,7 @@ def test_a_trajectory_of_another_robot_is_refused(scene: Scene) -> None:
 
 
 def test_a_path_without_times_is_refused_where_obstacles_move(drifting: Scene, trajectory: Trajectory) -> None:
-    with pytest.raises(InputError, match="found: trajectory: has no times, and obstacle 'ball' moves"):
+    with pytest.raises(InputError, match="found: trajectory: has no times, and obstacle 'crossing' moves"):
         open_viewer(drifting, [("found", trajectory)], port=8180)
 
 
