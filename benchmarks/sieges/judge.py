@@ -247,7 +247,10 @@ def _ends_are_closer(world: World, names: tuple[str, ...]) -> bool:
         return False
     q = np.array([[end[name] for name in names] for end in ends])
     times = np.array([0.0, (world.content.get("timing") or {}).get("duration", 0.0)])
-    near = closest(world, world.places(names, q, times), np.arange(2), np.full(len(world.pairs), asked + 1e-6))
+    places = world.places(names, q, times)
+    if inside(world, places, open_too=True):
+        return True
+    near = closest(world, places, np.arange(2), np.full(len(world.pairs), asked + 1e-6))
     outer = [each for each in near if each.pair[1] >= world.robot_count]
     return any(each.high < asked + 1e-6 and world.bodies[each.pair[1]].name not in world.insist for each in outer)
 
