@@ -28,6 +28,25 @@ def scene_of(robot: Robot, start: np.ndarray, goal: np.ndarray) -> Scene:
     return Scene(robot.name, Path("small.yaml"), RobotSpec(name=robot.name), (BALL,), *ends)
 
 
+def depth(certifier: Certifier, q: np.ndarray) -> float:
+    return sum(contact.depth + 1e-3 for contact in certifier.contacts(q))
+
+
+def freed(certifier: Certifier, q: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Move a joint at random as long as the robot touches itself less for it."""
+    robot, deep = certifier.robot, depth(certifier, q)
+    for _ in range(3000):
+        if deep == 0.0:
+            break
+        trial = q.copy()
+        joint = rng.integers(robot.n)
+        trial[joint] = robot.draw(rng, 1)[0, joint]
+        if (found := depth(certifier, trial)) <= deep:
+            q, deep = trial, found
+    assert deep == 0.0
+    return q
+
+
 def small_motion(robot: Robot) -> Scene:
     """From a free configuration, every joint a little farther: the least that a robot must be able to do."""
     rest = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
@@ -37,8 +56,9 @@ def small_motion(robot: Robot) -> Scene:
         if all(joint in state for joint in robot.joint_names)
     ]
     certifier = Certifier(scene_of(robot, rest, rest), robot)
-    drawn = robot.draw(np.random.default_rng(0), 500)
-    start = next(q for q in (rest, *states, *drawn) if not certifier.contacts(q))
+    start = next((q for q in (rest, *states) if not certifier.contacts(q)), None)
+    if start is None:
+        start = freed(certifier, rest, np.random.default_rng(0))
     step = np.minimum(0.02, 0.2 * (robot.upper - robot.lower))
     return scene_of(robot, start, np.where(start + step <= robot.upper, start + step, start - step))
 
