@@ -20,10 +20,12 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.pin_model import move_base, read_model, without_joints
+from hdplan.scenes.deadline import check_time
 from hdplan.scenes.description import LinkPair, Semantics, Tree, link_pair, read_semantics, read_tree
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.model import Attached, JointTarget, RobotSpec
 from hdplan.scenes.robot_library import description_of
+from hdplan.scenes.values import instance
 
 Array = NDArray[np.float64]
 
@@ -150,6 +152,7 @@ def load_robot(spec: RobotSpec) -> Robot:
     Raises:
         InputError: unknown robot, group, joint or link; a file that cannot be read; a joint with several coordinates.
     """
+    instance(spec, RobotSpec, "spec")
     name, urdf, srdf, package_dirs = description_of(spec)
     tree = read_tree(urdf)
     semantics = read_semantics(srdf, tree) if srdf is not None else Semantics()
@@ -304,6 +307,7 @@ def _always_in_contact(robot: Robot, pairs: tuple[LinkPair, ...]) -> tuple[LinkP
     for q in robot.pin_q(samples):
         if not left:
             break
+        check_time("loading the robot")
         pin.updateGeometryPlacements(robot.model, data, robot.collision, geometry_data, q)
         left = [
             (a, b)

@@ -18,6 +18,7 @@ from hdplan.planner.intervals import Bodies, Index, Intervals, Pairs
 from hdplan.planner.motion_bounds import Array
 from hdplan.planner.proximity import Piece, surface_distance, witness_points
 from hdplan.planner.rounding import ROUNDING
+from hdplan.scenes.deadline import seconds_left
 
 SHORTEST = 2.0**-17  # of a waypoint interval: below it, the answer is "not proven"
 STILL = 1e-6  # [m] motion below which halving is of no use
@@ -289,7 +290,8 @@ class _Run:
         """Cut the intervals of the open items in two; give up those that are as short as they may become."""
         moved = nodes.moved
         still = moved[items.node, self.pairs.a[items.pair]] + moved[items.node, self.pairs.b[items.pair]] <= STILL
-        hopeless = still | (nodes.width[items.node] <= SHORTEST) | (self.exact_calls > MOST_EXACT_CALLS)
+        over = self.exact_calls > MOST_EXACT_CALLS or seconds_left() == 0.0
+        hopeless = still | (nodes.width[items.node] <= SHORTEST) | over
         for node, pair, bound in zip(
             items.node[hopeless], items.pair[hopeless], items.bound[hopeless].tolist(), strict=True
         ):

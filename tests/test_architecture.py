@@ -15,15 +15,18 @@ FILES = sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob("*.p
 
 MAY_IMPORT = {
     "scenes": {"scenes"},
-    "distance": {"distance", "scenes.model", "scenes.errors"},
+    "distance": {"distance", "scenes.deadline", "scenes.errors", "scenes.model", "scenes.values"},
     "planner": {
         "planner",
         "distance",
+        "scenes.deadline",
         "scenes.description",
         "scenes.errors",
+        "scenes.files",
         "scenes.model",
         "scenes.moving",
         "scenes.robot_library",
+        "scenes.values",
         "scenes.writer",
     },
 }

@@ -390,7 +390,7 @@ def test_no_point_moves_farther_than_its_bounds(name: str, leaving: float, branc
 
 
 def random_pieces(rng: np.random.Generator) -> list[Piece]:
-    flat = tuple((x, y, 0.0) for x, y in rng.normal(size=(5, 2)).tolist())
+    flat = tuple((x, y, 1e-6 * x * y) for x, y in rng.normal(size=(5, 2)).tolist())
     cloud = tuple(tuple(p) for p in rng.normal(size=(20, 3)).tolist())
     shapes = [Box((1.0, 0.5, 0.2)), Sphere(0.4), Cylinder(0.3, 0.8), Capsule(0.2, 0.7), Points(cloud), Points(flat)]
     return [obstacle_pieces(Obstacle("x", shape))[0] for shape in shapes]

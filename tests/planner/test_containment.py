@@ -87,6 +87,11 @@ def upset(mesh: TriangleMesh, how: str, rng: np.random.Generator) -> TriangleMes
         triangles = np.where(turned[:, None], triangles[:, ::-1], triangles)
     elif how == "both ways":
         triangles = np.vstack([triangles, triangles[:, ::-1]])
+    elif how == "torn":  # every triangle with corners of its own, rounded as files round, some turned
+        corners = mesh.vertices[triangles] * (1.0 + 1e-8 * rng.uniform(-1, 1, size=(len(triangles), 3, 1)))
+        turned = rng.uniform(size=len(triangles)) < 0.3
+        corners = np.where(turned[:, None, None], corners[:, ::-1], corners)
+        return TriangleMesh(corners.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
     elif how == "twice":
         triangles = np.vstack([triangles, triangles])
     return TriangleMesh(mesh.vertices, rng.permutation(triangles))
@@ -100,7 +105,7 @@ def to_file(mesh: TriangleMesh, path: Path) -> Path:
 # --- the solid by itself ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("how", ["as it is", "inside out", "scrambled", "both ways", "twice"])
+@pytest.mark.parametrize("how", ["as it is", "inside out", "scrambled", "both ways", "torn", "twice"])
 @pytest.mark.parametrize("scales", [(1.0,), (1.0, 0.8), (1.0, 0.8, 0.6)], ids=["solid", "hollow", "nested"])
 def test_what_is_inside_counts_as_inside(how: str, scales: tuple[float, ...]) -> None:
     """And in a cavity as free, where its wall tells that it is one."""
@@ -263,6 +268,39 @@ def test_no_ball_in_the_material_is_free_in_any_role(role: str, tmp_path: Path) 
             assert min(place.distance for place in certifier.nearest(ends[0], 0.01) if place) < 0.0
     assert found.get((True, True), 0) == 0
     assert found.get((True, False), 0) > 0
+
+
+@pytest.mark.parametrize("outer", ["obstacle", "held"])
+def test_a_solid_within_a_solid(outer: str, tmp_path: Path) -> None:
+    """Two that are not convex, either way round: one in the other's material, in its cavity, half in and half out."""
+    rng = np.random.default_rng(5)
+    big, small = star(rng, 0.6, (1.0, 0.8), 0.2), star(rng, 0.02)
+    dumbbell = TriangleMesh(  # two parts that nothing joins
+        np.vstack([small.vertices, small.vertices + [0.0, 0.0, 1.0]]),
+        np.vstack([small.faces, small.faces + len(small.vertices)]),
+    )
+    full = Star(big.vertices, big.faces).mesh()
+    cases = (("hollow", big.mesh(), small.mesh(), True), ("full", full, small.mesh(), False))
+    cases = (*cases, ("one part in", full, dumbbell, False), ("one part in a cavity", big.mesh(), dumbbell, True))
+    for name, around, within, free in cases:
+        for mesh, file in ((around, "around.stl"), (within, "within.stl")):
+            to_file(mesh, tmp_path / file)
+        (tmp_path / "arm.urdf").write_text(ARM.format(hand="", arm=""))
+        files = ("within.stl", "around.stl") if outer == "obstacle" else ("around.stl", "within.stl")
+        held, standing = (Mesh(tmp_path / file) for file in files)
+        start, goal = JointTarget("start", (0.0, 0.0, 0.0)), JointTarget("goal", (0.3, 0.1, 0.05))
+        scene = Scene(
+            name,
+            tmp_path / "s.yaml",
+            RobotSpec(urdf=tmp_path / "arm.urdf"),
+            (Obstacle("standing", standing),),
+            start,
+            goal,
+            attached=(Attached("held", "hand", held),),
+        )
+        ends = np.array([start.positions, goal.positions])
+        verdict = certify(scene, Trajectory(("turn", "lift", "nod"), ends))
+        assert verdict.certified is free, (name, verdict.text)
 
 
 def test_a_robot_in_a_room_of_one_mesh_is_free(tmp_path: Path) -> None:
