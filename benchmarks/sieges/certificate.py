@@ -27,12 +27,12 @@ def attack(rng: np.random.Generator, folder: Path) -> Outcome:
     if first.finding or first.kind == "refused":
         return first
     timed = "timing" in content or "limits" in content
-    others, finding = _more(rng, folder, motion.names, timed)
+    others, finding = _more(rng, folder, motion, timed)
     kinds = others + Counter({first.kind: 1})
     return Outcome(first.kind, finding, kinds.total(), first.notes, dict(kinds))
 
 
-def _more(rng: np.random.Generator, folder: Path, names: tuple[str, ...], timed: bool) -> tuple[Counter[str], str]:
+def _more(rng: np.random.Generator, folder: Path, base: rows.Rows, timed: bool) -> tuple[Counter[str], str]:
     """Certify more motions in the folder's scene; return how often each verdict came, and what is wrong with one."""
     from hdplan.planner.certificate import Certifier
     from hdplan.planner.scene_robot import load_scene_robot
@@ -40,13 +40,14 @@ def _more(rng: np.random.Generator, folder: Path, names: tuple[str, ...], timed:
     from hdplan.scenes.errors import InputError
     from hdplan.scenes.reader import load_scene
 
-    scene = load_scene(folder / "scene.yaml")
+    scene, names = load_scene(folder / "scene.yaml"), base.names
     robot = load_scene_robot(scene)
     certifier, world = Certifier(scene, robot), World(folder / "scene.yaml", names)
     leave, kinds = excused(world, robot, names), Counter[str]()
     world.pairs = [pair for pair in world.pairs if pair not in leave]
     for number in range(MORE):
-        motion = motions.random_rows(rng, world.machine, list(names), timed)
+        near = rng.random() < (0.7 if timed else 0.3)
+        motion = motions.varied(rng, base) if near else motions.random_rows(rng, world.machine, list(names), timed)
         file = folder / f"more{number}{rng.choice(scenes.ENDINGS)}"
         rows.write(file, motion)
         try:

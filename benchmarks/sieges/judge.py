@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sieges import gjk, meshes
+from sieges import gjk, meshes, poses
 from sieges.rows import Rows
 from sieges.world import World
 
@@ -77,8 +77,8 @@ def closest(world: World, places: Array, chosen: Index, within: Array) -> list[N
     """Return the distances, at some places of a motion, of the pairs of bodies that may be as near as `within` (P,)."""
     pieces = world.pieces
     starts = np.searchsorted(pieces.body, np.arange(len(world.bodies) + 1))
-    poses = places[:, chosen]  # (bodies, T, 4, 4)
-    centres = np.einsum("ptij,pj->pti", poses[pieces.body][..., :3, :3], pieces.centre) + poses[pieces.body][..., :3, 3]
+    at = places[:, chosen]  # (bodies, T, 4, 4)
+    centres = np.einsum("ptij,pj->pti", at[pieces.body][..., :3, :3], pieces.centre) + at[pieces.body][..., :3, 3]
     balls = [_ball(centres[i:j], pieces.radius[i:j]) for i, j in itertools.pairwise(starts.tolist())]
     rows: list[tuple[Array, Index, Index, int, int]] = []  # gaps, pieces, pieces, pair, time
     for number, (a, b) in enumerate(world.pairs):
@@ -102,13 +102,13 @@ def closest(world: World, places: Array, chosen: Index, within: Array) -> list[N
     if len(gaps) > MOST:
         kept = np.argpartition(gaps, MOST)[:MOST]
         left, right, number, time = left[kept], right[kept], number[kept], time[kept]
-    a, b = poses[pieces.body[left], time], poses[pieces.body[right], time]
+    a, b = at[pieces.body[left], time], at[pieces.body[right], time]
     low, high = gjk.distances(pieces, left, a, right, b, within[number])
     best: dict[tuple[int, int], Nearest] = {}
-    for k, (pair, at) in enumerate(zip(number.tolist(), time.tolist(), strict=True)):
-        key = (pair, at)
+    for k, (pair, when) in enumerate(zip(number.tolist(), time.tolist(), strict=True)):
+        key = (pair, when)
         if key not in best or high[k] < best[key].high:
-            best[key] = Nearest(world.pairs[pair], int(chosen[at]), float(low[k]), float(high[k]))
+            best[key] = Nearest(world.pairs[pair], int(chosen[when]), float(low[k]), float(high[k]))
     return list(best.values())
 
 
@@ -224,12 +224,22 @@ def _path(world: World, rows: Rows, q: Array) -> list[str]:
         return []
     frames = world.machine.frames(world.values(rows.names, q), world.base)
     if (upright := asked.get("upright")) is not None:
-        axis = np.array(upright.get("axis", [0, 0, 1]), dtype=float)
-        turned = frames[upright["link"]][:, :3, :3] @ (axis / np.linalg.norm(axis))
-        angle = np.arctan2(np.linalg.norm(turned[:, :2], axis=1), turned[:, 2]).max()
-        if angle > upright.get("tolerance", 0.1) + 1e-7:
-            found.append(f"upright: tilted by {angle:.6g} rad")
+        angle = tilt(frames[upright["link"]], np.array(upright.get("axis", [0, 0, 1]), dtype=float)).max()
+        if angle > upright.get("tolerance", 0.1) + ANGLE:
+            found.append(f"upright: tilted by {angle:.9g} rad")
+    if (box := asked.get("position")) is not None:
+        points = frames[box["link"]] @ [*box.get("point", [0, 0, 0]), 1.0]
+        local = (points @ np.linalg.inv(poses.of_scene(box)).T)[:, :3]
+        beyond = (np.abs(local) - np.array(box["size"], dtype=float) / 2).max()
+        if beyond > ANGLE * (1.0 + np.abs(points).max()):
+            found.append(f"position: {beyond:.3g} m outside its box")
     return found
+
+
+def tilt(frames: Array, axis: Array) -> Array:
+    """Return by how much (T,) an axis of a frame is turned away from upwards [rad]."""
+    turned = frames[:, :3, :3] @ (axis / np.linalg.norm(axis))
+    return np.asarray(np.arctan2(np.linalg.norm(turned[:, :2], axis=1), turned[:, 2]))
 
 
 def _asked(world: World, pair: tuple[int, int], clearance: float, own: float, less: bool) -> float:

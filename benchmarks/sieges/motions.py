@@ -19,6 +19,9 @@ def random_rows(rng: np.random.Generator, machine: Machine, names: list[str], ti
         np.array([np.clip(end, -3.0, 3.0) for end in ends])
         for ends in zip(*((j.low, j.high) for j in joints), strict=True)
     )
+    if timed or rng.random() < 0.5:  # curves swing out between their rows
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        low, high = middle - 0.75 * half, middle + 0.75 * half
     span = rng.choice([0.02, 0.2, 0.6, 1.5], p=[0.2, 0.3, 0.3, 0.2]) * (high - low) / 4.0
     start = rng.uniform(low, high)
     q = np.clip(start + np.cumsum(rng.normal(size=(count, len(names))) * span, axis=0), low, high)
@@ -43,3 +46,16 @@ def random_rows(rng: np.random.Generator, machine: Machine, names: list[str], ti
     if rng.random() < 0.8:
         v[[0, -1]], a[[0, -1]] = 0.0, 0.0
     return Rows(tuple(names), q, times, v, None if rule == 1 else a)
+
+
+def varied(rng: np.random.Generator, base: Rows) -> Rows:
+    """Return a motion smaller or larger, slower or faster than another, often by very little."""
+    size = float(rng.choice([0.3, 0.9, 0.9999, 1.0, 1.0 + 1e-6, 1.001]))
+    slower = float(rng.choice([0.99, 1.0 - 1e-6, 1.0, 1.0001, 1.5, 3.0]))
+    middle = base.positions.mean(axis=0)
+    times = None if base.times is None else base.times[0] + slower * (base.times - base.times[0])
+    rates = [
+        None if rate is None else rate * (size / slower**order)
+        for order, rate in enumerate((base.velocities, base.accelerations), start=1)
+    ]
+    return Rows(base.names, middle + size * (base.positions - middle), times, *rates)

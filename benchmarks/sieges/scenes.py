@@ -9,7 +9,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from sieges import meshes, motions, rows
+from sieges import judge, meshes, motions, poses, rows
 from sieges.arms import random_arm
 from sieges.world import World
 
@@ -55,7 +55,9 @@ def random_case(rng: np.random.Generator, folder: Path) -> tuple[dict[str, Any],
         content["attached"] = [held(rng, folder, links)]
         write(folder / "scene.yaml", content)
         world = World(folder / "scene.yaml", names)
-    if world.bodies:
+    if limited and rng.random() < 0.6:  # so that nothing but the limits decides
+        content["self_collision"] = False
+    elif world.bodies:
         content["obstacles"] = obstacles(rng, folder, world, motion, moving)
     if limited:
         content["limits"] = limits(rng, world, motion)
@@ -63,9 +65,11 @@ def random_case(rng: np.random.Generator, folder: Path) -> tuple[dict[str, Any],
         content["timing"] = {
             "duration": float(np.clip(1.0 if motion.times is None else np.ptp(motion.times), 1e-3, 1e3))
         }
+    if rng.random() < 0.15:
+        content["path"] = constraints(rng, world, motion, links)
     if rng.random() < 0.2:
         content["planner"] = {"clearance": float(rng.choice([1e-4, 0.01, 0.05]))}
-    if rng.random() < 0.15:
+    if rng.random() < 0.15 and "self_collision" not in content:
         content["self_collision"] = bool(rng.random() < 0.5) or {"clearance": float(rng.choice([1e-4, 0.01]))}
     if "torque" in content.get("limits", {}) and rng.random() < 0.5:
         mass = float(rng.uniform(0.1, 3.0))
@@ -167,15 +171,15 @@ def passage(rng: np.random.Generator, pose: dict[str, Any], time: float) -> dict
     ways = rng.uniform(-0.5, 0.5, (3, 3)) + np.array(pose["position"])
     ways[1] = pose["position"]
     marks = max(0.0, time - 0.3) + np.cumsum(rng.uniform(0.1, 0.6, 3))
-    poses = [{"position": way.tolist(), "rpy": rng.uniform(-1.5, 1.5, 3).tolist()} for way in ways]
-    return {"motion": {"times": marks.tolist(), "poses": poses}}
+    stops = [{"position": way.tolist(), "rpy": rng.uniform(-1.5, 1.5, 3).tolist()} for way in ways]
+    return {"motion": {"times": marks.tolist(), "poses": stops}}
 
 
 def limits(rng: np.random.Generator, world: World, motion: rows.Rows) -> dict[str, Any]:
     """Return limits that the motion just keeps, or just breaks."""
     interval, s = motion.grid(128)
     found: dict[str, Any] = {}
-    factors = [0.99, 1.0 - 1e-5, 1.0 + 1e-5, 1.05, 2.0, 5.0]
+    factors = [0.99, 1.0 - 1e-5, 1.0 + 1e-5, 1.05, 1.2, 2.0, 5.0, 20.0]
     for order, key in enumerate(("velocity", "acceleration", "jerk"), start=1):
         if rng.random() < 0.6:
             most = np.abs(motion.at(interval, s, order)).max(axis=0)
@@ -201,3 +205,23 @@ def limits(rng: np.random.Generator, world: World, motion: rows.Rows) -> dict[st
     if not found:
         found["velocity"] = "urdf"
     return found
+
+
+def constraints(rng: np.random.Generator, world: World, motion: rows.Rows, links: list[str]) -> dict[str, Any]:
+    """Return constraints of the whole way that the motion just keeps, or just breaks."""
+    link = links[int(rng.integers(1, len(links)))]
+    interval, s = motion.grid(128)
+    frames = world.machine.frames(world.values(motion.names, motion.at(interval, s)), world.base)[link]
+    if rng.random() < 0.5:
+        axis = np.vstack([np.eye(3), -np.eye(3), [[0.0, 0.6, 0.8]]])[rng.integers(7)]
+        tilt = float(judge.tilt(frames, axis).max()) * float(rng.choice([0.99, 1.0 - 1e-6, 1.0 + 1e-6, 1.05, 1.5]))
+        return {"upright": {"link": link, "axis": axis.tolist(), "tolerance": float(np.clip(tilt, 1e-6, np.pi))}}
+    point, turned = rng.uniform(-0.2, 0.2, 3), rng.uniform(-3, 3, 3)
+    box = poses.from_rpy([0, 0, 0], turned)
+    places = (frames @ [*point, 1.0])[:, :3] @ box[:3, :3]
+    low, high = places.min(axis=0), places.max(axis=0)
+    size = np.maximum(high - low, 1e-4) * rng.choice([0.99, 1.0 + 1e-5, 1.1])
+    centre = box[:3, :3] @ (0.5 * (low + high))
+    edges: list[float] = [float("inf") if rng.random() < 0.3 and k else float(size[k]) for k in range(3)]
+    place = {"position": centre.tolist(), "rpy": turned.tolist()}
+    return {"position": {"link": link, "size": edges, "point": point.tolist(), **place}}
