@@ -67,6 +67,14 @@ def separation_bound(delta: float, gamma: int, length: float, count: int, inner:
     return float(inner ** (1 / p)) * unshaped(count ** (-1 / p) * unshaped(delta, gamma, length), gamma, length)
 
 
+def sufficient_separation(delta: float, gamma: int, length: float, corners: int) -> float:
+    """Return a D̃ [m] that proves D ≥ delta for a link body of so many corners: N_out^(1/p) Φ⁻¹(Φ⁻¹(δ)), as
+    ⊕ ≥ N_out^(−1/p) min and more normals only raise D; 0 for a delta of 0 or less."""
+    if delta <= 0.0:
+        return 0.0
+    return float(corners ** (1 / (gamma + 1)) * unshaped(unshaped(delta, gamma, length), gamma, length))
+
+
 def guaranteed_clearance(
     distance: str, delta: float, growth: float, gamma: int, length: float, normals: str
 ) -> float | None:

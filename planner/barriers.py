@@ -138,6 +138,7 @@ class Barriers:
         self.coming = np.zeros(len(names), dtype=np.bool_)  # (P,) pairs with an obstacle that moves
         self.coming[: len(outer)] = [b >= len(obstacles) for _, b in outer]
         self.obstacle_pairs = len(outer)  # the first of the P
+        self.corners = max((len(body.body.vertices) for body in bodies), default=1)  # of a link's body, at most
         self.levers = levers(robot, [(body.joint, body.body) for body in bodies])  # (n,) [m]
 
     def evaluate(self, q: Floats, time: float = 0.0, chosen: Rows | None = None) -> BarrierRows:
@@ -152,13 +153,14 @@ class Barriers:
             return self._nothing
         return self._evaluated(q, time, self._true, chosen)
 
-    def certain(self, rows: BarrierRows, velocity: Floats, period: float) -> NDArray[np.bool_]:
-        """Return which pairs (P,) have a positive Δ after a period of a velocity, whatever else it is, by how far the
-        robot's points move: the plain maximum over planes fixed in an obstacle that stands changes by no more."""
+    def certain(self, rows: BarrierRows, velocity: Floats, period: float, needed: Floats) -> NDArray[np.bool_]:
+        """Return which pairs (P,) have a D̃ above `needed` (P,) [m] after a period of a velocity, whatever else it is,
+        by how far the robot's points move: the plain maximum over planes fixed in an obstacle that stands changes by no
+        more."""
         known = np.arange(len(self.names)) < self.obstacle_pairs
         if self.settings.distance != "hdsdf" or self.movers:
             return np.zeros(len(known), dtype=np.bool_)
-        return np.asarray(known & (rows.separation > period * float(np.abs(velocity) @ self.levers)))
+        return np.asarray(known & (rows.separation > needed + period * float(np.abs(velocity) @ self.levers)))
 
     def _evaluated(self, q: Floats, time: float, groups: Sequence[tuple[_Group, Rows]], chosen: Rows) -> BarrierRows:
         """Evaluate the chosen pairs, which count through all groups; each group with its rows for its pairs."""

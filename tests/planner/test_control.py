@@ -18,7 +18,14 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.gdf import gdf
 from hdplan.distance.pair_distance import hdsdf_function
 from hdplan.distance.reference import hdsdf, hdsdf_derivatives
-from hdplan.planner.barrier_rules import boundary_slope, separation_bound, shaped, touching_value, unshaped
+from hdplan.planner.barrier_rules import (
+    boundary_slope,
+    separation_bound,
+    shaped,
+    sufficient_separation,
+    touching_value,
+    unshaped,
+)
 from hdplan.planner.barriers import Barriers, BarrierSettings, scene_barriers
 from hdplan.planner.box_pairs import BoxPairs
 from hdplan.planner.certificate import Certifier
@@ -259,6 +266,20 @@ def test_provably_unsafe_settings_are_refused_by_name() -> None:
             BarrierSettings(**wrong)  # type: ignore[arg-type]
 
 
+def test_what_is_called_certain_is(robot: Robot) -> None:
+    """A D̃ of `sufficient_separation` leaves D no less than its δ, wherever the bodies are."""
+    rng = np.random.default_rng(14)
+    settings = BarrierSettings()
+    barriers = scene_barriers(scene_of(*random_boxes(rng, 8)), robot, settings)
+    tightest = np.inf
+    for q in robot.draw(rng, 60):
+        rows = barriers.evaluate(q)
+        for delta in (1e-4, 4e-3, 5e-2):
+            sure = rows.separation >= sufficient_separation(delta, 2, settings.shaping_length, barriers.corners)
+            tightest = min(tightest, float((rows.value[sure] - delta).min(initial=np.inf)))
+    assert 0.0 <= tightest < 2e-3  # and it is not empty words
+
+
 def test_flat_spot_is_where_the_gradient_fades() -> None:
     assert boundary_slope(0.0, 2, 1e-3) == 0.0
     slopes = [boundary_slope(-delta, 2, 1e-3) for delta in np.geomspace(1e-15, 1e-3, 20)]
@@ -387,9 +408,7 @@ def test_what_stands_holds_whatever_comes(robot: Robot) -> None:
         ball = Obstacle("ball", Sphere(0.08), Pose(tuple((hand - 0.3 * velocity).tolist())),
                         motion=SteadyMotion(tuple(velocity.tolist()), (0.5, 1.0, 0.0)))  # fmt: skip
         controller = Controller.of(scene_of(*random_boxes(rng, 4), ball), ControlSettings(period=0.01), robot)
-        margins = np.where(
-            np.arange(len(controller.barriers.names)) < controller.barriers.obstacle_pairs, -2.5e-4, -2.5e-4
-        )
+        margins = np.where(np.arange(len(controller.barriers.names)) < controller.barriers.obstacle_pairs, 4e-3, 2e-3)
         run = simulate(controller, q, standing(robot.draw(rng, 1)[0], gain=4.0), 0.6)
         stands = ~controller.barriers.coming
         before = controller.barriers.evaluate(run.positions[0], 0.0).value[stands]
@@ -574,7 +593,11 @@ def test_links_that_begin_inside_a_margin_do_not_touch(robot: Robot) -> None:
 def test_slacks_stay_above_zero_once_they_are(robot: Robot) -> None:
     """The look-ahead's law: Δ ≥ δ at every sample, whatever the kinks, even with a distance that has them."""
     rng = np.random.default_rng(8)
-    for barriers_settings, margin in ((BarrierSettings(), -2.5e-4), (BarrierSettings("euclidean", growth=0.0), 0.01)):
+    for barriers_settings, margin in (
+        (BarrierSettings(growth=0.02), -2.5e-4),
+        (BarrierSettings(), 4e-3),
+        (BarrierSettings("euclidean", growth=0.0), 0.01),
+    ):
         settings = ControlSettings(barriers_settings, margin, 1e-3 if margin > 0 else margin, rate=20.0, period=0.02)
         scene = scene_of(*random_boxes(rng, 5))
         controller = Controller.of(scene, settings, robot)
