@@ -4,7 +4,7 @@
 
 In half of the corridors walls and roof are parallel, in the other half each is turned by up to 0.15 rad about each
 axis. The paper's Panda of boxes enters under the paper's own controller (`planner/corridor.py`), fitted bodies under
-ours, at the paper's rate and period: with its defaults, and with the margin kept in the distance itself instead of in
+ours, with its defaults, and with the margin kept in the distance itself instead of in
 grown obstacles. The exact distance then gets the margin with which it keeps the same least exact clearance (5 s, looked
 at 50 times a second). What is told is the HD-SDF's total variation and energy above 5 Hz over the exact distance's, of
 all joints: below 1 the HD-SDF is smoother.
@@ -113,9 +113,9 @@ def main() -> None:
     grown = replace(as_safe.settings, barriers=replace(as_safe.settings.barriers, growth=as_safe.growth))
     cases: tuple[tuple[str, Made, ControlSettings], ...] = (
         ("paper's boxes, its setting as safe", paper, grown),
-        ("fitted bodies, defaults", ours, ControlSettings(rate=0.5, period=0.01)),
+        ("fitted bodies, defaults", ours, ControlSettings()),
         ("fitted bodies, growth 0, margin 16 mm", ours, ControlSettings(
-            BarrierSettings(growth=0.0, self_growth=0.0), 0.016, 0.005, rate=0.5, period=0.01)),
+            BarrierSettings(growth=0.0, self_growth=0.0), 0.016, 0.005)),
     )  # fmt: skip
     print("| bodies, barrier | corridors | variation over the exact distance's | energy above 5 Hz, likewise |"
           " clearance [mm] | matched to [mm] |\n|---|---|---|---|---|---|")  # fmt: skip

@@ -13,7 +13,7 @@ the bodies (which the outer bodies contain, so d only gains):
       D ≥ δ ≥ 0   ⇒   D̃ ≥  N_in^(1/p) Φ⁻¹(K^(−1/p) Φ⁻¹(δ)),
 
   and d ≥ g + that bound. It is attained only where all K normals read alike; a proof has to allow for it.
-* GDF: an approximation; nothing is guaranteed.
+* GDF: an approximation, whose derivative is exact only where its iteration has converged; nothing is guaranteed.
 
 Time: commands are held over a period T, so h is kept at the samples (η T ≤ 1: a linear barrier does not cross zero; the
 controller's look-ahead makes sure of the curved ones), and between two samples no two points approach by more than

@@ -408,7 +408,9 @@ def test_what_stands_holds_whatever_comes(robot: Robot) -> None:
         ball = Obstacle("ball", Sphere(0.08), Pose(tuple((hand - 0.3 * velocity).tolist())),
                         motion=SteadyMotion(tuple(velocity.tolist()), (0.5, 1.0, 0.0)))  # fmt: skip
         controller = Controller.of(scene_of(*random_boxes(rng, 4), ball), ControlSettings(period=0.01), robot)
-        margins = np.where(np.arange(len(controller.barriers.names)) < controller.barriers.obstacle_pairs, 4e-3, 2e-3)
+        margins = np.where(
+            np.arange(len(controller.barriers.names)) < controller.barriers.obstacle_pairs, -2.5e-4, -2.5e-4
+        )
         run = simulate(controller, q, standing(robot.draw(rng, 1)[0], gain=4.0), 0.6)
         stands = ~controller.barriers.coming
         before = controller.barriers.evaluate(run.positions[0], 0.0).value[stands]
