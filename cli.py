@@ -1,6 +1,7 @@
 """The command line: parse, call the library, print.
 
-Exit codes: 0 certified, 1 nothing certified was found, 2 bad input, 130 interrupted before there was anything to show.
+Exit codes: 0 certified, 1 nothing certified was found, 2 bad input, 3 a fault of hdplan itself, 130 interrupted before
+there was anything to show, 143 terminated.
 Results go to the output stream; errors, one line each, and progress go to the error stream.
 """
 
@@ -11,8 +12,10 @@ import io
 import json
 import math
 import os
+import signal
 import sys
 import threading
+import traceback
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -33,13 +36,16 @@ from hdplan.planner.printed import (
     torques_table,
     verdict_text,
 )
-from hdplan.scenes.errors import HdplanError, InputError, naming
+from hdplan.scenes.deadline import time_limit as limited
+from hdplan.scenes.errors import HdplanError, InputError, OutOfTime, naming
 
 if TYPE_CHECKING:
     from hdplan.planner.report import Report
     from hdplan.scenes.model import Scene
 
-INTERRUPTED = 130  # what shells say of a command ended by Ctrl-C
+SEARCH = 30.0  # [s] for solving and certifying, where no time limit is given
+INTERNAL = 3
+INTERRUPTED, TERMINATED = 130, 143  # what shells say of a command ended by Ctrl-C, or by `kill`
 TyperError: type[Exception] = typer.BadParameter.__mro__[2]  # ClickException, wherever this Typer keeps its click
 
 app = typer.Typer(
@@ -64,7 +70,8 @@ panda_fold, panda_grasp, panda_heavy, panda_table_pick, panda_vase, planar_arm,
 ur5_ceiling, ur5_pallet, ur5_payload, ur5_scan, ur5_table, xarm7_post.
 
 Exit codes: 0 certified; 1 nothing certified was found (plan still writes its best attempt, marked as such), a
-simulated motion failed, or a study was interrupted (what it had found is written, marked as such); 2 bad input.""",
+simulated motion failed, or a study was interrupted (what it had found is written, marked as such); 2 bad input;
+3 a fault of hdplan itself.""",
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -155,11 +162,14 @@ def plan(
     ] = None,
     seed: Annotated[int, typer.Option(metavar="N", help="Seed of the random first guesses.", parser=_whole_number)] = 0,
     time_limit: Annotated[
-        float,
+        float | None,
         typer.Option(
-            metavar="SECONDS", help="Time for solving and certifying, all attempts together.", parser=_seconds
+            metavar="SECONDS",
+            help="Time for all of it, reading and building included. Without it solving and certifying take at most "
+            f"{SEARCH:g} s, all attempts together.",
+            parser=_seconds,
         ),
-    ] = 30.0,
+    ] = None,
     plot: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Draw scene, joints, clearance and convergence, as .png, .pdf or .svg."),
@@ -192,11 +202,13 @@ def plan(
         check_writable(output, FORMATS)
     if plot is not None:
         check_picture(plot)
-    problem = _load(scene, request, robot)
-    if distance is not None:
-        problem = replace(problem, planner=replace(problem.planner, distance=distance))
-    with progress(problem.planner, shown=not quiet and not as_json) as (report, stop):
-        result = find(problem, solver=solver, seed=seed, time_limit=time_limit, report=report, stop=stop)
+    with limited(time_limit):
+        problem = _load(scene, request, robot)
+        if distance is not None:
+            problem = replace(problem, planner=replace(problem.planner, distance=distance))
+        with progress(problem.planner, shown=not quiet and not as_json) as (report, stop):
+            longest = SEARCH if time_limit is None else time_limit
+            result = find(problem, solver=solver, seed=seed, time_limit=longest, report=report, stop=stop)
     if output is not None:
         result.save(output)
     if plot is not None:
@@ -227,7 +239,7 @@ def check(
     """
     from hdplan.planner.certificate import Certifier
     from hdplan.planner.result import how_long, verdict
-    from hdplan.planner.scene_robot import load_scene_robot
+    from hdplan.planner.scene_robot import load_scene_robot, notes_on
     from hdplan.planner.trajectory import Trajectory
 
     problem = _load(scene, request, robot)
@@ -235,7 +247,7 @@ def check(
     certifier = Certifier(problem, load_scene_robot(problem))
     with naming(trajectory):  # its joints may not fit
         certificate = certifier.certify(motion)
-    notes = [*problem.notes, *certifier.robot.notes, *certificate.notes]
+    notes = [*notes_on(problem, certifier.robot), *certificate.notes]
     with printing() as show:
         if as_json:
             about = {
@@ -286,7 +298,7 @@ def follow(
     from hdplan.planner.follow import follow as run
     from hdplan.planner.output import check_writable
     from hdplan.planner.result import verdict
-    from hdplan.planner.scene_robot import load_scene_robot
+    from hdplan.planner.scene_robot import load_scene_robot, notes_on
     from hdplan.planner.trajectory import FORMATS, Trajectory
 
     if output is not None:
@@ -305,7 +317,7 @@ def follow(
         else:
             show(Text(found.text, style="green" if found.succeeded else "red"))
             show(verdict_text(found.certificate))
-            notes = [("note", note) for note in (*problem.notes, *found.certificate.notes)]
+            notes = [("note", note) for note in (*notes_on(problem, arm), *found.certificate.notes)]
             rows = [*found.rows(), *closest_rows(found.certificate), *notes]
             show(table([*rows, *([("written", str(output))] if output is not None else [])]))
     raise typer.Exit(0 if found.succeeded else 1)
@@ -331,7 +343,7 @@ def simulate(
     Exit code 1 where tracking is lost, a limit is exceeded, or something touches.
     """
     from hdplan.planner.plot import check_picture, plot_simulation
-    from hdplan.planner.scene_robot import load_scene_robot
+    from hdplan.planner.scene_robot import load_scene_robot, notes_on
     from hdplan.planner.simulate import fitting
     from hdplan.planner.simulate import simulate as replay
     from hdplan.planner.trajectory import Trajectory
@@ -355,7 +367,8 @@ def simulate(
         else:
             show(Text(simulation.text, style="green" if simulation.succeeded else "red"))
             written = [] if plot is None else [("written", str(plot))]
-            show(table([*simulation_rows(simulation, problem, arm.name), *written]))
+            notes = [("note", note) for note in notes_on(problem, arm)]
+            show(table([*simulation_rows(simulation, problem, arm.name), *notes, *written]))
             show(rates_table(simulation.joints))
             if simulation.execution is not None:
                 show(torques_table(simulation.joints))
@@ -605,16 +618,20 @@ def kinks(output: Folder = OUT) -> None:
 
 
 def main() -> None:
-    """Run the command line; every error that a user can cause becomes one line and exit code 2."""
+    """Run the command line; every error becomes one line: exit code 2 for what a user can cause, else 3."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # closed, as with `>&-`
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # names of files and obstacles hold any character
             stream.reconfigure(errors="backslashreplace")
+    signal.signal(signal.SIGTERM, _terminated)
     warnings.showwarning = lambda message, *_, **__: say(f"note: {message}", "yellow")  # a line, not a source location
     try:
         code = app(sys.argv[1:] or ["--help"], prog_name="hdplan", standalone_mode=False)
+    except OutOfTime as error:
+        say(str(error), "red")
+        code = 1
     except HdplanError as error:
         code = _complain(str(error))
     except TyperError as error:
@@ -622,9 +639,28 @@ def main() -> None:
         code = _complain(f"{error.format_message().rstrip('.')} (see {command} --help)")  # type: ignore[attr-defined]
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
+    except BrokenPipeError:  # of a help text; what hdplan prints itself looks after itself
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = 0
+    except Exception as error:
+        say(f"internal error, please report it to the project with scene and command: {_fault(error)}", "red")
+        code = INTERNAL
     if code == INTERRUPTED:
         _complain("interrupted before anything was found")
     sys.exit(code)
+
+
+def _terminated(*_: object) -> None:
+    """End as asked, after files under way are taken away."""
+    sys.exit(TERMINATED)
+
+
+def _fault(error: Exception) -> str:
+    """Name an error that should not be, and the line of hdplan from which it came."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames if Path(frame.filename).parent.name in ("planner", "distance", "scenes", "view")]
+    place = next((f" ({Path(frame.filename).stem}, line {frame.lineno})" for frame in reversed(own)), "")
+    return f"{type(error).__name__}: {' '.join(str(error).split())}{place}"
 
 
 def _load(scene: str, request: Path | None, robot: str | None) -> Scene:

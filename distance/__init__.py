@@ -19,8 +19,9 @@ from hdplan.distance.sat import Proximity
 if TYPE_CHECKING:
     from hdplan.distance.batch import hdsdf_batch
     from hdplan.distance.fcl import fcl_distances
+    from hdplan.distance.graph_distance import hdsdf_function
     from hdplan.distance.oracle import signed_distance, signed_distances
-    from hdplan.distance.pair_distance import hdsdf_compiled, hdsdf_function
+    from hdplan.distance.pair_distance import hdsdf_compiled
 
 __all__ = [
     "RUNGS",
@@ -44,7 +45,7 @@ __all__ = [
 _HEAVY = {
     "hdsdf_batch": "batch",
     "hdsdf_compiled": "pair_distance",
-    "hdsdf_function": "pair_distance",
+    "hdsdf_function": "graph_distance",
     "fcl_distances": "fcl",
     "signed_distance": "oracle",
     "signed_distances": "oracle",

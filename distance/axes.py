@@ -1,7 +1,7 @@
 """All axes of a pair in CasADi: from their projections to D, D̃ and the derivatives by a motion.
 
 The outer level of the HD-SDF: the shaped Hölder maximum over groups of like axes, each a mapped function. Everything is
-seen in one frame, A's, and the motion is that of B in it.
+seen in one frame, A's, and the motion is that of B in it. What an axis adds to D̃ is said at ``normals.py``.
 """
 
 from __future__ import annotations
@@ -43,7 +43,10 @@ class Axes:
     points_b: ca.MX  # (3, m K) in A's frame; A's vertices where the axes are fixed in B
     points_a: ca.MX | None = None  # (3, L K) where both lists of projections move
     signs: tuple[int, ...] = (1, -1)  # the axes and their opposites, or one of them
+    placements: int = 1  # of B's points: each has an equal share of them and a motion of its own
+    squares: ca.MX | None = None  # (1, K) |w|², of axes that are not unit vectors
     least: ca.MX = field(init=False)  # (s, K) the least separation along the axis, for each sign
+    bounds: ca.MX = field(init=False)  # (s, K) what the axis says of the signed distance: a lower bound of it
 
     def __post_init__(self) -> None:
         """Find the least separations."""
@@ -51,11 +54,21 @@ class Axes:
         low_b, high_b = _spans(self.along)
         # rounded as the axis function rounds each x: the least of them must be one of them
         gaps = {1: (low_a - self.drop) - high_b, -1: (-high_a - self.drop) + low_b}
-        object.__setattr__(self, "least", ca.vertcat(*(gaps[sign] for sign in self.signs)))
+        least = ca.vertcat(*(gaps[sign] for sign in self.signs))
+        object.__setattr__(self, "least", least)
+        if self.squares is None:
+            object.__setattr__(self, "bounds", least)
+            return
+        plain = {1: low_a - high_b, -1: -high_a + low_b}
+        overlaps = ca.fmin(ca.vertcat(*(plain[sign] for sign in self.signs)), 0)
+        squares, drops = (ca.repmat(row, len(self.signs), 1) for row in (self.squares, self.drop))
+        seen = ca.if_else(overlaps < 0, overlaps / ca.fmax(squares, TINY) - drops, least)
+        object.__setattr__(self, "bounds", ca.if_else(squares > 0, seen, -ca.inf))
 
     def shape(self, gamma: int, order: int) -> AxisShape:
         """Return what this group's axis function is built for."""
-        return AxisShape(self.levels.shape[0], self.along.shape[0], gamma, order, self.points_a is not None, self.signs)
+        sizes = self.levels.shape[0], self.along.shape[0]
+        return AxisShape(*sizes, gamma, order, self.points_a is not None, self.signs, self.placements)
 
     def evaluated(self, gamma: int, order: int, case: ca.MX, length: ca.MX) -> list[ca.MX]:
         """Return the outputs of ``axis_function`` for all axes, side by side; ``case`` (1, K)."""
@@ -78,9 +91,9 @@ class Axes:
 
 
 def combined(groups: list[Axes], gamma: int, order: int, length: ca.MX) -> list[ca.MX]:
-    """Return D, D̃ and, by order, the gradient (6) and the Hessian (6, 6) of D by the motion."""
-    separation = ca.mmax(ca.horzcat(*(ca.vec(group.least).T for group in groups)))
-    apart = separation > TINY
+    """Return D, D̃ and, by order, the gradient (6) and the Hessian (6, 6) of D by the motion, six for each placement."""
+    apart = ca.mmax(ca.horzcat(*(ca.vec(group.least).T for group in groups))) > TINY
+    separation = ca.mmax(ca.horzcat(*(ca.vec(group.bounds).T for group in groups)))  # positive where the former is
     evaluated = []
     for group in groups:
         separates = ca.fmax(group.least[0, :], group.least[-1, :]) > TINY
@@ -121,7 +134,8 @@ def _derivatives(
     groups: list[Axes], evaluated: list[list[ca.MX]], maximum: _Maximum, gamma: int, order: int
 ) -> list[ca.MX]:
     """Return the gradient (6), and the Hessian (6, 6) for order 2, of D by the twist of B in A's frame."""
-    wrench, hessian, start = ca.MX.zeros(6), ca.MX.zeros(6, 6), 0
+    twists = 6 * groups[0].placements
+    wrench, hessian, start = ca.MX.zeros(twists), ca.MX.zeros(twists, twists), 0
     for group, outputs in zip(groups, evaluated, strict=True):
         count = group.levels.shape[1]
         columns = slice(start, start + len(group.signs) * count)
@@ -140,7 +154,7 @@ def _derivatives(
             *group.parameters, pull, push, sharp, weight * slope, weight * outer + spread * slope * slope, weight
         )
         wrench += ca.sum2(first)
-        hessian += ca.reshape(ca.sum2(ca.reshape(second, 36, count)), 6, 6)
+        hessian += ca.reshape(ca.sum2(ca.reshape(second, twists * twists, count)), twists, twists)
     gradient = maximum.slope * wrench
     return [gradient] if order == 1 else [gradient, hessian + maximum.outer * wrench @ wrench.T]
 

@@ -3,8 +3,9 @@
 In, for one axis w: what A's and B's vertices project to, ``levels`` (equal ones once, with a count) and ``along``, and
 the drop r_A + r_B + f. Out, for the axis and for its opposite: g = Phi(⊕_ij x_ij) of x_ij = ±(level_i - along_j) - drop
 and its derivatives in the closed form of ``holder.shaped_minimum``. They are handed on as moments of the vertices: x_ij
-is linear in ψ_ij = (1, b_j), or (1, b_j, a_i) where both lists move, whatever the motion, so that sums of ψ and of ψψᵀ
-hold all there is to know of the vertex pairs.
+is linear in ψ_ij = (1, b_j), or (1, b_j, a_i) where both lists move, or two halves of which the other is 0 where b_j
+belongs to one of two placements, whatever the motion; so that sums of ψ and of ψψᵀ hold all there is to know of the
+vertex pairs.
 
 An axis is computed in one of three cases, a real branch of the generated code: SKIPPED, where another axis separates
 the bodies and this one does not (it weighs exactly 0 in the maximum); APART, where it separates them, along one of its
@@ -40,11 +41,12 @@ class AxisShape:
     order: int  # of the derivatives wanted: 0, 1 or 2
     both_move: bool  # whether the levels depend on the pose too; they do not where the axis is fixed in their body
     signs: tuple[int, ...] = (1, -1)  # the axis and its opposite, or one of them
+    placements: int = 1  # of the points b_j: each has an equal share of them and a motion of its own
 
     @property
     def moments(self) -> int:
         """The length of ψ."""
-        return 7 if self.both_move else 4
+        return 7 if self.both_move else 4 * self.placements
 
 
 @functools.cache
@@ -194,10 +196,12 @@ def _sums(shape: AxisShape, inputs: list[Expression], sign: Any, scale: Expressi
         weighted = weights * (level_counts @ along_counts.T)
         by_b, by_a = ca.sum1(weighted).T, ca.sum2(weighted)
         psi_b = ca.vertcat(type(by_b).ones(1, by_b.numel()), points_b)
+        if shape.placements > 1:
+            psi_b = ca.diagcat(*ca.horzsplit(psi_b, shape.along // shape.placements))
         if not square:
             results.append(ca.vertcat(psi_b @ by_b, *(a @ by_a for a in points_a)))
             continue
-        block = psi_b @ (ca.repmat(by_b, 1, 4) * psi_b.T)
+        block = psi_b @ (ca.repmat(by_b, 1, psi_b.shape[0]) * psi_b.T)
         if points_a:
             (a,) = points_a
             mixed = a @ weighted @ psi_b.T

@@ -19,9 +19,12 @@ Motion = Callable[[ca.SX, ca.SX, float, list[ca.SX]], ca.SX]
 
 
 def fixed_in_a(eta: ca.SX, psi: ca.SX, sign: float, parameters: list[ca.SX]) -> ca.SX:
-    """x = -n·b, b moving; parameters: n."""
+    """x = -n·b, b moving, each of B's placements by six of η; parameters: n."""
     (normal,) = parameters
-    return -sign * ca.dot(normal, _moved(eta, psi[0], psi[1:4]))
+    x = ca.SX(0)
+    for k in range(psi.numel() // 4):
+        x -= sign * ca.dot(normal, _moved(eta[6 * k : 6 * k + 6], psi[4 * k], psi[4 * k + 1 : 4 * k + 4]))
+    return x
 
 
 def fixed_in_b(eta: ca.SX, psi: ca.SX, sign: float, parameters: list[ca.SX]) -> ca.SX:
@@ -60,20 +63,21 @@ def wrench_function(motion: Motion, sizes: tuple[int, ...], shape: AxisShape) ->
     axis' share in the maximum U. For order 2 also sharp (n, s n); slope = dD/dg · dg/du, and the factors of (Σ q dx)(Σ
     q dx)ᵀ and of sharp, (1, s) each.
 
-    Outputs: dU/dη (6); for order 2 this axis' part of d²D/dη² (6, 6), the outer rank-one term aside.
+    Outputs: dU/dη (6, for each placement); for order 2 this axis' part of d²D/dη² (6, 6), the outer rank-one term
+    aside.
     """
-    moments, signs = shape.moments, shape.signs
-    eta, psi = ca.SX.sym("eta", 6), ca.SX.sym("psi", moments)
+    moments, signs, twists = shape.moments, shape.signs, 6 * shape.placements
+    eta, psi = ca.SX.sym("eta", twists), ca.SX.sym("psi", moments)
     parameters = [ca.SX.sym(f"parameter{k}", size) for k, size in enumerate(sizes)]
     pull, push = ca.SX.sym("pull", moments, len(signs)), ca.SX.sym("push", 1, len(signs))
     sharp = ca.SX.sym("sharp", moments, len(signs) * moments)
     slope, outer, spread = (ca.SX.sym(name, 1, len(signs)) for name in ("slope", "outer", "spread"))
-    first, second = ca.SX.zeros(6), ca.SX.zeros(6, 6)
+    first, second = ca.SX.zeros(twists), ca.SX.zeros(twists, twists)
     for k, sign in enumerate(signs):
         x = motion(eta, psi, sign, parameters)
         bend, gradient = ca.hessian(x, eta)
         by_psi = ca.jacobian(gradient, psi)  # (6, n), as x is linear in psi
-        at_rest = [ca.substitute(part, eta, ca.SX.zeros(6)) for part in (by_psi, bend)]
+        at_rest = [ca.substitute(part, eta, ca.SX.zeros(twists)) for part in (by_psi, bend)]
         by_psi, bend = at_rest
         wrench = by_psi @ pull[:, k]
         first += push[k] * wrench

@@ -8,7 +8,6 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from math import prod
 from typing import Any
 
@@ -18,12 +17,14 @@ from numpy.typing import ArrayLike
 from hdplan.distance.batch_tables import Pair, pair_tables
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.holder import check_gamma, resolve_shaping_length
-from hdplan.distance.normals import check_witnesses
+from hdplan.distance.normals import check_witness_count, check_witnesses
+from hdplan.distance.poses import check_poses
 from hdplan.scenes.errors import InputError, nearest
 
 Array = Any  # NumPy's or JAX's
 
 DTYPES = ("float64", "float32")
+SIZES = (2, 2, 1, 2)  # axes of one rotation of A and of B, an offset, and witnesses
 
 # How many poses are worked on at once, powers of two because every number is compiled for anew.
 FEWEST, MOST = 8, 8192  # in one call of the compiled function; fewer are filled up, more go block by block
@@ -41,11 +42,21 @@ class BatchDistance:
 
     NumPy arrays in give NumPy arrays out; if a pose is a JAX array, JAX arrays that stay on the device come out. For
     them to be of use in float64, JAX must be told to allow it (``jax.enable_x64``); in here it is told, and outside
-    nothing is changed. The first call for an order of derivatives compiles for seconds, and so do the first ones for
+    nothing is changed. Positions are subtracted from each other before they are cast to ``dtype``: in float32 a touch
+    may read as a gap of up to 4 units in the last place of the bodies' extents and distance, wherever the origin is.
+
+    Within JAX's transformations (``grad``, ``hessian``, ``jit``, ``vmap``, ``scan``, in any order) it is a function of
+    the poses with derivatives in closed form to the second order; a third is refused. They are right at every pose
+    along rigid motions, aligned and touching ones included. D̃ has kinks and its gradient is a mean of theirs; its
+    second derivatives are left out (0), and so are those by witnesses, which are held fixed. What comes out is then of
+    the poses' own precision, computed in ``dtype`` all the same; and as nothing can be refused there, poses that are
+    not rigid or not finite read NaN.
+
+    The first call for an order of derivatives compiles for seconds, and so do the first ones for
     numbers of poses within another power of two, up to 8192; distances of pairs with equal numbers of vertices and
     normals share what is compiled, whatever their shaping lengths.
 
-    Raises InputError for poses and witnesses of another shape, number or not finite in ``dtype``.
+    Raises InputError for poses and witnesses of another shape or number, not finite or, of poses, not rigid.
     """
 
     pair: Pair  # the bodies, on the device
@@ -85,29 +96,39 @@ class BatchDistance:
     def _run(self, order: int, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None) -> list[Array]:
         import jax
 
-        from hdplan.distance.batch_kernel import evaluate
+        from hdplan.distance.batch_kernel import Places, evaluate
+        from hdplan.distance.batch_traced import Settings, traced
 
+        given = pose_a, pose_b, witnesses
+        lanes = self._lanes(jax.default_backend())
+        if any(isinstance(part, jax.core.Tracer) for part in given):
+            settings = Settings(self.gamma, self.dtype, lanes, order)
+            return traced(self.pair, self.shaping_length, *given, self.witness_count, settings)
         units = check_witnesses(witnesses)
-        if units.shape[-2] != self.witness_count:
-            raise InputError(f"witnesses: found {units.shape[-2]} at each pose, allowed are {self.witness_count}")
+        check_witness_count(units.shape, self.witness_count)
         on_device = isinstance(pose_a, jax.Array) or isinstance(pose_b, jax.Array)
         numpy = jax.numpy if on_device else np
+        with jax.enable_x64(True), np.errstate(over="ignore"):
+            a, b = (_checked(*named) for named in (("pose_a", pose_a), ("pose_b", pose_b)))
+            offset = numpy.asarray(b[..., :3, 3]) - numpy.asarray(a[..., :3, 3])  # before digits are cut
+            parts = [a[..., :3, :3], b[..., :3, :3], offset, units]
+            parts = [numpy.asarray(part, dtype=self.dtype) for part in parts]
+        if self.dtype == "float32" and not bool(numpy.isfinite(parts[2]).all()):
+            raise InputError("pose_b: found a body too far from the other, allowed is what float32 holds: 3.4e+38 m")
         with jax.enable_x64(self.dtype == "float64"):
-            parts = [self._pose("pose_a", pose_a, numpy), self._pose("pose_b", pose_b, numpy)]
-            parts.append(numpy.asarray(units, dtype=self.dtype))
-            shape = np.broadcast_shapes(*(part.shape[:-2] for part in parts))
-            rows = [numpy.broadcast_to(x, shape + x.shape[-2:]).reshape(prod(shape), *x.shape[-2:]) for x in parts]
+            shape = np.broadcast_shapes(*(part.shape[:-size] for part, size in zip(parts, SIZES, strict=True)))
+            rows = [
+                numpy.broadcast_to(part, shape + part.shape[-size:]).reshape(prod(shape), *part.shape[-size:])
+                for part, size in zip(parts, SIZES, strict=True)
+            ]
             length = np.asarray(self.shaping_length, dtype=self.dtype)
-            run = partial(evaluate, self.pair, length, gamma=self.gamma, order=order)
-            results = _in_blocks(run, rows, self._lanes(jax.default_backend()), numpy)
-            return [part.reshape(shape + part.shape[1:]) for part in results]
 
-    def _pose(self, name: str, pose: ArrayLike, numpy: Any) -> Array:
-        with np.errstate(over="ignore"):
-            matrix = numpy.asarray(pose, dtype=self.dtype)
-        if matrix.shape[-2:] != (4, 4) or not bool(numpy.isfinite(matrix).all()):
-            raise InputError(f"{name}: found an array of shape {matrix.shape}, allowed are finite arrays (..., 4, 4)")
-        return matrix
+            def run(turn_a: Array, turn_b: Array, apart: Array, axes: Array, lanes: int) -> Any:
+                places = Places(turn_a, turn_b, apart)
+                return evaluate(self.pair, length, places, axes, gamma=self.gamma, order=order, lanes=lanes)
+
+            results = _in_blocks(run, rows, lanes, numpy)
+            return [part.reshape(shape + part.shape[1:]) for part in results]
 
     def _lanes(self, backend: str) -> int:
         """Return how many poses to work on at once, a power of two."""
@@ -133,7 +154,7 @@ def hdsdf_batch(
     Args:
         witness_count: how many witness normals will be given with each pose.
         dtype: of the computation, ``float64`` or ``float32``; the latter is twice as fast on a CPU and resolves gaps
-            down to about 1e-6 of the size of the coordinates.
+            down to about 1e-6 of the bodies' extents and their distance from each other.
 
     Other arguments and errors as ``reference.hdsdf``; InputError too where JAX is not installed.
     """
@@ -152,6 +173,18 @@ def hdsdf_batch(
     return BatchDistance(pair, int(gamma), length, witness_count, dtype)
 
 
+def _checked(name: str, poses: ArrayLike) -> Array:
+    """Return poses (..., 4, 4) that ``check_poses`` accepts: JAX's on their device, others as NumPy's in float64."""
+    jax = importlib.import_module("jax")
+    if not isinstance(poses, jax.Array):
+        return check_poses(name, poses)
+    from hdplan.distance.batch_traced import all_rigid
+
+    if poses.shape[-2:] != (4, 4) or not all_rigid(poses):
+        check_poses(name, np.asarray(poses))  # says what is wrong
+    return poses
+
+
 def _in_blocks(run: Callable[..., Any], rows: list[Array], lanes: int, numpy: Any) -> list[Array]:
     """Return the results of ``run`` for all rows, called for blocks of few different lengths."""
     count, most = len(rows[0]), max(MOST, lanes)
@@ -160,8 +193,11 @@ def _in_blocks(run: Callable[..., Any], rows: list[Array], lanes: int, numpy: An
         block = [part[start : start + most] for part in rows]
         missing = max(FEWEST, 1 << (len(block[0]) - 1).bit_length()) - len(block[0])
         if missing:
-            more = (numpy.broadcast_to(numpy.eye(*x.shape[1:], dtype=x.dtype), (missing, *x.shape[1:])) for x in block)
-            block = [numpy.concatenate(parts) for parts in zip(block, more, strict=True)]
+            fills = (np.eye(*x.shape[1:]) if x.ndim > 2 else np.ones(x.shape[1:]) for x in block)
+            block = [
+                numpy.concatenate([x, numpy.broadcast_to(fill.astype(x.dtype), (missing, *fill.shape))])
+                for x, fill in zip(block, fills, strict=True)
+            ]
         found.append(run(*block, lanes=min(lanes, len(block[0]))))
     return [numpy.concatenate([numpy.asarray(part) for part in parts])[:count] for parts in zip(*found, strict=True)]
 

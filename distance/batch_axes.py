@@ -20,7 +20,8 @@ Array = jax.Array
 
 
 class Axes(NamedTuple):
-    """A group of n axes at N poses: x_ij = level_i - direction·point_j - base, as the other body's points see them.
+    """A group of n axes at N poses: x_ij = level_i - (direction·point_j + base) - drop, as the other body's points see
+    them.
 
     Derivatives are by the other body's twist ξ in its own frame. x is linear in ψ_ij = (1, point_j[, level_point_i]), m
     numbers; sums of ψ times weights are moments, which the functions turn into derivatives.
@@ -29,11 +30,13 @@ class Axes(NamedTuple):
     levels: Array  # (L, n, N) [m]
     level_counts: Array  # (L, n, 1)
     directions: Array  # (3, n, N) in the other body's frame
-    base: Array  # (n, N) [m] r_A + r_B + f and the way between the origins
+    base: Array  # (n, N) [m] the way between the origins
+    drop: Array  # (n, N) or () [m] r_A + r_B + f
     points: Array  # (V, 3, n, 1) [m] of the other body, in its frame
     point_counts: Array  # (V, n, 1)
     counts: Array  # (n, 1) how often each axis counts in the maximum
     level_points: Array | None  # (3, L, n, 1) [m] where the levels move too
+    squares: Array | None  # (n, N) |w|² of axes that are not unit vectors
     slopes: Callable[[Array], Array]  # moments (m, K, n, N) -> dx/dξ (6, K, n, N)
     bend: Callable[[Array], Array]  # moments (m, n, N) -> d²x/dξ² (6, 6, N), summed over the axes
 
@@ -45,11 +48,13 @@ def own_axes(own: OwnAxes, rotation: Array, position: Array, radii: Array, point
         levels=own.levels,
         level_counts=own.level_counts,
         directions=normals,
-        base=dot(own.normals, position[:, None]) + radii,
+        base=dot(own.normals, position[:, None]),
+        drop=radii,
         points=points[..., None],
         point_counts=jnp.ones_like(points[:, 0, :, None]),
         counts=own.counts,
         level_points=None,
+        squares=None,
         slopes=partial(_slopes, normals[:, None]),
         bend=partial(_bend, normals),
     )
@@ -102,11 +107,13 @@ def moving_axes(axes: MovingAxes, rotation: Array, position: Array, radii: Array
         levels=dot(w[:, None], axes.points_a),
         level_counts=axes.counts_a,
         directions=held,
-        base=dot(w, position[:, 0]) + radii + axes.fade * soft * (1 - dot(e, e)) * over,
+        base=dot(w, position[:, 0]),
+        drop=radii + axes.fade * soft * (1 - dot(e, e)) * over,
         points=jnp.moveaxis(axes.points_b, 1, 0),
         point_counts=axes.counts_b,
         counts=jnp.ones_like(axes.point),
         level_points=axes.points_a,
+        squares=dot(w, w),
         slopes=slopes,
         bend=bend,
     )

@@ -7,6 +7,7 @@ wrenches. Automatic ones would come from branches not taken, where they are 0/0.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial, reduce
 from operator import add
 from typing import NamedTuple
@@ -20,12 +21,22 @@ from hdplan.distance.batch_axes import Axes, blocks, cross, dot, moving_axes, ow
 from hdplan.distance.batch_tables import OwnAxes, Pair
 
 Array = jax.Array
+Frame = tuple[Array, Array]  # rotation (3, 3, N) and position (3, N)
+
+
+class Places(NamedTuple):
+    """Where two bodies are, N times; their positions are subtracted before anything is rounded to fewer digits."""
+
+    turn_a: Array  # (N, 3, 3) world from A
+    turn_b: Array  # (N, 3, 3) world from B
+    offset: Array  # (N, 3) [m] from A's origin to B's, in the world
 
 
 class Sums(NamedTuple):
     """Sums over all pairs of vertices for each axis of a group."""
 
     least: Array  # (n, N) min x
+    bound: Array  # (n, N) what the axis adds to D̃, see ``normals``
     total: Array  # (n, N) Σ w r^p
     moments: tuple[Array, ...]  # by order of derivatives: Σ pull ψ (m, n, N) and Σ sharp ψψᵀ (m, m, n, N)
 
@@ -53,31 +64,56 @@ class Factors(NamedTuple):
 
 @partial(jax.jit, static_argnames=("gamma", "order", "lanes"))
 def evaluate(
-    pair: Pair, length: Array, pose_a: Array, pose_b: Array, witnesses: Array, *, gamma: int, order: int, lanes: int
+    pair: Pair, length: Array, places: Places, witnesses: Array, *, gamma: int, order: int, lanes: int
 ) -> tuple[Array, ...]:
     """Return D and D̃ (N,) [m]; from order 1 on the gradient (N, 12), for order 2 the Hessian (N, 12, 12).
 
-    Poses (N, 4, 4), witnesses (N, W, 3), unit, in B's frame; N a multiple of ``lanes``. So many poses are worked on at
-    a time: few enough for the processor's cache, and memory does not grow with N.
+    Witnesses (N, W, 3), unit, in B's frame; N a multiple of ``lanes``. So many poses are worked on at a time: few
+    enough for the processor's cache, and memory does not grow with N.
     """
-
-    def some(inputs: tuple[Array, ...]) -> tuple[Array, ...]:
-        return _evaluate(pair, length, *(jnp.moveaxis(part, 0, -1) for part in inputs), gamma=gamma, order=order)
-
-    inputs = pose_a, pose_b, witnesses
-    results = lax.map(some, tuple(part.reshape(len(part) // lanes, lanes, *part.shape[1:]) for part in inputs))
-    return tuple(jnp.moveaxis(part, -1, 1).reshape(-1, *part.shape[1:-1]) for part in results)
+    return _mapped(partial(_evaluate, pair, length, gamma=gamma, order=order), places, witnesses, lanes)
 
 
-def _evaluate(
-    pair: Pair, length: Array, pose_a: Array, pose_b: Array, witnesses: Array, *, gamma: int, order: int
-) -> tuple[Array, ...]:
-    """Return the results of ``evaluate``; the poses come last, in and out."""
-    offset = pose_b[:3, 3] - pose_a[:3, 3]
-    rotation = dot(pose_a[:3, :3, None], pose_b[:3, None, :3])
-    b_in_a = rotation, dot(pose_a[:3, :3], offset[:, None])
-    a_in_b = rotation.swapaxes(0, 1), -dot(pose_b[:3, :3], offset[:, None])
-    by_b = [own_axes(pair.in_a, *b_in_a, pair.radii, pair.vertices_b)]  # groups differentiated by B's twist
+@partial(jax.jit, static_argnames=("lanes",))
+def separation_gradient(pair: Pair, places: Places, witnesses: Array, *, lanes: int) -> Array:
+    """Return the gradient (N, 12) of D̃ by the same twists; where several axes or vertices tie, a mean of theirs."""
+
+    def some(places: Places, witnesses: Array) -> tuple[Array]:
+        def moved(twists: Array) -> Array:
+            (v_a, turn_a), (v_b, turn_b) = (
+                (twist[:3], skew(twist[3:])[..., None]) for twist in (twists[:6], twists[6:])
+            )
+            there = Places(
+                places.turn_a + _turned(places.turn_a, turn_a),
+                places.turn_b + _turned(places.turn_b, turn_b),
+                places.offset + _turned(places.turn_b, v_b[:, None, None])[:, 0]
+                - _turned(places.turn_a, v_a[:, None, None])[:, 0],
+            )  # fmt: skip
+            by_b, by_a, _ = _all_axes(pair, there, witnesses)
+            return jnp.max(jnp.concatenate([_along(axes).bound for axes in by_b + by_a]), axis=0)
+
+        slopes = jax.jacfwd(moved)(jnp.zeros(12, places.offset.dtype))
+        return (jnp.moveaxis(slopes, -1, 0),)
+
+    return _mapped(some, places, witnesses, lanes)[0]
+
+
+def _mapped(some: Callable[..., tuple[Array, ...]], places: Places, witnesses: Array, lanes: int) -> tuple[Array, ...]:
+    """Return the results of ``some`` for all poses, called with as many as there are lanes, the poses last."""
+
+    def block(inputs: tuple[Places, Array]) -> tuple[Array, ...]:
+        return some(*jax.tree.map(lambda part: jnp.moveaxis(part, 0, -1), inputs))
+
+    split = jax.tree.map(lambda x: x.reshape(len(x) // lanes, lanes, *x.shape[1:]), (places, witnesses))
+    return tuple(jnp.moveaxis(part, -1, 1).reshape(-1, *part.shape[1:-1]) for part in lax.map(block, split))
+
+
+def _all_axes(pair: Pair, places: Places, witnesses: Array) -> tuple[list[Axes], list[Axes], tuple[Frame, Frame]]:
+    """Return the groups differentiated by B's twist, those by A's, and the frames of B in A and of A in B."""
+    rotation = dot(places.turn_a[:, :, None], places.turn_b[:, None])
+    b_in_a = rotation, dot(places.turn_a, places.offset[:, None])
+    a_in_b = rotation.swapaxes(0, 1), -dot(places.turn_b, places.offset[:, None])
+    by_b = [own_axes(pair.in_a, *b_in_a, pair.radii, pair.vertices_b)]
     by_b += [moving_axes(axes, *b_in_a, pair.radii) for axes in pair.moving]
     by_a = [own_axes(pair.in_b, *a_in_b, pair.radii, pair.vertices_a)]
     if len(witnesses):
@@ -85,7 +121,14 @@ def _evaluate(
         levels = dot(pair.vertices_b.swapaxes(0, 1)[:, :, None], normals[:, None])
         ones = jnp.ones_like(levels[..., :1])
         by_a.append(own_axes(OwnAxes(normals, levels, ones, ones[0]), *a_in_b, pair.radii, pair.vertices_a))
+    return by_b, by_a, (b_in_a, a_in_b)
 
+
+def _evaluate(
+    pair: Pair, length: Array, places: Places, witnesses: Array, *, gamma: int, order: int
+) -> tuple[Array, ...]:
+    """Return the results of ``evaluate``; the poses come last, in and out."""
+    by_b, by_a, (b_in_a, a_in_b) = _all_axes(pair, places, witnesses)
     sums = [_sums(axes, gamma, order) for axes in by_b + by_a]
     least = jnp.concatenate([s.least for s in sums])
     inner = _shaped(_not_zero(least), jnp.concatenate([s.total for s in sums]), gamma, length)
@@ -94,7 +137,7 @@ def _evaluate(
     counts = jnp.concatenate([axes.counts for axes in by_b + by_a])
     total, pull, sharp = _weights(-inner.value, counts, m, gamma)
     outer = _shaped(m, sum_halves(total, 0), gamma, length)
-    results = [-outer.value, jnp.max(least, axis=0)]
+    results = [-outer.value, jnp.max(jnp.concatenate([s.bound for s in sums]), axis=0)]
     if order == 0:
         return tuple(results)
 
@@ -129,18 +172,37 @@ def _evaluate(
     return tuple(results)
 
 
-def _sums(axes: Axes, gamma: int, order: int) -> Sums:
-    """Return the sums over all pairs of vertices, in two loops over the other body's points.
+class Along(NamedTuple):
+    """What a group of axes reads at the other body's points."""
 
-    Loops stay loops: they compile in no time, and what they work on stays in the processor's cache.
-    """
+    along: Array  # (V, n, N) [m] x = level - along
+    least: Array  # (n, N) [m] min x
+    bound: Array  # (n, N) [m] what the axis adds to D̃, see ``normals``
+
+
+def _along(axes: Axes) -> Along:
+    """Return the projections of the other body's points, in a loop over them."""
 
     def find(highest: Array, point: Array) -> tuple[Array, Array]:
         along = dot(axes.directions, point) + axes.base
         return jnp.maximum(highest, along), along
 
     highest, along = lax.scan(find, jnp.full_like(axes.base, -jnp.inf), axes.points)
-    least = jnp.min(axes.levels, axis=0) - highest
+    lowest = jnp.min(axes.levels, axis=0)
+    along, least = along + axes.drop, lowest - (highest + axes.drop)
+    bound = least
+    if axes.squares is not None:
+        overlap = jnp.minimum(lowest - highest, 0) / jnp.maximum(axes.squares, np.finfo(least.dtype).tiny)
+        bound = jnp.where(axes.squares > 0, jnp.where(overlap < 0, overlap - axes.drop, least), -jnp.inf)
+    return Along(along, least, bound)
+
+
+def _sums(axes: Axes, gamma: int, order: int) -> Sums:
+    """Return the sums over all pairs of vertices, in a second loop over the other body's points.
+
+    Loops stay loops: they compile in no time, and what they work on stays in the processor's cache.
+    """
+    along, least, bound = _along(axes)
     m = _not_zero(least)
 
     psi, products = _powers(axes.points, 1)
@@ -175,7 +237,7 @@ def _sums(axes: Axes, gamma: int, order: int) -> Sums:
             of_levels = _symmetric(of_levels, ((0, 1, 2), (1, 3, 4), (2, 4, 5)))
             square = blocks(square, mixed.swapaxes(0, 1), mixed, of_levels)
         moments.append(square)
-    return Sums(least, total, tuple(moments))
+    return Sums(least, bound, total, tuple(moments))
 
 
 def _powers(points: Array, axis: int) -> tuple[Array, Array]:
@@ -239,6 +301,11 @@ def _shaped(m: Array, total: Array, gamma: int, length: Array) -> Shaped:
         scale_pull=scale_sharp * inverse * jnp.where(above, square, 1),
         scale_sharp=-bend * scale_sharp * jnp.where(above, square * square, 1),
     )
+
+
+def _turned(rotation: Array, columns: Array) -> Array:
+    """Return the products of matrices (3, 3, N) and (3, k, N)."""
+    return dot(rotation.swapaxes(0, 1)[:, :, None], columns[:, None])
 
 
 def _moved(rotation: Array, position: Array, wrench: Array) -> Array:

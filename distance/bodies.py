@@ -15,6 +15,7 @@ from scipy.sparse import csr_matrix, triu
 from scipy.spatial import ConvexHull
 
 from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.values import Whole, checked
 
 Array = NDArray[np.float64]
 
@@ -24,6 +25,10 @@ SAME_DIRECTION = 1e-6  # [rad] directions closer than this, up to sign, are one
 SAME_PLANE = (
     1e-6  # of the body's size: triangles this close to one plane are one face (a float32 mesh has flat faces too)
 )
+
+UNIT = 1e-6  # by which the length of a direction may differ from 1
+MOST_SIDES = 1000
+LARGEST = 1e100  # [m] beyond which squares and cubes of lengths are no numbers any more
 
 GOLDEN = (1.0 + np.sqrt(5.0)) / 2.0
 
@@ -43,12 +48,18 @@ class ConvexBody:
     radius: float = 0.0  # [m] of the sphere that sweeps the polytope, >= 0
 
     def __post_init__(self) -> None:
-        """Freeze the arrays too."""
+        """Check and freeze the arrays too. Raises InputError for what is no body."""
         for name in ("vertices", "faces", "edges"):
-            array = np.array(getattr(self, name), dtype=float).reshape(-1, 3)
+            array = _rows(name, getattr(self, name))
+            if name != "vertices" and not np.allclose(np.linalg.norm(array, axis=1), 1.0, rtol=0.0, atol=UNIT):
+                raise InputError(f"{name}: allowed are directions of length 1")
             array.setflags(write=False)
             object.__setattr__(self, name, array)
-        counts = np.array(self.edge_counts, dtype=float).reshape(len(self.edges))
+        if not len(self.vertices):
+            raise InputError("vertices: found none, at least one is needed")
+        counts = _numbers("edge_counts", self.edge_counts)
+        if counts.shape != (len(self.edges),) or (counts <= 0.0).any():
+            raise InputError(f"edge_counts: found {counts.tolist()}, allowed is one above 0 for each of the edges")
         counts.setflags(write=False)
         object.__setattr__(self, "edge_counts", counts)
         object.__setattr__(self, "radius", _length("radius", self.radius, zero=True))
@@ -56,8 +67,8 @@ class ConvexBody:
     @classmethod
     def box(cls, size: ArrayLike) -> ConvexBody:
         """Return the box of full side lengths ``size`` (3,) [m], centred, along the axes."""
-        sides = np.asarray(size, dtype=float)
-        if sides.shape != (3,) or not np.all(np.isfinite(sides)) or np.any(sides <= 0):
+        sides = _numbers("box size", size)
+        if sides.shape != (3,) or np.any(sides <= 0):
             raise InputError(f"box size: found {sides.tolist()}, allowed are three positive lengths")
         corners = np.array(list(product((-0.5, 0.5), repeat=3))) * sides
         return cls(corners, np.vstack([np.eye(3), -np.eye(3)]), np.eye(3), np.full(3, 4.0))
@@ -80,8 +91,7 @@ class ConvexBody:
 
         The prism is wider than the cylinder by ``radius (1/cos(pi/sides) - 1)`` at its edges: 2 % for 16 sides.
         """
-        if sides < 3:
-            raise InputError(f"cylinder sides: found {sides}, allowed are 3 or more")
+        sides = checked(Whole(3, MOST_SIDES), sides, "cylinder sides")
         half = 0.5 * _length("cylinder length", length)
         angles = 2.0 * np.pi * np.arange(sides) / sides
         ring = (
@@ -92,8 +102,8 @@ class ConvexBody:
     @classmethod
     def platonic(cls, name: str, circumradius: float = 1.0) -> ConvexBody:
         """Return the Platonic solid ``name``, its vertices ``circumradius`` [m] from the origin."""
-        if name not in PLATONIC:
-            raise InputError(f"platonic solid: unknown name '{name}'{nearest(name, PLATONIC)}")
+        if not isinstance(name, str) or name not in PLATONIC:
+            raise InputError(f"platonic solid: unknown name '{name}'{nearest(str(name), PLATONIC)}")
         points = np.array(PLATONIC[name])
         return cls.from_points(points * (_length("circumradius", circumradius) / np.linalg.norm(points[0])))
 
@@ -105,16 +115,9 @@ class ConvexBody:
 
         Raises InputError for no points, another shape than (n, 3) and numbers that are not finite.
         """
-        try:
-            cloud = np.asarray(points, dtype=float)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"points: not an array of numbers ({error})") from error
-        if cloud.size == 0:
+        cloud = _rows("points", points)
+        if not len(cloud):
             raise InputError("points: found none, at least one is needed")
-        if cloud.ndim != 2 or cloud.shape[1] != 3:
-            raise InputError(f"points: found an array of shape {cloud.shape}, allowed is (n, 3)")
-        if not np.all(np.isfinite(cloud)):
-            raise InputError("points: found a coordinate that is not finite (NaN or infinite)")
         return cls(*_hull(cloud), radius)
 
     def inflated(self, clearance: float) -> ConvexBody:
@@ -150,10 +153,32 @@ def unique_directions(directions: ArrayLike) -> tuple[Array, Array]:
 
 
 def _length(name: str, value: float, zero: bool = False) -> float:
-    number = float(value)
-    if not np.isfinite(number) or number < 0 or (number == 0 and not zero):
+    number = _numbers(name, value)
+    if number.shape != () or number < 0 or (number == 0 and not zero):
         raise InputError(f"{name}: found {value}, allowed is a {'length >= 0' if zero else 'positive length'}")
-    return number
+    return float(number)
+
+
+def _rows(name: str, values: ArrayLike) -> Array:
+    """Return an array (n, 3) of its own; an empty one is (0, 3)."""
+    rows = _numbers(name, values)
+    if rows.size and (rows.ndim != 2 or rows.shape[1] != 3):
+        raise InputError(f"{name}: found an array of shape {rows.shape}, allowed is (n, 3)")
+    return rows.reshape(-1, 3)
+
+
+def _numbers(name: str, values: ArrayLike) -> Array:
+    """Return finite numbers, at most LARGEST in size, as an array of their own."""
+    try:
+        found = np.array(values)
+        if found.dtype.kind not in "iuf" and found.size:
+            raise TypeError(f"found {found.dtype}")
+        numbers = found.astype(float)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{name}: not an array of numbers ({error})") from None
+    if not np.all(np.abs(numbers) <= LARGEST):  # nor is NaN
+        raise InputError(f"{name}: found a number that is not finite (NaN or infinite), or beyond {LARGEST:g}")
+    return numbers
 
 
 def _hull(points: Array) -> tuple[Array, Array, Array, Array]:

@@ -15,6 +15,7 @@ import numpy as np
 from hdplan.distance.axes import Axes, combined
 from hdplan.distance.axis_motion import fixed_in_a, fixed_in_b
 from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.graph_poses import rigid_or_nan
 from hdplan.distance.normals import candidate_normals
 
 CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3))).T  # (3, 8)
@@ -36,7 +37,8 @@ def box_distance(gamma: int, shaping_length: float, normals: str) -> ca.Function
 
     Outputs: distance () [m]; wrench (6) = [F | T], the derivative of D under a motion of A: dD = F·v + T·ω for the
     velocity v of the point of A at the world's origin and angular velocity ω (B's wrench is the opposite); separation
-    () [m], D̃ of eq. Dtilde, never more than the true signed distance of the boxes less the margin.
+    () [m], D̃ of eq. Dtilde, never more than the true signed distance of the boxes less the margin. At placements that
+    are not rigid D and D̃ are NaN: a graph cannot refuse.
     """
     placements = [ca.MX.sym(f"placement_{name}", 12) for name in "ab"]
     boxes = [ca.MX.sym(f"box_{name}", 15) for name in "ab"]
@@ -70,12 +72,13 @@ def box_distance(gamma: int, shaping_length: float, normals: str) -> ca.Function
         )
     ]
     distance, separation, gradient = combined(groups, gamma, 1, ca.MX(shaping_length))
+    mark = rigid_or_nan(*(ca.reshape(part[:9], 3, 3).T for part in (*placements, *boxes)))
     force = -rotations[0] @ gradient[:3]  # the gradient is by the motion of B as seen from A
     torque = -rotations[0] @ gradient[3:] + ca.cross(origins[0], force)
     return ca.Function(
         f"hdsdf_boxes_{gamma}_{normals.replace('-', '_')}",
         [*placements, *boxes, margin],
-        [ca.densify(distance), ca.densify(ca.vertcat(force, torque)), ca.densify(separation)],
+        [ca.densify(distance + mark), ca.densify(ca.vertcat(force, torque)), ca.densify(separation + mark)],
         ["placement_a", "placement_b", "box_a", "box_b", "margin"],
         ["distance", "wrench", "separation"],
     )

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.distance.cache import cache_dir, content_key, write_whole
+from hdplan.scenes.deadline import check_time, most_seconds
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -243,7 +244,12 @@ def _library(function: ca.Function) -> ctypes.CDLL | None:
     with tempfile.TemporaryDirectory() as folder:
         text, built = Path(folder) / "function.c", Path(folder) / "function.so"
         text.write_text(source)
-        outcome = subprocess.run([*command, *flags, str(text), "-o", str(built), "-lm"], capture_output=True, text=True)
+        build = [*command, *flags, str(text), "-o", str(built), "-lm"]
+        try:
+            outcome = subprocess.run(build, capture_output=True, text=True, timeout=most_seconds())
+        except subprocess.TimeoutExpired:
+            check_time("compiling the distance")
+            raise
         if outcome.returncode:
             warnings.warn(
                 f"{command[0]} failed on {function.name()}: {outcome.stderr.strip().splitlines()[-1:]}; interpreting",

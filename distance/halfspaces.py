@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from hdplan.distance.axes import Axes, combined
 from hdplan.distance.axis_motion import fixed_in_a
+from hdplan.distance.graph_poses import rigid_or_nan
 
 Floats = NDArray[np.float64]
 
@@ -65,12 +66,11 @@ def halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: f
     points = rotation_b.T @ (world + ca.repmat(placement_a[9:] - placement_b[9:], 1, vertices))  # A's, in B's frame
     axes = _axes(points, body[3 * vertices : 4 * vertices], body[4 * vertices], body_planes)
     distance, separation, gradient = combined([axes], gamma, 1, ca.MX(shaping_length))
-    force = rotation_b @ gradient[:3]
-    torque = rotation_b @ gradient[3:] + ca.cross(placement_b[9:], force)
+    mark = rigid_or_nan(rotation_a, rotation_b)
     return ca.Function(
         f"hdsdf_halfspaces_{vertices}_{planes}_{gamma}",
         [placement_a, placement_b, body, body_planes],
-        [distance, ca.vertcat(force, torque), separation],
+        [distance + mark, _wrench(rotation_b, placement_b[9:], gradient), separation + mark],
         ["placement_a", "placement_b", "body", "body_planes"],
         ["distance", "wrench", "separation"],
     )
@@ -82,31 +82,32 @@ def swept_halfspace_distance(vertices: int, planes: int, gamma: int, shaping_len
 
     Inputs: first (12) and second (12), A's placements; placement_b, body and body_planes as in `halfspace_distance`.
     Outputs: distance [m]; first_wrench and second_wrench (6), dD = F·v + T·ω under a motion of A at that placement
-    alone; separation [m]. The derivative is CasADi's, in reverse, of D by the points.
+    alone; separation [m].
     """
     first, second, placement_b = (ca.MX.sym(name, 12) for name in ("first", "second", "placement_b"))
     body, body_planes = ca.MX.sym("body", 4 * vertices + 1), ca.MX.sym("body_planes", 4 * planes)
-    points, weights = ca.MX.sym("points", 3, 2 * vertices), body[3 * vertices : 4 * vertices]
-    axes = _axes(points, ca.vertcat(weights, weights), body[4 * vertices], body_planes)
-    value, lowest = combined([axes], gamma, 0, ca.MX(shaping_length))
-    by_points = ca.Function("by_points", [points, body, body_planes], [value, ca.gradient(value, points), lowest])
-
-    rotation_b, corners = ca.reshape(placement_b[:9], 3, 3).T, ca.reshape(body[: 3 * vertices], 3, vertices)
-    placed = [ca.reshape(a[:9], 3, 3).T @ corners + ca.repmat(a[9:], 1, vertices) for a in (first, second)]
-    local = rotation_b.T @ (ca.horzcat(*placed) - ca.repmat(placement_b[9:], 1, 2 * vertices))
-    distance, gradient, separation = by_points(local, body, body_planes)
-    forces = ca.horzsplit(rotation_b @ gradient, vertices)
-    wrenches = [_wrench(at, force) for at, force in zip(placed, forces, strict=True)]
+    turns = [ca.reshape(placement[:9], 3, 3).T for placement in (first, second, placement_b)]
+    corners, rotation_b = ca.reshape(body[: 3 * vertices], 3, vertices), turns[2]
+    placed = [
+        turn @ corners + ca.repmat(placement[9:] - placement_b[9:], 1, vertices)
+        for turn, placement in zip(turns, (first, second), strict=False)
+    ]
+    weights = body[3 * vertices : 4 * vertices]
+    points = rotation_b.T @ ca.horzcat(*placed)  # A's, in B's frame
+    axes = _axes(points, ca.vertcat(weights, weights), body[4 * vertices], body_planes, placements=2)
+    distance, separation, gradient = combined([axes], gamma, 1, ca.MX(shaping_length))
+    wrenches = [_wrench(rotation_b, placement_b[9:], part) for part in ca.vertsplit(gradient, 6)]
+    mark = rigid_or_nan(*turns)
     return ca.Function(
         f"hdsdf_swept_halfspaces_{vertices}_{planes}_{gamma}",
         [first, second, placement_b, body, body_planes],
-        [distance, *wrenches, separation],
+        [distance + mark, *wrenches, separation + mark],
         ["first", "second", "placement_b", "body", "body_planes"],
         ["distance", "first_wrench", "second_wrench", "separation"],
     )
 
 
-def _axes(points: ca.MX, weights: ca.MX, radius: ca.MX, body_planes: ca.MX) -> Axes:
+def _axes(points: ca.MX, weights: ca.MX, radius: ca.MX, body_planes: ca.MX, placements: int = 1) -> Axes:
     """The planes' normals as axes, for A's points (3, m) in B's frame, which stands still."""
     planes = body_planes.numel() // 4
     normals = ca.reshape(body_planes[: 3 * planes], 3, planes)
@@ -121,10 +122,11 @@ def _axes(points: ca.MX, weights: ca.MX, radius: ca.MX, body_planes: ca.MX) -> A
         counts=np.ones(planes),
         points_b=ca.repmat(points, 1, planes),
         signs=(-1,),  # x = n·a - h - r_A
+        placements=placements,
     )
 
 
-def _wrench(points: ca.MX, forces: ca.MX) -> ca.MX:
-    """The forces (3, m) at points (3, m) as one wrench about the origin: Σ f and Σ p × f."""
-    moments = [points[k - 2, :] * forces[k - 1, :] - points[k - 1, :] * forces[k - 2, :] for k in range(3)]
-    return ca.vertcat(ca.sum2(forces), ca.sum2(ca.vertcat(*moments)))
+def _wrench(rotation_b: ca.MX, origin_b: ca.MX, gradient: ca.MX) -> ca.MX:
+    """The derivative by a motion (6) as B sees it, as a wrench about the world's origin."""
+    force = rotation_b @ gradient[:3]
+    return ca.vertcat(force, rotation_b @ gradient[3:] + ca.cross(origin_b, force))

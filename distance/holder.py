@@ -6,6 +6,8 @@ every ratio lies in [0, 1], for any gamma and any scale.
 
 from __future__ import annotations
 
+import numbers
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -24,8 +26,12 @@ def holder_minimum(values: ArrayLike, gamma: int, multiplicities: ArrayLike | No
     0. Raises InputError unless gamma is an integer >= 1.
     """
     p = check_gamma(gamma) + 1
-    x = np.asarray(values, dtype=float)
-    weights = np.ones(x.shape[-1]) if multiplicities is None else np.asarray(multiplicities, dtype=float)
+    x = _values("values", values)
+    if not x.ndim or not x.shape[-1]:
+        raise InputError(f"values: found an array of shape {x.shape}, allowed is (..., n) with n >= 1")
+    weights = np.ones(x.shape[-1]) if multiplicities is None else _values("multiplicities", multiplicities)
+    if weights.shape != x.shape[-1:]:
+        raise InputError(f"multiplicities: found an array of shape {weights.shape}, allowed is {x.shape[-1:]}")
     m = x.min(axis=-1, keepdims=True)
     above = np.where(m > 0, m / np.where(m > 0, x, 1.0), 0.0)  # m / x_i
     below = np.where(m < 0, np.minimum(x, 0.0) / np.where(m < 0, m, 1.0), 0.0)  # (-x_i)_+ / (-m)
@@ -37,7 +43,7 @@ def holder_minimum(values: ArrayLike, gamma: int, multiplicities: ArrayLike | No
 
 def holder_maximum(values: ArrayLike, gamma: int, multiplicities: ArrayLike | None = None) -> Array:
     """Return the gamma-Hölder maximum, -min(-x), along the last axis (paper: Definition ``def:smooth-max-boxplus``)."""
-    return -holder_minimum(-np.asarray(values, dtype=float), gamma, multiplicities)
+    return -holder_minimum(-_values("values", values), gamma, multiplicities)
 
 
 def shaping(values: ArrayLike, gamma: int, shaping_length: float) -> Array:
@@ -45,7 +51,8 @@ def shaping(values: ArrayLike, gamma: int, shaping_length: float) -> Array:
 
     delta = ``shaping_length`` [m], the height at which Phi halves its argument; epsilon = delta^gamma.
     """
-    u = np.asarray(values, dtype=float)
+    shaping_length = resolve_shaping_length(check_gamma(gamma), shaping_length, None)
+    u = _values("values", values)
     size = np.abs(u)
     power = (np.minimum(size, shaping_length) / np.maximum(size, shaping_length)) ** gamma
     return np.asarray(u * np.where(size > shaping_length, 1.0, power) / (1.0 + power))
@@ -105,12 +112,23 @@ def check_gamma(gamma: int) -> int:
     return int(gamma)
 
 
+def _values(name: str, values: ArrayLike) -> Array:
+    """Return an array of numbers; none of them NaN, of which a minimum would be one too."""
+    try:
+        found = np.asarray(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name}: not an array of numbers ({error})") from None
+    if np.isnan(found).any():
+        raise InputError(f"{name}: found NaN, allowed are numbers")
+    return found
+
+
 def resolve_shaping_length(gamma: int, shaping_length: float, epsilon: float | None) -> float:
     """Return the shaping length delta [m]: ``shaping_length``, or epsilon^(1/gamma) where the paper's epsilon is given.
 
     Raises InputError unless the one that counts is positive and finite.
     """
     name, value = ("shaping_length", shaping_length) if epsilon is None else ("epsilon", epsilon)
-    if not np.isfinite(value) or value <= 0:
+    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not 0 < value < np.inf:
         raise InputError(f"{name}: found {value!r}, allowed is a positive number")
     return float(value) if epsilon is None else float(value) ** (1.0 / check_gamma(gamma))

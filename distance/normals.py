@@ -10,6 +10,15 @@ with |a - b| <= r_A + r_B. A convex combination of the x_ij is w·(a - b) - r_A 
 - f <= 0, so the least of them is not positive; Hölder minimum, maximum and shaping keep signs, so D <= 0. A set decides
 only how tight the distance is.
 
+In metres, each axis bounds the signed distance d from below. With c the differences a - b of points of the polytopes,
+d = max over unit n of min n·c, less the radii; so the least m = min w·c gives m/|w| - r_A - r_B <= d, and then
+
+    m - r_A - r_B - f <= d  for m >= 0,     m/|w|² - r_A - r_B - f <= d  for m < 0,
+
+as |w| <= 1 and f >= 0. D̃ (paper: eq. ``eq:Dtilde``) is the largest of these: a lower bound of d, of the sign of the
+largest min x_ij, so of D. For unit vectors, the paper's own, it is that number itself. Below contact an axis that
+shrinks is stretched to length 1 and once more, by which it leaves the maximum as it vanishes; w = 0 bounds nothing.
+
 Names: ``paper``, or ``paper-multiset``, followed by any of ``+centre``, ``+edges``, ``+sphere-K``; ``RUNGS`` are those
 worth comparing. Beside them ``separating_axes`` is the exact but discontinuous set of the separating axis theorem.
 """
@@ -151,6 +160,12 @@ def check_witnesses(witnesses: ArrayLike | None) -> Array:
     if vectors.ndim < 2 or vectors.shape[-1] != 3 or not np.all(np.isfinite(lengths)) or np.any(lengths == 0):
         raise InputError(f"witnesses: found an array of shape {vectors.shape}, allowed are nonzero vectors (..., W, 3)")
     return np.asarray(vectors / lengths)
+
+
+def check_witness_count(shape: tuple[int, ...], count: int) -> None:
+    """Raise InputError unless witnesses of ``shape`` (..., W, 3) are as many at each pose as the distance has."""
+    if shape[-2] != count:
+        raise InputError(f"witnesses: found {shape[-2]} at each pose, allowed are {count}")
 
 
 def separating_axes(body_a: ConvexBody, rotation_a: Array, body_b: ConvexBody, rotation_b: Array) -> Array:

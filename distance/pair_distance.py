@@ -1,12 +1,8 @@
-"""The HD-SDF of two bodies for many poses, as generated C: value, gradient and Hessian by the twists of both bodies.
-
-``hdsdf_function`` is the same distance as one CasADi Function, for graphs.
-"""
+"""The HD-SDF of two bodies for many poses, as generated C: value, gradient and Hessian by the twists of both bodies."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -14,12 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.compiled import RowFunction
+from hdplan.distance.graph_poses import relative_pose
 from hdplan.distance.holder import check_gamma, resolve_shaping_length
-from hdplan.distance.normals import candidate_normals, check_witnesses
+from hdplan.distance.normals import candidate_normals, check_witness_count, check_witnesses
 from hdplan.distance.once import made_once
 from hdplan.distance.poses import check_poses
 from hdplan.distance.symbolic import relative_function
-from hdplan.scenes.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -27,9 +23,10 @@ Array = NDArray[np.float64]
 class CompiledDistance:
     """D of two bodies (Definition ``def:set2set-signed-distance``) at poses (..., 4, 4); leading axes broadcast.
 
-    A lower bound of the signed distance in sign; ``separation`` D̃ (eq. ``eq:Dtilde``) is one in value, and has the sign
-    of D where D itself is too small for a number. Runs as C where a compiler is found, in CasADi's interpreter
-    elsewhere; threads may share it. Made by ``hdsdf_compiled``.
+    A lower bound of the signed distance in sign; ``separation`` D̃ (eq. ``eq:Dtilde``) is one in value, and has the
+    sign of D where D itself is too small for a number. Rounding, and which derivatives exist where: ``reference``.
+    Raises InputError, naming the pose, for poses of another shape, not finite or not rigid. Runs as C where a
+    compiler is found, in CasADi's interpreter elsewhere; threads may share it. Made by ``hdsdf_compiled``.
     """
 
     def __init__(
@@ -75,8 +72,7 @@ class CompiledDistance:
 
     def _run(self, order: int, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None) -> list[Array]:
         units = check_witnesses(witnesses)
-        if units.shape[-2] != self._witness_count:
-            raise InputError(f"witnesses: found {units.shape[-2]} at each pose, allowed are {self._witness_count}")
+        check_witness_count(units.shape, self._witness_count)
         a, b = check_poses("pose_a", pose_a), check_poses("pose_b", pose_b)
         if a.ndim == b.ndim == units.ndim == 2:
             once = self.function(order).once(a.ravel(), b.ravel(), self._length[0], units.ravel())
@@ -114,49 +110,6 @@ def hdsdf_compiled(
     return CompiledDistance(body_a, body_b, int(gamma), length, normals, witness_count)
 
 
-def hdsdf_function(
-    body_a: ConvexBody,
-    body_b: ConvexBody,
-    *,
-    gamma: int = 2,
-    shaping_length: float = 1e-3,
-    epsilon: float | None = None,
-    normals: str = "paper",
-) -> ca.Function:
-    """Return D of ``reference.hdsdf`` as a CasADi Function ``(pose_a (4,4), pose_b (4,4)) -> distance`` [m].
-
-    A lower bound of the signed distance in sign (paper: Definition ``def:set2set-signed-distance``). Usable in any SX
-    or MX graph. Its Jacobian is the closed form, not an automatic derivative; second derivatives come by
-    differentiating that. The poses must be rigid, and derivatives mean something along rigid motions only: compose the
-    Function with a kinematics or another parametrization of the pose.
-
-    Arguments and errors as ``reference.hdsdf``.
-    """
-    length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
-    pose_a, pose_b = ca.MX.sym("pose_a", 4, 4), ca.MX.sym("pose_b", 4, 4)
-    rotation, position = _relative(pose_a, pose_b)
-    values = [
-        relative_function(body_a, body_b, int(gamma), normals, 0, order)(rotation, position, length, ca.MX(3, 0))
-        for order in (0, 1)
-    ]
-    force, torque = pose_a[:3, :3] @ values[1][2][:3], pose_a[:3, :3] @ values[1][2][3:]  # on B, about A's origin
-    torque_b = torque - ca.cross(pose_b[:3, 3] - pose_a[:3, 3], force)
-    # dD = force·dp + torque·ω for a rigid motion: dR = [ω]R makes ½[torque]R the gradient by the rotation's entries
-    by_a = ca.horzcat(ca.skew(-torque) @ pose_a[:3, :3] / 2, -force)
-    by_b = ca.horzcat(ca.skew(torque_b) @ pose_b[:3, :3] / 2, force)
-    gradients = [ca.reshape(ca.vertcat(part, ca.MX(1, 4)), 1, 16) for part in (by_a, by_b)]
-    jacobian = ca.Function("jac_hdsdf", [pose_a, pose_b, ca.MX.sym("distance")], gradients)
-    # CasADi takes the custom Jacobian only where it cannot inline the Function and has no derivative of its own.
-    options: dict[str, Any] = {
-        "custom_jacobian": jacobian,
-        "jac_penalty": 0,
-        "never_inline": True,
-        "enable_forward": False,
-        "enable_reverse": False,
-    }
-    return ca.Function("hdsdf", [pose_a, pose_b], [values[0][0]], ["pose_a", "pose_b"], ["distance"], options)
-
-
 def twist_function(
     body_a: ConvexBody, body_b: ConvexBody, gamma: int, normals: str, witness_count: int, order: int
 ) -> ca.Function:
@@ -169,7 +122,7 @@ def twist_function(
     """
     flat_a, flat_b = ca.MX.sym("pose_a", 16), ca.MX.sym("pose_b", 16)
     length, witnesses = ca.MX.sym("shaping_length"), ca.MX.sym("witnesses", 3 * witness_count)
-    rotation, position = _relative(ca.reshape(flat_a, 4, 4).T, ca.reshape(flat_b, 4, 4).T)
+    rotation, position = relative_pose(ca.reshape(flat_a, 4, 4).T, ca.reshape(flat_b, 4, 4).T)
     relative = relative_function(body_a, body_b, gamma, normals, witness_count, order)
     results = list(relative(rotation, position, length, ca.reshape(witnesses, 3, witness_count)))
     if order:
@@ -193,9 +146,3 @@ def _row_function(
     body_a: ConvexBody, body_b: ConvexBody, gamma: int, normals: str, witness_count: int, order: int
 ) -> RowFunction:
     return RowFunction(twist_function(body_a, body_b, gamma, normals, witness_count, order))
-
-
-def _relative(pose_a: ca.MX, pose_b: ca.MX) -> tuple[ca.MX, ca.MX]:
-    """Return rotation and position of B in A's frame; the positions are subtracted first."""
-    turned = pose_a[:3, :3].T
-    return turned @ pose_b[:3, :3], turned @ (pose_b[:3, 3] - pose_a[:3, 3])

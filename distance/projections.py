@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +18,19 @@ CROSS = np.zeros((3, 3, 3))  # (u×v)_x = CROSS[x, y, z] u_y v_z
 CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]], CROSS[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = 1.0, -1.0
 
 
+@dataclass(frozen=True, eq=False)
+class Along:
+    """What a pair of bodies reads along an axis."""
+
+    x: Jet  # (..., vertex pairs) [m] w·(a_i - b_j) - r_A - r_B - f
+    bound: Array  # (...,) [m] what the axis adds to D̃, see ``normals``
+    count: float  # how often it counts in the maximum
+
+
 def separations(
     normals: CandidateNormals, body_a: ConvexBody, pose_a: Jet, body_b: ConvexBody, pose_b: Jet, witnesses: Array
-) -> Iterator[tuple[Jet, float]]:
-    """Yield, for every axis w and -w, x_ij = w·(a_i - b_j) - r_A - r_B - f (..., vertex pairs), and its count.
+) -> Iterator[Along]:
+    """Yield what the bodies read along every axis w and -w.
 
     Poses as jets (..., 4, 4), witnesses unit vectors (..., W, 3) in B's frame. What the axes are: ``normals``.
     """
@@ -34,13 +44,21 @@ def separations(
         differences = (along_a.part(slice(None), None) - along_b.part(None, slice(None))).merged()
         for sign in (1.0, -1.0):
             x = (differences * sign).plus(-radii)
-            yield x if fade is None else x - fade.part(None), count
+            if fade is None:
+                yield Along(x, x.value.min(axis=-1), count)
+                continue
+            x = x - fade.part(None)
+            overlap = np.minimum((sign * differences.value).min(axis=-1), 0.0)
+            square = np.einsum("...x,...x->...", w.value, w.value)
+            stretched = overlap / np.maximum(square, np.finfo(float).tiny) - radii - fade.value
+            bound = np.where(overlap < 0, stretched, x.value.min(axis=-1))
+            yield Along(x, np.where(square > 0, bound, -np.inf), count)
 
 
 def _axes(
     normals: CandidateNormals, rotation_a: Jet, rotation_b: Jet, offset: Jet, witnesses: Array
 ) -> Iterator[tuple[Jet, Jet | None, float]]:
-    """Yield every axis w (..., 3) in the world, what it is faded by (..., ) if at all, and its count."""
+    """Yield every axis w (..., 3) in the world, what it is faded by (..., ), None for unit vectors, and its count."""
     for direction, count in zip(normals.in_a, normals.counts_a, strict=True):
         yield product("xy,y->x", rotation_a, direction), None, count
     for direction, count in zip(normals.in_b, normals.counts_b, strict=True):
@@ -49,7 +67,8 @@ def _axes(
         yield product("xy,y->x", rotation_b, witnesses[..., k, :]), None, 1.0
     if (centre := normals.centre) is not None:
         t = product("xy,y->x", rotation_a, centre.point_a) + offset - product("xy,y->x", rotation_b, centre.point_b)
-        yield product("x,->x", t, inverse_power(product("x,x->", t, t), centre.softness, 0.5)), None, 1.0
+        square = product("x,x->", t, t)
+        yield product("x,->x", t, inverse_power(square, centre.softness, 0.5)), square * 0.0, 1.0
     if (edges := normals.edges) is not None:
         for u in edges.along_a:
             turn = product("xyz,y->xz", _constant(CROSS, rotation_a), product("xy,y->x", rotation_a, u))

@@ -26,7 +26,7 @@ from hdplan.distance.holder import (
 from hdplan.distance.jets import Jet, fixed, moving, stack
 from hdplan.distance.normals import candidate_normals, check_witnesses, separating_axes
 from hdplan.distance.poses import check_poses
-from hdplan.distance.projections import separations
+from hdplan.distance.projections import Along, separations
 
 Array = NDArray[np.float64]
 
@@ -58,7 +58,8 @@ def hdsdf(
 
     with ⊕, ⊞ the Hölder minimum and maximum over the vertices and over the axes w and -w, Phi the shaping function,
     f_w = 0 but for faded axes. A lower bound in sign: D > 0 proves that the bodies are apart. A clearance is asked for
-    by ``ConvexBody.inflated``.
+    by ``ConvexBody.inflated``. In floating point, to rounding: a touch may read as a gap of up to 4 units in the last
+    place of the size, that is the bodies' extents and their distance from the origin (2.8 is the most that was found).
 
     Args:
         body_a, body_b: the bodies, each in its own frame.
@@ -72,13 +73,14 @@ def hdsdf(
 
     Returns: (...,).
 
-    Raises InputError for poses of another shape or not finite, and for parameters out of range.
+    Raises InputError, naming the pose, for poses of another shape, not finite or not rigid (to ``poses.RIGID``), and
+    for parameters out of range.
     """
     length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
     shaped, counts = [], []
-    for x, count in _separations(body_a, pose_a, body_b, pose_b, normals, witnesses):
-        shaped.append(shaping(holder_minimum(x.value, gamma), gamma, length))
-        counts.append(count)
+    for along in _separations(body_a, pose_a, body_b, pose_b, normals, witnesses):
+        shaped.append(shaping(holder_minimum(along.x.value, gamma), gamma, length))
+        counts.append(along.count)
     return shaping(holder_maximum(np.stack(shaped, axis=-1), gamma, counts), gamma, length)
 
 
@@ -93,11 +95,12 @@ def separation(
 ) -> Array:
     """Return D̃, the largest gap along the candidate normals [m] (paper: eq. ``eq:Dtilde``), shape (...,).
 
-    A lower bound of the signed distance, continuous in the pose, and of the sign of D even where D is too small for a
-    floating-point number. Arguments and errors as ``hdsdf``.
+    A lower bound of the signed distance for every set of normals, apart and in overlap (proof in ``normals``), to
+    rounding: 4 ulp of the size. Of the sign of D even where D is too small for a floating-point number.
+    Continuous in the pose, but for an axis across edges that are exactly parallel. Arguments and errors as ``hdsdf``.
     """
     rows = _separations(body_a, pose_a, body_b, pose_b, normals, witnesses)
-    return np.asarray(reduce(np.maximum, (x.value.min(axis=-1) for x, _ in rows)))
+    return np.asarray(reduce(np.maximum, (along.bound for along in rows)))
 
 
 def hdsdf_derivatives(
@@ -114,13 +117,16 @@ def hdsdf_derivatives(
 ) -> Derivatives:
     """Return D, its gradient and its Hessian by the twists of both bodies, by the chain rule in closed form.
 
-    For gamma = 1 the Hessian has jumps; it is one of its one-sided values there. Arguments and errors as ``hdsdf``.
+    D is gamma times differentiable, so for gamma >= 2 both exist at every pose, also where vertices or axes tie and
+    where the bodies touch (all derivatives are 0 there). For gamma = 1 the Hessian jumps where D is 0 and, in overlap,
+    where the separation of a pair of vertices or the minimum along an axis passes 0; it is one of its one-sided values
+    there. Arguments and errors as ``hdsdf``.
     """
     length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
     shaped, counts = [], []
-    for x, count in _separations(body_a, pose_a, body_b, pose_b, normals, witnesses, moved=True):
-        shaped.append(_shaped(x, gamma, length, None))
-        counts.append(count)
+    for along in _separations(body_a, pose_a, body_b, pose_b, normals, witnesses, moved=True):
+        shaped.append(_shaped(along.x, gamma, length, None))
+        counts.append(along.count)
     d = _shaped(stack(shaped) * -1.0, gamma, length, counts) * -1.0  # a maximum is a minimum of the opposites
     return Derivatives(d.value, d.first, d.second)
 
@@ -147,8 +153,8 @@ def _separations(
     normals: str,
     witnesses: ArrayLike | None,
     moved: bool = False,
-) -> Iterator[tuple[Jet, float]]:
-    """Yield the separations along every axis and sign, with derivatives by the twists if ``moved``, and the counts."""
+) -> Iterator[Along]:
+    """Yield the separations along every axis and sign, with derivatives by the twists if ``moved``."""
     a, b = np.broadcast_arrays(check_poses("pose_a", pose_a), check_poses("pose_b", pose_b))
     jets = (moving(a, 0), moving(b, 6)) if moved else (fixed(a), fixed(b))
     axes = candidate_normals(normals, body_a, body_b)

@@ -111,6 +111,7 @@ def _groups(
                 np.ones(1),
                 in_a,
                 ca.MX(points_a),
+                squares=ca.dot(w, w),
             )
         )
     return groups + _edge_groups(axes, body_a, body_b, rotation, in_a)
@@ -137,7 +138,8 @@ def _edge_groups(
             points_a = _constant(np.vstack([body_a.vertices[classes_a[i][0]] for i, _ in pairs]).T)
             points_b = in_a[:, np.concatenate([classes_b[j][0] for _, j in pairs]).tolist()]
             sine, fade = (value * ca.MX.ones(1, count) for value in (edges.sine, edges.fade))
-            levels, along, drop = _across(size_a, size_b).map(count)(edge_a, edge_b, sine, fade, points_a, points_b)
+            function = _across(size_a, size_b).map(count)
+            levels, along, drop, squares = function(edge_a, edge_b, sine, fade, points_a, points_b)
             groups.append(
                 Axes(
                     across_edges,
@@ -150,19 +152,19 @@ def _edge_groups(
                     np.ones(count),
                     points_b,
                     points_a,
+                    squares=squares,
                 )
             )
     return groups
 
 
 def _across(size_a: int, size_b: int) -> ca.Function:
-    """Return the function of one axis across edges: projections of A's and B's points on it, and its fade."""
+    """Return the function of one axis w across edges: projections of A's and B's points on it, its fade, and |w|²."""
     edge_a, edge_b, sine, fade = ca.SX.sym("u", 3), ca.SX.sym("v", 3), ca.SX.sym("sine"), ca.SX.sym("fade")
     points_a, points_b = ca.SX.sym("a", 3, size_a), ca.SX.sym("b", 3, size_b)
     w, drop = edge_axis(edge_a, edge_b, sine, fade)
-    return ca.Function(
-        "across", [edge_a, edge_b, sine, fade, points_a, points_b], [points_a.T @ w, points_b.T @ w, drop]
-    )
+    inputs = [edge_a, edge_b, sine, fade, points_a, points_b]
+    return ca.Function("across", inputs, [points_a.T @ w, points_b.T @ w, drop, ca.dot(w, w)])
 
 
 def _distinct(values: Array) -> tuple[Array, Array]:

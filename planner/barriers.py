@@ -248,7 +248,9 @@ def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Bar
             if obstacle.motion is None:
                 standing += from_obstacle(obstacle, planes)[0]
             else:
-                movers.append((Passages.of(obstacle), from_obstacle(replace(obstacle, pose=Pose()), planes)[0]))
+                movers.append(
+                    (Passages.of(obstacle), from_obstacle(replace(obstacle, pose=Pose(), motion=None), planes)[0])
+                )
         return Barriers(
             robot,
             outline.kinematics,

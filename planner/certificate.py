@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.distance.once import made_once
+from hdplan.planner.control_inputs import joint_numbers
 from hdplan.planner.curve import Curve
 from hdplan.planner.end_check import EndCheck
 from hdplan.planner.intervals import Bodies, Body, Pairs
@@ -30,8 +31,10 @@ from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.sweep import Proof, Spot, Sweep
 from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.verdict import Certificate, Closest, Contact, Findings, Place, Status, complaints, proven
+from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.model import Obstacle, PathConstraints, Scene
+from hdplan.scenes.values import Number, checked, instance
 
 if TYPE_CHECKING:
     from hdplan.planner.path_check import Departure, PathCheck
@@ -66,13 +69,17 @@ def certify(
     Raises:
         InputError: joints of the trajectory do not fit the robot; a mesh of the scene cannot be used.
     """
+    instance(scene, Scene, "scene")
     return Certifier(scene, robot or load_scene_robot(scene)).certify(
         trajectory, required=required, check_ends=check_ends
     )
 
 
 def check_configuration(scene: Scene, robot: Robot, q: ArrayLike) -> tuple[Contact, ...]:
-    """Return the contacts of configuration `q` (n,), the deepest first: exact, robot with obstacles and with itself."""
+    """Return the contacts of configuration `q` (n,), the deepest first: exact, robot with obstacles and with itself.
+
+    Raises InputError for what is no configuration of the robot: another number of values, or one that is not finite.
+    """
     return Certifier(scene, robot).contacts(q)
 
 
@@ -81,6 +88,8 @@ class Certifier:
 
     def __init__(self, scene: Scene, robot: Robot) -> None:
         """Gather links, obstacles and the pairs to be kept apart. The robot holds what the scene attaches to it."""
+        instance(scene, Scene, "scene")
+        instance(robot, Robot, "robot")
         if robot.attached != scene.attached:
             raise InputError("the robot does not hold what the scene attaches: take the scene's own (load_scene_robot)")
         if scene.self_collision.checked and not robot.self_pairs and load_scene_robot(scene).self_pairs:
@@ -94,6 +103,7 @@ class Certifier:
             links[body.name].append(row)
         count = len(bodies)
         for obstacle in scene.obstacles:
+            check_time("reading the scene's shapes for the certificate")
             with naming(scene.source):
                 pieces = obstacle_pieces(obstacle)
             passages = _passages(obstacle)
@@ -131,6 +141,9 @@ class Certifier:
         """Certify one trajectory; see `certify`. With `stop_at_contact` the first contact found ends the search, and
         there may be more than the failures tell."""
         began = time.perf_counter()
+        instance(trajectory, Trajectory, "trajectory")
+        if required is not None:
+            required = checked(Number(low=0.0, unit="m"), required, "required")
         curve = curve_of(self.robot, trajectory)
         beyond = beyond_limits(curve, self.robot)  # nothing else is looked at then: it could be anywhere
         if not beyond:
@@ -227,11 +240,15 @@ class Certifier:
     def contacts(self, q: ArrayLike, time: float = 0.0) -> tuple[Contact, ...]:
         """Return the contacts of one configuration at a time [s]; see `check_configuration`."""
         depths: dict[tuple[str, str], float] = {}
-        for spot in self.sweep.distances(np.asarray(q, dtype=np.float64), 0.0, time):
+        for spot in self.sweep.distances(self._configuration(q), 0.0, time):
             if spot.touching:
                 names = self._names(spot.pair)
                 depths[names] = max(depths.get(names, 0.0), -spot.distance)
         return tuple(Contact(*names, depths[names]) for names in sorted(depths, key=lambda names: -depths[names]))
+
+    def _configuration(self, q: ArrayLike) -> Array:
+        """Return a configuration (n,) that is one: a NaN would be far from everything. Raises InputError."""
+        return joint_numbers("q", q, self.robot.joint_names)
 
     def off_path(self, q: Array) -> tuple[Departure, ...]:
         """Return the path constraints that configuration q (n,) breaks; exact to rounding."""
@@ -247,7 +264,7 @@ class Certifier:
         floor = self._floor(required)
         found = []
         within = float(floor.max(initial=0.0))
-        for spot in self.sweep.distances(np.asarray(q, dtype=np.float64), within, time, surfaces=True):
+        for spot in self.sweep.distances(self._configuration(q), within, time, surfaces=True):
             if spot.touching or spot.distance < floor[spot.pair]:
                 found.append((self._standing(spot), float(floor[spot.pair])))
         return tuple(sorted(found, key=lambda each: each[0].distance))
@@ -255,13 +272,13 @@ class Certifier:
     def nearest(self, q: ArrayLike, within: float = np.inf, time: float = 0.0) -> tuple[Place | None, Place | None]:
         """Return the closest places in one configuration at a time [s], with exact distances: to an obstacle, between
         links; None where nothing is `within` [m]."""
-        spots = self.sweep.nearest(np.asarray(q, dtype=np.float64), within, time)
+        spots = self.sweep.nearest(self._configuration(q), within, time)
         to_obstacle, between_links = (self._standing(spot) if spot else None for spot in spots)
         return to_obstacle, between_links
 
     def closest(self, q: ArrayLike, time: float = 0.0) -> tuple[Closest | None, Closest | None]:
         """Return what is `nearest` in one configuration at a time [s] with the points between which it is."""
-        configuration = np.asarray(q, dtype=np.float64)
+        configuration = self._configuration(q)
         spots = self.sweep.nearest(configuration, NEAR, time)  # most often there is something, and little to compare
         if None in spots:
             spots = self.sweep.nearest(configuration, time=time)

@@ -23,6 +23,7 @@ from hdplan.scenes.model import Scene
 
 Array = NDArray[np.float64]
 
+FARTHEST = 1.0  # [m] as far as the planner's settings let it see
 FARTHER, FARTHER_BY = 1.2, 0.01  # times and [m] beyond the last distance: where the next one is looked for first
 
 
@@ -58,10 +59,10 @@ def outer_clearance(scene: Scene, robot: Robot, positions: Array, times: Array, 
     [s].
 
     Lower bounds of the exact distance, by the bodies, normals and distance that the scene's settings choose; links that
-    do not move have no part in it. Pairs farther apart than `within` [m] are left out, for speed: inf where nothing is
-    left.
+    do not move have no part in it. Pairs farther apart than `within` [m], or FARTHEST, are left out, for speed: inf
+    where nothing is left.
     """
-    settings = replace(scene.planner, clearance=0.0, activation=within, swept=False)
+    settings = replace(scene.planner, clearance=0.0, activation=min(within, FARTHEST), swept=False)
     problem = build(replace(scene, planner=settings), robot)
     least = np.full(len(positions), np.inf)
     kinematics = problem.kinematics.evaluate(positions)

@@ -24,11 +24,10 @@ def convex_hull(points: NDArray[np.float64]) -> Any | None:
 
 def triangle_tree(mesh: TriangleMesh) -> Any:
     """Return coal's tree over a mesh's triangles."""
-    triangles = coal.StdVec_Triangle()
-    triangles.extend([coal.Triangle(*(int(i) for i in row)) for row in mesh.triangles])
     tree = coal.BVHModelOBBRSS()
     tree.beginModel(len(mesh.triangles), len(mesh.vertices))
-    tree.addSubModel(_points(mesh.vertices), triangles)
+    tree.addVertices(mesh.vertices)
+    tree.addTriangles(mesh.triangles)
     tree.endModel()
     return tree
 

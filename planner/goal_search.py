@@ -26,6 +26,7 @@ from hdplan.planner.pose_goals import AXES, Miss, link_frame
 from hdplan.planner.robot import Robot
 from hdplan.planner.robot_curve import curve_of
 from hdplan.planner.trajectory import Trajectory
+from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.model import JointTarget, PathConstraints, PoseTarget, Scene
 
@@ -123,6 +124,7 @@ def reaching(
     if path:
         from hdplan.planner.path_terms import to_path
     for _ in range(STEPS):
+        check_time("looking for configurations that reach the goal")
         error, jacobian = pose.linearized(q[going])
         missing, far = _beyond(error, target), ~_within(error, target, ENOUGH)
         if path:

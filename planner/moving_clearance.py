@@ -87,5 +87,6 @@ def _carried(
     obstacle: Obstacle, joint: int, scene: Scene, deadline: float
 ) -> tuple[tuple[PlaneBody, ...], tuple[str, ...]]:
     """Enclose an obstacle in its own frame, which `joint` carries."""
-    pieces, words = from_obstacle(replace(obstacle, pose=Pose()), scene.planner.normals, deadline - time.perf_counter())
+    standing = replace(obstacle, pose=Pose(), motion=None)
+    pieces, words = from_obstacle(standing, scene.planner.normals, deadline - time.perf_counter())
     return tuple(replace(piece, joint=joint) for piece in pieces), words

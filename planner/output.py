@@ -20,6 +20,8 @@ def check_writable(path: Path, endings: tuple[str, ...]) -> None:
         raise InputError(f"{path}: ending '{path.suffix}', allowed are {', '.join(endings)}")
     if os.path.isdir(path):
         raise InputError(f"{path}: is a folder, a file name is needed")
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise InputError(f"{path}: is no regular file, and would be replaced by one")
     if not os.path.isdir(path.parent):
         raise InputError(f"{path}: the folder {path.parent} does not exist")
     if os.path.exists(path) and not os.access(path, os.W_OK):

@@ -28,6 +28,7 @@ from hdplan.planner.curve import Curve
 from hdplan.planner.motion_bounds import Array, Chain, Motion, cross
 from hdplan.planner.pose_goals import link_frame
 from hdplan.planner.robot import Robot
+from hdplan.scenes.deadline import seconds_left
 from hdplan.scenes.errors import naming
 from hdplan.scenes.model import Scene, Upright, Within
 
@@ -141,7 +142,7 @@ class PathCheck:
             broken |= worst > held.allowed + GRANTED
             settled = (bound <= held.allowed + GRANTED) | broken[interval]
             closed = settled & (bound <= worst.max() + slack)
-            closed |= width <= SHORTEST
+            closed |= (width <= SHORTEST) | (seconds_left() == 0.0)
             failed[interval[closed & ~settled]] = True
             proven = max(proven, float(bound[closed].max(initial=-np.inf)))
             width = np.repeat(0.5 * width[~closed], 2)

@@ -11,17 +11,18 @@ import os
 import sys
 import tempfile
 import threading
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
-import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
-from hdplan.planner.meshes import FLAT, thinness
-from hdplan.scenes.errors import InputError
+from hdplan.planner.coal_shapes import triangle_tree
+from hdplan.planner.meshes import load_mesh
+from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.model import Mesh
 
 Result = TypeVar("Result")
 
@@ -31,17 +32,56 @@ _reading = threading.Lock()  # the error stream is the whole process's: one read
 def read_model(urdf: Path, package_dirs: tuple[Path, ...]) -> tuple[pin.Model, pin.GeometryModel]:
     """Read a robot and its collision geometry; package:// addresses are looked up below `package_dirs`.
 
+    Meshes are read by `load_mesh`, as those of scenes: the reader that Pinocchio has takes what it finds of a damaged
+    file, and with some it never ends, or ends the process.
+
     Raises:
-        InputError: the URDF is not valid, or a mesh is missing, unreadable or flat.
+        InputError: the URDF is not valid, or a mesh is missing, damaged or flat.
     """
     model = _quietly(lambda: pin.buildModelFromUrdf(str(urdf)), urdf)
-    folders = [str(folder) for folder in package_dirs]
-    kind = pin.GeometryType.COLLISION
-    geometry = _quietly(lambda: pin.buildGeomFromUrdf(model, str(urdf), kind, package_dirs=folders), urdf)
+    root = ElementTree.parse(urdf).getroot()
+    meshes: dict[str, tuple[str, Mesh]] = {}  # name of the geometry, as Pinocchio gives it -> link, mesh
+    for link in root.findall("link"):
+        for i, shape in enumerate(link.findall("collision/geometry")):
+            for mesh in shape.findall("mesh"):
+                scale = np.array([float(word) for word in mesh.get("scale", "1 1 1").split()])
+                name = link.get("name", "")
+                with naming(f"robot.urdf: {urdf}: link '{name}'"):
+                    file = _mesh_file(mesh.get("filename", ""), urdf, package_dirs)
+                meshes[f"{name}_{i}"] = name, Mesh(file, (float(scale[0]), float(scale[1]), float(scale[2])))
+                shape.remove(mesh)
+                ElementTree.SubElement(shape, "sphere", radius="1")  # in its place
+    text, kind = ElementTree.tostring(root, encoding="unicode"), pin.GeometryType.COLLISION
+    geometry = _quietly(lambda: pin.buildGeomFromUrdfString(model, text, kind), urdf)
+    trees: dict[Mesh, Any] = {}
     for item in geometry.geometryObjects:
-        if isinstance(item.geometry, coal.BVHModelBase):
-            _check_mesh(np.asarray(item.geometry.vertices()), f"robot.urdf: {urdf}: mesh {item.meshPath}")
+        if item.name in meshes:
+            carrier, told = meshes[item.name]
+            if told not in trees:
+                with naming(f"robot.urdf: {urdf}"):
+                    trees[told] = triangle_tree(load_mesh(told, f"link '{carrier}'"))
+            item.geometry = trees[told]
+            item.meshPath, item.meshScale = str(told.file), np.array(told.scale)
     return model, geometry
+
+
+def _mesh_file(address: str, urdf: Path, package_dirs: tuple[Path, ...]) -> Path:
+    """Return the file that a URDF means: package:// is below one of the folders or ROS's, file:// says it in full, and
+    without either it is beside the URDF, or in the working folder."""
+    scheme, told, rest = address.partition("://")
+    below = rest.lstrip("/")
+    if not told or scheme == "file":
+        file = Path(rest or address)
+        return next((each for each in (urdf.parent / file, file) if each.exists()), file)
+    if scheme not in ("package", "model"):
+        raise InputError(f"mesh '{address}': '{scheme}://' is not known (allowed: package://, model://, file://)")
+    ros = [Path(word) for word in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if word]
+    ament = [Path(word) / "share" for word in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if word]
+    folders = (*package_dirs, *ros, *(folder.parent for folder in ros), *ament)
+    found = next((folder / below for folder in folders if (folder / below).exists()), None)
+    if found is None:
+        raise InputError(f"mesh '{address}': there is no such file in any package folder (package_dirs, ROS)")
+    return found
 
 
 def read_visuals(urdf: Path, package_dirs: tuple[Path, ...]) -> tuple[tuple[str, pin.SE3, pin.GeometryObject], ...]:
@@ -59,13 +99,6 @@ def read_visuals(urdf: Path, package_dirs: tuple[Path, ...]) -> tuple[tuple[str,
         (str(link.name), link.placement.inverse() * item.placement, item)
         for link, item in zip(links, geometry.geometryObjects, strict=True)
     )
-
-
-def _check_mesh(vertices: NDArray[np.float64], where: str) -> None:
-    if not np.isfinite(vertices).all():
-        raise InputError(f"{where}: holds coordinates that are not finite (NaN or infinite)")
-    if thinness(vertices) <= FLAT:
-        raise InputError(f"{where}: is flat; a body with some thickness is needed")
 
 
 def without_joints(

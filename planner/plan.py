@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -15,8 +16,13 @@ from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.search import Event, Search, search_in_turn
 from hdplan.planner.solvers import solver_named
-from hdplan.scenes.errors import InputError
+from hdplan.scenes.deadline import check_time, seconds_left
+from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.model import Goals, JointTarget, PathConstraints, Scene
+from hdplan.scenes.values import Number, Whole, checked, instance
+
+FOR_MESHES = 0.5  # share of what is left of a limit to all, for taking meshes apart
+RESERVED, MOST_RESERVED = 0.2, 1.0  # share of what is left, at most [s], that is kept for the certificate
 
 if TYPE_CHECKING:
     from hdplan.planner.timing import Timekeeper
@@ -42,20 +48,26 @@ def plan(
         solver: "gauss_newton", "chomp" or "ipopt".
         seed: of the random first guesses; the same seed gives the same result, as far as the time limit allows.
         time_limit: [s] for solving and certifying; the best motion found by then is given back, its status saying
-            what it is.
+            what it is. Within `deadline.time_limit` building counts too, and the certificate ends with it.
         robot: the scene's robot, if it is loaded already.
         report: called with every step and every certificate.
         stop: asked at every step; once it says True, the best motion so far is certified and given back. A
             KeyboardInterrupt does the same, except in the moments in which a C++ library swallows it.
 
     Raises:
+        OutOfTime: a `deadline.time_limit` passed before there was a motion.
         InputError: for what scene or robot get wrong, among it a start or goal in collision or off a path constraint,
             and for ipopt with the distance fcl, swept bodies or path constraints.
     """
+    instance(scene, Scene, "scene")
+    seed = checked(Whole(0, 2**63 - 1), seed, "seed")
+    time_limit = checked(Number(low=0.0, unit="s"), time_limit, "time_limit")
     run = solver_named(solver)
     if solver == "ipopt" and (lacking := _without_second_derivatives(scene)):
         raise InputError(f"solver ipopt: needs exact second derivatives, which {lacking} does not have")
     began = time.perf_counter()
+    with naming(scene.source):
+        scene.check_effects()
     robot = robot or load_scene_robot(scene)
     loaded = time.perf_counter()
     certifier = Certifier(scene, robot)
@@ -63,15 +75,18 @@ def plan(
     aims = [replace(scene, goal=goal) for goal in goals]
     clearances = [reachable_clearance(aim, robot, certifier) for aim in aims]  # ends in collision: before all fitting
     timekeeper = _timekeeper(scene, robot)
-    problems = [build(aim, robot, began + time_limit) for aim in aims]
+    problems = [build(aim, robot, began + min(time_limit, FOR_MESHES * seconds_left())) for aim in aims]
     if timekeeper is not None:
         hurried = [timekeeper.too_short(problem.start, problem.goal) for problem in problems]
         if all(hurried):
             raise InputError(f"{scene.source}: {hurried[0]}")
     built = time.perf_counter()
 
+    check_time("building the problem")
+    left = seconds_left()  # of what bounds more than this search
+    deadline = built + min(time_limit, left - min(RESERVED * left, MOST_RESERVED) if left < math.inf else left)
     searches = [
-        Search(problem, certifier, timekeeper, run, required, built + time_limit, report, stop)
+        Search(problem, certifier, timekeeper, run, required, deadline, report, stop)
         for problem, (required, _) in zip(problems, clearances, strict=True)
     ]
     try:
@@ -86,6 +101,8 @@ def plan(
     compile_ = sum(problem.compile_seconds for problem in problems)
     load, build_ = loaded - began, built - loaded - compile_
     words = (*found, *clearances[taken][1])
+    if seconds_left() == 0.0 and not best.certificate.certified:
+        words = (*words, "the time limit passed: what is not proven may only not have been looked at closely enough")
     several = isinstance(scene.goal, Goals)
     if several:
         words = (*words, _taken(searches, taken, goals))

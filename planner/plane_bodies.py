@@ -22,6 +22,7 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.halfspaces import FAR, box_directions
 from hdplan.planner.convex_pieces import MOST_SECONDS, convex_pieces
 from hdplan.planner.meshes import load_mesh
+from hdplan.scenes.deadline import check_time
 from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, Shape, Sphere
 
 Floats = NDArray[np.float64]
@@ -51,13 +52,14 @@ def from_obstacle(
 
     A mesh that cannot be split, or not within `seconds`, is enclosed by its hull.
     """
+    check_time("building the problem")
     placement = obstacle.pose.matrix
     if not isinstance(obstacle.shape, Mesh):
         return (from_shape(obstacle.name, obstacle.shape, placement, normals),), ()
     mesh = load_mesh(obstacle.shape, f"obstacles.{obstacle.name}")
     split = convex_pieces(mesh, seconds)
     pieces = (mesh.vertices,) if split is None else split
-    bodies = tuple(from_shape(obstacle.name, Points(tuple(map(tuple, piece))), placement, normals) for piece in pieces)
+    bodies = tuple(from_points(obstacle.name, piece, placement, normals) for piece in pieces)
     about = f"obstacle '{obstacle.name}': mesh {obstacle.shape.file.name}"
     if split is None:
         limit = f"{min(max(seconds, 0.0), MOST_SECONDS):.3g} s"
@@ -87,16 +89,20 @@ def from_shape(name: str, shape: Shape, placement: Floats, normals: str = "box")
                 name, 0, placement, shape, directions, supports, np.array([radius, radius, length / 2 + radius])
             )
         case Points(points):
-            vertices = np.array(points)
-            frame = _box_frame(vertices)
-            local = (vertices - frame[:3, 3]) @ frame[:3, :3]
-            faces = _face_normals(local)
-            directions = _many(np.vstack([box_directions(), faces]), normals) if len(faces) else _few(normals)
-            spare = MANY - FEW - len(faces) if len(faces) else 0
-            directions, supports = _fill(directions, (directions @ local.T).max(axis=1), spare)
-            half = np.abs(local).max(axis=0)
-            return _placed(name, 0, placement, shape, directions, supports, half, frame)
+            return from_points(name, np.array(points), placement, normals)
     raise TypeError(f"{name}: a {type(shape).__name__} has to be split into convex pieces first")
+
+
+def from_points(name: str, points: Floats, placement: Floats, normals: str = "box") -> PlaneBody:
+    """Enclose the hull of points (m, 3), flat ones too, that stands at `placement` in the world."""
+    frame = _box_frame(points)
+    local = (points - frame[:3, 3]) @ frame[:3, :3]
+    faces = _face_normals(local)
+    directions = _many(np.vstack([box_directions(), faces]), normals) if len(faces) else _few(normals)
+    spare = MANY - FEW - len(faces) if len(faces) else 0
+    directions, supports = _fill(directions, (directions @ local.T).max(axis=1), spare)
+    half = np.abs(local).max(axis=0)
+    return _placed(name, 0, placement, ConvexBody.from_points(points), directions, supports, half, frame)
 
 
 def from_link_body(link: str, joint: int, body: ConvexBody, normals: str = "box") -> PlaneBody:

@@ -35,6 +35,7 @@ from hdplan.planner.swept_clearance import SweptClearance
 from hdplan.planner.terms import Clearance, MotionTerm, PairDistance, Smoothness, Term
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.model import JointTarget, PathConstraints, PlannerSettings, Scene
+from hdplan.scenes.values import instance
 
 if TYPE_CHECKING:
     from hdplan.planner.path_terms import PathTerm
@@ -176,7 +177,11 @@ def build(scene: Scene, robot: Robot | None = None, deadline: float = math.inf) 
     What can be done without waits no longer than `deadline` (time.perf_counter()): meshes that are not split into
     convex pieces by then are planned around as their hulls, with a note.
     """
-    robot = robot or load_scene_robot(scene)
+    instance(scene, Scene, "scene")
+    with naming(scene.source):
+        scene.check_effects()
+    robot = load_scene_robot(scene) if robot is None else robot
+    instance(robot, Robot, "robot")
     query = resolve_query(robot, _settled(scene, robot))
     settings = scene.planner
     if settings.swept and settings.distance != "hdsdf":
@@ -276,7 +281,6 @@ def _distance(
     settings: PlannerSettings,
     counts: tuple[int, ...] = (),
 ) -> PairDistance:
-    check_distance(settings.distance)
     if settings.distance == "fcl":
         return FclPairs(pairs, bodies, plane_bodies)
     return HdsdfPairs(pairs, settings.gamma, settings.shaping_length, counts)

@@ -13,6 +13,7 @@ from hdplan.planner.solvers.solution import Step
 from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.verdict import Certificate
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.files import read_file
 from hdplan.scenes.model import JointTarget
 
 _FIGURES = tuple(field.name for field in fields(Step))
@@ -125,7 +126,7 @@ def read_steps(path: str | Path) -> tuple[Step, ...]:
     Raises InputError naming the file where they are not lists of numbers, equally long.
     """
     path = Path(path)
-    content = json.loads(path.read_bytes()) if path.suffix.lower() == ".json" else {}
+    content = json.loads(read_file(path)) if path.suffix.lower() == ".json" else {}
     if "steps" not in content:
         return ()
     columns = content["steps"]

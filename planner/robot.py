@@ -20,15 +20,18 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.pin_model import move_base, read_model, without_joints
+from hdplan.scenes.deadline import check_time
 from hdplan.scenes.description import LinkPair, Semantics, Tree, link_pair, read_semantics, read_tree
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.model import Attached, JointTarget, RobotSpec
 from hdplan.scenes.robot_library import description_of
+from hdplan.scenes.values import instance
 
 Array = NDArray[np.float64]
 
 LIMIT_ROUNDING = 1e-3  # how far a MoveIt request may lie beyond a limit [rad or m]: it is rounded
 SAME_PLACE = 1e-6  # [rad or m] between two values of a joint that are the same
+UNLIMITED = 1e6  # [rad] a limit beyond which is written for none at all
 CONTACT_SAMPLES = 1000  # configurations at which a pair must touch to count as always in contact
 GRIPPER = re.compile("finger|gripper|knuckle|thumb", re.IGNORECASE)  # joints of a hand: held
 # Why pairs of links are not checked, beside what a file says of them.
@@ -149,6 +152,7 @@ def load_robot(spec: RobotSpec) -> Robot:
     Raises:
         InputError: unknown robot, group, joint or link; a file that cannot be read; a joint with several coordinates.
     """
+    instance(spec, RobotSpec, "spec")
     name, urdf, srdf, package_dirs = description_of(spec)
     tree = read_tree(urdf)
     semantics = read_semantics(srdf, tree) if srdf is not None else Semantics()
@@ -187,13 +191,14 @@ def load_robot(spec: RobotSpec) -> Robot:
         link_joint[link] = int(item.parentJoint)
     bounded = np.array([joint.nq == 1 for joint in itertools.islice(model.joints, 1, None)])
     first = [joint.idx_q for joint in itertools.islice(model.joints, 1, None)]
+    lower, upper = np.asarray(model.lowerPositionLimit)[first], np.asarray(model.upperPositionLimit)[first]
     robot = Robot(
         name=name,
         model=model,
         collision=collision,
         joint_names=tuple(str(joint) for joint in model.names)[1:],
-        lower=np.where(bounded, np.asarray(model.lowerPositionLimit)[first], -np.inf),
-        upper=np.where(bounded, np.asarray(model.upperPositionLimit)[first], np.inf),
+        lower=np.where(bounded & (lower > -UNLIMITED), lower, -np.inf),
+        upper=np.where(bounded & (upper < UNLIMITED), upper, np.inf),
         locked=held,
         links=tuple(link_geometry),
         link_joint=link_joint,
@@ -302,6 +307,7 @@ def _always_in_contact(robot: Robot, pairs: tuple[LinkPair, ...]) -> tuple[LinkP
     for q in robot.pin_q(samples):
         if not left:
             break
+        check_time("loading the robot")
         pin.updateGeometryPlacements(robot.model, data, robot.collision, geometry_data, q)
         left = [
             (a, b)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import threading
 from collections import OrderedDict
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.distance.once import made_once
-from hdplan.planner.robot import Robot, load_robot, robot_files
+from hdplan.planner.robot import SAME_PLACE, Robot, load_robot, robot_files
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.model import Attached, Goals, JointTarget, Mesh, RobotSpec, Scene
 
@@ -24,9 +24,7 @@ Array = NDArray[np.float64]
 Stamps = tuple[tuple[str, int, int], ...]  # file, time of change [ns], size [bytes]
 
 MOST = 8  # robots kept
-ROOM = (
-    0.1  # how far beyond a limit a MoveIt request may lie [rad or m]: descriptions of one robot differ in their limits
-)
+ROOM = 0.1  # how far beyond a limit a request or a named state may lie [rad or m]: descriptions of one robot differ
 _kept: OrderedDict[Hashable, tuple[Robot, Stamps]] = OrderedDict()
 _loading = threading.Lock()  # one robot at a time: threads that ask for the same one are to get the same
 
@@ -44,9 +42,9 @@ def load_scene_robot(scene: Scene) -> Robot:
     """Load a scene's robot, with a MoveIt request's values for the joints that it has and does not plan, and with the
     objects that it holds; within the scene's own limits of positions, and without self pairs where the scene says so.
 
-    The limits make room for a request's start and goal up to ROOM beyond them, which is noted. The same object for the
-    same specification, as long as its files stay as they are. Raises InputError, naming the file that speaks of the
-    robot.
+    The limits make room for a request's start and goal, and for named states, up to ROOM beyond them, which is noted.
+    The same object for the same specification, as long as its files stay as they are. Raises InputError, naming the
+    file that speaks of the robot.
     """
     with naming(scene.robot.source or scene.source):
         robot = _load_bare(scene)
@@ -88,11 +86,10 @@ def _load_bare(scene: Scene) -> Robot:
     """Load the robot without the objects that it holds."""
     spec = scene.robot
     robot = _load_once(spec)
-    if not scene.from_request:
-        return robot
-    requested = {joint: value for joint, value in (scene.start.by_name or {}).items() if joint in robot.locked}
-    if requested:
-        robot = _load_once(replace(spec, locked={**requested, **spec.locked}))
+    if scene.from_request:
+        requested = {joint: value for joint, value in (scene.start.by_name or {}).items() if joint in robot.locked}
+        if requested:
+            robot = _load_once(replace(spec, locked={**requested, **spec.locked}))
     return _with_room(robot, scene)
 
 
@@ -113,23 +110,47 @@ def resolve_query(robot: Robot, scene: Scene) -> Query:
         raise InputError(f"{scene.source}: {scene.goal.field}: leaves a choice; one configuration is needed here")
     with naming(scene.source):
         start, goal = (robot.configuration(target, scene.from_request) for target in (scene.start, scene.goal))
-    named = {**(scene.start.by_name or {}), **(scene.goal.by_name or {})}
-    unknown = [joint for joint in named if joint not in robot.joint_names and joint not in robot.locked]
-    notes = (f"left out, as {robot.name} has no such joints: {', '.join(unknown)}",) if unknown else ()
-    return Query(start, goal, notes)
+    return Query(start, goal, _left_out(robot, scene))
+
+
+def notes_on(scene: Scene, robot: Robot) -> tuple[str, ...]:
+    """Return what is to be said of a scene with its robot, in words: what was changed, assumed or left out."""
+    return (*scene.notes, *robot.notes, *_left_out(robot, scene))
+
+
+def _left_out(robot: Robot, scene: Scene) -> tuple[str, ...]:
+    """Say which values of the scene's start and goal are not kept to: of joints that the robot does not have, and,
+    where a named state speaks of more than is planned, of joints that are held elsewhere though nobody asked for it."""
+    ends = [target for target in (scene.start, scene.goal) if isinstance(target, JointTarget)]
+    named = [joint for target in ends for joint in target.by_name or ()]
+    unknown = [joint for joint in dict.fromkeys(named) if joint not in (*robot.joint_names, *robot.locked)]
+    words = [f"left out, as {robot.name} has no such joints: {', '.join(unknown)}"] if unknown else []
+    for target in ends:
+        state = robot.named_states.get(target.state or "", {})
+        held_anyhow = {joint: at for joint, at in robot.locked.items() if joint not in scene.robot.locked}
+        off = [joint for joint, at in held_anyhow.items() if abs(state.get(joint, at) - at) > SAME_PLACE]
+        if off:
+            held = ", ".join(f"{joint} at {state[joint]:g}, held at {robot.locked[joint]:g}" for joint in off)
+            words.append(f"{target.field}: state '{target.state}' has {held}")
+    return tuple(words)
 
 
 def _with_room(robot: Robot, scene: Scene) -> Robot:
-    """Widen the limits to the request's ends where they lie beyond, by at most ROOM."""
+    """Widen the limits to ends that others wrote, a request's and named states, where they lie beyond, by at most
+    ROOM."""
     lower, upper = robot.lower.copy(), robot.upper.copy()
     ends = [target for target in (scene.start, scene.goal) if isinstance(target, JointTarget)]
     for target in ends:
-        given = target.by_name or dict(zip(robot.joint_names, target.positions or (), strict=False))
+        given: Mapping[str, float] = {}
+        if target.state is not None:
+            given = robot.named_states.get(target.state, {})
+        elif scene.from_request:
+            given = target.by_name or dict(zip(robot.joint_names, target.positions or (), strict=False))
         for i, joint in enumerate(robot.joint_names):
-            value = given.get(joint, robot.lower[i])
-            if 0.0 < robot.lower[i] - value <= ROOM:
+            value = given.get(joint)
+            if value is not None and 0.0 < robot.lower[i] - value <= ROOM:
                 lower[i] = min(lower[i], value)
-            if 0.0 < value - robot.upper[i] <= ROOM:
+            if value is not None and 0.0 < value - robot.upper[i] <= ROOM:
                 upper[i] = max(upper[i], value)
     if np.array_equal(lower, robot.lower) and np.array_equal(upper, robot.upper):
         return robot
@@ -140,7 +161,7 @@ def _with_room(robot: Robot, scene: Scene) -> Robot:
 def _with_limits(robot: Robot, lower: tuple[float, ...], upper: tuple[float, ...]) -> Robot:
     words = tuple(
         f"joint '{joint}': limits [{robot.lower[i]:g}, {robot.upper[i]:g}] widened to "
-        f"[{lower[i]:.9g}, {upper[i]:.9g}], as the request's start or goal lies there"
+        f"[{lower[i]:.9g}, {upper[i]:.9g}], as start or goal lies there"
         for i, joint in enumerate(robot.joint_names)
         if (lower[i], upper[i]) != (robot.lower[i], robot.upper[i])
     )

@@ -18,6 +18,7 @@ from hdplan.planner.solvers import Solver
 from hdplan.planner.solvers.solution import FIRST_WEIGHT, RAISE, Budget, Solution, Status, Step
 from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.verdict import Certificate
+from hdplan.scenes.deadline import seconds_left
 
 if TYPE_CHECKING:
     from hdplan.planner.timing import Timekeeper
@@ -120,7 +121,7 @@ class Search:
     def conclude(self) -> Best:
         """Return the best motion, with every failure named if it is not certified."""
         assert self.best is not None  # an attempt ends with a certificate
-        if not self.best.whole and not self.best.certificate.certified:
+        if not self.best.whole and not self.best.certificate.certified and seconds_left() > 0.0:
             certificate = self.certifier.certify(self.best.trajectory, required=self.required)
             self.certify_seconds += certificate.seconds
             self.report(Event(self.attempts, certificate=certificate))

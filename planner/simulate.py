@@ -28,6 +28,7 @@ from hdplan.scenes.model import Scene
 Array = NDArray[np.float64]
 
 LOOKS = 0.01  # [s] between configurations at which the clearance is computed, at most
+LONGEST = 3600.0  # [s] that a motion may take: rows of every step are kept
 PATH_SAMPLES = 1000  # of a path without times
 ROUNDING = 1e-6  # relative, by which a rate may be beyond its limit
 SATURATED = 1e-3  # relative, by which a controller may ask for more than the limit: what its own steps make
@@ -140,13 +141,27 @@ def fitting(scene: Scene, trajectory: Trajectory, robot: Robot) -> Curve:
     return curve
 
 
+def _check_steps(times: Array) -> None:
+    """Refuse times (N,) of which the steps between cannot be kept or told apart."""
+    if not times[-1] - times[0] <= LONGEST:
+        raise InputError(f"times: the motion takes {times[-1] - times[0]:g} s; at most {LONGEST:g} s are simulated")
+    latest, most = float(np.abs(times).max()), 1e-3 * STEP / np.finfo(float).eps  # a thousandth of a step is told there
+    if not latest <= most:
+        raise InputError(
+            f"times: {latest:g} s leave no digits for steps of {STEP:g} s; at most {most:.3g} s are allowed"
+        )
+
+
 def simulate(scene: Scene, trajectory: Trajectory, robot: Robot) -> Simulation:
     """Replay a trajectory of the scene's robot.
 
     Raises:
-        InputError: as `fitting`; loads or limits of the scene that do not fit the robot.
+        InputError: as `fitting`; loads or limits of the scene that do not fit the robot; a motion that takes longer
+            than LONGEST, or so late that steps of time drown in rounding.
     """
     curve = fitting(scene, trajectory, robot)
+    if curve.times is not None:
+        _check_steps(curve.times)
     timed = curve.times is not None
     limits = rate_limits(scene, robot)
     torques = torque_limits(scene, robot)

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from hdplan.planner.coal_shapes import triangle_tree
 from hdplan.planner.meshes import TriangleMesh
@@ -32,6 +33,9 @@ from hdplan.planner.meshes import TriangleMesh
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Mask = NDArray[np.bool_]
+
+WELD = 1e-6  # of a mesh's size: narrower cracks are none
+MOST_CROSSINGS = 10_000  # pairs of shells looked at; where there are more, none is taken for a cavity
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,37 +51,39 @@ class Shells:
     @classmethod
     def of(cls, triangles: Index) -> Shells:
         """Take triangles (F, 3) apart."""
-        _, first, again = np.unique(np.sort(triangles, axis=1), axis=0, return_index=True, return_inverse=True)
+        size = int(triangles.max()) + 1
+        low, middle, high = np.sort(triangles, axis=1).T
+        _, pair = np.unique(low * size + middle, return_inverse=True)
+        _, first, again = np.unique(pair * size + high, return_index=True, return_inverse=True)
         both_ways = np.zeros(len(first), dtype=bool)
-        np.logical_or.at(both_ways, again.ravel(), _odd(triangles) != _odd(triangles[first])[again.ravel()])
+        both_ways[again[_odd(triangles) != _odd(triangles[first])[again]]] = True
         triangles = triangles[first]
         count = len(triangles)
         begin, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
         face, rising = np.repeat(np.arange(count), 3), begin < end
-        edges = np.stack([np.minimum(begin, end), np.maximum(begin, end)], axis=1)
-        _, edge, met = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
-        order = np.argsort(edge.ravel(), kind="stable")
-        one, other = order[met[edge.ravel()[order]] == 2].reshape(-1, 2).T
+        edges = np.minimum(begin, end) * size + np.maximum(begin, end)
+        _, edge, met = np.unique(edges, return_inverse=True, return_counts=True)
+        order = np.argsort(edge, kind="stable")
+        one, other = order[met[edge[order]] == 2].reshape(-1, 2).T
         # each triangle stands twice, as it is and turned: what is joined runs the same way
         same = rising[one] != rising[other]
         joined = np.concatenate([face[other] + count * ~same, (face[other] + count * same)])
         pairs = (np.ones(len(joined)), (np.concatenate([face[one], face[one] + count]), joined))
         _, way = connected_components(coo_matrix(pairs, shape=(2 * count, 2 * count)), directed=False)
         _, shell = np.unique(np.minimum(way[:count], way[count:]), return_inverse=True)
-        shell, number = shell.ravel(), int(shell.max()) + 1
+        number = int(shell.max()) + 1
         lead = np.unique(shell, return_index=True)[1]  # the first triangle of each shell runs as it did
         flip = way[:count] != way[lead][shell]
         triangles = np.where(flip[:, None], triangles[:, ::-1], triangles)
         rising = np.where(np.repeat(flip, 3), ~rising, rising)
-        keys = np.stack([np.repeat(shell, 3), edge.ravel()], axis=1)
-        held, row = np.unique(keys, axis=0, return_inverse=True)
-        balance = np.bincount(row.ravel(), weights=np.where(rising, 1.0, -1.0))
+        held, row = np.unique(np.repeat(shell, 3) * len(met) + edge, return_inverse=True)
+        balance = np.bincount(row, weights=np.where(rising, 1.0, -1.0))
         one_sided = way[lead] == way[count:][lead]
         return cls(
             triangles,
             shell,
             _any(flip | both_ways, shell, number) | one_sided,
-            _any(balance != 0.0, held[:, 0], number),
+            _any(balance != 0.0, held // len(met), number),
             one_sided,
         )
 
@@ -90,8 +96,23 @@ class Solid:
 
     @cached_property
     def shells(self) -> Shells:
-        """Its shells."""
-        return Shells.of(self.mesh.triangles)
+        """Its shells, once cracks are closed."""
+        return Shells.of(self._whole.triangles)
+
+    @cached_property
+    def _whole(self) -> TriangleMesh:
+        """The mesh with vertices that are WELD of its size apart made one: files round, and so tear edges apart."""
+        mesh = self.mesh
+        if mesh.closed:
+            return mesh
+        reach = WELD * float(np.linalg.norm(self.box[1] - self.box[0]))
+        _, first, cell = np.unique(np.floor(mesh.vertices / reach), axis=0, return_index=True, return_inverse=True)
+        near, size = cKDTree(mesh.vertices[first]).query_pairs(reach, output_type="ndarray"), len(first)
+        _, joined = connected_components(coo_matrix((np.ones(len(near)), near.T), shape=(size, size)), directed=False)
+        label = joined[cell.ravel()]
+        corners = label[mesh.triangles]
+        proper = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
+        return TriangleMesh(mesh.vertices[np.unique(label, return_index=True)[1]], corners[proper].astype(np.int64))
 
     @property
     def open(self) -> bool:
@@ -116,20 +137,24 @@ class Solid:
     def _doubtful(self) -> Mask:
         shells = self.shells
         doubtful = shells.turned | shells.open
-        corners = self.mesh.vertices[shells.triangles] - self.mesh.vertices.mean(axis=0)
+        corners = self._whole.vertices[shells.triangles] - self._whole.vertices.mean(axis=0)
         volume = np.bincount(shells.shell, weights=np.linalg.det(corners), minlength=len(doubtful))
         low, high = np.full((len(doubtful), 3), np.inf), np.full((len(doubtful), 3), -np.inf)
         np.minimum.at(low, shells.shell, corners.min(axis=1))
         np.maximum.at(high, shells.shell, corners.max(axis=1))
-        for i in np.flatnonzero(volume < 0.0).tolist():
-            near = (volume > 0.0) & (low <= high[i]).all(axis=1) & (high >= low[i]).all(axis=1)
-            for j in np.flatnonzero(near).tolist():
+        outward, inward = (np.flatnonzero((sign * volume > 0.0) & ~doubtful) for sign in (1.0, -1.0))
+        if len(outward) * len(inward) > MOST_CROSSINGS:
+            doubtful[inward] = True
+            return doubtful
+        for i in inward.tolist():
+            near = (low[outward] <= high[i]).all(axis=1) & (high[outward] >= low[i]).all(axis=1)
+            for j in outward[near].tolist():
                 if _cross(self._tree(i), self._tree(j)):
                     doubtful[[i, j]] = True
-        return np.asarray(doubtful)
+        return doubtful
 
     def _tree(self, shell: int) -> object:
-        return triangle_tree(TriangleMesh(self.mesh.vertices, self.shells.triangles[self.shells.shell == shell]))
+        return triangle_tree(TriangleMesh(self._whole.vertices, self.shells.triangles[self.shells.shell == shell]))
 
     def holds(self, point: Array) -> bool:
         """Whether a point (3,) that is not on a triangle is inside."""
@@ -143,13 +168,13 @@ class Solid:
 
     @cached_property
     def _turned(self) -> TriangleMesh:
-        return TriangleMesh(self.mesh.vertices, self.shells.triangles)
+        return TriangleMesh(self._whole.vertices, self.shells.triangles)
 
     def _boxed(self, point: Array) -> bool:
         """Whether a point is in the box of a shell that has but one side."""
         shells = self.shells
         for shell in np.flatnonzero(shells.one_sided).tolist():
-            corners = self.mesh.vertices[shells.triangles[shells.shell == shell]].reshape(-1, 3)
+            corners = self._whole.vertices[shells.triangles[shells.shell == shell]].reshape(-1, 3)
             if (point >= corners.min(axis=0)).all() and (point <= corners.max(axis=0)).all():
                 return True
         return False

@@ -18,6 +18,7 @@ from hdplan.planner.intervals import Bodies, Index, Intervals, Pairs
 from hdplan.planner.motion_bounds import Array
 from hdplan.planner.proximity import Piece, surface_distance, witness_points
 from hdplan.planner.rounding import ROUNDING
+from hdplan.scenes.deadline import seconds_left
 
 SHORTEST = 2.0**-17  # of a waypoint interval: below it, the answer is "not proven"
 STILL = 1e-6  # [m] motion below which halving is of no use
@@ -277,7 +278,8 @@ class _Run:
         goal = self._enough(items.pair)
         hollow, travel = self.hollow[items.pair], travel_of(items)
         for i in np.flatnonzero(hollow & (values < goal) & (bound < goal)).tolist():
-            values[i] = self._surface(nodes, int(items.node[i]), int(items.pair[i]))
+            # where coal is in doubt, a surface's distance is 0: it is no less than the hulls'
+            values[i] = max(values[i], self._surface(nodes, int(items.node[i]), int(items.pair[i])))
             bound[i] = max(bound[i], values[i] - travel[i] - ROUNDING)
         for i in np.argsort(values).tolist():
             node, pair, value = int(items.node[i]), int(items.pair[i]), float(values[i])
@@ -288,7 +290,8 @@ class _Run:
         """Cut the intervals of the open items in two; give up those that are as short as they may become."""
         moved = nodes.moved
         still = moved[items.node, self.pairs.a[items.pair]] + moved[items.node, self.pairs.b[items.pair]] <= STILL
-        hopeless = still | (nodes.width[items.node] <= SHORTEST) | (self.exact_calls > MOST_EXACT_CALLS)
+        over = self.exact_calls > MOST_EXACT_CALLS or seconds_left() == 0.0
+        hopeless = still | (nodes.width[items.node] <= SHORTEST) | over
         for node, pair, bound in zip(
             items.node[hopeless], items.pair[hopeless], items.bound[hopeless].tolist(), strict=True
         ):

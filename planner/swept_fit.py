@@ -19,6 +19,8 @@ from scipy.optimize import minimize
 from scipy.spatial import ConvexHull
 from scipy.spatial.distance import cdist
 
+from hdplan.scenes.deadline import check_time
+
 Array = NDArray[np.float64]
 
 MARGIN = 1e-6  # added to every radius [m], above rounding
@@ -148,6 +150,7 @@ def _descend(points: Array, reference: Reference, vertices: Array, stage: int) -
 
 def _objective(points: Array, reference: Reference, vertices: Array, p: float, softness: float) -> tuple[float, Array]:
     """Return the excess with a p-norm for the radius and a soft maximum over vertices, and its gradient (3 m,)."""
+    check_time("fitting bodies to the robot's links (those done are kept for the next time)")
     distance, weights = distance_to_hull(points, vertices)
     largest = distance.max() + 1e-9
     power = np.sum((distance / largest) ** p)

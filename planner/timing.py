@@ -28,8 +28,8 @@ from hdplan.planner.joint_limits import rate_limits, torque_limits
 from hdplan.planner.robot import Robot
 from hdplan.planner.time_laws import Averaged, Law, MinimumJerk
 from hdplan.planner.trajectory import Trajectory
-from hdplan.scenes.errors import HdplanError
-from hdplan.scenes.model import Scene, Timing
+from hdplan.scenes.errors import HdplanError, InputError
+from hdplan.scenes.model import MOST_ROWS, Scene, Timing
 
 if TYPE_CHECKING:
     from hdplan.planner.dynamics import InverseDynamics
@@ -63,7 +63,7 @@ class Timekeeper:
 
     def __init__(self, scene: Scene, robot: Robot) -> None:
         """Resolve the limits. Raises InputError for some that do not fit the robot."""
-        self.robot, self.timing = robot, scene.timing or Timing()
+        self.robot, self.timing, self.source = robot, scene.timing or Timing(), scene.source
         self.fixed = bool(scene.moving)  # they are met by this law
         self.limits = rate_limits(scene, robot)
         self.velocity, self.acceleration, _ = self.limits
@@ -106,6 +106,7 @@ class Timekeeper:
 
     def _timed(self, path: Trajectory, spline: BSpline, law: Law, duration: float) -> Timed:
         """Return the motion by a law that is stretched to a duration."""
+        self._check_rows(duration)
         times, parameter, rows = _rows(spline, law, duration, self.timing.rate)
         return Timed(Trajectory(path.joint_names, rows[0], path.locked, times, rows[1], rows[2]), parameter)
 
@@ -160,6 +161,7 @@ class Timekeeper:
         """Return a duration in which the limits hold all along the executed curve: whole rows, and not much more."""
         duration, best = law.duration * self._stretch_at_looks(spline, law), np.inf
         for _ in range(STRETCHES):
+            self._check_rows(duration)
             duration = (row_count(duration, self.timing.rate) - 1) / self.timing.rate
             if duration >= best:
                 break
@@ -173,6 +175,16 @@ class Timekeeper:
         if not np.isfinite(best):
             raise HdplanError("no law of time was found within the limits on the executed curve")
         return best
+
+    def _check_rows(self, duration: float) -> None:
+        """Refuse a motion that would take more rows than are kept, before there are any."""
+        rate = self.timing.rate
+        if not duration * rate <= MOST_ROWS:
+            raise InputError(
+                f"{self.source}: limits: within them this motion takes {duration:.4g} s, which at a rate of {rate:g} "
+                f"1/s (timing.rate) are {duration * rate:.4g} rows; at most {MOST_ROWS} are kept: give a lower rate, "
+                "or wider limits"
+            )
 
     def _stretch(self, curve: Curve) -> float:
         """Return by how much an executed curve must be stretched for its limits to hold, at most 1 where they do."""

@@ -11,8 +11,9 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 import zipfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -23,8 +24,24 @@ from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.curve import FARTHEST, LONGEST, SHORTEST, Curve
 from hdplan.planner.output import write_output
-from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.errors import InputError, naming, nearest
+from hdplan.scenes.files import MOST_BYTES, read_file
+from hdplan.scenes.model import MOST_ROWS
+from hdplan.scenes.values import Named, Number, Row, checked, path_of, shorten, text
 
+KEYS = (  # of a JSON file
+    "hdplan_trajectory",
+    "joint_names",
+    "interpolation",
+    "positions",
+    "locked",
+    "times",
+    "velocities",
+    "accelerations",
+    "verdict",
+    "steps",
+)
+SAME = 1e-9  # by which a path parameter may lie beyond its range: rounding
 FORMATS = (".json", ".csv", ".npz")
 TIMES = "times"
 TIME = "time"  # the CSV column of the times
@@ -49,12 +66,14 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         """Check and freeze."""
-        names = tuple(self.joint_names)
+        names = checked(Row(text, of="joint names"), self.joint_names, "joint_names")
         positions = _numbers(self.positions, "positions")
         if positions.ndim != 2 or positions.shape[1] != len(names):
             raise InputError(
                 f"positions: shape {positions.shape}, expected one row of {len(names)} values per waypoint"
             )
+        if len(positions) > MOST_ROWS:
+            raise InputError(f"positions: {len(positions)} waypoints, a trajectory has at most {MOST_ROWS}")
         if len(positions) < 2:
             raise InputError(f"positions: {len(positions)} waypoint(s), a trajectory has at least 2")
         if not names:
@@ -62,11 +81,7 @@ class Trajectory:
         if repeated := [name for i, name in enumerate(names) if name in names[:i]]:
             raise InputError(f"joint_names: '{repeated[0]}' comes twice")
         _check_finite(positions, "positions", names)
-        values = _numbers(list(self.locked.values()), "locked").tolist()
-        locked = dict(zip(map(str, self.locked), values, strict=True))
-        for name, value in locked.items():
-            if not np.isfinite(value):
-                raise InputError(f"locked: joint '{name}': {value} is not a finite number")
+        locked = checked(Named(Number(unit="rad or m")), self.locked, "locked")
         positions.setflags(write=False)
         object.__setattr__(self, "joint_names", names)
         object.__setattr__(self, "positions", positions)
@@ -105,7 +120,11 @@ class Trajectory:
         return Curve.through(self.positions, self.times, self.velocities, self.accelerations)
 
     def of_joints(self, names: tuple[str, ...], locked: Mapping[str, float]) -> Trajectory:
-        """Return the same motion with the columns of these joints alone, in that order."""
+        """Return the same motion with the columns of these joints alone, in that order; raises InputError for a joint
+        that it does not have."""
+        for name in names:
+            if name not in self.joint_names:
+                raise InputError(f"joint_names: unknown joint '{name}'{nearest(name, self.joint_names)}")
         chosen = [self.joint_names.index(name) for name in names]
         rates = (None if values is None else values[:, chosen] for values in (self.velocities, self.accelerations))
         return Trajectory(names, self.positions[:, chosen], locked, self.times, *rates)
@@ -125,8 +144,15 @@ class Trajectory:
         return len(self.positions)
 
     def at(self, time: ArrayLike) -> NDArray[np.float64]:
-        """Return the configurations (…, n) at path parameters `time` in [0, 1]; the waypoints stand at equal steps."""
-        return self.curve.at_parameter(time)
+        """Return the configurations (…, n) at path parameters `time` in [0, 1]; the waypoints stand at equal steps.
+
+        Raises InputError for other parameters.
+        """
+        parameters = _numbers(time, "time")
+        within = np.clip(parameters, 0.0, 1.0)
+        if not (np.abs(parameters - within) <= SAME).all():
+            raise InputError("time: path parameters lie in [0, 1], from the first waypoint to the last")
+        return self.curve.at_parameter(within)
 
     def save(
         self,
@@ -140,20 +166,17 @@ class Trajectory:
         planned joints alone, a column for each of their positions, velocities and accelerations. Raises InputError for
         another ending or a path that cannot be written.
         """
-        path = Path(path)
+        path = path_of(path)
         about = {key: said for key, said in (("verdict", verdict), ("steps", steps)) if said}
         write_output(path, {".json": _to_json, ".csv": _to_csv, ".npz": _to_npz}[_format(path)](self, about))
 
     @staticmethod
     def load(path: str | Path) -> Trajectory:
         """Read a trajectory file of any of the three formats; raises InputError naming the file and what is wrong."""
-        path = Path(path)
+        path = path_of(path)
         reader = {".json": _from_json, ".csv": _from_csv, ".npz": _from_npz}[_format(path)]
         with naming(path):
-            try:
-                return reader(path.read_bytes())
-            except OSError as error:
-                raise InputError(f"cannot be read ({error.strerror or error})") from error
+            return reader(read_file(path))
 
 
 def _to_json(trajectory: Trajectory, about: Mapping[str, Mapping[str, Any]]) -> bytes:
@@ -179,13 +202,16 @@ def _rows(key: str, values: NDArray[np.float64]) -> str:
 
 def _from_json(data: bytes) -> Trajectory:
     try:
-        content = json.loads(data)
+        content = json.loads(data, object_pairs_hook=_unique)
     except (ValueError, RecursionError) as error:
         raise InputError(f"not JSON ({error})") from error
     if not isinstance(content, dict) or content.get("hdplan_trajectory") != 1:
         raise InputError(
             "not a trajectory: an object with `hdplan_trajectory: 1`, `joint_names` and `positions` is expected"
         )
+    for key in content:
+        if key not in KEYS:
+            raise InputError(f"unknown key {shorten(repr(key))}{nearest(key, KEYS)}")
     for key in ("joint_names", "positions"):
         if not isinstance(content.get(key), list):
             raise InputError(f"{key}: missing, or not a list")
@@ -194,11 +220,21 @@ def _from_json(data: bytes) -> Trajectory:
         raise InputError("locked: an object of joint names and numbers is expected")
     positions = _numbers(content["positions"], "positions")
     rates = (content.get(key) for key in RATES)
-    found = Trajectory(_names(content["joint_names"]), positions, locked, content.get("times"), *rates)
+    found = Trajectory(content["joint_names"], positions, locked, content.get("times"), *rates)
     if content.get("interpolation", found.curve.rule) != found.curve.rule:
         raise InputError(
             f"interpolation: '{content['interpolation']}', but with what its rows hold it is {found.curve.rule}"
         )
+    return found
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return a JSON object; a key that stands twice would silently mean its last value."""
+    found: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in found:
+            raise InputError(f"the key {shorten(repr(key))} stands twice")
+        found[key] = value
     return found
 
 
@@ -268,34 +304,51 @@ def _to_npz(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> bytes
 
 def _from_npz(data: bytes) -> Trajectory:
     try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as content:
-            arrays = {key: content[key] for key in content.files}
-    except (ValueError, EOFError, TypeError, zipfile.BadZipFile) as error:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            arrays = {entry.filename.removesuffix(".npy"): _array(archive, entry) for entry in archive.infolist()}
+    except InputError:
+        raise
+    except Exception as error:  # zip, its compressions, NumPy's headers: each has failures of its own
         raise InputError("not an NPZ archive of plain arrays") from error
     for key in ("joint_names", "positions"):
         if key not in arrays:
             raise InputError(f"{key}: missing (the archive holds {', '.join(arrays) or 'nothing'})")
     names, values = arrays.get("locked_names", np.array([], dtype=str)), arrays.get("locked_values", np.array([]))
-    locked = dict(zip(_names(names.ravel()), _numbers(values, "locked_values").ravel().tolist(), strict=False))
+    locked = dict(zip(names.ravel().tolist(), _numbers(values, "locked_values").ravel().tolist(), strict=False))
     if len(locked) != values.size:
         raise InputError(f"locked_names: {names.size} names for {values.size} locked_values")
     positions = _numbers(arrays["positions"], "positions")
     timed = (arrays.get(key) for key in (TIMES, *RATES))
-    return Trajectory(_names(arrays["joint_names"].ravel()), positions, locked, *timed)
+    return Trajectory(tuple(arrays["joint_names"].ravel().tolist()), positions, locked, *timed)
+
+
+def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[Any]:
+    """Read one array of an archive, once it is known that it is as large as its header says, and not too large."""
+    if entry.file_size > MOST_BYTES:
+        size, most = (f"{count / 1e6:.0f} MB" for count in (entry.file_size, MOST_BYTES))
+        raise InputError(f"{entry.filename}: {size} large when unpacked; at most {most} are read")
+    with archive.open(entry) as file:
+        data = io.BytesIO(file.read(MOST_BYTES + 1))
+    header = (
+        np.lib.format.read_array_header_1_0
+        if np.lib.format.read_magic(data) == (1, 0)
+        else (np.lib.format.read_array_header_2_0)
+    )
+    shape, _, dtype = header(data)
+    if dtype.hasobject:
+        raise ValueError("objects")
+    if math.prod(shape) * dtype.itemsize != len(data.getbuffer()) - data.tell():
+        raise InputError(f"{entry.filename}: does not hold the array that its header says")
+    data.seek(0)
+    return np.asarray(np.lib.format.read_array(data, allow_pickle=False))
 
 
 def _format(path: Path) -> str:
+    """Return the ending that picks a file's format."""
     suffix = path.suffix.lower()
     if suffix not in FORMATS:
         raise InputError(f"{path}: ending '{path.suffix}', a trajectory file ends with one of {', '.join(FORMATS)}")
     return suffix
-
-
-def _names(values: Iterable[object]) -> tuple[str, ...]:
-    names = tuple(values)
-    if wrong := [name for name in names if not isinstance(name, str)]:
-        raise InputError(f"joint_names: {wrong[0]!r} is not a name")
-    return tuple(str(name) for name in names)
 
 
 def _numbers(values: object, name: str) -> NDArray[np.float64]:
@@ -345,4 +398,4 @@ def _is_number(text: str) -> bool:
         float(text)
     except ValueError:
         return False
-    return True
+    return text.isascii() and "_" not in text  # Python's own numbers are more than CSV's

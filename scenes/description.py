@@ -12,11 +12,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hdplan.scenes.errors import InputError, naming, nearest
+from hdplan.scenes.files import read_file
 from hdplan.scenes.model import Pose
 from hdplan.scenes.poses import compose
 from hdplan.scenes.urdf_check import check_urdf, read_origin
 from hdplan.scenes.urdf_words import check_shapes, check_srdf_words, check_urdf_words
 
+DEEPEST = 64  # levels of elements
 LinkPair = tuple[str, str]  # two different links, in alphabetical order
 
 
@@ -110,15 +112,25 @@ class Semantics:
 
 
 def _parse(path: Path, what: str) -> ElementTree.Element:
+    with naming(f"robot.{what}: {path}"):
+        data = read_file(path)
     try:
-        root = ElementTree.parse(path).getroot()
-    except OSError as error:
-        raise InputError(f"robot.{what}: {path}: {error.strerror or error}") from None
-    except (ElementTree.ParseError, ValueError) as error:
+        root = ElementTree.fromstring(data)
+        _check_depth(root)
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise InputError(f"robot.{what}: {path}: not well-formed XML: {error}") from None
     if root.tag != "robot":
         raise InputError(f"robot.{what}: {path}: the outermost element is <{root.tag}>, expected <robot>")
     return root
+
+
+def _check_depth(root: ElementTree.Element) -> None:
+    """Refuse elements within elements without end; Pinocchio's reader calls itself for each."""
+    level = [root]
+    for _ in range(DEEPEST):
+        level = [below for element in level for below in element]
+    if level:
+        raise ValueError(f"elements are nested more than {DEEPEST} levels deep")
 
 
 def read_tree(path: Path) -> Tree:

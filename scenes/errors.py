@@ -15,6 +15,30 @@ class InputError(HdplanError):
     """Bad input: a file, a field, a name or a number. The command line ends with exit code 2."""
 
 
+class OutOfTime(HdplanError):
+    """The time limit passed before anything was found. The command line ends with exit code 1."""
+
+
+class FieldError(InputError):
+    """A value that its field does not allow; who knows the file, and where in it the field stands, puts that before."""
+
+    def __init__(self, problem: str, where: str = "", value: object = None, kind: str = "") -> None:
+        """Say the `problem` of the field `where` ("size[1]"); `kind` is what was wanted, where others have a hint."""
+        super().__init__(f"{where}: {problem}" if where else problem)
+        self.problem, self.where, self.value, self.kind = problem, where, value, kind
+
+    def within(self, where: str) -> FieldError:
+        """Return the same error seen from outside: of a field of `where`."""
+        path = where if not self.where else f"{where}{'' if self.where.startswith('[') else '.'}{self.where}"
+        return FieldError(self.problem, path, self.value, self.kind)
+
+    def of(self, owner: str) -> FieldError:
+        """Return the same error, saying of which class the field is."""
+        error = FieldError(self.problem, self.where, self.value, self.kind)
+        error.args = (f"{owner}{'.' if self.where else ': '}{self}",)
+        return error
+
+
 def nearest(name: str, allowed: Iterable[str], otherwise: str = "") -> str:
     """Return `` (did you mean 'x'?)`` for the closest allowed name; if none is close, `otherwise`, or all of them."""
     names = sorted(allowed)

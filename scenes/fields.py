@@ -10,19 +10,21 @@ import contextlib
 import math
 import os
 import re
-from collections.abc import Collection, Hashable, Mapping
+from collections.abc import Callable, Collection, Hashable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
 
-from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.errors import FieldError, InputError, naming, nearest
+from hdplan.scenes.files import read_file
+from hdplan.scenes.values import Check, Choice, Number, Whole, boolean, describe, shorten, text
 
+DEEPEST = 64  # levels of lists and mappings in a document
+MOST_VALUES = 1_000_000  # in a document
 _MERGE = "tag:yaml.org,2002:merge"
-LARGEST = 1e6  # in size, of any number [m, rad]: beyond it distances drown in rounding
-_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029]")
-_SHOWN = 60  # characters of a found value that an error repeats
+T = TypeVar("T")
 
 
 class _UniqueKeyLoader(yaml.CSafeLoader):
@@ -106,39 +108,21 @@ class Field:
             raise self.wrong(f"a list of {of}" if length is None else f"a list of {length} {of}")
         return [Field(value, f"{self.key}[{i}]", self.document) for i, value in enumerate(self.value)]
 
-    # Numbers. Truth values are no numbers, and neither NaN nor infinity is a value.
+    # Numbers
 
     def number(self, low: float = -math.inf, high: float = math.inf, above: float = -math.inf, unit: str = "") -> float:
         """Return a finite number, at most LARGEST in size, with low <= value <= high and value > above."""
-        bounds = [f"greater than {above:g}"] * math.isfinite(above)
-        bounds += [f"{low:g} to {high:g}" if math.isfinite(high) else f"at least {low:g}"] * math.isfinite(low)
-        bounds += [f"{'and ' * bool(bounds)}at most {high:g}"] * (math.isfinite(high) and not math.isfinite(low))
-        allowed = " ".join(["a finite number", *bounds, *([f"[{unit}]"] if unit else [])])
         value = self.value
         if isinstance(value, str) and self.document.text_numbers:
             with contextlib.suppress(ValueError):
                 value = float(value)
-        if isinstance(value, str) and (plain := _as_yaml_number(value)):
-            raise self.error(
-                f"must be {allowed}, found {describe(value)}, which YAML does not read as a number: write {plain}"
-            )
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self.wrong(allowed)
-        try:
-            number = float(value)
-        except OverflowError:  # an integer beyond the floats
-            raise self.wrong(allowed) from None
-        if not (math.isfinite(number) and low <= number <= high and number > above):
-            raise self.wrong(allowed)
-        if abs(number) > LARGEST:
-            raise self.wrong(f"{allowed}, at most {LARGEST:g} in size")
-        return number
+        found: float = self.checked(Number(low, high, above, unit), value)
+        return found
 
     def integer(self, low: int, high: int) -> int:
         """Return a whole number with low <= value <= high."""
-        if isinstance(self.value, bool) or not isinstance(self.value, int) or not low <= self.value <= high:
-            raise self.wrong(f"a whole number {low} to {high}")
-        return self.value
+        found: int = self.checked(Whole(low, high), self.value)
+        return found
 
     def numbers(self, length: int | None = None, above: float = -math.inf, unit: str = "") -> tuple[float, ...]:
         """Return a list of finite numbers, each greater than `above`."""
@@ -148,35 +132,55 @@ class Field:
 
     def text(self) -> str:
         """Return a text that is not empty and holds no control characters, such as ends of lines."""
-        if isinstance(self.value, str) and _CONTROL.search(self.value):
-            raise self.error(f"must be a text without control characters, found {shorten(repr(self.value))}")
-        if not isinstance(self.value, str) or not self.value.strip():
-            quotes = "" if isinstance(self.value, str | list | dict) else "; put it in quotes if it is a name"
-            raise self.error(f"must be a text that is not empty, found {describe(self.value)}{quotes}")
-        return self.value
+        found: str = self.checked(text, self.value)
+        return found
 
     def choice(self, allowed: Collection[str]) -> str:
         """Return one of the allowed words."""
-        if not isinstance(self.value, str):
-            raise self.wrong(f"one of {', '.join(allowed)}")
-        if self.value not in allowed:
-            raise self.error(f"unknown value {shorten(repr(self.value))}{nearest(self.value, allowed)}")
-        return self.value
+        found: str = self.checked(Choice(allowed), self.value)
+        return found
 
     def boolean(self) -> bool:
         """Return a truth value."""
-        if not isinstance(self.value, bool):
-            raise self.wrong("true or false")
-        return self.value
+        found: bool = self.checked(boolean, self.value)
+        return found
+
+    # What the model checks
+
+    def checked(self, check: Check, value: object) -> Any:
+        """Return what a check makes of a value that stands here."""
+        with self._naming():
+            return check(value)
+
+    def make(self, kind: Callable[..., T], **values: object) -> T:
+        """Return what a class of the model makes of values, fields or what was made of them; what it refuses is said of
+        the field in the file: its attributes are named as the keys are."""
+        given = {name: value.value if isinstance(value, Field) else value for name, value in values.items()}
+        with self._naming():
+            return kind(**given)
+
+    @contextlib.contextmanager
+    def _naming(self) -> Iterator[None]:
+        """Say in which file, and at which key, a value is not allowed; and how YAML wants it."""
+        try:
+            yield
+        except FieldError as error:
+            found, hint = error.within(self.key) if self.key else error, ""
+            if error.kind == "number" and isinstance(error.value, str) and (plain := _as_yaml_number(error.value)):
+                hint = f", which YAML does not read as a number: write {plain}"
+            elif error.kind == "text" and not isinstance(error.value, str | list | dict):
+                hint = "; put it in quotes if it is a name"
+            raise Field(None, found.where, self.document).error(found.problem + hint) from None
 
     def path(self, directory: bool = False) -> Path:
-        """Return an existing file (or directory); a relative one is looked up beside the document that names it."""
+        """Return an existing file (or directory), by its whole path; a relative one is looked up beside the document
+        that names it."""
         path = self.document.file.parent / self.text()
         if not (os.path.isdir(path) if directory else os.path.isfile(path)):
-            kind, other = ("directory", os.path.isfile(path)) if directory else ("file", os.path.isdir(path))
-            state = f"is not a {kind}" if other else "does not exist"
+            kind = "directory" if directory else "file"
+            state = f"is not a {kind}" if os.path.exists(path) else "does not exist"
             raise self.error(f"must be a {kind}, but {self.value!r} {state} (looked for {path})")
-        return path
+        return path.absolute()
 
 
 def read_document(file: Path) -> Field:
@@ -188,17 +192,14 @@ def read_document(file: Path) -> Field:
     """
     document = Document(file)
     top = Field(None, "", document)
+    with naming(file):
+        data = read_file(file)
     try:
-        content = file.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise top.error("no such file") from None
-    except IsADirectoryError:
-        raise top.error("is a directory; a YAML file is wanted") from None
+        content = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise top.error(f"is not UTF-8 text (byte {error.start} is 0x{error.object[error.start]:02x})") from None
-    except OSError as error:
-        raise top.error(f"cannot be read: {error.strerror}") from None
     try:
+        _check_size(top, content)
         value = yaml.load(content, _UniqueKeyLoader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
@@ -208,8 +209,12 @@ def read_document(file: Path) -> Field:
     except yaml.reader.ReaderError as error:
         line = content.count("\n", 0, error.position) + 1
         raise top.error(f"line {line}: YAML syntax: the character {chr(error.character)!r} is not allowed") from None
+    except InputError:
+        raise
     except (yaml.YAMLError, ValueError, RecursionError) as error:  # such as the date 2026-99-99
         raise top.error(f"YAML syntax: {' '.join(str(error).split())}") from None
+    except (AttributeError, LookupError, TypeError):  # PyYAML's own, of `!!int ""` or `!!timestamp x`
+        raise top.error("YAML syntax: a value is not of the type that its tag (!!) says") from None
     if value is None:
         raise top.error("is empty")
     if not isinstance(value, dict):
@@ -217,26 +222,33 @@ def read_document(file: Path) -> Field:
     return Field(value, "", document)
 
 
-def describe(value: object) -> str:
-    """Say in a few words, on one line, what a YAML value is."""
-    match value:
-        case None:
-            return "nothing"
-        case bool():
-            return str(value).lower()
-        case str():
-            return f"the text {shorten(repr(value))}"
-        case list():
-            return f"a list of {len(value)}"
-        case dict():
-            return "a mapping"
-        case _:
-            return shorten(str(value))
-
-
-def shorten(text: str) -> str:
-    """Cut a long text for an error line."""
-    return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
+def _check_size(top: Field, content: str) -> None:
+    """Refuse a document that is nested too deeply, or too large once what its aliases repeat is counted; what is built
+    of it is walked through again and again, and by functions that call themselves."""
+    count, sizes = 0, dict[str | None, int]()  # of what bears an anchor
+    begun: list[tuple[str | None, int]] = []  # the anchors of the collections that are open, and the count before them
+    for event in yaml.parse(content, yaml.CSafeLoader):
+        count += isinstance(event, yaml.ScalarEvent | yaml.CollectionEndEvent)
+        fault = None
+        match event:
+            case yaml.AliasEvent(anchor=anchor):
+                count += sizes.get(anchor, 0)
+                if anchor in [name for name, _ in begun]:
+                    fault = f"the alias '*{anchor}' stands within what it names"
+            case yaml.CollectionStartEvent(anchor=anchor):
+                begun.append((anchor, count))
+            case yaml.CollectionEndEvent():
+                anchor, before = begun.pop()
+                sizes[anchor] = count - before
+            case yaml.ScalarEvent(anchor=anchor):
+                sizes[anchor] = 1
+        if len(begun) > DEEPEST:
+            fault = f"is nested more than {DEEPEST} levels deep"
+        if count > MOST_VALUES:
+            fault = f"holds more than {MOST_VALUES} values, those that aliases repeat counted"
+        if fault:
+            line = f"line {event.start_mark.line + 1}: " if event.start_mark else ""
+            raise top.error(f"{line}{fault}")
 
 
 def _as_yaml_number(text: str) -> str | None:

@@ -1,29 +1,45 @@
 """What a scene says: frozen data, no files, no geometry code.
 
-Lengths in metres, angles in radians, frames: world unless said.
+Lengths in metres, angles in radians, frames: world unless said. Every value is checked when something is made of it,
+whoever makes it: a file's reader or a program (`values`, `meaning`); what is not allowed raises an `InputError`.
 """
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.scenes import meaning
+from hdplan.scenes.errors import FieldError
+from hdplan.scenes.values import Checked, Choice, Named, Number, Row, Whole, text, wrong
+
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
+Name = Annotated[str, text]
+Place = Annotated[Vector3, Row(Number(unit="m"), 3)]
+Length = Annotated[float, Number(above=0.0, unit="m")]
+Clearance = Annotated[float, Number(0.0, 1.0, unit="m")]
+JointValue = Number(unit="rad or m")
+FREE_ROTATIONS = ("none", "x", "y", "z", "all")
+MOST_ROWS = 100_000  # of a motion in time
+LINK_BODIES = ("fitted", "capsule", "outer-4", "outer-12", "box", "hull")
+
 
 @dataclass(frozen=True)
-class Pose:
+class Pose(Checked):
     """A placement: position [m] and unit quaternion (x, y, z, w); maps the object's frame into its parent's."""
 
-    position: Vector3 = (0.0, 0.0, 0.0)
-    quaternion_xyzw: Quaternion = (0.0, 0.0, 0.0, 1.0)
+    position: Place = (0.0, 0.0, 0.0)
+    quaternion_xyzw: Annotated[Quaternion, meaning.rotation] = (0.0, 0.0, 0.0, 1.0)
 
     @cached_property
     def matrix(self) -> NDArray[np.float64]:
@@ -41,154 +57,190 @@ class Pose:
 
 
 @dataclass(frozen=True)
-class Box:
+class Box(Checked):
     """A box centred in its frame."""
 
-    size: Vector3  # full edge lengths [m]
+    size: Annotated[Vector3, Row(Number(above=0.0, unit="m"), 3)]  # full edge lengths [m]
 
 
 @dataclass(frozen=True)
-class Sphere:
+class Sphere(Checked):
     """A ball centred in its frame."""
 
-    radius: float  # [m]
+    radius: Length  # [m]
 
 
 @dataclass(frozen=True)
-class Cylinder:
+class Cylinder(Checked):
     """A right circular cylinder centred in its frame, axis z."""
 
-    radius: float  # [m]
-    length: float  # [m]
+    radius: Length  # [m]
+    length: Length  # [m]
 
 
 @dataclass(frozen=True)
-class Capsule:
+class Capsule(Checked):
     """A segment on the z axis, centred, swept by a ball."""
 
-    radius: float  # [m]
-    length: float  # between the centres of the two end spheres [m]
+    radius: Length  # [m]
+    length: Annotated[float, Number(low=0.0, unit="m")]  # between the centres of the two end spheres [m]
 
 
 @dataclass(frozen=True)
-class Points:
+class Points(Checked):
     """The convex hull of points."""
 
-    points: tuple[Vector3, ...]  # in the obstacle's frame [m]
+    points: Annotated[tuple[Vector3, ...], meaning.volume]  # in the obstacle's frame [m]
 
 
 @dataclass(frozen=True)
-class Mesh:
+class Mesh(Checked):
     """A triangle mesh read from a file (anything that trimesh reads)."""
 
     file: Path
-    scale: Vector3 = (1.0, 1.0, 1.0)  # factor along each axis of the file
+    scale: Annotated[Vector3, meaning.scale] = (1.0, 1.0, 1.0)  # factor along each axis of the file
 
 
 Shape = Box | Sphere | Cylinder | Capsule | Points | Mesh
 
 
 @dataclass(frozen=True)
-class SteadyMotion:
+class SteadyMotion(Checked):
     """A body moves and turns evenly, from its pose at time 0 on."""
 
-    velocity: Vector3 = (0.0, 0.0, 0.0)  # of its origin, in the world [m/s]
-    spin: Vector3 = (0.0, 0.0, 0.0)  # angular velocity about its origin, in the world [rad/s]
+    velocity: Annotated[Vector3, Row(Number(unit="m/s"), 3)] = (0.0, 0.0, 0.0)  # of its origin, in the world [m/s]
+    spin: Annotated[Vector3, Row(Number(unit="rad/s"), 3)] = (0.0, 0.0, 0.0)  # about its origin, in the world [rad/s]
 
 
 @dataclass(frozen=True)
-class TimedPoses:
+class TimedPoses(Checked):
     """A body passes through poses: evenly from one to the next, at rest before the first and after the last."""
 
-    times: tuple[float, ...]  # rising, at least two [s]
+    times: Annotated[tuple[float, ...], meaning.rising]  # rising, at least two [s]
     poses: tuple[Pose, ...]  # one at each time, in the world
 
+    def _check_whole(self) -> None:
+        if len(self.poses) != len(self.times):
+            raise FieldError(f"must be as many as the {len(self.times)} times, found {len(self.poses)}", "poses")
+
 
 @dataclass(frozen=True)
-class Obstacle:
+class Obstacle(Checked):
     """A body in the world; it stands still unless it has a motion."""
 
-    name: str
+    name: Name
     shape: Shape
     pose: Pose = field(default_factory=Pose)  # at time 0, where it moves; of timed poses the first
-    clearance: float | None = None  # to be proven free around it [m]; None: planner.clearance
+    clearance: Clearance | None = None  # to be proven free around it [m]; None: planner.clearance
     motion: SteadyMotion | TimedPoses | None = None
 
+    def _check_whole(self) -> None:
+        if isinstance(self.motion, TimedPoses):
+            first = self.motion.poses[0]
+            if self.pose not in (Pose(), first):
+                raise FieldError("stands beside motion.poses, which say where the obstacle is: leave it out", "pose")
+            object.__setattr__(self, "pose", first)
+
 
 @dataclass(frozen=True)
-class Attached:
+class Attached(Checked):
     """A body that a link holds: it moves with the link and collides as the link does."""
 
-    name: str
-    link: str
+    name: Name
+    link: Name
     shape: Shape
     pose: Pose = field(default_factory=Pose)  # in the link's frame
-    touch_links: tuple[str, ...] = ()  # links that it may touch, beside the one that holds it
-    mass: float = 0.0  # [kg] of even density; counts where joint torques do (limits.torque)
+    touch_links: Annotated[tuple[str, ...], Row(text, of="link names")] = ()  # that it may touch, beside its own
+    mass: Annotated[float, Number(low=0.0, unit="kg")] = 0.0
+    """[kg] of even density; counts where joint torques do (limits.torque)."""
 
 
 @dataclass(frozen=True)
-class Payload:
+class Payload(Checked):
     """A mass that a link carries beside its own; it touches nothing."""
 
-    link: str
-    mass: float  # [kg]
-    com: Vector3 = (0.0, 0.0, 0.0)  # its centre, in the link's frame [m]
-    inertia: tuple[float, float, float, float, float, float] = (0.0,) * 6
+    link: Name
+    mass: Annotated[float, Number(above=0.0, unit="kg")]  # [kg]
+    com: Place = (0.0, 0.0, 0.0)  # its centre, in the link's frame [m]
+    inertia: Annotated[tuple[float, float, float, float, float, float], meaning.inertia] = (0.0,) * 6
     """xx, xy, xz, yy, yz, zz about its centre, in the link's axes [kg m²]."""
 
 
 @dataclass(frozen=True)
-class RobotSpec:
+class RobotSpec(Checked):
     """Which robot, where it stands, and what the scene fixes about it."""
 
-    name: str | None = None  # of example-robot-data; or else a URDF:
+    name: Name | None = None  # of example-robot-data; or else a URDF:
     urdf: Path | None = None
     srdf: Path | None = None
     package_dirs: tuple[Path, ...] = ()  # where package:// addresses of the URDF are looked up
-    group: str | None = None  # of the SRDF: its joints are planned; None: those of its arm
+    group: Name | None = None  # of the SRDF: its joints are planned; None: those of its arm
     base: Pose = field(default_factory=Pose)  # of the URDF's root link
-    locked: Mapping[str, float] = field(default_factory=dict)  # joint name -> value [rad] or [m]
-    ignore_pairs: tuple[tuple[str, str], ...] = ()  # link pairs not checked against each other
+    locked: Annotated[Mapping[str, float], Named(JointValue)] = field(default_factory=dict)  # joint -> [rad] or [m]
+    ignore_pairs: Annotated[tuple[tuple[str, str], ...], Row(meaning.pair, of="link pairs")] = ()  # not checked
     source: str = field(default="", compare=False)  # for error messages: the file or option; empty: the scene's file
 
-
-@dataclass(frozen=True)
-class JointTarget:
-    """A configuration as the scene writes it: exactly one of the first three is given."""
-
-    field: str  # where it stands in the file, for error messages: "start" or "goal"
-    positions: tuple[float, ...] | None = None  # in the order of the planned joints
-    by_name: Mapping[str, float] | None = None  # joint name -> value
-    state: str | None = None  # a named state of the SRDF
+    def _check_whole(self) -> None:
+        if (self.name is None) == (self.urdf is None):
+            raise FieldError(f"must have either 'name' or 'urdf', found {'neither' if self.name is None else 'both'}")
+        for key in ("srdf", "package_dirs"):
+            if self.name is not None and getattr(self, key):
+                raise FieldError("goes with 'urdf'; a robot given by name brings its own", key)
 
 
 @dataclass(frozen=True)
-class PoseTarget:
+class JointTarget(Checked):
+    """A configuration as the scene writes it: exactly one of the last three is given."""
+
+    field: str = dataclasses.field(compare=False)  # where it stands in the file, for error messages: "start" or "goal"
+    positions: Annotated[tuple[float, ...], Row(JointValue)] | None = None  # in the order of the planned joints
+    by_name: Annotated[Mapping[str, float], Named(JointValue)] | None = None  # joint name -> value
+    state: Name | None = None  # a named state of the SRDF
+
+    def _check_whole(self) -> None:
+        given = [name for name in ("positions", "by_name", "state") if getattr(self, name) is not None]
+        if len(given) != 1:
+            found = " and ".join(given) or "none of them"
+            raise FieldError(f"must have exactly one of positions, by_name and state, found {found}")
+        if not getattr(self, given[0]):
+            raise FieldError("must not be empty", given[0])
+
+
+@dataclass(frozen=True)
+class PoseTarget(Checked):
     """Where a link is to be: origin within a ball, and turned by no more than an angle away."""
 
-    field: str  # where it stands in the file, for error messages: "goal.pose" or "goal.poses[1]"
-    link: str
+    field: str = dataclasses.field(compare=False)  # where it stands in the file: "goal.pose" or "goal.poses[1]"
+    link: Name
     pose: Pose  # of the link's frame, in the world
-    position_tolerance: float = 1e-3  # how far the link's origin may be off [m]
-    orientation_tolerance: float = 1e-2  # how far it may be turned away, its free turns left out [rad]
-    free_rotation: str = "none"  # about which axis of the link it may turn freely: none, x, y, z, or all (any turn)
+    position_tolerance: Annotated[float, Number(high=1.0, above=0.0, unit="m")] = 1e-3  # of the link's origin [m]
+    orientation_tolerance: Annotated[float, Number(high=math.pi, above=0.0, unit="rad")] = 1e-2
+    """How far it may be turned away, its free turns left out [rad]."""
+    free_rotation: Annotated[str, Choice(FREE_ROTATIONS)] = "none"
+    """About which axis of the link it may turn freely: none, x, y, z, or all (any turn)."""
+
+
+def _choices(value: object) -> tuple[object, ...]:
+    kinds = {type(target) for target in value} if isinstance(value, list | tuple) else set()
+    if not isinstance(value, list | tuple) or kinds not in ({JointTarget}, {PoseTarget}):
+        raise wrong("a list of one or more JointTargets, or of PoseTargets", value)
+    return tuple(value)
 
 
 @dataclass(frozen=True)
-class Goals:
+class Goals(Checked):
     """A goal that leaves a choice: any of these targets will do, and any configuration that reaches a pose."""
 
-    targets: tuple[JointTarget, ...] | tuple[PoseTarget, ...]  # configurations by values, or poses
-    field: str = "goal"  # where it stands in the file, for error messages
+    targets: Annotated[tuple[JointTarget, ...] | tuple[PoseTarget, ...], _choices]  # configurations by values, or poses
+    field: str = dataclasses.field(default="goal", compare=False)  # where it stands in the file, for error messages
 
 
 @dataclass(frozen=True)
-class SelfCollision:
+class SelfCollision(Checked):
     """What links and held objects are to keep from each other."""
 
     checked: bool = True
-    clearance: float = 0.0  # to be proven free between them [m]
+    clearance: Clearance = 0.0  # to be proven free between them [m]
 
 
 FromUrdf = Literal["urdf"]
@@ -197,47 +249,69 @@ JointValues = FromUrdf | float | tuple[float, ...] | Mapping[str, float]
 others keep the URDF's)."""
 
 
+RATES = {
+    "velocity": meaning.JointRates("velocity", "rad/s or m/s", in_urdf=True),
+    "acceleration": meaning.JointRates("acceleration", "rad/s² or m/s²"),
+    "jerk": meaning.JointRates("jerk", "rad/s³ or m/s³"),
+    "torque": meaning.JointRates("torque", "Nm or N", in_urdf=True),
+}
+"""Limits beside those of positions."""
+
+
 @dataclass(frozen=True)
-class Limits:
+class Limits(Checked):
     """What the joints can do, beside what the URDF says of their positions; None: does not matter here."""
 
-    position: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # joint -> range within the URDF's
-    velocity: JointValues | None = None  # [rad/s] or [m/s]; as soon as the motion is timed: the URDF's
-    acceleration: JointValues | None = None  # [rad/s²] or [m/s²]
-    jerk: JointValues | None = None  # [rad/s³] or [m/s³]
-    torque: JointValues | None = None  # [Nm] or [N]
+    position: Annotated[Mapping[str, tuple[float, float]], meaning.ranges] = field(default_factory=dict)
+    """Joint -> range within the URDF's [rad] or [m]."""
+    velocity: Annotated[JointValues | None, RATES["velocity"]] = None  # as soon as the motion is timed: the URDF's
+    acceleration: Annotated[JointValues | None, RATES["acceleration"]] = None
+    jerk: Annotated[JointValues | None, RATES["jerk"]] = None
+    torque: Annotated[JointValues | None, RATES["torque"]] = None
 
 
 @dataclass(frozen=True)
-class Timing:
+class Timing(Checked):
     """When the motion is where."""
 
-    duration: float | None = None  # of the whole motion [s]; None: as fast as the limits allow, times 1/scale
-    scale: float = 1.0  # share of the speed that the limits allow (above 0, at most 1)
-    rate: float = 100.0  # rows of the result in a second [1/s]
+    duration: Annotated[float, Number(above=0.0, unit="s")] | None = None  # of the whole motion [s]; None: the fastest
+    scale: Annotated[float, Number(high=1.0, above=0.0)] = 1.0  # share of the speed that the limits allow
+    rate: Annotated[float, Number(1.0, 1e4, unit="1/s")] = 100.0  # rows of the result in a second [1/s]
+
+    def _check_whole(self) -> None:
+        if self.duration is None:
+            return
+        if self.scale != 1.0:
+            raise FieldError("has both 'duration' and 'scale'; a duration leaves nothing to scale: give one of them")
+        if self.duration * self.rate > MOST_ROWS:
+            raise FieldError(
+                f"{self.duration:g} s are {self.duration * self.rate:.4g} rows at a rate of {self.rate:g} 1/s, at most "
+                f"{MOST_ROWS} are kept: give a shorter duration or a lower rate",
+                "duration",
+            )
 
 
 @dataclass(frozen=True)
-class Upright:
+class Upright(Checked):
     """A link's axis stays close to the world's upward direction, all the way."""
 
-    link: str
-    axis: Vector3 = (0.0, 0.0, 1.0)  # in the link's frame, of length one
-    tolerance: float = 0.1  # by which it may be turned away [rad]
+    link: Name
+    axis: Annotated[Vector3, meaning.direction] = (0.0, 0.0, 1.0)  # in the link's frame, of length one
+    tolerance: Annotated[float, Number(high=math.pi, above=0.0, unit="rad")] = 0.1  # of its turn away [rad]
 
 
 @dataclass(frozen=True)
-class Within:
+class Within(Checked):
     """A point of a link stays in a box, all the way."""
 
-    link: str
-    size: Vector3  # full edge lengths of the box [m]; inf where any place will do
+    link: Name
+    size: Annotated[Vector3, meaning.extent]  # full edge lengths of the box [m]; inf where any place will do
     pose: Pose = field(default_factory=Pose)  # of the box's centre, in the world
-    point: Vector3 = (0.0, 0.0, 0.0)  # in the link's frame [m]
+    point: Place = (0.0, 0.0, 0.0)  # in the link's frame [m]
 
 
 @dataclass(frozen=True)
-class PathConstraints:
+class PathConstraints(Checked):
     """What must hold all along the way, between the waypoints too."""
 
     upright: Upright | None = None
@@ -245,39 +319,67 @@ class PathConstraints:
 
 
 @dataclass(frozen=True)
-class PlannerSettings:
+class PlannerSettings(Checked):
     """The `planner` section. Every value has a default; `hdplan explain` shows the ones in force."""
 
-    waypoints: int = 32  # number of rows of the trajectory, start and goal included (3 to 1000)
-    clearance: float = 0.0  # what must be proven free around the robot [m] (0 to 1)
-    activation: float = 0.02  # beyond the clearance, where the obstacle penalty sets in [m] (0 to 1)
-    gamma: int = 2  # order of differentiability of the distance (1 to 32)
-    shaping_length: float = 1e-3  # width of the distance's flat spot at contact [m] (1e-9 to 1)
-    distance: str = "hdsdf"  # of the obstacle penalty: hdsdf, or fcl, the exact Euclidean one
-    link_bodies: str = "fitted"  # what encloses a link: fitted, capsule, outer-4, outer-12, box, hull
+    waypoints: Annotated[int, Whole(3, 1000)] = 32  # number of rows of the trajectory, start and goal included
+    clearance: Annotated[float, Number(0.0, 1.0)] = 0.0  # what must be proven free around the robot [m]
+    activation: Annotated[float, Number(0.0, 1.0)] = 0.02  # beyond the clearance, where the penalty sets in [m]
+    gamma: Annotated[int, Whole(1, 32)] = 2  # order of differentiability of the distance
+    shaping_length: Annotated[float, Number(1e-9, 1.0)] = 1e-3  # width of the distance's flat spot at contact [m]
+    distance: Annotated[str, Choice(("hdsdf", "fcl"))] = "hdsdf"  # of the obstacle penalty: fcl is the exact one
+    link_bodies: Annotated[str, Choice(LINK_BODIES)] = "fitted"  # what encloses a link
     swept: bool = False  # hulls of link bodies at neighbouring waypoints in place of samples between them
-    normals: str = "box"  # planes of an obstacle: faces (6 of a box), box (26) or sphere (122)
+    normals: Annotated[str, Choice(("faces", "box", "sphere"))] = "box"
+    """Planes of an obstacle: faces (6 of a box), box (26) or sphere (122)."""
 
 
 @dataclass(frozen=True)
-class Scene:
-    """One planning problem, whole."""
+class Scene(Checked):
+    """One planning problem, whole. Scenes are equal that say the same, whatever file they come from."""
 
-    name: str
-    source: Path  # the file it was read from
+    name: str = field(compare=False)
+    source: Path = field(compare=False)  # the file it was read from
     robot: RobotSpec
     obstacles: tuple[Obstacle, ...]
     start: JointTarget
     goal: JointTarget | Goals
     planner: PlannerSettings = field(default_factory=PlannerSettings)
-    from_request: bool = False  # a MoveIt request: its ends may sit on a joint limit to rounding
+    from_request: bool = False  # ends as MoveIt requests have them: of whole robots, and a little beyond limits
     attached: tuple[Attached, ...] = ()  # held objects
     self_collision: SelfCollision = field(default_factory=SelfCollision)
     limits: Limits = field(default_factory=Limits)
     payload: Payload | None = None
     path: PathConstraints = field(default_factory=PathConstraints)
     timing: Timing | None = None
-    notes: tuple[str, ...] = ()  # what the reader changed or left out, in words
+    notes: tuple[str, ...] = field(default=(), compare=False)  # what the reader changed or left out, in words
+
+    def _check_whole(self) -> None:
+        taken: dict[str, str] = {}
+        named = [(f"obstacles[{i}]", "obstacle", obstacle.name) for i, obstacle in enumerate(self.obstacles)]
+        named += [(f"attached[{i}]", "held object", held.name) for i, held in enumerate(self.attached)]
+        for where, kind, name in named:
+            if name in taken:
+                other = f"{'earlier ' * (taken[name] == kind)}{taken[name]}"
+                raise FieldError(f"the name {name!r} is taken by an {other}; names must differ", where)
+            taken[name] = kind
+
+    def check_effects(self) -> None:
+        """Refuse what can only be planned beside a section that is missing: a payload without limits of torque, moving
+        obstacles without a duration, a motion in time with neither a duration nor limits of acceleration."""
+        if self.payload is not None and self.limits.torque is None:
+            raise FieldError("counts where joint torques do: limits.torque is missing", "payload")
+        duration = self.timing.duration if self.timing else None
+        for i, obstacle in enumerate(self.obstacles):
+            if obstacle.motion is not None and duration is None:
+                raise FieldError("must be met at known times: timing.duration is missing", f"obstacles[{i}].motion")
+        if self.timed and duration is None and self.limits.acceleration is None:
+            given = next((name for name in RATES if getattr(self.limits, name) is not None), None)
+            raise FieldError(
+                "makes the motion timed, and a URDF holds no accelerations to time it by: timing.duration or "
+                "limits.acceleration is missing",
+                "timing" if self.timing is not None or given is None else f"limits.{given}",
+            )
 
     @property
     def timed(self) -> bool:

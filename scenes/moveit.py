@@ -7,23 +7,20 @@ is done with each. Whatever would change the problem and is not supported is ref
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from hdplan.scenes.description import Semantics, read_semantics, read_tree
-from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.errors import naming
 from hdplan.scenes.fields import Field, read_document
 from hdplan.scenes.model import Attached, JointTarget, Obstacle, PathConstraints, Pose, RobotSpec, Scene
 from hdplan.scenes.moveit_allowed import note_allowed
 from hdplan.scenes.moveit_constraints import read_goal_constraints, read_path_constraints
 from hdplan.scenes.moveit_fields import MESSAGES, check_message
-from hdplan.scenes.moveit_frames import Frames
+from hdplan.scenes.moveit_frames import Frames, same_place
 from hdplan.scenes.moveit_messages import read_message_pose, read_primitive, read_transform
 from hdplan.scenes.poses import compose
 from hdplan.scenes.robot_library import description_of
-
-IDENTITY = 1e-9  # largest entry by which a transform may differ from the identity
 
 
 def is_moveit_scene(keys: Collection[str]) -> bool:
@@ -62,23 +59,26 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
         name, urdf, srdf, _ = description_of(robot)
         tree = read_tree(urdf)
         semantics = Semantics() if srdf is None else read_semantics(srdf, tree)
-    if "robot_model_name" in scene_keys and scene_keys["robot_model_name"].value not in ("", name, tree.name):
-        scene_keys["robot_model_name"].note(f"speaks of the robot {scene_keys['robot_model_name'].value!r}, not {name}")
+    model = scene_keys.get("robot_model_name")
+    if model and model.value != "" and model.text() not in (name, tree.name):
+        model.note(f"speaks of the robot {model.value!r}, not {name}")
     if "group_name" in request_keys:
         robot = _of_group(robot, request_keys["group_name"], semantics, (name, tree.name))
     transforms = scene_keys["fixed_frame_transforms"].items() if "fixed_frame_transforms" in scene_keys else ()
     frames = Frames.of(tree, robot.base).with_transforms(transforms)
     obstacles = _world(scene_keys["world"], frames) if "world" in scene_keys else {}
-    start = _state(scene_keys.get("robot_state")) | _state(request_keys.get("start_state"))
+    states = [keys[key] for keys, key in ((scene_keys, "robot_state"), (request_keys, "start_state")) if key in keys]
+    start = {joint: value for state in states for joint, value in _state(state, frames, robot.base).items()}
     if not start:
         raise request.error(
             "start_state.joint_state: is missing or empty, and the scene's robot_state too: there is no start"
         )
-    attached = _all_attached(scene_keys.get("robot_state"), request_keys.get("start_state"), obstacles, frames)
+    attached = _all_attached(scene_keys.get("robot_state"), request_keys.get("start_state"), obstacles)
     if "allowed_collision_matrix" in scene_keys:
         note_allowed(scene_keys["allowed_collision_matrix"], [*obstacles, *attached], semantics.disabled)
     constraints = request_keys.get("path_constraints")
-    return Scene(
+    return scene.make(
+        Scene,
         name=scene.document.file.stem,
         source=scene.document.file,
         robot=robot,
@@ -98,11 +98,10 @@ def _of_group(robot: RobotSpec, asked: Field, semantics: Semantics, names: Colle
         return robot
     group, own = asked.text(), robot.group
     if semantics.groups:  # without any there is nothing to look it up in; loading the robot says so
-        try:
-            group = semantics.group(group, names)
+        with naming(f"{robot.source}: robot.group"):
             own = own and semantics.group(own, names)
-        except InputError as error:
-            raise asked.error(str(error)) from None
+        with naming(f"{asked.document.file}: {asked.key}"):
+            group = semantics.group(group, names)
     if own not in (None, group):
         raise asked.error(f"is {group!r}, but the robot's own section says {own!r} (robot.group)")
     return dataclasses.replace(robot, group=group)
@@ -144,14 +143,20 @@ def _collision_object(entry: Field, keys: Mapping[str, Field], frame: Pose, defa
     ]
 
 
-def _all_attached(
-    state: Field | None, start: Field | None, standing: Collection[str], frames: Frames
-) -> dict[str, Attached]:
+def _all_attached(state: Field | None, start: Field | None, standing: Collection[str]) -> dict[str, Attached]:
     """Return what the robot holds: by the scene's state, and over it by the request's."""
     held, more = (_attached(each, standing) for each in (state, start))
-    if start is not None and held.keys() - more.keys() and _is_diff(start) is False:
-        start.note("is_diff is false, but what the scene's state attaches is still held")
+    whole = start is not None and not _is_diff(start)
+    if state is not None and _is_diff(state):
+        state.note("is_diff is true: what it does not name, joints and held objects, is not known and left as it is")
+    if start is not None and whole and held.keys() - more.keys():
+        start.note("is_diff is not true, but what the scene's state attaches is still held")
     return held | more
+
+
+def _is_diff(state: Field) -> bool:
+    keys = state.mapping(MESSAGES["RobotState"])
+    return keys["is_diff"].boolean() if "is_diff" in keys else False
 
 
 def _attached(state: Field | None, standing: Collection[str]) -> dict[str, Attached]:
@@ -179,15 +184,18 @@ def _attached(state: Field | None, standing: Collection[str]) -> dict[str, Attac
 # From where to where
 
 
-def _state(section: Field | None) -> dict[str, float]:
-    """Return joint name -> value [rad or m] of a robot state."""
-    if section is None:
-        return {}
+def _state(section: Field, frames: Frames, base: Pose) -> dict[str, float]:
+    """Return joint name -> value [rad or m] of a robot state whose base stands where the world is, or at `base`."""
     keys = section.mapping(MESSAGES["RobotState"])
     if "multi_dof_joint_state" in keys:
         multi = keys["multi_dof_joint_state"].mapping(MESSAGES["MultiDOFJointState"])
         for transform in multi["transforms"].items() if "transforms" in multi else ():
-            _refuse_moved(transform)
+            place = compose(frames.of_header(multi.get("header")), read_transform(transform))
+            if not any(same_place(place, allowed) for allowed in (Pose(), base)):
+                raise transform.error(
+                    "moves the robot's base, which is not supported: place the robot with `base` in the robot section "
+                    "(--robot FILE)"
+                )
     if "joint_state" not in keys:
         return {}
     joints = keys["joint_state"].mapping(MESSAGES["JointState"])
@@ -198,18 +206,3 @@ def _state(section: Field | None) -> dict[str, float]:
     if len(values) != len(names):
         raise keys["joint_state"].error(f"must have as many positions as names, found {len(values)} and {len(names)}")
     return {name: value.number(unit="rad or m") for name, value in zip(names, values, strict=True)}
-
-
-def _is_diff(state: Field) -> bool:
-    keys = state.mapping(MESSAGES["RobotState"])
-    return keys["is_diff"].boolean() if "is_diff" in keys else False
-
-
-def _refuse_moved(transform: Field) -> None:
-    """Refuse a base that does not stand where the world is."""
-    pose = read_transform(transform)
-    if math.hypot(*pose.position, *pose.quaternion_xyzw[:3]) > IDENTITY:
-        raise transform.error(
-            "moves the robot's base, which is not supported: place the robot with `base` in the robot section "
-            "(--robot FILE)"
-        )

@@ -41,10 +41,11 @@ class Frames:
             pose = compose(
                 Frames(poses, self.moving).of_header(keys.get("header")), read_transform(keys.get("transform"))
             )
-            name = _plain(keys["child_frame_id"].value) if "child_frame_id" in keys else ""
-            if name in self.moving:
-                raise keys["child_frame_id"].error(f"is no fixed frame: the link {name!r} moves with the robot")
-            if name in poses and _difference(poses[name], pose) > SAME:
+            child = keys.get("child_frame_id")
+            name = "" if child is None or child.value == "" else _plain(child.text())
+            if child is not None and name in self.moving:
+                raise child.error(f"is no fixed frame: the link {name!r} moves with the robot")
+            if name in poses and not same_place(poses[name], pose):
                 raise (keys.get("transform") or entry).error(
                     f"moves a fixed frame: {name!r} stands elsewhere already (the robot's root stands where `base` in "
                     "the robot section says, --robot FILE)"
@@ -73,5 +74,6 @@ def _plain(name: object) -> str:
     return str(name).removeprefix("/")
 
 
-def _difference(a: Pose, b: Pose) -> float:
-    return float(abs(a.matrix - b.matrix).max())
+def same_place(a: Pose, b: Pose) -> bool:
+    """Tell whether two placements are one, to rounding."""
+    return bool(abs(a.matrix - b.matrix).max() <= SAME)

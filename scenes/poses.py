@@ -6,11 +6,10 @@ import math
 from collections.abc import Mapping
 
 from hdplan.scenes.fields import Field
+from hdplan.scenes.meaning import rotation
 from hdplan.scenes.model import Pose, Quaternion, Vector3
 
-EXACT = 1e-12  # this close it stays as it is, so that what was written reads back bit for bit
 ROUNDING = 1e-6  # a quaternion this close to unit length is unit: decimals were cut
-CLOSE = 1e-2  # up to here it is normalized with a word; beyond, it is a mistake
 
 
 def read_pose(section: Field) -> Pose:
@@ -39,21 +38,17 @@ def read_vector(entry: Field, above: float = -math.inf, unit: str = "") -> Vecto
 
 
 def read_quaternion(entry: Field) -> Quaternion:
-    """Read a unit quaternion (x, y, z, w), normalized: beyond `EXACT`, in silence within `ROUNDING`, with a note within
-    `CLOSE`.
+    """Read a unit quaternion (x, y, z, w), normalized: in silence within `ROUNDING`, with a note within
+    `meaning.CLOSE`.
 
     Raises:
-        InputError: its length is farther from 1 than `CLOSE`.
+        InputError: its length is farther from 1 than that.
     """
-    x, y, z, w = entry.numbers(4)
-    norm = math.hypot(x, y, z, w)
-    if not abs(norm - 1.0) <= CLOSE:
-        raise entry.error(f"must be a unit quaternion (x, y, z, w), found {entry.value} of length {norm:.6g}")
-    if abs(norm - 1.0) > ROUNDING:
-        entry.note(f"the quaternion of length {norm:.6g} was normalized")
-    if abs(norm - 1.0) <= EXACT:
-        return x, y, z, w
-    return x / norm, y / norm, z / norm, w / norm
+    given = entry.numbers(4)
+    quaternion: Quaternion = entry.checked(rotation, given)
+    if abs(math.hypot(*given) - 1.0) > ROUNDING:
+        entry.note(f"the quaternion of length {math.hypot(*given):.6g} was normalized")
+    return quaternion
 
 
 def from_rpy(roll: float, pitch: float, yaw: float) -> Quaternion:

@@ -5,14 +5,12 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import os
+from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 
 from hdplan.scenes.effects import (
-    check_effects,
-    read_clearance,
     read_limits,
-    read_mass,
     read_motion,
     read_path,
     read_payload,
@@ -38,6 +36,7 @@ from hdplan.scenes.poses import read_pose
 from hdplan.scenes.settings import read_settings
 from hdplan.scenes.shapes import read_shape
 from hdplan.scenes.targets import read_goal, read_target
+from hdplan.scenes.values import checked, path_of
 
 VERSION = 1
 SECTIONS = (
@@ -47,6 +46,7 @@ SECTIONS = (
     "attached",
     "start",
     "goal",
+    "from_request",
     "self_collision",
     "limits",
     "payload",
@@ -72,6 +72,9 @@ def load_scene(path: FilePath, request: FilePath | None = None, robot: FilePath 
         InputError: anything wrong with these files, in one line: file, field, what was found, what is allowed.
             Names of joints, links and states are checked when the robot is loaded.
     """
+    for name, given in (("path", path), ("request", request), ("robot", robot)):
+        if given is not None or name == "path":
+            checked(path_of, given, name)
     top = read_document(find_scene(path))
     keys = top.mapping()
     spec, notes = (None, ()) if robot is None else read_robot(robot)
@@ -151,15 +154,16 @@ def _read_hdplan(top: Field, robot: RobotSpec | None) -> Scene:
     spec = robot or written
     if spec is None:
         raise top.error("the key 'robot' is missing; write the section, or name a robot with --robot")
-    obstacles = _obstacles(keys["obstacles"]) if "obstacles" in keys else ()
-    scene = Scene(
+    scene = top.make(
+        Scene,
         name=top.document.file.stem,
         source=top.document.file,
         robot=spec,
-        obstacles=obstacles,
-        attached=_attached(keys["attached"], obstacles) if "attached" in keys else (),
+        obstacles=_obstacles(keys["obstacles"]) if "obstacles" in keys else (),
+        attached=_attached(keys["attached"]) if "attached" in keys else (),
         start=read_target(keys["start"]),
         goal=read_goal(keys["goal"]),
+        from_request=keys["from_request"].boolean() if "from_request" in keys else False,
         planner=read_settings(keys["planner"]) if "planner" in keys else PlannerSettings(),
         self_collision=read_self_collision(keys["self_collision"]) if "self_collision" in keys else SelfCollision(),
         limits=read_limits(keys["limits"]) if "limits" in keys else Limits(),
@@ -168,69 +172,41 @@ def _read_hdplan(top: Field, robot: RobotSpec | None) -> Scene:
         timing=read_timing(keys["timing"]) if "timing" in keys else None,
         notes=tuple(top.document.notes),
     )
-    check_effects(top, scene)
+    top.make(scene.check_effects)
     return scene
 
 
 def _robot(section: Field) -> RobotSpec:
     keys = section.mapping(ROBOT_KEYS)
-    if ("name" in keys) == ("urdf" in keys):
-        raise section.error(f"must have either 'name' or 'urdf', found {'both' if 'name' in keys else 'neither'}")
-    for key in ("srdf", "package_dirs"):
-        if "name" in keys and key in keys:
-            raise keys[key].error("goes with 'urdf'; a robot given by name brings its own")
+    base = read_pose(keys["base"]) if "base" in keys else Pose()
+    spec = section.make(RobotSpec, **{**keys, "base": base})
     directories = keys["package_dirs"].items(of="directories") if "package_dirs" in keys else []
-    locked = keys["locked"].mapping() if "locked" in keys else {}
-    pairs = keys["ignore_pairs"].items(of="link pairs") if "ignore_pairs" in keys else []
-    return RobotSpec(
-        name=keys["name"].text() if "name" in keys else None,
-        urdf=keys["urdf"].path() if "urdf" in keys else None,
-        srdf=keys["srdf"].path() if "srdf" in keys else None,
-        package_dirs=tuple(directory.path(directory=True) for directory in directories),
-        group=keys["group"].text() if "group" in keys else None,
-        base=read_pose(keys["base"]) if "base" in keys else Pose(),
-        locked={name: value.number(unit="rad or m") for name, value in locked.items()},
-        ignore_pairs=tuple(_pair(pair) for pair in pairs),
-    )
-
-
-def _pair(entry: Field) -> tuple[str, str]:
-    first, second = (item.text() for item in entry.items(2, "link names"))
-    if first == second:
-        raise entry.error(f"must name two different links, found {first!r} twice")
-    return first, second
+    folders = tuple(directory.path(directory=True) for directory in directories)
+    urdf, srdf = (keys[name].path() if name in keys else None for name in ("urdf", "srdf"))
+    return dataclasses.replace(spec, urdf=urdf, srdf=srdf, package_dirs=folders)
 
 
 def _obstacles(section: Field) -> tuple[Obstacle, ...]:
-    obstacles: dict[str, Obstacle] = {}
+    obstacles = []
+    readers: tuple[tuple[str, Callable[[Field], object]], ...] = (("pose", read_pose), ("motion", read_motion))
     for i, entry in enumerate(section.items(of="obstacles")):
         keys = entry.mapping(("name", "shape", "pose", "clearance", "motion"), required=["shape"])
-        name = keys["name"].text() if "name" in keys else f"obstacle{i}"
-        if name in obstacles:
-            raise entry.error(f"the name {name!r} is taken by an earlier obstacle; names must differ")
-        pose = read_pose(keys["pose"]) if "pose" in keys else Pose()
-        motion = read_motion(keys["motion"]) if "motion" in keys else None
-        if isinstance(motion, TimedPoses):
-            if "pose" in keys:
-                raise keys["pose"].error("stands beside motion.poses, which say where the obstacle is: leave it out")
-            pose = motion.poses[0]
-        clearance = read_clearance(keys["clearance"]) if "clearance" in keys else None
-        obstacles[name] = Obstacle(name, read_shape(keys["shape"]), pose, clearance, motion)
-    return tuple(obstacles.values())
+        values: dict[str, object] = {"name": f"obstacle{i}", **keys, "shape": read_shape(keys["shape"])}
+        values |= {key: read(keys[key]) for key, read in readers if key in keys}
+        if "pose" in keys and isinstance(values.get("motion"), TimedPoses):
+            raise keys["pose"].error("stands beside motion.poses, which say where the obstacle is: leave it out")
+        obstacles.append(entry.make(Obstacle, **values))
+    return tuple(obstacles)
 
 
-def _attached(section: Field, obstacles: tuple[Obstacle, ...]) -> tuple[Attached, ...]:
-    standing = {obstacle.name for obstacle in obstacles}
-    attached: dict[str, Attached] = {}
+def _attached(section: Field) -> tuple[Attached, ...]:
+    attached = []
     for i, entry in enumerate(section.items(of="held objects")):
         keys = entry.mapping(("name", "link", "shape", "pose", "touch_links", "mass"), required=["link", "shape"])
-        name = keys["name"].text() if "name" in keys else f"attached{i}"
-        if name in attached or name in standing:
-            other = "obstacle" if name in standing else "earlier held object"
-            raise entry.error(f"the name {name!r} is taken by an {other}; names must differ")
-        pose = read_pose(keys["pose"]) if "pose" in keys else Pose()
-        touching = keys["touch_links"].items(of="link names") if "touch_links" in keys else []
-        links = tuple(link.text() for link in touching)
-        mass = read_mass(keys["mass"]) if "mass" in keys else 0.0
-        attached[name] = Attached(name, keys["link"].text(), read_shape(keys["shape"]), pose, links, mass)
-    return tuple(attached.values())
+        values: dict[str, object] = {"name": f"attached{i}", **keys, "shape": read_shape(keys["shape"])}
+        if "pose" in keys:
+            values["pose"] = read_pose(keys["pose"])
+        if "mass" in keys:
+            values["mass"] = keys["mass"].number(above=0.0, unit="kg")
+        attached.append(entry.make(Attached, **values))
+    return tuple(attached)

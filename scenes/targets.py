@@ -6,11 +6,10 @@ called is checked when the robot is loaded.
 
 from __future__ import annotations
 
-import math
-
 from hdplan.scenes.fields import Field
-from hdplan.scenes.model import Goals, JointTarget, PoseTarget
+from hdplan.scenes.model import FREE_ROTATIONS, Goals, JointTarget, JointValue, PoseTarget
 from hdplan.scenes.poses import pose_of
+from hdplan.scenes.values import Named, Row
 
 GOAL_KEYS = ("joints", "state", "pose", "poses")
 POSE_KEYS = (
@@ -22,7 +21,6 @@ POSE_KEYS = (
     "orientation_tolerance",
     "free_rotation",
 )
-FREE_ROTATIONS = ("none", "x", "y", "z", "all")
 
 
 def read_target(section: Field) -> JointTarget:
@@ -31,17 +29,16 @@ def read_target(section: Field) -> JointTarget:
     if len(keys) != 1:
         raise section.error(f"must have either 'joints' or 'state', found {'both' if keys else 'neither'}")
     if "state" in keys:
-        return JointTarget(section.key, state=keys["state"].text())
+        return section.make(JointTarget, field=section.key, state=keys["state"])
     return _joints(keys["joints"], section.key)
 
 
 def _joints(joints: Field, name: str) -> JointTarget:
     match joints.value:
         case [_, *_]:
-            return JointTarget(name, positions=joints.numbers(unit="rad or m"))
+            return JointTarget(name, positions=joints.checked(Row(JointValue), joints.value))
         case {**named} if named:
-            values = {name: value.number(unit="rad or m") for name, value in joints.mapping().items()}
-            return JointTarget(name, by_name=values)
+            return JointTarget(name, by_name=joints.checked(Named(JointValue), joints.value))
         case _:
             raise joints.wrong("a list of joint values, or a mapping from joint names to values [rad or m]")
 
@@ -81,9 +78,6 @@ def _pose_target(section: Field) -> PoseTarget:
         raise turn.error("has no meaning with free_rotation: all, which lets the link turn as it likes; leave it out")
     if free != "all" and "quaternion_xyzw" not in keys and "rpy" not in keys:
         raise section.error("has no orientation: give 'quaternion_xyzw' or 'rpy', or free_rotation: all")
-    tolerances = {
-        key: keys[key].number(above=0.0, high=high, unit=unit)
-        for key, high, unit in (("position_tolerance", 1.0, "m"), ("orientation_tolerance", math.pi, "rad"))
-        if key in keys
-    }
-    return PoseTarget(section.key, keys["link"].text(), pose_of(section, keys), free_rotation=free, **tolerances)
+    values = {name: keys[name] for name in ("position_tolerance", "orientation_tolerance") if name in keys}
+    pose = pose_of(section, keys)
+    return section.make(PoseTarget, field=section.key, link=keys["link"], pose=pose, free_rotation=free, **values)

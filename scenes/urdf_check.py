@@ -79,6 +79,8 @@ def _check_joint(joint: ElementTree.Element, where: str, joints: Mapping[str, El
     if limit is not None and joint.get("type") in BOUNDED:
         ends = [limit.get(key) for key in ("lower", "upper")]
         lower, upper = (_numbers(limit, key, 1, f"{where}: limit", "0", math.inf)[0] for key in ("lower", "upper"))
+        if joint.get("type") == "prismatic" and max(abs(lower), abs(upper)) > LARGEST:
+            raise InputError(f"{where}: limit: a joint that slides has limits of at most {LARGEST:g} m, found {ends}")
         if lower > upper:
             raise InputError(f"{where}: limit: lower must not exceed upper, found {ends[0]} and {ends[1]}")
     seen: list[str] = []

@@ -15,7 +15,7 @@ from hdplan.scenes.errors import InputError, nearest
 
 # Each element that says where and what a robot's bodies are: what it may hold, and its attributes.
 ELEMENTS = {
-    "link": ("inertial", "visual", "collision"),
+    "link": ("inertial", "visual", "collision", "collision_checking"),  # the last one is Pinocchio's: capsules
     "inertial": ("origin", "mass", "inertia"),
     "collision": ("origin", "geometry", "material", "verbose"),
     "geometry": ("box", "cylinder", "sphere", "capsule", "mesh"),
@@ -132,10 +132,11 @@ def _walk(element: ElementTree.Element, where: str, unknown: dict[str, None]) ->
 
 def _check_spelling(word: str, known: Iterable[str], where: str) -> None:
     """Raise InputError for a word that is nearly a known one, unless it is put together with that (gear_velocity)."""
-    parts = word.strip("_").split("_")
     for right in known:
         likeness = difflib.SequenceMatcher(None, word.lower(), right).ratio()
-        if likeness >= (NEARLY if len(right) > 4 else NEARLY_SHORT) and (len(parts) == 1 or right not in parts):
+        if likeness >= (NEARLY if len(right) > 4 else NEARLY_SHORT) and (
+            "_" not in word.strip("_") or right not in word
+        ):
             raise InputError(f"{where} '{word}' is not known (did you mean '{right}'?)")
 
 

@@ -15,15 +15,18 @@ FILES = sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob("*.p
 
 MAY_IMPORT = {
     "scenes": {"scenes"},
-    "distance": {"distance", "scenes.model", "scenes.errors"},
+    "distance": {"distance", "scenes.deadline", "scenes.errors", "scenes.model", "scenes.values"},
     "planner": {
         "planner",
         "distance",
+        "scenes.deadline",
         "scenes.description",
         "scenes.errors",
+        "scenes.files",
         "scenes.model",
         "scenes.moving",
         "scenes.robot_library",
+        "scenes.values",
         "scenes.writer",
     },
 }
@@ -37,6 +40,8 @@ HOMES = {
         "distance/axes.py",
         "distance/symbolic.py",
         "distance/boxes.py",
+        "distance/graph_distance.py",
+        "distance/graph_poses.py",
         "distance/halfspaces.py",
         "distance/compiled.py",
         "planner/dynamics.py",
@@ -44,7 +49,7 @@ HOMES = {
         "planner/nlp.py",
         "planner/solvers/ipopt.py",
     },
-    "jax": {"distance/batch.py", "distance/batch_axes.py", "distance/batch_kernel.py"},
+    "jax": {"distance/batch.py", "distance/batch_axes.py", "distance/batch_kernel.py", "distance/batch_traced.py"},
     "fcl": {"distance/fcl.py"},
     "viser": {
         "planner/view/nodes.py",

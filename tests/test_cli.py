@@ -392,7 +392,7 @@ def test_bad_urdf(hdplan: Callable[..., Done], tmp_path: Path, case: str) -> Non
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "is flat"),
         ("v 0 0 0\nv nan 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n", "not finite"),
         ("v 0 0 0\nv 1e9 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n", "farther than 1e+06 m"),
-        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "cannot be read"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "a triangle has vertex"),
         (b"\xff\xfe\x00v 1 2 3", "mesh.obj: "),  # unreadable, or empty where a library guesses its encoding
     ],
     ids=["empty", "text", "flat", "nan", "huge", "index", "binary"],
@@ -446,11 +446,11 @@ BAD_ARGUMENTS = {
     "output too long": (["plan", "planar_arm", "-o", f"{'x' * 250}.json"], ["cannot be written"]),
     "no picture": (["plot", "planar_arm", "x.json"], ["--output"]),
     "plot ending": (["plot", "planar_arm", "x.json", "-o", "x.jpg"], ["x.jpg", "'.jpg'", ".png, .pdf, .svg"]),
-    "plot of nothing": (["plot", "planar_arm", "no.json", "-o", "x.png"], ["no.json: cannot be read"]),
+    "plot of nothing": (["plot", "planar_arm", "no.json", "-o", "x.png"], ["no.json: no such file"]),
     "picture ending": (["plan", "planar_arm", "--plot", "x.jpg"], ["x.jpg", "'.jpg'", ".png, .pdf, .svg"]),
-    "no trajectory": (["check", "planar_arm", "no.json"], ["no.json: cannot be read"]),
+    "no trajectory": (["check", "planar_arm", "no.json"], ["no.json: no such file"]),
     "trajectory ending": (["check", "planar_arm", "no.txt"], ["no.txt", "'.txt'", ".json, .csv, .npz"]),
-    "trajectory a folder": (["check", "planar_arm", "folder.json"], ["folder.json: cannot be read"]),
+    "trajectory a folder": (["check", "planar_arm", "folder.json"], ["folder.json: is a directory; a file is wanted"]),
 }
 
 

@@ -12,6 +12,7 @@ from hdplan.planner.seeds import seeds
 from hdplan.planner.solvers import chomp, gauss_newton, ipopt
 from hdplan.planner.solvers.solution import Budget, Solution
 from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.values import instance
 
 LARGEST = 1e9  # [rad] or [m] in a guess: beyond, the cost of a joint without limits drowns in rounding
 
@@ -26,6 +27,8 @@ SOLVERS: dict[str, Solver] = {
 
 def solver_named(name: str) -> Solver:
     """Return a solver. Raises InputError for an unknown name."""
+    if not isinstance(name, str):
+        raise InputError(f"solver: must be one of {', '.join(SOLVERS)}, found {name!r}")
     if name not in SOLVERS:
         raise InputError(f"solver: unknown '{name}'{nearest(name, SOLVERS)}")
     return SOLVERS[name]
@@ -39,6 +42,7 @@ def solve(
     Raises InputError for an unknown solver, and for a guess of another shape or with values beyond LARGEST.
     """
     run = solver_named(solver)
+    instance(problem, Problem, "problem")
     return run(problem, next(seeds(problem, 0)) if guess is None else _checked(problem, guess), budget or Budget())
 
 

@@ -262,10 +262,13 @@ def test_bad_poses_and_witnesses_are_refused():
     plain = hdsdf_batch(BOX, POINT)
     with pytest.raises(InputError, match="pose_b: found an array of shape"):
         plain.value(one, np.eye(3))
-    for dtype, number in (("float64", np.nan), ("float32", 1e39)):
+    for dtype, number, message in (
+        ("float64", np.nan, "pose_a: found nan in row 0, column 3"),
+        ("float32", 1e39, "allowed is what float32 holds"),
+    ):
         far = np.eye(4)
         far[0, 3] = number
-        with pytest.raises(InputError, match="allowed are finite arrays"):
+        with pytest.raises(InputError, match=message):
             hdsdf_batch(BOX, POINT, dtype=dtype).value(far, one)
 
 
@@ -273,3 +276,69 @@ def test_without_jax_one_line_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "jax", None)
     with pytest.raises(InputError, match=r"needs jax, which is not installed: pip install hdplan\[jax\]"):
         hdsdf_batch(BOX, POINT)
+
+
+def _at_rest(shift):
+    """A pose moved by a shift, in whatever precision that has."""
+    return jax.numpy.eye(4, dtype=shift.dtype).at[:3, 3].set(shift)
+
+
+@pytest.mark.parametrize("allowed", [True, False], ids=["float64 allowed", "float32 alone"])
+def test_it_composes_with_the_transformations_of_jax(allowed):
+    """grad, hessian, jit, vmap and scan, in any order, aligned as the bodies are: what the closed forms say."""
+    distance, place = hdsdf_batch(BOX, BOX), np.eye(4)
+    place[:3, 3] = [1.2, 0.2, 0.1]
+    value, _, gradient, hessian = distance.hessian(np.eye(4), place)
+    with jax.enable_x64(allowed):
+        numpy = jax.numpy
+        shift = numpy.asarray(place[:3, 3])
+        close = {"rtol": 1e-12 if allowed else 1e-5, "atol": 1e-13 if allowed else 1e-6}
+
+        def loss(x):
+            return distance.value(numpy.eye(4), _at_rest(x))[0]
+
+        rows = numpy.stack([shift] * 3)
+        for found, right in (
+            (jax.jit(loss)(shift), value),
+            (jax.vmap(jax.jit(loss))(rows)[2], value),
+            (jax.jit(jax.grad(loss))(shift), gradient[6:9]),
+            (jax.vmap(jax.hessian(loss))(rows)[1], hessian[6:9, 6:9]),
+            (jax.jit(jax.jacrev(jax.jacrev(loss)))(shift), hessian[6:9, 6:9]),
+            (jax.lax.scan(lambda total, x: (total + loss(x), jax.grad(loss)(x)), shift[0] * 0, rows)[0], 3 * value),
+        ):
+            assert found.dtype == shift.dtype
+            np.testing.assert_allclose(found, right, **close)
+        with pytest.raises(InputError, match="asked for a third derivative"):
+            jax.jacfwd(jax.hessian(loss))(shift)
+        scaled = jax.jit(lambda factor: distance.value(numpy.eye(4), factor * numpy.eye(4)))(numpy.asarray(2.0))
+        assert all(np.isnan(part) for part in scaled), "a graph cannot refuse"
+
+
+def test_separation_has_a_gradient_and_witnesses_are_held(poses):
+    distance = hdsdf_batch(BOX, CAPSULE, witness_count=1)
+    h, axes = 1e-6, np.random.default_rng(67).normal(size=(COUNT, 1, 3))
+    with jax.enable_x64(True):
+        numpy = jax.numpy
+        a, b = (numpy.asarray(pose) for pose in poses)
+
+        def gap(shift, normals):
+            return distance.value(a.at[:, :3, 3].add(shift), b, normals)[1].sum()
+
+        found, zero = jax.grad(gap, argnums=(0, 1))(numpy.zeros(3), numpy.asarray(axes))
+        right = [(gap(h * e, axes) - gap(-h * e, axes)) / (2 * h) for e in np.eye(3)]
+    np.testing.assert_allclose(found, right, atol=1e-8)
+    np.testing.assert_array_equal(zero, 0.0)
+
+
+def test_float32_far_from_the_origin_is_float32_at_the_origin():
+    """Positions are subtracted before digits are cut: cubes that touch, 100 km away, read contact."""
+    cube, rng = ConvexBody.box([1.0, 1.0, 1.0]), np.random.default_rng(68)
+    distance = hdsdf_batch(cube, cube, dtype="float32", gamma=1, shaping_length=1e-6)
+    for away in (0.0, 2.0**10, 2.0**17):
+        a, b = (np.tile(np.eye(4), (64, 1, 1)) for _ in range(2))
+        a[:, :3, 3] = b[:, :3, 3] = away
+        b[:, 1:3, 3] += rng.uniform(-0.2, 0.2, (64, 2))
+        b[:, 0, 3] += 1.0 - 2.0 ** rng.integers(-30, -8, 64)
+        value, least = distance.value(a, b)
+        assert np.all(value <= 0)
+        np.testing.assert_allclose(least, b[:, 0, 3] - away - 1.0, atol=2e-7)

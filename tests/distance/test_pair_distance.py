@@ -10,7 +10,8 @@ from hdplan.distance import compiled as compiled_module
 from hdplan.distance import pair_distance
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.compiled import RowFunction
-from hdplan.distance.pair_distance import hdsdf_compiled, hdsdf_function, twist_function
+from hdplan.distance.graph_distance import hdsdf_function
+from hdplan.distance.pair_distance import hdsdf_compiled, twist_function
 from hdplan.distance.reference import hdsdf, hdsdf_derivatives, separation
 from hdplan.scenes.errors import InputError
 

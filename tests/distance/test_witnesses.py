@@ -38,7 +38,7 @@ BATCH = [pytest.param(*row, id="-".join(row[0]), marks=[pytest.mark.slow] * (k >
 
 FAMILY = {  # where each witness begins; what it may share with the others
     "numpy": {"reference"},
-    "casadi": {"pair_distance", "symbolic"},
+    "casadi": {"pair_distance", "graph_distance", "symbolic"},
     "jax": {"batch"},
 }
 SHARED = {"bodies", "normals", "poses"}  # what bodies, sets and poses are

@@ -1,4 +1,4 @@
-"""The distance's three witnesses behind one interface: NumPy, CasADi (interpreted, or compiled) and JAX (batch)."""
+"""The distance's witnesses behind one interface: NumPy, CasADi (interpreted, compiled, in a graph) and JAX (batch)."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
+import casadi as ca
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from hdplan.distance.graph_distance import hdsdf_function
 from hdplan.distance.normals import check_witnesses
 from hdplan.distance.pair_distance import hdsdf_compiled, twist_function
 from hdplan.distance.reference import hdsdf_derivatives, separation
@@ -45,19 +47,23 @@ def evaluator(
 ) -> Evaluate:
     """Return the distance of a pair by a witness, built once for each pair and settings.
 
-    ``name``: numpy, casadi, compiled (casadi's as C, which takes seconds a pair) or jax (seconds for each new shape).
+    ``name``: numpy, casadi, compiled (casadi's as C, which takes seconds a pair) or jax (seconds for each new shape);
+    graph and grad: what CasADi and JAX themselves make of ``hdsdf_function`` and of the batch's value, differentiated.
     """
     if name == "numpy":
         return _numpy(body_a, body_b, gamma, shaping_length, normals)
     if name == "casadi":
         function = twist_function(body_a, body_b, gamma, normals, witness_count, 2)
         return _interpreted(function, shaping_length)
+    if name == "graph":
+        return _in_a_graph(body_a, body_b, gamma, shaping_length, normals)
     settings = {"gamma": gamma, "shaping_length": shaping_length, "normals": normals, "witness_count": witness_count}
     if name == "compiled":
         return _at_once(hdsdf_compiled(body_a, body_b, **settings))
     pytest.importorskip("jax")
     batch = pytest.importorskip("hdplan.distance.batch")
-    return _at_once(batch.hdsdf_batch(body_a, body_b, dtype=dtype, **settings))
+    distance = batch.hdsdf_batch(body_a, body_b, dtype=dtype, **settings)
+    return _differentiated_by_jax(distance) if name == "grad" else _at_once(distance)
 
 
 def _numpy(body_a, body_b, gamma: int, shaping_length: float, normals: str) -> Evaluate:
@@ -81,6 +87,61 @@ def _interpreted(function, shaping_length: float) -> Evaluate:
         ]
         results = (np.array([np.array(result[k]) for result in found]) for k in range(4))
         return Evaluation(*(r.reshape(shape + s) for r, s in zip(results, ((), (), (12,), (12, 12)), strict=True)))
+
+    return evaluate
+
+
+def _in_a_graph(body_a, body_b, gamma: int, shaping_length: float, normals: str) -> Evaluate:
+    """``ca.hessian`` by twists of both poses; D̃ is not there, and the reference's is taken."""
+    settings = {"gamma": gamma, "shaping_length": shaping_length, "normals": normals}
+    distance = hdsdf_function(body_a, body_b, **settings)
+    pose_a, pose_b, twist = ca.MX.sym("a", 4, 4), ca.MX.sym("b", 4, 4), ca.MX.sym("twist", 12)
+    value = distance(_moved_in_casadi(pose_a, twist[:6]), _moved_in_casadi(pose_b, twist[6:]))
+    hessian, gradient = ca.hessian(value, twist)
+    function = ca.Function("graph", [pose_a, pose_b, twist], [value, gradient, hessian])
+
+    def evaluate(pose_a, pose_b) -> Evaluation:
+        rows = np.broadcast_arrays(pose_a, pose_b)
+        found = [function(rows[0][i], rows[1][i], np.zeros(12)) for i in np.ndindex(rows[0].shape[:-2])]
+        parts = [np.array([np.array(row[k]) for row in found]) for k in range(3)]
+        shapes = ((), (12,), (12, 12))
+        parts = [part.reshape(rows[0].shape[:-2] + shape) for part, shape in zip(parts, shapes, strict=True)]
+        least = separation(body_a, pose_a, body_b, pose_b, normals=normals)
+        return Evaluation(parts[0], least, parts[1], parts[2])
+
+    return evaluate
+
+
+def _moved_in_casadi(pose, twist):
+    turn = ca.skew(twist[3:])
+    step = ca.vertcat(ca.horzcat(turn, twist[:3]), ca.MX(1, 4))
+    return pose @ (ca.MX.eye(4) + step + step @ step / 2)
+
+
+def _differentiated_by_jax(distance) -> Evaluate:
+    """``jax.grad`` and ``jax.hessian`` of the value, under ``vmap`` and ``jit``."""
+    import jax
+    import jax.numpy as jnp
+
+    def moved(pose, twist):
+        (x, y, z), (a, b, c) = twist[:3], twist[3:]
+        step = jnp.array([[0.0, -c, b, x], [c, 0.0, -a, y], [-b, a, 0.0, z], [0.0, 0.0, 0.0, 0.0]])
+        return pose @ (jnp.eye(4) + step + step @ step / 2)
+
+    def value(twist, pose_a, pose_b):
+        return distance.value(moved(pose_a, twist[:6]), moved(pose_b, twist[6:]))[0]
+
+    def every(pose_a, pose_b):
+        rest = jnp.zeros(12)
+        found, least = distance.value(pose_a, pose_b)
+        return found, least, jax.grad(value)(rest, pose_a, pose_b), jax.hessian(value)(rest, pose_a, pose_b)
+
+    def evaluate(pose_a, pose_b) -> Evaluation:
+        with jax.enable_x64(True):
+            rows = np.broadcast_arrays(pose_a, pose_b)
+            flat = [jnp.asarray(row.reshape(-1, 4, 4)) for row in rows]
+            found = [np.asarray(part) for part in jax.jit(jax.vmap(every))(*flat)]
+            return Evaluation(*(part.reshape(rows[0].shape[:-2] + part.shape[1:]) for part in found))
 
     return evaluate
 

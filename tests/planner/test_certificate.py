@@ -390,7 +390,7 @@ def test_no_point_moves_farther_than_its_bounds(name: str, leaving: float, branc
 
 
 def random_pieces(rng: np.random.Generator) -> list[Piece]:
-    flat = tuple((x, y, 0.0) for x, y in rng.normal(size=(5, 2)).tolist())
+    flat = tuple((x, y, 1e-6 * x * y) for x, y in rng.normal(size=(5, 2)).tolist())
     cloud = tuple(tuple(p) for p in rng.normal(size=(20, 3)).tolist())
     shapes = [Box((1.0, 0.5, 0.2)), Sphere(0.4), Cylinder(0.3, 0.8), Capsule(0.2, 0.7), Points(cloud), Points(flat)]
     return [obstacle_pieces(Obstacle("x", shape))[0] for shape in shapes]
@@ -433,6 +433,22 @@ def test_directions_are_right_in_parallel_and_random_poses() -> None:
             value = best_direction(first, pose, second, np.eye(4))[1]
             turned = best_direction(second, np.eye(4), first, pose)[1]
             assert value == pytest.approx(turned, abs=2e-5)
+
+
+def test_where_coal_is_in_doubt_hulls_that_keep_apart_are_no_contact(
+    planar: RobotSpec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A distance of surfaces that is not to be believed counts as 0: the hulls' own is still proven."""
+    ring = trimesh.creation.annulus(0.4, 0.5, 0.2)
+    ring.export(tmp_path / "ring.stl")
+    far = Obstacle("ring", Mesh(tmp_path / "ring.stl"), Pose((5.0, 0.0, 0.0)))
+    exact = swing(planar, 0.3, far)
+    monkeypatch.setattr("hdplan.planner.sweep.surface_distance", lambda *_: 0.0)
+    found = swing(planar, 0.3, far)
+    assert found.certified
+    assert exact.clearance is not None
+    assert found.clearance is not None
+    assert 1.0 < found.clearance <= exact.clearance * 1.1
 
 
 def test_loose_convex_parts_are_exact_and_walls_stay_whole() -> None:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import coal
 import numpy as np
 import pytest
 import trimesh
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from hdplan.planner.certificate import Certifier, certify
 from hdplan.planner.meshes import TriangleMesh
+from hdplan.planner.proximity import link_pieces, mesh_pieces, surface_distance
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.solid import Solid
 from hdplan.planner.trajectory import Trajectory
@@ -87,6 +89,11 @@ def upset(mesh: TriangleMesh, how: str, rng: np.random.Generator) -> TriangleMes
         triangles = np.where(turned[:, None], triangles[:, ::-1], triangles)
     elif how == "both ways":
         triangles = np.vstack([triangles, triangles[:, ::-1]])
+    elif how == "torn":  # every triangle with corners of its own, rounded as files round, some turned
+        corners = mesh.vertices[triangles] * (1.0 + 1e-8 * rng.uniform(-1, 1, size=(len(triangles), 3, 1)))
+        turned = rng.uniform(size=len(triangles)) < 0.3
+        corners = np.where(turned[:, None, None], corners[:, ::-1], corners)
+        return TriangleMesh(corners.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
     elif how == "twice":
         triangles = np.vstack([triangles, triangles])
     return TriangleMesh(mesh.vertices, rng.permutation(triangles))
@@ -100,7 +107,7 @@ def to_file(mesh: TriangleMesh, path: Path) -> Path:
 # --- the solid by itself ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("how", ["as it is", "inside out", "scrambled", "both ways", "twice"])
+@pytest.mark.parametrize("how", ["as it is", "inside out", "scrambled", "both ways", "torn", "twice"])
 @pytest.mark.parametrize("scales", [(1.0,), (1.0, 0.8), (1.0, 0.8, 0.6)], ids=["solid", "hollow", "nested"])
 def test_what_is_inside_counts_as_inside(how: str, scales: tuple[float, ...]) -> None:
     """And in a cavity as free, where its wall tells that it is one."""
@@ -263,6 +270,56 @@ def test_no_ball_in_the_material_is_free_in_any_role(role: str, tmp_path: Path) 
             assert min(place.distance for place in certifier.nearest(ends[0], 0.01) if place) < 0.0
     assert found.get((True, True), 0) == 0
     assert found.get((True, False), 0) > 0
+
+
+def test_slivers_are_no_contact() -> None:
+    """A mesh that is cut along its own vertices gets triangles without width, which coal would find anywhere."""
+    ring = trimesh.creation.torus(0.3, 0.1, major_sections=24, minor_sections=12)
+    corners, count = np.asarray(ring.vertices).copy(), len(ring.vertices)
+    rows = np.flatnonzero(np.abs(corners[:, 1]) < 1e-9)
+    corners[rows, 1] = 0.0
+    beside = [corners[rows] + [0.0, shift, 0.0] for shift in (4.6e-19, -4.6e-19)]
+    slivers = np.stack([rows, count + np.arange(len(rows)), count + len(rows) + np.arange(len(rows))], axis=1)
+    pieces = mesh_pieces(TriangleMesh(np.vstack([corners, *beside]), np.vstack([ring.faces, slivers])))
+    small, place = link_pieces(coal.Sphere(0.01), "ball")[0], np.eye(4)
+    for x, y, z in np.random.default_rng(2).uniform(-0.5, 0.5, size=(40, 3)):
+        place[:3, 3] = x, y, z
+        found = min(surface_distance(piece, np.eye(4), small, place) for piece in pieces)
+        nearest = trimesh.triangles.closest_point(ring.triangles, np.tile(place[:3, 3], (len(ring.faces), 1)))
+        assert found == pytest.approx(max(np.linalg.norm(nearest - place[:3, 3], axis=1).min() - 0.01, 0.0), abs=1e-6)
+
+
+@pytest.mark.parametrize("outer", ["obstacle", "held"])
+def test_a_solid_within_a_solid(outer: str, tmp_path: Path) -> None:
+    """Two that are not convex, either way round: one in the other's material, in its cavity, half in and half out."""
+    rng = np.random.default_rng(5)
+    big, small = star(rng, 0.6, (1.0, 0.8), 0.2), star(rng, 0.02)
+    dumbbell = TriangleMesh(  # two parts that nothing joins
+        np.vstack([small.vertices, small.vertices + [0.0, 0.0, 1.0]]),
+        np.vstack([small.faces, small.faces + len(small.vertices)]),
+    )
+    full = Star(big.vertices, big.faces).mesh()
+    cases = (("hollow", big.mesh(), small.mesh(), True), ("full", full, small.mesh(), False))
+    cases = (*cases, ("one part in", full, dumbbell, False), ("one part in a cavity", big.mesh(), dumbbell, True))
+    for name, around, within, free in cases:
+        for mesh, file in ((around, "around.stl"), (within, "within.stl")):
+            to_file(mesh, tmp_path / file)
+        (tmp_path / "arm.urdf").write_text(ARM.format(hand="", arm=""))
+        files = ("within.stl", "around.stl") if outer == "obstacle" else ("around.stl", "within.stl")
+        held, standing = (Mesh(tmp_path / file) for file in files)
+        start, goal = JointTarget("start", (0.0, 0.0, 0.0)), JointTarget("goal", (0.3, 0.1, 0.05))
+        scene = Scene(
+            name,
+            tmp_path / "s.yaml",
+            RobotSpec(urdf=tmp_path / "arm.urdf"),
+            (Obstacle("standing", standing),),
+            start,
+            goal,
+            attached=(Attached("held", "hand", held),),
+        )
+        ends = np.array([start.positions, goal.positions])
+        verdict = certify(scene, Trajectory(("turn", "lift", "nod"), ends))
+        assert verdict.certified is free, (name, verdict.text)
 
 
 def test_a_robot_in_a_room_of_one_mesh_is_free(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from scipy.optimize import minimize, nnls
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.gdf import gdf
-from hdplan.distance.pair_distance import hdsdf_function
+from hdplan.distance.graph_distance import hdsdf_function
 from hdplan.distance.reference import hdsdf, hdsdf_derivatives
 from hdplan.planner.barrier_rules import (
     boundary_slope,

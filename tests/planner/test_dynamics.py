@@ -51,7 +51,7 @@ def _robot(name: str, base: Pose = BASES["upright"]) -> Robot:
 
 
 def _scene(robot: str = "panda", **changes: object) -> Scene:
-    joints = JointTarget("start", ())
+    joints = JointTarget("start", state="default")
     scene = Scene("test", Path("test.yaml"), RobotSpec(name=robot), (), joints, joints)
     return replace(scene, **changes)  # type: ignore[arg-type]
 
@@ -249,10 +249,10 @@ def test_what_no_robot_and_no_body_has_is_refused_by_name() -> None:
     robot = _robot("panda")
     with pytest.raises(InputError, match=r"test.yaml: payload.link: panda has no link 'panda_hnd' \(did you mean 'pan"):
         loaded_model(_scene(payload=replace(LOAD, link="panda_hnd")), robot)
-    with pytest.raises(InputError, match=r"payload.inertia: principal moments 0.1, 0.1, 0.3"):
-        loaded_model(_scene(payload=replace(LOAD, inertia=(0.1, 0, 0, 0.1, 0, 0.3))), robot)
-    with pytest.raises(InputError, match=r"payload\.inertia"):
-        loaded_model(_scene(payload=replace(LOAD, inertia=(0.1, 0, 0, 0.1, 0, -0.1))), robot)
+    with pytest.raises(InputError, match=r"Payload.inertia: .* its principal moments are 0.1, 0.1 and 0.3"):
+        replace(LOAD, inertia=(0.1, 0, 0, 0.1, 0, 0.3))
+    with pytest.raises(InputError, match=r"Payload\.inertia: .* none may be negative"):
+        replace(LOAD, inertia=(0.1, 0, 0, 0.1, 0, -0.1))
 
 
 def test_a_urdf_without_masses_is_refused(tmp_path: Path) -> None:

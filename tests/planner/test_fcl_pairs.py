@@ -271,9 +271,8 @@ def test_explain_names_it() -> None:
 
 def test_an_unknown_distance_is_refused_with_the_nearest() -> None:
     scene = load_scene("planar_arm")
-    wrong = dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, distance="hdsd"))
-    with pytest.raises(hdplan.InputError, match=r"distance: unknown 'hdsd' \(did you mean 'hdsdf'\?\)"):
-        hdplan.build(wrong)
+    with pytest.raises(hdplan.InputError, match=r"distance: unknown value 'hdsd' \(did you mean 'hdsdf'\?\)"):
+        dataclasses.replace(scene.planner, distance="hdsd")
 
 
 def test_ipopt_with_it_is_refused_before_anything_is_loaded() -> None:

@@ -17,7 +17,7 @@ from hdplan.planner.robot import load_robot
 from hdplan.planner.scene_robot import load_scene_robot, resolve_query
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Box, Pose, PoseTarget, RobotSpec, Scene, Within
+from hdplan.scenes.model import Box, JointTarget, Pose, PoseTarget, RobotSpec, Scene, Within
 from hdplan.scenes.poses import compose, from_rpy
 from hdplan.scenes.reader import load_scene
 
@@ -43,6 +43,9 @@ GROUPS = """
 <group name="both"><group name="left"/><group name="right"/></group>
 <group name="all_of_it"><group name="both"/><joint name="lift"/><joint name="thumb"/></group>
 <group name="tools"><joint name="left_tool"/></group>
+<group_state name="down" group="all_of_it"><joint name="lift" value="0.2"/></group_state>
+<group_state name="up" group="all_of_it"><joint name="left_a" value="0.3"/><joint name="left_b" value="0.1"/>
+<joint name="lift" value="0.5"/></group_state>
 """
 MEMBERS = {
     "left": {"left_a", "left_b"},
@@ -189,6 +192,14 @@ def test_a_value_for_a_joint_that_the_robot_lacks_is_left_out_with_a_note(moveit
     (note,) = resolve_query(load_scene_robot(scene), scene).notes
     assert "wheel" in note
     assert "caster" in note
+
+
+def test_a_named_state_that_speaks_of_joints_held_elsewhere_says_so(two_arms: RobotSpec) -> None:
+    start, goal = JointTarget("start", (0.0, 0.0)), JointTarget("goal", state="up")
+    for locked, notes in (({}, ("goal: state 'up' has lift at 0.5, held at 0.2",)), ({"lift": 0.1}, ())):
+        spec = replace(two_arms, group="left", locked=locked)
+        scene = Scene("up", Path("up.yaml"), spec, (), start, goal)
+        assert resolve_query(load_scene_robot(scene), scene).notes == notes
 
 
 # --- frames -----------------------------------------------------------------------------------------------------------

@@ -44,10 +44,11 @@ def laid_out(request: pytest.FixtureRequest) -> LaidOut:
         Obstacle(
             f"more {k}",
             SHAPES[k % 4],
-            Pose(tuple(rng.uniform(-1.5, 1.5, 3).tolist())),
-            motion=motions[k % len(motions)],
+            motion.poses[0] if isinstance(motion, TimedPoses) else Pose(tuple(rng.uniform(-1.5, 1.5, 3).tolist())),
+            motion=motion,
         )
         for k in range(8)
+        for motion in [motions[k % len(motions)]]
     )
     robot = load_scene_robot(scene)
     certifier = Certifier(dataclasses.replace(scene, obstacles=(*scene.obstacles, *more)), robot)

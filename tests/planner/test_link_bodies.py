@@ -17,9 +17,8 @@ from hdplan.planner.link_bodies import LinkBody, _enclosed, _link_triangles, con
 from hdplan.planner.robot import Robot, load_robot
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.swept_fit import Reference, Swept, distance_to_hull, fit_swept, outside
-from hdplan.scenes.model import Pose, RobotSpec
+from hdplan.scenes.model import LINK_BODIES, Pose, RobotSpec
 from hdplan.scenes.reader import load_scene
-from hdplan.scenes.settings import ALLOWED
 
 ARMS = ["panda", "ur3_gripper", "ur5", "ur5_gripper", "ur10", "xarm7", "kinova", "z1"]
 MEAN, P95 = 0.010, 0.020  # how far Panda's bodies may stand out of its links' hulls [m]
@@ -78,7 +77,7 @@ def test_bodies_contain_the_collision_geometry(name: str) -> None:
     assert all(row.contained for row in fit_report(robot))  # the proof, triangle by triangle
 
 
-@pytest.mark.parametrize("geometry", [word for word in ALLOWED["link_bodies"] if word not in ("fitted", "hull")])
+@pytest.mark.parametrize("geometry", [word for word in LINK_BODIES if word not in ("fitted", "hull")])
 @pytest.mark.parametrize("name", ["planar_arm", pytest.param("panda", marks=pytest.mark.slow)])
 def test_every_other_geometry_contains_the_links_too(name: str, geometry: str) -> None:
     robot = load_scene_robot(load_scene("planar_arm")) if name == "planar_arm" else load_robot(RobotSpec(name=name))

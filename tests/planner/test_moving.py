@@ -143,7 +143,8 @@ def test_the_certificate_is_never_optimistic_about_the_relative_motion(seed: int
         TimedPoses((0.1, 0.9, 1.4), tuple(turned(rng) for _ in range(3))),
     )
     obstacles = tuple(
-        Obstacle(f"o{i}", Box((0.3, 0.05, 0.1)), turned(rng), motion=motion) for i, motion in enumerate(motions)
+        Obstacle(f"o{i}", Box((0.3, 0.05, 0.1)), getattr(motion, "poses", [turned(rng)])[0], motion=motion)
+        for i, motion in enumerate(motions)
     )
     scene = dataclasses.replace(scene, obstacles=obstacles, timing=Timing(duration=2.0))
     certifier = Certifier(scene, robot)

@@ -57,7 +57,7 @@ def spec_of(name: str, folder: Path, base: Pose) -> RobotSpec:
 
 def scene_of(spec: RobotSpec, *asked: Upright | Within) -> Scene:
     given = {"upright" if isinstance(each, Upright) else "position": each for each in asked}
-    ends = (JointTarget("start", ()), JointTarget("goal", ()))
+    ends = (JointTarget("start", state="default"), JointTarget("goal", state="default"))
     return Scene("test", Path("test.yaml"), spec, (), *ends, path=PathConstraints(**given))
 
 

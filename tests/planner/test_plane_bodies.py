@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.halfspaces import FAR, box_directions
-from hdplan.planner.plane_bodies import FEW, MANY, PlaneBody, from_link_body, from_obstacle, from_shape
+from hdplan.planner.plane_bodies import FEW, MANY, PlaneBody, from_link_body, from_obstacle, from_points, from_shape
 from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, Pose, Shape, Sphere
 
 Array = NDArray[np.float64]
@@ -25,7 +25,7 @@ SLOTS = {"faces": (6, MANY), "box": (FEW, MANY), "sphere": (FEW + 96, MANY + 96)
 BALL = tuple(map(tuple, trimesh.creation.icosphere(3, 0.4).vertices.tolist()))  # far more faces than planes
 PRISM = tuple((x, y, z) for x, y in ((0, 0), (1, 0.1), (0.8, 0.7), (0.3, 0.9), (-0.2, 0.5)) for z in (0, 0.3))
 FLAT = ((0.0, 0, 0), (1.0, 0, 0), (1.0, 0.5, 0), (0, 0.4, 0))
-SHAPES: dict[str, Shape] = {
+SHAPES: dict[str, Shape | Array] = {
     "box": Box((0.4, 1.0, 0.1)),
     "plate": Box((1.0, 2.0, 1e-3)),
     "sphere": Sphere(0.3),
@@ -37,9 +37,9 @@ SHAPES: dict[str, Shape] = {
     "cloud": Points(CLOUD),
     "many faces": Points(BALL),
     "prism": Points(PRISM),
-    "flat": Points(FLAT),
-    "segment": Points(((0.0, 0, 0), (0.3, 0.4, 0.5))),
-    "point": Points(((0.1, 0.2, 0.3),)),
+    "flat": np.array(FLAT),
+    "segment": np.array([[0.0, 0, 0], [0.3, 0.4, 0.5]]),
+    "point": np.array([[0.1, 0.2, 0.3]]),
 }
 
 
@@ -48,7 +48,12 @@ def directions(count: int, seed: int) -> Array:
     return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
 
 
-def surface(shape: Shape) -> Array:
+def enclosed(name: str, shape: Shape | Array, placement: Array, normals: str = "box") -> PlaneBody:
+    around = from_points if isinstance(shape, np.ndarray) else from_shape
+    return around(name, shape, placement, normals)
+
+
+def surface(shape: Shape | Array) -> Array:
     """Many points of the shape's surface (m, 3), corners and rims included, in its frame."""
     balls = np.vstack([directions(4000, 4), box_directions()])
     turn = np.linspace(0, 2 * np.pi, 721)[:-1]
@@ -66,6 +71,8 @@ def surface(shape: Shape) -> Array:
             return np.vstack(ends)
         case Points(points):
             return np.array(points)
+        case np.ndarray():
+            return shape
     raise TypeError(shape)
 
 
@@ -110,7 +117,7 @@ def test_supports_are_exact(name: str, normals: str) -> None:
     points = surface(SHAPES[name])
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     for placement in placements():
-        body = from_shape(name, SHAPES[name], placement, normals)
+        body = enclosed(name, SHAPES[name], placement, normals)
         assert (body.name, body.joint) == (name, 0)
         check(body, points @ placement[:3, :3].T + placement[:3, 3], size, normals=normals)
 
@@ -119,7 +126,7 @@ def test_supports_are_exact(name: str, normals: str) -> None:
 def test_round_shapes_are_themselves_and_no_polygons(name: str) -> None:
     """Supports in closed form, at a random pose: h(n) of the true round shape along every plane's normal."""
     shape, placement = SHAPES[name], placements()[2]
-    body = from_shape(name, shape, placement)
+    body = enclosed(name, shape, placement)
     n = body.normals @ placement[:3, :3]
     match shape:
         case Sphere(radius):

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
 
 from hdplan.planner.robot import Robot, load_robot
 from hdplan.planner.scene_robot import load_scene_robot, resolve_query
@@ -153,7 +155,6 @@ def test_configurations_by_position_name_and_state_agree(panda: Robot) -> None:
             JointTarget("goal", positions=(4.0, *READY[1:])),
             r"'panda_joint1' is 4, outside its limits \[-2.8973, 2.8973\]",
         ),
-        (JointTarget("goal", positions=(float("nan"), *READY[1:])), "panda_joint1' is nan, outside"),
         (JointTarget("goal", state="defualt"), r"unknown state 'defualt' \(did you mean 'default'\?\)"),
         (JointTarget("goal", by_name={"panda_jiont1": 0.0}), r"'panda_jiont1' \(did you mean 'panda_joint1'\?\)"),
         (JointTarget("goal", by_name={"panda_finger_joint1": 0.0}), "held at 0.001, not planned"),
@@ -217,6 +218,29 @@ def test_limits_make_room_for_a_request_that_lies_a_little_beyond(panda: Robot) 
         assert any("panda_joint4" in note and "widened" in note for note in robot.notes)
         np.testing.assert_array_equal(resolve_query(robot, scene).goal, list(goal.values()))
         assert load_scene_robot(scene) is robot
+
+
+@pytest.mark.parametrize(("excess", "allowed"), [(0.0, True), (0.08, True), (0.12, False)])
+def test_limits_make_room_for_a_named_state_that_lies_a_little_beyond(
+    tmp_path: Path, excess: float, allowed: bool
+) -> None:
+    srdf = tmp_path / "arm.srdf"
+    srdf.write_text(
+        f'<robot name="arm"><group_state name="up" group="arm"><joint name="a" value="{2 + excess}"/>'
+        '<joint name="b" value="0"/></group_state></robot>'
+    )
+    spec = RobotSpec(urdf=_file(tmp_path), srdf=srdf)
+    scene = _scene(spec, JointTarget("start", state="up"), JointTarget("goal", positions=(0.0, 0.0)))
+    robot = load_scene_robot(scene)
+    assert robot.upper.tolist() == [2 + excess if allowed else 2.0, 1.0]
+    assert any("joint 'a': limits [-1, 2] widened to" in note for note in robot.notes) == (allowed and excess > 0)
+    if allowed:
+        np.testing.assert_array_equal(resolve_query(robot, scene).start, [2 + excess, 0.0])
+    else:
+        with pytest.raises(InputError, match=r"start: state 'up': joint 'a' is 2.12, outside its limits \[-1, 2\]"):
+            resolve_query(robot, scene)
+    plain = _scene(spec, JointTarget("start", positions=(2.05, 0.0)), JointTarget("goal", positions=(0.0, 0.0)))
+    assert load_scene_robot(plain).upper.tolist() == [2.0, 1.0]
 
 
 def test_a_robot_is_loaded_once_until_its_files_change(tmp_path: Path) -> None:
@@ -300,6 +324,35 @@ def test_a_wrong_urdf_is_one_line(
     with pytest.raises(InputError, match=words) as caught:
         load_robot(RobotSpec(urdf=path))
     assert "\n" not in str(caught.value)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_damaged_mesh_of_a_link_is_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Never half read: what is missing of a link would be proven free."""
+    ball = trimesh.creation.icosphere(1, 0.05)
+    path = tmp_path / "arm.urdf"
+    for ending, kind in (("stl", "stl_ascii"), ("stl", "stl"), ("obj", "obj"), ("ply", "ply"), ("dae", "dae")):
+        data = ball.export(file_type=kind)
+        data = data.encode() if isinstance(data, str) else data
+        mesh = tmp_path / f"ball.{ending}"
+        path.write_text(
+            ARM.format(kind="revolute", offset=1).replace(
+                '<sphere radius="0.05"/>', f'<mesh filename="package://{mesh.name}" scale="1 2 1"/>'
+            )
+        )
+        mesh.write_bytes(data)
+        (index,) = load_robot(RobotSpec(urdf=path)).link_geometry["tip"]
+        item = load_robot(RobotSpec(urdf=path)).collision.geometryObjects[index]
+        assert (item.meshPath, item.geometry.num_tris) == (str(mesh), len(ball.faces))
+        np.testing.assert_allclose(np.ptp(item.geometry.vertices(), axis=0), ball.extents * [1, 2, 1], atol=1e-6)
+        mesh.write_bytes(data[: len(data) * 2 // 3])
+        with pytest.raises(InputError, match=rf"arm\.urdf: link 'tip': mesh {mesh}: ") as caught:
+            load_robot(RobotSpec(urdf=path))
+        assert "\n" not in str(caught.value)
+        mesh.unlink()
+    os.mkfifo(tmp_path / "ball.dae")
+    with pytest.raises(InputError, match="is not a regular file"):
+        load_robot(RobotSpec(urdf=path))
     assert capfd.readouterr() == ("", "")
 
 

@@ -96,7 +96,7 @@ def _scene(limit: float, payload: Payload | None = None, torque: bool = True) ->
 
 def test_the_terms_derivatives_are_those_of_its_value(tmp_path: Path) -> None:
     robot = load_robot(RobotSpec(name="panda"))
-    (term,) = static_torque(replace(_scene(0.0), limits=Limits(torque=(30.0, 30, 20, 15, 2, 2, 1))), robot)
+    (term,) = static_torque(replace(_scene(1.0), limits=Limits(torque=(30.0, 30, 20, 15, 2, 2, 1))), robot)
     kinematics, samples = Kinematics(robot.model), Samples((8,))
     q = robot.draw(np.random.default_rng(2), 8)
     value = term.value(kinematics.evaluate(q), samples)

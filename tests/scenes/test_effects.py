@@ -12,6 +12,7 @@ import pytest
 
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import (
+    MOST_ROWS,
     Attached,
     Box,
     JointTarget,
@@ -285,7 +286,7 @@ def random_scene(seed: int) -> Scene:
         place = motion.poses[0] if isinstance(motion, TimedPoses) else pose()
         return Obstacle(name, Box(vector(positive)), place, tossed(float(rng.random())), motion)
 
-    axis = rng.normal(size=3)
+    axis, rate = rng.normal(size=3), float(rng.uniform(1, 1e4))
     x, y, z = (axis / np.linalg.norm(axis)).tolist()
     size = tuple(math.inf if rng.random() < 0.4 else positive() for _ in range(2))
     torque = values(True)
@@ -306,7 +307,7 @@ def random_scene(seed: int) -> Scene:
             tossed(Upright("null", (x, y, z), float(rng.uniform(1e-3, math.pi)))),
             tossed(Within("~", (positive(), *size), pose(), vector())),  # type: ignore[arg-type]
         ),
-        timing=Timing(positive(), rate=float(rng.uniform(1, 1e4))),
+        timing=Timing(min(positive(), 0.99 * MOST_ROWS / rate), rate=rate),
     )
 
 

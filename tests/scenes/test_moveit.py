@@ -167,9 +167,46 @@ def test_a_link_that_may_touch_an_object_is_told(files: Files) -> None:
     assert len(files.edit("scene", "allowed_collision_matrix", default).load().notes) == 1
 
 
-def test_padding_is_told(files: Files) -> None:
-    (note,) = files.edit("scene", "link_padding", [{"link_name": "a", "padding": 0.1}]).load().notes
-    assert "link_padding" in note
+def test_a_pair_that_the_srdf_leaves_out_and_the_matrix_checks_is_told(files: Files) -> None:
+    """By its entry, or by the defaults of its links; not where the matrix says nothing or allows it."""
+    names = ["panda_link0", "panda_link1", "panda_link5"]  # the SRDF disables link0-link1, and not link0-link5
+    for touch, told in ((False, True), (True, False)):
+        rows = [[True, touch, False], [touch, True, False], [False, False, True]]
+        notes = (
+            files.edit("scene", "allowed_collision_matrix", {"entry_names": names, "entry_values": rows}).load().notes
+        )
+        assert [note for note in notes if "wants panda_link0-panda_link1 checked" in note] == list(notes)
+        assert bool(notes) == told
+    uneven = [[True, False, False], [True, True, False], [False, False, True]]
+    files.edit("scene", "allowed_collision_matrix", {"entry_names": names, "entry_values": uneven})
+    assert len(files.load().notes) == 1
+    defaults = {"default_entry_names": ["panda_link0", "panda_link1"], "default_entry_values": [False, True]}
+    (note,) = files.edit("scene", "allowed_collision_matrix", defaults).load().notes
+    assert "panda_link0-panda_link1" in note
+    defaults["default_entry_values"] = [True, True]
+    assert files.edit("scene", "allowed_collision_matrix", defaults).load().notes == ()
+
+
+def test_another_robots_name_is_told(files: Files) -> None:
+    (note,) = files.edit("scene", "robot_model_name", "fr3").load().notes
+    assert note == "scene.yaml: robot_model_name: speaks of the robot 'fr3', not panda"
+    assert files.edit("scene", "robot_model_name", "").load().notes == ()
+
+
+def test_what_differs_from_an_unknown_state_is_told(files: Files) -> None:
+    (note,) = files.edit("scene", "robot_state.is_diff", True).load().notes
+    assert "robot_state: is_diff is true" in note
+    files.edit("scene", "robot_state.is_diff", False).edit("scene", HELD, [{**held("cup"), "weight": 0.0}])
+    (note,) = files.load().notes
+    assert "start_state: is_diff is not true, but what the scene's state attaches is still held" in note
+    assert files.edit("request", "start_state.is_diff", True).load().notes == ()
+
+
+def test_padding_and_scale_are_told_where_they_ask_for_something(files: Files) -> None:
+    for key, value, nothing in (("padding", 0.1, 0.0), ("scale", 1.1, 1.0)):
+        (note,) = files.edit("scene", f"link_{key}", [{"link_name": "a", key: value}]).load().notes
+        assert f"link_{key}[0].{key}: is not applied: links keep their size" in note
+        assert files.edit("scene", f"link_{key}", [{"link_name": "a", key: nothing}]).load().notes == ()
 
 
 def held(name: str, frame: str = "hand") -> dict[str, Any]:
@@ -255,6 +292,12 @@ REFUSED = [
         "fixed_frame_transforms",
         [{"child_frame_id": "panda_hand", "transform": STILL}],
         ["fixed_frame_transforms[0].child_frame_id: ", "'panda_hand' moves"],
+    ),
+    (
+        "scene",
+        "robot_state.multi_dof_joint_state.header.frame_id",
+        "odom",
+        ["multi_dof_joint_state.header.frame_id: ", "unknown frame 'odom'"],
     ),
     ("scene", "robot_state.multi_dof_joint_state.transforms", [TURNED], ["transforms[0]: ", "moves the robot's base"]),
     ("scene", HELD, [{"link_name": "a"}], ["attached_collision_objects[0]: ", "'object' is missing"]),

@@ -136,7 +136,9 @@ def test_a_free_axis_that_points_up_or_down_is_upright(
 def test_an_axis_a_little_off_costs_tolerance(tmp_path: Path) -> None:
     slanted = Rotation.from_euler("x", 0.005).as_quat().tolist()
     upright = request(tmp_path, path={"orientation_constraints": [turn(slanted, 0.2, 0.2, 4)]}).path.upright
-    assert upright == Upright("hand", (0.0, 0.0, 1.0), pytest.approx(0.195, abs=1e-9))
+    assert upright is not None
+    assert upright == Upright("hand", (0.0, 0.0, 1.0), upright.tolerance)
+    assert upright.tolerance == pytest.approx(0.195, abs=1e-9)
 
 
 def test_a_box_along_the_way(tmp_path: Path) -> None:

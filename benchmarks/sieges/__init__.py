@@ -1,0 +1,1 @@
+"""Seeded campaigns against hdplan, each judged by code of its own: see benchmarks/siege.py."""

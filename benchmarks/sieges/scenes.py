@@ -1,0 +1,199 @@
+"""Hostile scenes around a motion: obstacles close to the arm, traps that only a solid's inside tells, moving things."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from sieges import meshes, motions, rows
+from sieges.arms import random_arm
+from sieges.world import World
+
+Array = NDArray[np.float64]
+
+PANDA = {"panda_finger_joint1": 0.04, "panda_finger_joint2": 0.04}
+ENDINGS = (".json", ".csv", ".npz")
+
+
+def write(path: Path, content: dict[str, Any]) -> None:
+    """Write a scene."""
+    path.write_text(yaml.dump(content, Dumper=yaml.CSafeDumper, sort_keys=False, allow_unicode=True))
+
+
+def random_case(rng: np.random.Generator, folder: Path) -> tuple[dict[str, Any], rows.Rows, str]:
+    """Write scene.yaml, a motion and all that they name into a folder; return scene, motion and the motion's file."""
+    content: dict[str, Any] = {"hdplan": 1, "robot": {}, "obstacles": []}
+    own = rng.random() < 0.9
+    if own:
+        arm = random_arm(rng, folder)
+        content["robot"] = {"urdf": "arm.urdf", "locked": arm.locked}
+        links, planned = arm.links, arm.planned
+    else:
+        name = str(rng.choice(["panda", "ur5"]))
+        content["robot"] = {"name": name, "locked": PANDA if name == "panda" else {}}
+        links = ["panda_hand", "panda_link5"] if name == "panda" else ["wrist_3_link", "forearm_link"]
+        planned = []
+    if rng.random() < 0.4:
+        content["robot"]["base"] = {
+            "position": rng.uniform(-1, 1, 3).round(3).tolist(),
+            "rpy": rng.choice([0.0, np.pi, np.pi / 2, 0.3], 3).tolist(),
+        }
+    moving, limited = rng.random() < 0.2, rng.random() < 0.3
+    write(folder / "scene.yaml", content)
+    if not own:
+        machine = World(folder / "scene.yaml", ()).machine
+        movable = [j.name for j in machine.order if j.kind not in ("fixed",) and "finger" not in j.name]
+        planned = movable
+    names = tuple(planned)
+    world = World(folder / "scene.yaml", names)
+    motion = motions.random_rows(rng, world.machine, planned, moving or limited)
+    if rng.random() < 0.3:
+        content["attached"] = [held(rng, folder, links)]
+        write(folder / "scene.yaml", content)
+        world = World(folder / "scene.yaml", names)
+    if world.bodies:
+        content["obstacles"] = obstacles(rng, folder, world, motion, moving)
+    if limited:
+        content["limits"] = limits(rng, world, motion)
+    if moving or (limited and "acceleration" not in content.get("limits", {})):
+        content["timing"] = {
+            "duration": float(np.clip(1.0 if motion.times is None else np.ptp(motion.times), 1e-3, 1e3))
+        }
+    if rng.random() < 0.2:
+        content["planner"] = {"clearance": float(rng.choice([1e-4, 0.01, 0.05]))}
+    if rng.random() < 0.15:
+        content["self_collision"] = bool(rng.random() < 0.5) or {"clearance": float(rng.choice([1e-4, 0.01]))}
+    if "torque" in content.get("limits", {}) and rng.random() < 0.5:
+        mass = float(rng.uniform(0.1, 3.0))
+        content["payload"] = {"link": links[-1], "mass": mass, "com": rng.uniform(-0.1, 0.1, 3).round(4).tolist()}
+    content["start"] = {"joints": dict(zip(names, motion.positions[0].tolist(), strict=True))}
+    content["goal"] = {"joints": dict(zip(names, motion.positions[-1].tolist(), strict=True))}
+    write(folder / "scene.yaml", content)
+    file = "m" + str(rng.choice(ENDINGS))
+    rows.write(folder / file, motion)
+    return content, motion, file
+
+
+def held(rng: np.random.Generator, folder: Path, links: list[str]) -> dict[str, Any]:
+    """Return an object that a link holds; often a mesh."""
+    link = links[-1] if rng.random() < 0.7 else links[int(rng.integers(len(links)))]
+    shape = mesh(rng, folder, "held", float(rng.uniform(0.1, 0.3))) if rng.random() < 0.6 else solid(rng, 0.1)
+    touch = [name for name in links if rng.random() < 0.4 and name != link]
+    place = {"position": rng.uniform(-0.2, 0.2, 3).round(4).tolist(), "rpy": rng.uniform(-1, 1, 3).round(4).tolist()}
+    return {"name": "held", "link": link, "shape": shape, "pose": place, "touch_links": touch}
+
+
+def mesh(rng: np.random.Generator, folder: Path, name: str, size: float, kind: str | None = None) -> dict[str, Any]:
+    """Write a hostile mesh and return its shape."""
+    file = f"{name}.{rng.choice(['obj', 'stl', 'ply'])}"
+    meshes.write(folder / file, meshes.hostile(kind or str(rng.choice(meshes.KINDS)), rng, 1.0))
+    scale = [size] * 3 if rng.random() < 0.7 else (size * rng.uniform(0.5, 1.0, 3)).tolist()
+    return {"type": "mesh", "file": file, "scale": scale}
+
+
+def solid(rng: np.random.Generator, size: float) -> dict[str, Any]:
+    """Return a shape without a file, about as large as `size` [m]."""
+    half = float(size * rng.uniform(0.2, 0.6))
+    match str(rng.choice(["box", "sphere", "cylinder", "capsule", "points"])):
+        case "box":
+            return {"type": "box", "size": (size * rng.uniform(0.2, 1.0, 3)).tolist()}
+        case "sphere":
+            return {"type": "sphere", "radius": half}
+        case "cylinder":
+            return {"type": "cylinder", "radius": half, "length": float(size * rng.uniform(0.1, 1.5))}
+        case "capsule":
+            return {"type": "capsule", "radius": half, "length": float(size * rng.choice([0.0, 0.5, 1.0]))}
+        case _:
+            return {"type": "points", "points": (size * rng.uniform(-0.6, 0.6, (int(rng.integers(5, 12)), 3))).tolist()}
+
+
+def obstacles(
+    rng: np.random.Generator, folder: Path, world: World, motion: rows.Rows, moving: bool
+) -> list[dict[str, Any]]:
+    """Return obstacles that the motion passes closely, or that hold it within them."""
+    interval, s = motion.grid(32)
+    places = world.places(motion.names, motion.at(interval, s), motion.when(interval, s))
+    found = []
+    for number in range(int(rng.choice([0, 1, 2, 3], p=[0.05, 0.5, 0.3, 0.15]))):
+        name = f"thing{number}"
+        piece = int(rng.integers(len(world.pieces.body)))
+        time = int(rng.integers(places.shape[1]))
+        place = places[world.pieces.body[piece], time]
+        centre = place[:3, :3] @ world.pieces.centre[piece] + place[:3, 3]
+        size, trap = float(rng.uniform(0.03, 0.4)), rng.random()
+        turn = rng.choice([0.0, np.pi / 2], 3) if rng.random() < 0.3 else rng.uniform(-3, 3, 3)
+        if trap < 0.12:  # a thing within a body, or a solid or a shell around it
+            shape = solid(rng, 0.02) if rng.random() < 0.5 else mesh(rng, folder, name, 0.02)
+        elif trap < 0.25:
+            shape = mesh(
+                rng,
+                folder,
+                name,
+                float(rng.choice([2.0, 6.0])),
+                str(rng.choice(["star", "room", "ball", "inverted", "hollow", "open", "nested"])),
+            )
+        else:
+            shape = solid(rng, size) if rng.random() < 0.5 else mesh(rng, folder, name, size)
+            way = rng.normal(size=3)
+            away = world.pieces.radius[piece] * rng.uniform(0.5, 1.0) + 0.6 * size + rng.uniform(-0.02, 0.1)
+            centre = centre + way / np.linalg.norm(way) * away
+        entry: dict[str, Any] = {"name": name, "shape": shape}
+        pose = {"position": centre.tolist(), "rpy": turn.tolist()}
+        if moving and (number == 0 or rng.random() < 0.5):
+            entry |= passage(rng, pose, float(motion.when(interval, s)[time]))
+        else:
+            entry["pose"] = pose
+        if rng.random() < 0.15:
+            entry["clearance"] = float(rng.choice([0.0, 1e-3, 0.02]))
+        found.append(entry)
+    return found
+
+
+def passage(rng: np.random.Generator, pose: dict[str, Any], time: float) -> dict[str, Any]:
+    """Return a motion that brings an obstacle to a pose at about a time."""
+    if rng.random() < 0.5:
+        velocity = rng.uniform(-0.5, 0.5, 3)
+        start = np.array(pose["position"]) - velocity * min(time, 10.0)
+        spin = rng.uniform(-2, 2, 3).tolist() if rng.random() < 0.6 else [0.0, 0.0, 0.0]
+        return {"pose": {**pose, "position": start.tolist()}, "motion": {"velocity": velocity.tolist(), "spin": spin}}
+    ways = rng.uniform(-0.5, 0.5, (3, 3)) + np.array(pose["position"])
+    ways[1] = pose["position"]
+    marks = max(0.0, time - 0.3) + np.cumsum(rng.uniform(0.1, 0.6, 3))
+    poses = [{"position": way.tolist(), "rpy": rng.uniform(-1.5, 1.5, 3).tolist()} for way in ways]
+    return {"motion": {"times": marks.tolist(), "poses": poses}}
+
+
+def limits(rng: np.random.Generator, world: World, motion: rows.Rows) -> dict[str, Any]:
+    """Return limits that the motion just keeps, or just breaks."""
+    interval, s = motion.grid(128)
+    found: dict[str, Any] = {}
+    factors = [0.99, 1.0 - 1e-5, 1.0 + 1e-5, 1.05, 2.0, 5.0]
+    for order, key in enumerate(("velocity", "acceleration", "jerk"), start=1):
+        if rng.random() < 0.6:
+            most = np.abs(motion.at(interval, s, order)).max(axis=0)
+            found[key] = dict(zip(motion.names, (np.maximum(most, 1e-3) * rng.choice(factors)).tolist(), strict=True))
+    if rng.random() < 0.4:
+        q = motion.at(interval, s)
+        slack = float(rng.choice([-1e-3, -1e-8, 0.0, 1e-3, 0.1]))
+        spans = {}
+        for name, low, high in zip(motion.names, q.min(axis=0) - slack, q.max(axis=0) + slack, strict=True):
+            joint = world.machine.by_name[name]
+            low, high = max(joint.low, float(low)), min(joint.high, float(high))
+            if low < high and joint.kind != "continuous":
+                spans[name] = [low, high]
+        if spans:
+            found["position"] = spans
+    if rng.random() < 0.4 and motion.velocities is not None:
+        derivatives = [world.values(motion.names, motion.at(interval, s, order)) for order in range(3)]
+        for order in (1, 2):
+            derivatives[order] = {name: derivatives[order][name] for name in world.planned}
+        moved = world.machine.motion(*derivatives, world.base)
+        most = np.abs(world.machine.torques(moved, world.masses(), world.planned)).max(axis=0)
+        found["torque"] = dict(zip(world.planned, (np.maximum(most, 0.1) * rng.choice(factors)).tolist(), strict=True))
+    if not found:
+        found["velocity"] = "urdf"
+    return found

@@ -1,0 +1,47 @@
+"""Files that are read: regular ones of a bounded size. All else is refused before it is opened: a pipe that nobody
+writes to would be waited for without end, a device read without end."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+from hdplan.scenes.errors import InputError
+
+MOST_BYTES = 100_000_000
+_KINDS = {
+    stat.S_IFDIR: "a directory",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
+
+
+def read_file(path: Path) -> bytes:
+    """Return the content of a file.
+
+    Raises:
+        InputError: there is none, it is no regular file, it is too large, or it cannot be read; without the path.
+    """
+    check_file(path)
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror or error})") from None
+
+
+def check_file(path: Path) -> None:
+    """Refuse what `read_file` refuses before it reads."""
+    try:
+        about = os.stat(path)
+    except FileNotFoundError:
+        raise InputError("no such file") from None
+    except (OSError, ValueError) as error:  # a name that no file can have is a ValueError
+        raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error})") from None
+    if not stat.S_ISREG(about.st_mode):
+        kind = _KINDS.get(stat.S_IFMT(about.st_mode), "something else")
+        raise InputError(f"is {kind}; a file is wanted")
+    if about.st_size > MOST_BYTES:
+        raise InputError(f"is {about.st_size / 1e6:.0f} MB large; files of at most {MOST_BYTES / 1e6:.0f} MB are read")

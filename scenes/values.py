@@ -1,0 +1,258 @@
+"""What a value may be, said once: the file reader and the constructors of the model ask the same checks.
+
+A check takes a value and returns it in its one form (a float for a whole number, a tuple for a list or an array), or
+raises a `FieldError` that says what is allowed and what was found. A dataclass that is `Checked` finds the checks of
+its fields in their annotations, such as ``radius: Annotated[float, Number(above=0.0, unit="m")]``.
+"""
+
+from __future__ import annotations
+
+import math
+import numbers
+import os
+import re
+import types
+import typing
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Annotated, Any, TypeGuard
+
+import numpy as np
+
+from hdplan.scenes.errors import FieldError, nearest
+
+Check = Callable[[Any], Any]
+
+LARGEST = 1e6  # in size, of any number [m, rad]: beyond it distances drown in rounding
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
+_SHOWN = 60  # characters of a found value that an error repeats
+
+
+def wrong(allowed: str, value: object, kind: str = "") -> FieldError:
+    """Return the error that a value is not what is allowed."""
+    return FieldError(f"must be {allowed}, found {describe(value)}", value=value, kind=kind)
+
+
+@dataclass(frozen=True)
+class Number:
+    """A finite number, at most LARGEST in size, with low <= value <= high and value > above; no truth value."""
+
+    low: float = -math.inf
+    high: float = math.inf
+    above: float = -math.inf
+    unit: str = ""
+
+    def __call__(self, value: object) -> float:
+        """Return it as a float."""
+        bounds = [f"greater than {self.above:g}"] * math.isfinite(self.above)
+        if math.isfinite(self.low):
+            bounds.append(f"{self.low:g} to {self.high:g}" if math.isfinite(self.high) else f"at least {self.low:g}")
+        elif math.isfinite(self.high):
+            bounds.append(f"{'and ' * bool(bounds)}at most {self.high:g}")
+        allowed = " ".join(["a finite number", *bounds, *([f"[{self.unit}]"] if self.unit else [])])
+        if isinstance(value, bool) or not isinstance(value, numbers.Real):
+            raise wrong(allowed, value, "number")
+        try:
+            number = float(value)
+        except OverflowError:  # an integer beyond the floats
+            raise wrong(allowed, value) from None
+        if not (math.isfinite(number) and self.low <= number <= self.high and number > self.above):
+            raise wrong(allowed, value)
+        if abs(number) > LARGEST:
+            raise wrong(f"{allowed}, at most {LARGEST:g} in size", value)
+        return number
+
+
+@dataclass(frozen=True)
+class Whole:
+    """A whole number with low <= value <= high."""
+
+    low: int
+    high: int
+
+    def __call__(self, value: object) -> int:
+        """Return it as an int."""
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, numbers.Integral)
+            or not self.low <= (whole := int(value)) <= self.high
+        ):
+            raise wrong(f"a whole number {self.low} to {self.high}", value)
+        return whole
+
+
+@dataclass(frozen=True)
+class Row:
+    """A list, a tuple or an array of values that a check allows; of a length, if one is given."""
+
+    item: Check
+    length: int | None = None
+    of: str = "numbers"
+
+    def __call__(self, value: object) -> tuple[Any, ...]:
+        """Return them as a tuple."""
+        if not is_row(value):
+            raise wrong(f"a list of {self.of}" if self.length is None else f"a list of {self.length} {self.of}", value)
+        if self.length is not None and len(value) != self.length:
+            raise wrong(f"a list of {self.length} {self.of}", value)
+        return tuple(checked(self.item, item, f"[{i}]") for i, item in enumerate(value))
+
+
+def is_row(value: object) -> TypeGuard[list[Any] | tuple[Any, ...]]:
+    """Tell what holds values in an order."""
+    return isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim > 0)
+
+
+@dataclass(frozen=True)
+class Named:
+    """A mapping from names to values that a check allows."""
+
+    item: Check
+
+    def __call__(self, value: object) -> dict[str, Any]:
+        """Return it as a dictionary of its own."""
+        if not isinstance(value, Mapping):
+            raise wrong("a mapping", value)
+        if strange := [name for name in value if not isinstance(name, str)]:
+            raise FieldError(f"keys must be names, found {describe(strange[0])}; put it in quotes if it is one")
+        return {str(name): checked(self.item, item, name) for name, item in value.items()}
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of some words."""
+
+    allowed: Collection[str]
+
+    def __call__(self, value: object) -> str:
+        """Return it."""
+        if not isinstance(value, str):
+            raise wrong(f"one of {', '.join(self.allowed)}", value)
+        if value not in self.allowed:
+            raise FieldError(f"unknown value {shorten(repr(value))}{nearest(value, self.allowed)}", value=value)
+        return value
+
+
+def text(value: object) -> str:
+    """Return a text that is not empty and holds no control characters, such as ends of lines."""
+    if isinstance(value, str) and _CONTROL.search(value):
+        raise FieldError(f"must be a text without control characters, found {shorten(repr(value))}", value=value)
+    if not isinstance(value, str) or not value.strip():
+        raise wrong("a text that is not empty", value, "text")
+    return str(value)
+
+
+def boolean(value: object) -> bool:
+    """Return a truth value."""
+    if not isinstance(value, bool | np.bool_):
+        raise wrong("true or false", value)
+    return bool(value)
+
+
+def path_of(value: object) -> Path:
+    """Return a path given as one or as a text."""
+    if not isinstance(value, str | os.PathLike):
+        raise wrong("a path", value)
+    return Path(value)
+
+
+class Checked:
+    """Base of frozen dataclasses whose fields are checked, and brought to their one form, whenever one is made."""
+
+    def __post_init__(self) -> None:
+        """Check every field by itself, then what they say together."""
+        try:
+            for name, check in _checks(type(self)).items():
+                object.__setattr__(self, name, checked(check, getattr(self, name), name))
+            self._check_whole()
+        except FieldError as error:
+            raise error.of(type(self).__name__) from None
+
+    def _check_whole(self) -> None:
+        """Raise a FieldError for fields that do not go together."""
+
+
+def checked(check: Check, value: object, where: str) -> Any:
+    """Return what a check makes of a value; its error says `where`."""
+    try:
+        return check(value)
+    except FieldError as error:
+        raise error.within(where) from None
+
+
+def instance(value: object, kind: type, where: str) -> None:
+    """Raise a FieldError unless a function was given what it is for."""
+    if not isinstance(value, kind):
+        raise wrong(f"of the class {kind.__name__}", value).within(where)
+
+
+def shorten(text: str) -> str:
+    """Cut a long text for an error line."""
+    return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
+
+
+def describe(value: object) -> str:
+    """Say in a few words, on one line, what a value is."""
+    match value:
+        case None:
+            return "nothing"
+        case bool():
+            return str(value).lower()
+        case str():
+            return f"the text {shorten(repr(value))}"
+        case list() | tuple():
+            return f"a list of {len(value)}"
+        case dict():
+            return "a mapping"
+        case np.ndarray() if value.ndim:
+            return f"an array of shape {value.shape}"
+    try:
+        return shorten(" ".join(str(value).split()))
+    except ValueError:  # more digits than Python writes
+        return "a number of thousands of digits"
+
+
+_known: dict[Any, dict[str, Check]] = {}
+
+
+def _checks(kind: Any) -> dict[str, Check]:
+    """Return the checks of a class's fields, found once."""
+    if kind not in _known:
+        hints = typing.get_type_hints(kind, include_extras=True)
+        _known[kind] = {field.name: _check_of(hints[field.name]) for field in fields(kind) if field.init}
+    return _known[kind]
+
+
+def _check_of(hint: Any) -> Check:
+    """Return the check that an annotation means: the one it carries, or one of its type."""
+    if typing.get_origin(hint) is Annotated:
+        return typing.cast(Check, hint.__metadata__[0])
+    if typing.get_origin(hint) in (typing.Union, types.UnionType):
+        members = typing.get_args(hint)
+        given = [member for member in members if member is not type(None)]
+        check = _check_of(given[0]) if len(given) == 1 else _one_of(tuple(given))
+        return _optional(check) if len(given) < len(members) else check
+    if typing.get_origin(hint) is tuple:
+        return Row(_check_of(typing.get_args(hint)[0]), of="values")
+    plain: Mapping[Any, Check] = {bool: boolean, str: _any_text, Path: path_of}
+    return plain.get(hint) or _one_of((hint,))
+
+
+def _optional(check: Check) -> Check:
+    return lambda value: None if value is None else check(value)
+
+
+def _any_text(value: object) -> str:
+    if not isinstance(value, str):
+        raise wrong("a text", value)
+    return value
+
+
+def _one_of(kinds: tuple[type, ...]) -> Check:
+    def check(value: object) -> object:
+        if not isinstance(value, kinds):
+            raise wrong(f"of the class {' or '.join(kind.__name__ for kind in kinds)}", value)
+        return value
+
+    return check

@@ -1,0 +1,359 @@
+"""Scenes made in a program are refused what a file is refused, with the same words; what is harmless is taken."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hdplan.scenes import model
+from hdplan.scenes.errors import FieldError, InputError
+from hdplan.scenes.model import (
+    Attached,
+    Box,
+    Capsule,
+    Cylinder,
+    Goals,
+    JointTarget,
+    Limits,
+    Mesh,
+    Obstacle,
+    Payload,
+    PlannerSettings,
+    Points,
+    Pose,
+    PoseTarget,
+    RobotSpec,
+    Scene,
+    SelfCollision,
+    Sphere,
+    SteadyMotion,
+    TimedPoses,
+    Timing,
+    Upright,
+    Within,
+)
+from hdplan.scenes.reader import load_scene
+from hdplan.scenes.writer import scene_text
+
+NAN, INF = math.nan, math.inf
+NUMBERS: tuple[Any, ...] = (NAN, INF, -INF, 1e7, -1e7, "1", "a", "", True, [1.0], {"a": 1})
+LENGTHS = (*NUMBERS, 0, -1, -1e-300)
+VECTORS: tuple[Any, ...] = (*([0.1, bad, 0.1] for bad in NUMBERS), [1, 1], [1, 1, 1, 1], [], "abc", 1.0, NAN, {"a": 1})
+SIZES = (*VECTORS, [0.1, 0, 0.1], [0.1, -1, 0.1])
+WORDS: tuple[Any, ...] = ("x" * 100, "hdsd", 1, NAN, True, ["a"])
+NAMES: tuple[Any, ...] = ("", "  ", "a\nb", "\ud800", 1, NAN, True, ["a"], {"a": 1})
+BOX = {"type": "box", "size": [0.1, 0.1, 0.1]}
+BOX_MADE = Box((0.1, 0.1, 0.1))
+TIMED = {"timing": {"duration": 3.0}}
+QUATERNIONS = ([0, 0.5, 0, 0.5], [0, 0, 0, 0], [0, 0, 0, 1.02], [0, 0, 1], [0, 0, 0, NAN], "abcd", 1.0)
+
+
+def field_of(section: str, key: str, others: dict[str, Any] | None = None, **more: Any) -> Callable[[Any], Any]:
+    """Give the function that writes a value as the key of a section."""
+    return lambda value: {section: {**(others or {}), key: value}, **more}
+
+
+def obstacle(**keys: Any) -> dict[str, Any]:
+    return {"obstacles": [{"name": "a", "shape": BOX, **keys}], **TIMED}
+
+
+def shape(kind: str, key: str, **others: Any) -> Callable[[Any], Any]:
+    return lambda value: obstacle(shape={"type": kind, **others, key: value})
+
+
+# what is written, the path of the field in the file, the same made in Python, hostile values
+CASES: dict[str, tuple[Callable[[Any], Any], str, Callable[[Any], Any], tuple[Any, ...]]] = {
+    "box": (shape("box", "size"), "obstacles[0].shape.size", Box, SIZES),
+    "sphere": (shape("sphere", "radius"), "obstacles[0].shape.radius", Sphere, LENGTHS),
+    "cylinder": (shape("cylinder", "radius", length=1), "obstacles[0].shape.radius", lambda v: Cylinder(v, 1), LENGTHS),
+    "cylinder's length": (
+        shape("cylinder", "length", radius=1),
+        "obstacles[0].shape.length",
+        lambda v: Cylinder(1, v),
+        LENGTHS,
+    ),
+    "capsule": (
+        shape("capsule", "length", radius=1),
+        "obstacles[0].shape.length",
+        lambda v: Capsule(1, v),
+        (*NUMBERS, -1),
+    ),
+    "points": (
+        shape("points", "points"),
+        "obstacles[0].shape.points",
+        Points,
+        ([], [[0, 0, 0]] * 5, [[0, 0, 1], [1, 0, 1], [0, 1, 1], [1, 1, 1]], [[NAN, 0, 0]], [[1, 2]], 1, "abc"),
+    ),
+    "position": (
+        lambda v: obstacle(pose={"position": v}),
+        "obstacles[0].pose.position",
+        lambda v: Pose(v),
+        VECTORS,
+    ),
+    "quaternion": (
+        lambda v: obstacle(pose={"quaternion_xyzw": v}),
+        "obstacles[0].pose.quaternion_xyzw",
+        lambda v: Pose(quaternion_xyzw=v),
+        QUATERNIONS,
+    ),
+    "name": (lambda v: obstacle(name=v), "obstacles[0].name", lambda v: Obstacle(v, BOX_MADE), NAMES),
+    "clearance": (
+        lambda v: obstacle(clearance=v),
+        "obstacles[0].clearance",
+        lambda v: Obstacle("a", BOX_MADE, clearance=v),
+        (*NUMBERS, -0.1, 1.1),
+    ),
+    "velocity": (
+        lambda v: obstacle(motion={"velocity": v}),
+        "obstacles[0].motion.velocity",
+        lambda v: SteadyMotion(velocity=v),
+        VECTORS,
+    ),
+    "times": (
+        lambda v: obstacle(motion={"times": v, "poses": [{}, {}]}),
+        "obstacles[0].motion.times",
+        lambda v: TimedPoses(v, (Pose(), Pose())),
+        ([1, 1], [2, 1], [1], [], [-1, 1], [0, NAN], [0, INF], "ab", 1),
+    ),
+    "held mass": (
+        lambda v: {"attached": [{"link": "hand", "shape": BOX, "mass": v}]},
+        "attached[0].mass",
+        lambda v: Payload("hand", v),  # a held object's mass may be 0 in Python: its default
+        LENGTHS,
+    ),
+    "holding link": (
+        lambda v: {"attached": [{"link": v, "shape": BOX}]},
+        "attached[0].link",
+        lambda v: Attached("a", v, BOX_MADE),
+        NAMES,
+    ),
+    "start": (field_of("start", "state"), "start.state", lambda v: JointTarget("start", state=v), NAMES),
+    "configuration": (
+        field_of("start", "joints"),
+        "start.joints",
+        lambda v: JointTarget("start", positions=v),
+        ([NAN, 0], [0, INF], [1e7], ["a"], [True]),
+    ),
+    "tolerance": (
+        lambda v: {"goal": {"pose": {**POSE, "position_tolerance": v}}},
+        "goal.pose.position_tolerance",
+        lambda v: PoseTarget("goal", "hand", Pose(), position_tolerance=v),
+        (*LENGTHS, 1.5),
+    ),
+    "free rotation": (
+        lambda v: {"goal": {"pose": {**POSE, "free_rotation": v}}},
+        "goal.pose.free_rotation",
+        lambda v: PoseTarget("goal", "hand", Pose(), free_rotation=v),
+        WORDS,
+    ),
+    "self-collision": (
+        field_of("self_collision", "clearance"),
+        "self_collision.clearance",
+        lambda v: SelfCollision(clearance=v),
+        (*NUMBERS, -0.1, 1.1),
+    ),
+    "jerk": (
+        field_of("limits", "jerk"),
+        "limits.jerk",
+        lambda v: Limits(jerk=v),
+        (NAN, INF, 0, -1, 1e7, "urdf", "a", "", True, [], {}, [1, NAN], [1, "a"], {"j": 0}, {"j": NAN}, {"j": "a"}),
+    ),
+    "range": (
+        lambda v: {"limits": {"position": {"j": v}}},
+        "limits.position.j",
+        lambda v: Limits(position={"j": v}),
+        ([1, 1], [1, 0], [0, NAN], [0], [0, 1, 2], "ab", 1),
+    ),
+    "payload": (
+        lambda v: {"payload": {"link": "hand", "mass": 1.0, "inertia": v}, "limits": {"torque": "urdf"}, **TIMED},
+        "payload.inertia",
+        lambda v: Payload("hand", 1.0, inertia=v),
+        ([1, 0, 0, 1, 0, 3], [1, 0, 0, 1, 0, -1], [1, 2], [NAN, 0, 0, 1, 0, 1], "abcdef"),
+    ),
+    "duration": (field_of("timing", "duration"), "timing.duration", lambda v: Timing(v), (*LENGTHS, 1e5)),
+    "rate": (
+        field_of("timing", "rate", {"duration": 1.0}),
+        "timing.rate",
+        lambda v: Timing(1.0, rate=v),
+        (*NUMBERS, 0, 0.5, 1e9),
+    ),
+    "upright": (
+        lambda v: {"path": {"upright": {"link": "hand", "axis": v}}},
+        "path.upright.axis",
+        lambda v: Upright("hand", v),
+        ("zz", [0, 0, 0], [1, 2], [NAN, 0, 1], 1, True),
+    ),
+    "within": (
+        lambda v: {"path": {"position": {"link": "hand", "size": v}}},
+        "path.position.size",
+        lambda v: Within("hand", v),
+        ([INF, INF, INF], [0, 1, 1], [-1, 1, 1], [NAN, 1, 1], [1, 1], "abc"),
+    ),
+    "locked": (
+        lambda v: {"robot": {"name": "panda", "locked": {"finger": v}}},
+        "robot.locked.finger",
+        lambda v: RobotSpec(name="panda", locked={"finger": v}),
+        NUMBERS,
+    ),
+    "ignored pairs": (
+        lambda v: {"robot": {"name": "panda", "ignore_pairs": [v]}},
+        "robot.ignore_pairs[0]",
+        lambda v: RobotSpec(name="panda", ignore_pairs=[v]),
+        (["a", "a"], ["a"], ["a", 1], ["a", ""], "ab", 1),
+    ),
+    **{
+        name: (
+            field_of("planner", name),
+            f"planner.{name}",
+            lambda v, name=name: PlannerSettings(**{name: v}),  # type: ignore[misc]
+            bad,
+        )
+        for name, bad in {
+            "waypoints": (2, 1001, 10**9, 10.5, 10.0, NAN, True, "10", [10]),
+            "clearance": (*NUMBERS, -0.1, 1.1),
+            "activation": (*NUMBERS, -0.1, 1.1),
+            "gamma": (0, 33, 2.0, NAN, True, "2"),
+            "shaping_length": (*NUMBERS, 0, 1.1),
+            "distance": WORDS,
+            "link_bodies": WORDS,
+            "swept": (1, "true", NAN, [True]),
+            "normals": WORDS,
+        }.items()
+    },
+}
+POSE = {"link": "hand", "position": [0, 0, 0], "rpy": [0, 0, 0]}
+HINTS = (", which YAML does not read as a number: write ", "; put it in quotes if it is a name")
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_file_and_program_are_refused_with_the_same_words(tmp_path: Path, case: str) -> None:
+    write, key, make, hostile = CASES[case]
+    file = tmp_path / "scene.yaml"
+    for value in hostile:
+        content = {"hdplan": 1, "robot": {"name": "panda"}, "start": {"state": "a"}, "goal": {"state": "a"}}
+        file.write_text(_yaml({**content, **write(value)}), encoding="utf-8")
+        with pytest.raises(InputError) as by_file:
+            load_scene(file)
+        with pytest.raises(FieldError) as by_program:
+            make(value)
+        said, made = str(by_file.value), by_program.value
+        if "\ud800" in str(value):  # no file can hold it
+            continue
+        assert said.startswith(f"{file}: {key}"), (value, said)
+        said = said.removeprefix(f"{file}: {key}")
+        for hint in HINTS:
+            said = said.partition(hint)[0]
+        tail = made.where.partition("[")[1] + made.where.partition("[")[2]  # which item of a list
+        assert said.endswith(f": {made.problem}"), (value, said, made.problem)
+        if said.startswith("["):
+            assert tail.endswith(said.partition(":")[0]), (value, said, tail)
+        assert dataclasses.is_dataclass(getattr(model, str(made).split(":")[0].split(".")[0])), value
+        assert "\n" not in str(made)
+
+
+def _yaml(value: Any) -> str:
+    """JSON, with YAML's words for what it lacks."""
+    text = json.dumps(value)
+    for word, written in (("-Infinity", "-.inf"), ("Infinity", ".inf"), ("NaN", ".nan")):
+        text = text.replace(word, written)
+    return text.replace("1e-300", "1.0e-300")
+
+
+def scene_of(**changes: Any) -> Scene:
+    target = JointTarget("start", state="default")
+    scene = Scene("made", Path("made.yaml"), RobotSpec(name="panda"), (), target, JointTarget("goal", (0.0,) * 7))
+    return dataclasses.replace(scene, **changes)
+
+
+def test_what_is_harmless_becomes_what_the_reader_makes() -> None:
+    assert Box([1, np.float32(2), np.int64(3)]) == Box((1.0, 2.0, 3.0))
+    assert Box(np.array([1.0, 2.0, 3.0])) == Box((1.0, 2.0, 3.0))
+    assert all(type(x) is float for x in Box(np.array([1, 2, 3])).size)
+    assert Pose([0, 0, 1]) == Pose((0.0, 0.0, 1.0))
+    half = Pose(quaternion_xyzw=(0, 0, 0.708, 0.708))
+    assert math.hypot(*half.quaternion_xyzw) == pytest.approx(1.0, abs=1e-15)
+    assert np.linalg.det(half.matrix[:3, :3]) == pytest.approx(1.0, abs=1e-15)
+    exact = (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))
+    assert Pose(quaternion_xyzw=exact).quaternion_xyzw == exact
+    assert Upright("hand", "-z") == Upright("hand", [0, 0, -2])
+    assert Mesh("part.stl", 2) == Mesh(Path("part.stl"), (2.0, 2.0, 2.0))
+    assert PlannerSettings(waypoints=np.int64(40)).waypoints == 40
+    locked = {"finger": 1}
+    spec = RobotSpec(name="panda", locked=locked, ignore_pairs=[["a", "b"]])
+    locked["finger"] = NAN
+    assert (spec.locked, spec.ignore_pairs) == ({"finger": 1.0}, (("a", "b"),))
+    made = scene_of(obstacles=[Obstacle("a", BOX_MADE)], goal=Goals([JointTarget("goal", (0.0,) * 7)]))
+    assert isinstance(made.obstacles, tuple)
+    moving = Obstacle("a", BOX_MADE, motion=TimedPoses([0, 1], [Pose((1, 0, 0)), Pose()]))
+    assert moving.pose == Pose((1, 0, 0))
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: scene_of(robot="panda"), "Scene.robot: must be of the class RobotSpec, found the text 'panda'"),
+        (lambda: scene_of(start=(0.0,)), "Scene.start: must be of the class JointTarget"),
+        (lambda: scene_of(goal=PoseTarget("goal", "hand", Pose())), "Scene.goal: must be of the class JointTarget or"),
+        (lambda: scene_of(obstacles=Obstacle("a", BOX_MADE)), "Scene.obstacles: must be a list"),
+        (lambda: scene_of(obstacles=[BOX_MADE]), r"Scene.obstacles\[0\]: must be of the class Obstacle"),
+        (lambda: scene_of(obstacles=[Obstacle("a", BOX_MADE)] * 2), "'a' is taken by an earlier obstacle"),
+        (
+            lambda: scene_of(obstacles=[Obstacle("a", BOX_MADE)], attached=[Attached("a", "hand", BOX_MADE)]),
+            r"Scene.attached\[0\]: the name 'a' is taken by an obstacle",
+        ),
+        (lambda: Obstacle("a", "box"), "Obstacle.shape: must be of the class Box or Sphere or"),
+        (lambda: Obstacle("a", BOX_MADE, pose=np.eye(4)), r"Obstacle.pose: .* an array of shape \(4, 4\)"),
+        (
+            lambda: Obstacle("a", BOX_MADE, Pose((1, 2, 3)), motion=TimedPoses((0, 1), (Pose(), Pose()))),
+            "Obstacle.pose: stands beside motion.poses",
+        ),
+        (lambda: TimedPoses((0, 1), (Pose(),)), "TimedPoses.poses: must be as many as the 2 times, found 1"),
+        (
+            lambda: JointTarget("start"),
+            "JointTarget: must have exactly one of positions, by_name and state, found none",
+        ),
+        (lambda: JointTarget("start", (1.0,), {"a": 1.0}), "found positions and by_name"),
+        (lambda: JointTarget("start", ()), "JointTarget.positions: must not be empty"),
+        (lambda: Goals(()), "Goals.targets: must be a list of one or more"),
+        (lambda: Goals((JointTarget("a", (1.0,)), PoseTarget("b", "hand", Pose()))), "Goals.targets"),
+        (lambda: RobotSpec(), "RobotSpec: must have either 'name' or 'urdf', found neither"),
+        (lambda: RobotSpec("panda", "a.urdf"), "found both"),
+        (lambda: RobotSpec("panda", srdf="a.srdf"), "RobotSpec.srdf: goes with 'urdf'"),
+        (lambda: RobotSpec(urdf=3), "RobotSpec.urdf: must be a path, found 3"),
+        (lambda: Timing(1.0, 0.5), "Timing: has both 'duration' and 'scale'"),
+        (lambda: Timing(1e6), "Timing.duration: 1e.06 s are 1e.08 rows at a rate of 100 1/s"),
+        (lambda: Mesh(5), "Mesh.file: must be a path"),
+    ],
+)
+def test_what_does_not_go_together_is_refused_by_name(make: Callable[[], Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        make()
+
+
+def test_a_program_that_plans_is_refused_what_a_file_is(tmp_path: Path) -> None:
+    """What one section needs of another: said by the reader, and by plan."""
+    import hdplan
+
+    moving = Obstacle("ball", Sphere(0.1), Pose((9, 9, 9)), motion=SteadyMotion((0.1, 0, 0)))
+    for scene, words in (
+        (
+            scene_of(obstacles=(moving,)),
+            r"obstacles\[0\].motion: must be met at known times: timing.duration is missing",
+        ),
+        (scene_of(payload=Payload("panda_hand", 1.0)), "payload: counts where joint torques do"),
+        (scene_of(timing=Timing()), "timing: makes the motion timed"),
+        (scene_of(limits=Limits(velocity="urdf")), "limits.velocity: makes the motion timed"),
+    ):
+        with pytest.raises(InputError, match=f"made.yaml: {words}"):
+            hdplan.plan(scene)
+        file = tmp_path / "scene.yaml"
+        file.write_text(scene_text(scene), encoding="utf-8")
+        with pytest.raises(InputError, match=f"scene.yaml: {words}"):
+            load_scene(file)
