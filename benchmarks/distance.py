@@ -1,8 +1,9 @@
-"""How fast the distance is, on one core: against python-fcl, compiled and in JAX batches; compiling and loading.
+"""The ladder of normals and what a query takes: ours called once, in bulk and in JAX, beside FCL, coal, coal in C++.
 
-    python benchmarks/distance.py [--poses N] [--section speed|batch|compile ...]
+    python benchmarks/distance.py [--section ladder|exact|batch|compile ...] [--poses N] [--configurations N]
 
-Prints Markdown tables: medians over random poses of the paper's kind, warm. Read times as ratios within a row.
+Prints Markdown tables. Times are processor time on one core over poses of the paper's kind, each another one, warm;
+medians of rounds in which the ways take turns, so that ratios hold on a busy machine too.
 """
 
 from __future__ import annotations
@@ -12,26 +13,31 @@ import os
 import statistics
 import tempfile
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import combinations_with_replacement
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
+from coal_loop import CoalLoop, build
 from numpy.typing import NDArray
 
 from hdplan.distance.bodies import PLATONIC, ConvexBody
 from hdplan.distance.compiled import RowFunction
+from hdplan.distance.conservativeness import conservativeness
 from hdplan.distance.fcl import FclPair
-from hdplan.distance.oracle import signed_distances
+from hdplan.distance.oracle import CoalPair, signed_distances
 from hdplan.distance.pair_distance import hdsdf_compiled, twist_function
 from hdplan.distance.random_poses import paper_poses
-from hdplan.distance.timing import seconds_per_query
 
 Array = NDArray[np.float64]
+Way = Callable[[], float]  # -> processor time of a query [s]
 
-REPEATS = 100  # of one pose in a table: the call from Python is shared among them
+ROUNDS = 9
 CLEAR = 1e-5  # [m] poses with a smaller gap are drawn again: FCL could end the process there
+GAPS = (1e-4, 1e-2, 1e-1)  # [m] of the false positives
+CUBES, DODECAHEDRA = ("cube", "cube"), ("dodecahedron", "dodecahedron")
 PAIRS = list(combinations_with_replacement(sorted(PLATONIC, key=lambda n: len(ConvexBody.platonic(n).vertices)), 2))
 
 
@@ -41,72 +47,108 @@ def poses(body_a: ConvexBody, body_b: ConvexBody, count: int) -> tuple[Array, Ar
     return a[clear], b[clear]
 
 
-def per_pose(body_a: ConvexBody, a: Array, body_b: ConvexBody, b: Array, order: int) -> float:
-    """The median over poses of the time of one evaluation in generated C [us]."""
-    function = hdsdf_compiled(body_a, body_b).function(order)
-    tables = [a.reshape(-1, 16), b.reshape(-1, 16), np.array([[1e-3]]), np.zeros((1, 0))]
-    zero = np.zeros(REPEATS, int)
+def bulk(evaluate: Callable[[Array, Array], Sequence[Any]], a: Array, b: Array) -> Way:
+    """One call for all poses."""
 
-    def seconds(k: int) -> float:
-        return seconds_per_query(lambda: function(tables, [zero + k, zero + k, zero, zero]), REPEATS)
+    def way() -> float:
+        begin = process_time()
+        np.asarray(evaluate(a, b)[-1])
+        return (process_time() - begin) / len(a)
 
-    return 1e6 * statistics.median(seconds(k) for k in range(len(a)))
-
-
-def fcl_per_pose(pair: FclPair, a: Array, b: Array) -> float:
-    """The median over poses of the time of one call [us]."""
-
-    def seconds(k: int) -> float:
-        def run() -> None:
-            for _ in range(20):
-                pair.distance(a[k], b[k])
-
-        return seconds_per_query(run, 20)
-
-    return 1e6 * statistics.median(seconds(k) for k in range(len(a)))
+    return way
 
 
-def speed(count: int) -> None:
-    print("\n## Compiled, against python-fcl's exact distance (one pose per call, as from Python)\n")
-    print("| pair | python-fcl [us] | value [us] | + gradient [us] | + Hessian [us] | value/fcl | gradient/fcl | H/g |")
-    print("|---|---|---|---|---|---|---|---|", flush=True)
-    for names in PAIRS:
-        body_a, body_b = map(ConvexBody.platonic, names)
-        a, b = poses(body_a, body_b, count)
-        fcl = fcl_per_pose(FclPair(body_a, body_b), a, b)
-        value, gradient, hessian = (per_pose(body_a, a, body_b, b, order) for order in range(3))
+def singly(evaluate: Callable[[Array, Array], object], a: Array, b: Array) -> Way:
+    """One call from Python for each pose."""
+
+    def way() -> float:
+        begin = process_time()
+        for one, other in zip(a, b, strict=True):
+            evaluate(one, other)
+        return (process_time() - begin) / len(a)
+
+    return way
+
+
+def medians(ways: Sequence[Way]) -> list[float]:
+    """Return the median time of a query [us] of each way, after one round that does not count."""
+    rounds = [[way() for way in ways] for _ in range(ROUNDS + 1)][1:]
+    return [1e6 * statistics.median(times) for times in zip(*rounds, strict=True)]
+
+
+def ladder(options: argparse.Namespace) -> None:
+    found = conservativeness(options.configurations, with_fcl=False)
+    print(
+        f"\n## The ladder: false positives over {found.planned:,} configurations; times in bulk, value / + gradient\n"
+    )
+    print("| normals | D <= 0 at a gap over 0.1 mm / 1 cm / 10 cm [%] | widest [cm] | cubes [us] | dodecahedra [us] |")
+    print("|---|---|---|---|---|", flush=True)
+    for rung in found.rungs:
+        cells = []
+        for names in (CUBES, DODECAHEDRA):
+            body_a, body_b = map(ConvexBody.platonic, names)
+            a, b = poses(body_a, body_b, options.poses)
+            distance = hdsdf_compiled(body_a, body_b, normals=rung.normals)
+            cells.append(
+                " / ".join(f"{t:.2g}" for t in medians([bulk(distance.value, a, b), bulk(distance.gradient, a, b)]))
+            )
+        rates = " / ".join(f"{100 * rate:.2g}" for rate in found.rates(rung, GAPS))
         print(
-            f"| {names[0]}–{names[1]} | {fcl:.1f} | {value:.2f} | {gradient:.2f} | {hessian:.2f} "
-            f"| {value / fcl:.2f} | {gradient / fcl:.2f} | {hessian / gradient:.1f} |",
+            f"| `{rung.normals}` | {rates} | {100 * np.max(rung.gaps, initial=0):.2g} | {' | '.join(cells)} |",
             flush=True,
         )
+    print(f"\ncontacts called free by any of them: {found.missed}")
 
 
-def table_time(evaluate: Callable[[Array, Array], Sequence[Any]], a: Array, b: Array) -> float:
-    """The time per query of a table of poses [us]."""
-    return 1e6 * seconds_per_query(lambda: np.asarray(evaluate(a, b)[-1]), len(a))
+def exact(options: argparse.Namespace) -> None:
+    print("\n## One query [us], the paper's normals: exact ones and ours, called once from Python and in a loop of C\n")
+    with tempfile.TemporaryDirectory() as folder:
+        program, why = build(Path(folder))
+        if program is None:
+            print(f"coal in C++: left out, {why}\n")
+        print("| pair | once: FCL | once: coal | once: value | once: + gradient | C++: coal | C: value | C: + gradient "
+              "| C: + Hessian | once: value/FCL | C: value/coal | C: gradient/coal |")  # fmt: skip
+        print("|---" * 12 + "|", flush=True)
+        for names in PAIRS:
+            body_a, body_b = map(ConvexBody.platonic, names)
+            a, b = poses(body_a, body_b, options.poses)
+            ours = hdsdf_compiled(body_a, body_b)
+            some = slice(0, 500)
+            ways = [
+                singly(pair.distance, a[some], b[some]) for pair in (FclPair(body_a, body_b), CoalPair(body_a, body_b))
+            ]
+            ways += [singly(order, a[some], b[some]) for order in (ours.value, ours.gradient)]
+            ways += [bulk(order, a, b) for order in (ours.value, ours.gradient, ours.hessian)]
+            if program is not None:
+                loop = CoalLoop(program, body_a, a, body_b, b)
+                truth = float(signed_distances(body_a, a, body_b, b).sum())
+                assert abs(loop.seconds()[1] - truth) < 1e-6 * len(a), "coal's loop computes something else"
+                ways.append(lambda loop=loop: loop.seconds()[0])
+            fcl, coal, value, gradient, *rest = medians(ways)
+            in_c, coal_c = rest[:3], rest[3] if program is not None else float("nan")
+            times = " | ".join(f"{t:.2f}" for t in (fcl, coal, value, gradient, coal_c, *in_c))
+            ratios = f"{value / fcl:.2f} | {in_c[0] / coal_c:.2f} | {in_c[1] / coal_c:.2f}"
+            print(f"| {'–'.join(names)} | {times} | {ratios} |", flush=True)
 
 
-def batch(count: int) -> None:
+def batch(options: argparse.Namespace) -> None:
     from hdplan.distance.batch import hdsdf_batch
 
     print("\n## Tables of 8,100 poses: generated C and JAX on one core [us per query]\n")
     print("| pair | order | compiled | JAX float64 | JAX float32 | float64/compiled |")
     print("|---|---|---|---|---|---|", flush=True)
-    for names in (("cube", "cube"), ("dodecahedron", "dodecahedron")):
+    for names in (CUBES, DODECAHEDRA):
         body_a, body_b = map(ConvexBody.platonic, names)
         a, b = paper_poses(np.random.default_rng(0), 8100)
-        ways = [
-            hdsdf_compiled(body_a, body_b),
-            *(hdsdf_batch(body_a, body_b, dtype=dtype) for dtype in ("float64", "float32")),
-        ]
+        ours = [hdsdf_compiled(body_a, body_b)]
+        ours += [hdsdf_batch(body_a, body_b, dtype=dtype) for dtype in ("float64", "float32")]
         for order in ("value", "gradient", "hessian"):
-            times = [table_time(getattr(way, order), a, b) for way in ways]
+            times = medians([bulk(partial(getattr(way, order)), a, b) for way in ours])
             row = " | ".join(f"{t:.2f}" for t in times)
             print(f"| {'–'.join(names)} | {order} | {row} | {times[1] / times[0]:.2f} |", flush=True)
 
 
-def compile_times(count: int) -> None:
+def compile_times(options: argparse.Namespace) -> None:
     print("\n## Compiling once for a machine, loading afterwards [s]\n")
     print("| pair | normals | order | compile | load from the cache |")
     print("|---|---|---|---|---|", flush=True)
@@ -127,21 +169,24 @@ def compile_times(count: int) -> None:
                 print(f"| {name}–{name} | {normals} | {order} | {times[0]:.2f} | {times[1]:.3f} |", flush=True)
 
 
-SECTIONS = {"speed": speed, "batch": batch, "compile": compile_times}
+SECTIONS = {"ladder": ladder, "exact": exact, "batch": batch, "compile": compile_times}
 
 
 def main() -> None:
     """Run the benchmark from the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--poses", type=int, default=100, help="random poses per pair")
+    parser.add_argument("--poses", type=int, default=4000, help="random poses per pair")
+    parser.add_argument("--configurations", type=int, default=500_000, help="of the ladder's false positives")
     parser.add_argument("--section", nargs="*", choices=SECTIONS, default=list(SECTIONS))
     options = parser.parse_args()
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})  # one core, XLA's threads too
     model = [line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("model name")]
     print(f"one core of {model[0].split(': ')[1] if model else 'an unnamed machine'}")
+    if hasattr(os, "getloadavg"):
+        print(f"{os.getloadavg()[0]:.1f} processes ran when it began")
     for section in options.section:
-        SECTIONS[section](options.poses)
+        SECTIONS[section](options)
 
 
 if __name__ == "__main__":

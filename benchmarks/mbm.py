@@ -1,12 +1,13 @@
 """Plan the problems of MotionBenchMaker and re-check every certified motion by code that shares nothing with hdplan.
 
-    python benchmarks/mbm.py DIR [--robot panda|ur5] [--set cage ...] [--every K] [--time-limit S] [--no-recheck]
+    python benchmarks/mbm.py DIR [--robot NAME ...] [--set cage ...] [--every K] [--time-limit S] [--no-recheck]
     [--csv F]
 
-DIR holds panda/ and ur5/, each with a robot.yaml and one folder per set. One line per problem: status, proven
-clearance, time by phase; then a table per set. "Certified" is hdplan's own verdict, "refuted" what `recheck` (own
-kinematics, meshes by trimesh, contacts by FCL at dense samples) finds wrong with it: it must be 0. Every problem
-that is not certified is listed with its cause.
+DIR holds panda/, ur5/, fetch/ and baxter/, each with a robot.yaml and one folder per set; without --robot the first two
+are planned for. One line per problem: status, proven clearance, time by phase; then a table per set. "Certified" is
+hdplan's own verdict, "refuted" what `recheck` (own kinematics, meshes by trimesh, contacts by FCL at dense samples; it
+knows the first two robots) finds wrong with it: it must be 0. Every problem that is not certified is listed with its
+cause.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 from problems import RealProblem, real_problems
-from recheck import recheck
+from recheck import ROBOTS, recheck
 
 import hdplan
 
@@ -58,7 +59,7 @@ def run(problem: RealProblem, time_limit: float, check: bool) -> Outcome:
     times = result.times
     seconds = (read + times.load, times.build + times.compile, times.solve, times.certify)
     verdict = ""
-    if check and result.certified:
+    if check and result.certified and problem.robot in ROBOTS:
         with tempfile.TemporaryDirectory() as temporary:
             file = Path(temporary) / "motion.json"
             result.save(file)
@@ -143,7 +144,7 @@ def main() -> None:
     """Run the benchmark from the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--robot", choices=("panda", "ur5"), action="append")
+    parser.add_argument("--robot", choices=("panda", "ur5", "fetch", "baxter"), action="append")
     parser.add_argument("--set", nargs="*", default=[])
     parser.add_argument("--every", type=int, default=1, help="take every K-th problem of a set")
     parser.add_argument("--time-limit", type=float, default=30.0)

@@ -42,8 +42,8 @@ class BatchDistance:
 
     NumPy arrays in give NumPy arrays out; if a pose is a JAX array, JAX arrays that stay on the device come out. For
     them to be of use in float64, JAX must be told to allow it (``jax.enable_x64``); in here it is told, and outside
-    nothing is changed. Positions are subtracted from each other before they are cast to ``dtype``: the sign is then
-    right to about 4 units in the last place of the bodies' size and distance, wherever the origin is.
+    nothing is changed. Positions are subtracted from each other before they are cast to ``dtype``: in float32 a touch
+    may read as a gap of up to 4 units in the last place of the bodies' extents and distance, wherever the origin is.
 
     Within JAX's transformations (``grad``, ``hessian``, ``jit``, ``vmap``, ``scan``, in any order) it is a function of
     the poses with derivatives in closed form to the second order; a third is refused. They are right at every pose
@@ -154,7 +154,7 @@ def hdsdf_batch(
     Args:
         witness_count: how many witness normals will be given with each pose.
         dtype: of the computation, ``float64`` or ``float32``; the latter is twice as fast on a CPU and resolves gaps
-            down to about 1e-6 of the size of the coordinates.
+            down to about 1e-6 of the bodies' extents and their distance from each other.
 
     Other arguments and errors as ``reference.hdsdf``; InputError too where JAX is not installed.
     """

@@ -133,6 +133,7 @@ def _rigid(poses: Array) -> Array:
     x, y, z, last = (poses[..., row, :] for row in range(4))
     x, y, z, far = x[..., :3], y[..., :3], z[..., :3], poses[..., :3, 3]
     amiss = jnp.maximum(jnp.abs(jnp.sum(x * x, -1) - 1), jnp.abs(jnp.sum(y * y, -1) - 1))
+    amiss = jnp.maximum(amiss, jnp.abs(jnp.sum(x * y, -1)))
     amiss = jnp.maximum(amiss, jnp.max(jnp.abs(jnp.cross(x, y) - z), -1))
     amiss = jnp.maximum(amiss, jnp.max(jnp.abs(last - jnp.array([0, 0, 0, 1], poses.dtype)), -1))
     return (amiss <= RIGID) & jnp.all(jnp.isfinite(far), -1)

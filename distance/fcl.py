@@ -94,8 +94,8 @@ def fcl_distances(body_a: ConvexBody, poses_a: ArrayLike, body_b: ConvexBody, po
     They are computed in a process of its own. That one forks workers, each of which goes on after the pose that killed
     the one before (so it needs os.fork: Linux, macOS).
 
-    Raises InputError if python-fcl is not installed, for poses of another shape or not finite, and for lists of unequal
-    length; RuntimeError if the process fails in another way than FCL's.
+    Raises InputError if python-fcl is not installed, for poses of another shape, not finite or not rigid, and for lists
+    of unequal length; RuntimeError if the process fails in another way than FCL's.
     """
     _library()
     check_bodies(body_a, body_b)

@@ -77,8 +77,8 @@ def gdf(
         iterations: the most pairs of projections.
         start: (3,) a first point of A in the world [m]; None takes the centre of A's bounding box.
 
-    Raises InputError for flat and for swept bodies, poses that are not finite or of another shape, and parameters out
-    of range.
+    Raises InputError for flat and for swept bodies, poses that are not finite, not rigid or of another shape, and
+    parameters out of range.
     """
     if not (np.isfinite(h) and h > 0) or h in (0.5, 1.0):
         raise InputError(f"h: found {h}, allowed is a positive number but 0.5 and 1, where the metric is singular")

@@ -30,5 +30,6 @@ def _mark(count: int) -> ca.Function:
     amiss = ca.SX(0)  # the sum of squares is the cheapest to ask once
     for rotation in rotations:
         x, y, z = ca.horzsplit(rotation)
-        amiss += (ca.dot(x, x) - 1) ** 2 + (ca.dot(y, y) - 1) ** 2 + ca.sumsqr(ca.cross(x, y) - z)  # right-handed
+        amiss += (ca.dot(x, x) - 1) ** 2 + (ca.dot(y, y) - 1) ** 2 + ca.dot(x, y) ** 2
+        amiss += ca.sumsqr(ca.cross(x, y) - z)  # right-handed
     return ca.Function("rigid_or_nan", rotations, [ca.if_else(amiss <= RIGID**2, 0, math.nan)])

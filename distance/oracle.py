@@ -55,7 +55,8 @@ def signed_distance(body_a: ConvexBody, pose_a: ArrayLike, body_b: ConvexBody, p
     """Return the exact signed distance of A and B at poses (4, 4), world from body [m].
 
     d = max over unit n of min n·(a - b) - r_A - r_B (paper, section ``sec:distance-function``, Theorem SDF): the radii
-    come off the signed distance of the polytopes. Raises InputError for poses of another shape or not finite.
+    come off the signed distance of the polytopes. Raises InputError for poses of another shape, not finite or not
+    rigid.
     """
     check_bodies(body_a, body_b)
     found = _exact(body_a, check_pose("pose_a", pose_a)[None], body_b, check_pose("pose_b", pose_b)[None])
@@ -68,7 +69,7 @@ def signed_distances(body_a: ConvexBody, poses_a: ArrayLike, body_b: ConvexBody,
     The same as ``signed_distance`` pose by pose, several times faster: only coal's own call is made one by one.
     Overlaps take longest, as their proof looks across every pair of edges.
 
-    Raises InputError for poses of another shape or not finite, and for lists of unequal length.
+    Raises InputError for poses of another shape, not finite or not rigid, and for lists of unequal length.
     """
     check_bodies(body_a, body_b)
     world_a, world_b = check_pose_lists(poses_a, poses_b)

@@ -72,10 +72,12 @@ def _all_are_rigid(rows: Array) -> bool:
         lengths = table[:2, :3]
         lengths = (lengths * lengths).sum(axis=1)
         lengths -= 1.0
+        slants = (first * second).sum(axis=0)
         table[3, 3] -= 1.0
         return bool(
             np.abs(misses).max() <= RIGID
             and np.abs(lengths).max() <= RIGID
+            and np.abs(slants).max() <= RIGID
             and np.abs(table[3]).max() <= RIGID
             and np.abs(table[:3, 3]).max() <= FAR
         )
@@ -87,6 +89,7 @@ def _one_is_rigid(row: list[float]) -> bool:
     return (
         abs(a * a + b * b + c * c - 1.0) <= RIGID
         and abs(d * d + e * e + f * f - 1.0) <= RIGID
+        and abs(a * d + b * e + c * f) <= RIGID
         and abs(b * f - c * e - g) <= RIGID
         and abs(c * d - a * f - h) <= RIGID
         and abs(a * e - b * d - i) <= RIGID

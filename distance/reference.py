@@ -58,7 +58,8 @@ def hdsdf(
 
     with ⊕, ⊞ the Hölder minimum and maximum over the vertices and over the axes w and -w, Phi the shaping function,
     f_w = 0 but for faded axes. A lower bound in sign: D > 0 proves that the bodies are apart. A clearance is asked for
-    by ``ConvexBody.inflated``.
+    by ``ConvexBody.inflated``. In floating point, to rounding: a touch may read as a gap of up to 4 units in the last
+    place of the size, that is the bodies' extents and their distance from the origin (2.8 is the most that was found).
 
     Args:
         body_a, body_b: the bodies, each in its own frame.
@@ -72,7 +73,8 @@ def hdsdf(
 
     Returns: (...,).
 
-    Raises InputError for poses of another shape or not finite, and for parameters out of range.
+    Raises InputError, naming the pose, for poses of another shape, not finite or not rigid (to ``poses.RIGID``), and
+    for parameters out of range.
     """
     length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
     shaped, counts = [], []
@@ -94,7 +96,7 @@ def separation(
     """Return D̃, the largest gap along the candidate normals [m] (paper: eq. ``eq:Dtilde``), shape (...,).
 
     A lower bound of the signed distance for every set of normals, apart and in overlap (proof in ``normals``), to
-    rounding: 4 ulp of the bodies' size. Of the sign of D even where D is too small for a floating-point number.
+    rounding: 4 ulp of the size. Of the sign of D even where D is too small for a floating-point number.
     Continuous in the pose, but for an axis across edges that are exactly parallel. Arguments and errors as ``hdsdf``.
     """
     rows = _separations(body_a, pose_a, body_b, pose_b, normals, witnesses)
@@ -115,7 +117,10 @@ def hdsdf_derivatives(
 ) -> Derivatives:
     """Return D, its gradient and its Hessian by the twists of both bodies, by the chain rule in closed form.
 
-    For gamma = 1 the Hessian has jumps; it is one of its one-sided values there. Arguments and errors as ``hdsdf``.
+    D is gamma times differentiable, so for gamma >= 2 both exist at every pose, also where vertices or axes tie and
+    where the bodies touch (all derivatives are 0 there). For gamma = 1 the Hessian jumps where D is 0 and, in overlap,
+    where the separation of a pair of vertices or the minimum along an axis passes 0; it is one of its one-sided values
+    there. Arguments and errors as ``hdsdf``.
     """
     length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
     shaped, counts = [], []

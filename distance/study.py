@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from itertools import product
+from time import perf_counter, process_time
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -202,7 +203,8 @@ def _seconds(distance: Any, poses: Poses, orders: Sequence[str]) -> dict[str, fl
         for array in getattr(distance, order)(*block):
             np.asarray(array)  # waits for what runs in the background
 
-    return {order: seconds_per_query(partial(run, order), BLOCK) for order in orders}
+    clock = process_time if getattr(distance, "device", "cpu") == "cpu" else perf_counter
+    return {order: seconds_per_query(partial(run, order), BLOCK, clock) for order in orders}
 
 
 def _bend(distance: Any, poses: Poses) -> float:

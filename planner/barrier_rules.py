@@ -4,9 +4,10 @@ The obstacles are grown by g, and the controller keeps h = Δ − δ ≥ 0. What
 the bodies (which the outer bodies contain, so d only gains):
 
 * exact distance: Δ = d − g, so d ≥ g + δ.
-* HD-SDF: let D̃ = max_n min_ij x_ij be the plain maximum over its K normals; D̃ ≤ d − g. With p = γ+1, N_in the least
-  number of vertex pairs that project alike (4 for two boxes: a box's corners on its own axes; else 1), and Φ the
-  shaping, the norms' inequalities give |⊕| ≥ N_in^(1/p) |min| below contact, ⊕ ≤ N_in^(−1/p) min above, and the
+* HD-SDF: let D̃ = max_n min_ij x_ij be the plain maximum over its K unit normals; D̃ ≤ d − g, apart and in overlap
+  (sets with shorter axes too, as `normals` defines it). With p = γ+1, N_in the least number of vertex pairs that
+  project alike (4 for two boxes: a box's corners on its own axes; else 1), and Φ the shaping, the norms' inequalities
+  give |⊕| ≥ N_in^(1/p) |min| below contact, ⊕ ≤ N_in^(−1/p) min above, and the
   opposite for ⊞, which moves the maximum by up to K^(1/p), always upward. Hence
 
       D ≥ δ < 0   ⇒   D̃ ≥ −N_in^(−1/p) Φ⁻¹(K^(1/p) Φ⁻¹(|δ|))

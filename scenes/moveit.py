@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from hdplan.scenes.description import Semantics, read_semantics, read_tree
-from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.errors import naming
 from hdplan.scenes.fields import Field, read_document
 from hdplan.scenes.model import Attached, JointTarget, Obstacle, PathConstraints, Pose, RobotSpec, Scene
 from hdplan.scenes.moveit_allowed import note_allowed
@@ -98,11 +98,10 @@ def _of_group(robot: RobotSpec, asked: Field, semantics: Semantics, names: Colle
         return robot
     group, own = asked.text(), robot.group
     if semantics.groups:  # without any there is nothing to look it up in; loading the robot says so
-        try:
-            group = semantics.group(group, names)
+        with naming(f"{robot.source}: robot.group"):
             own = own and semantics.group(own, names)
-        except InputError as error:
-            raise asked.error(str(error)) from None
+        with naming(f"{asked.document.file}: {asked.key}"):
+            group = semantics.group(group, names)
     if own not in (None, group):
         raise asked.error(f"is {group!r}, but the robot's own section says {own!r} (robot.group)")
     return dataclasses.replace(robot, group=group)
