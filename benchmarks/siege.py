@@ -20,10 +20,10 @@ sys.path.insert(0, str(Path(__file__).parent))
 from sieges import campaign
 
 CAMPAIGNS = {  # how many cases by default, and the processor time for one [s]
-    "certificate": (20_000, 60.0),
+    "certificate": (4_500, 60.0),
     "input": (20_000, 20.0),
     "semantics": (5_000, 60.0),
-    "distance": (400, 300.0),
+    "distance": (250, 300.0),
     "control": (4_000, 300.0),
     "threads": (200, 300.0),
 }

@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 MOST_PIECES = 12  # a mesh of more loose parts than this is treated whole, nor is it cut into more: pairs cost time
 WORTH_CUTTING = 0.85  # of a hull's volume: where two halves' hulls have more together, triangles stay together
 FEW = 250  # corners of a hull that stands in for one that coal cannot hold
+THIN = 1e-11  # of a mesh's size: a triangle that is no wider is none
 DOUBTFUL = 1e-5  # coal's distance and the gap along its own normal differ by more [m] only where coal is wrong
 NUDGES = 3  # slightly turned poses that are tried where coal is in doubt
 NUDGE = 1e-5  # [rad] by which they are turned: enough to end an exactly parallel contact
@@ -80,8 +81,17 @@ class Surface:
 
     @cached_property
     def tree(self) -> Any:
-        """Coal's tree of bounding volumes over them, built when it is first asked for."""
-        return triangle_tree(self.mesh)
+        """Coal's tree of bounding volumes over them, built when it is first asked for.
+
+        Without triangles that have no width: coal finds them in contact with anything far away, and what they hold lies
+        on the edges of others, to less than ROUNDING.
+        """
+        a, b, c = self.mesh.vertices[self.mesh.triangles].transpose(1, 0, 2)
+        longest = np.max([np.linalg.norm(side, axis=1) for side in (b - a, c - b, a - c)], axis=0)
+        wide = (
+            np.linalg.norm(np.cross(b - a, c - a), axis=1) > THIN * np.ptp(self.mesh.vertices, axis=0).max() * longest
+        )
+        return triangle_tree(TriangleMesh(self.mesh.vertices, self.mesh.triangles[wide]) if wide.any() else self.mesh)
 
 
 def obstacle_pieces(obstacle: Obstacle) -> tuple[Piece, ...]:

@@ -41,6 +41,7 @@ class Outcome:
     finding: str = ""  # what is wrong, in words; empty: nothing
     count: int = 1  # how much was tried: motions, poses, steps
     notes: dict[str, Any] = field(default_factory=dict)  # the judge's figures; numbers are summed up in the table
+    kinds: dict[str, int] = field(default_factory=dict)  # how often each row of the table, where a case is of several
 
 
 @dataclass
@@ -52,6 +53,7 @@ class Tally:
     kinds: Counter[str] = field(default_factory=Counter)
     sums: Counter[str] = field(default_factory=Counter)
     findings: list[tuple[int, str]] = field(default_factory=list)
+    remarks: list[tuple[int, str]] = field(default_factory=list)  # no faults, but worth a look
     slowest: list[tuple[float, int]] = field(default_factory=list)
     seconds: float = 0.0
 
@@ -59,9 +61,10 @@ class Tally:
         """Count one case."""
         self.cases += 1
         self.tried += answer["count"]
-        self.kinds[answer["kind"]] += answer["count"]
+        self.kinds.update(answer.get("kinds") or {answer["kind"]: answer["count"]})
         self.sums.update({name: value for name, value in answer["notes"].items() if isinstance(value, int | float)})
         self.slowest = sorted([*self.slowest, (answer["seconds"], index)], reverse=True)[:5]
+        self.remarks += [(index, name) for name, value in answer["notes"].items() if value and "judge" in name]
         if answer["finding"]:
             self.findings.append((index, answer["finding"]))
 
@@ -72,7 +75,7 @@ class Tally:
         rows += [("findings", len(self.findings)), ("seconds", round(self.seconds, 1))]
         rows += [("worst times [s]", ", ".join(f"{seconds:.2f} (case {index})" for seconds, index in self.slowest))]
         lines = [f"| {name} | |", "|---|---|", *(f"| {key} | {value} |" for key, value in rows)]
-        return "\n".join([*lines, "", *(f"* case {index}: {words}" for index, words in self.findings)])
+        return "\n".join([*lines, "", *(f"* case {index}: {words}" for index, words in self.findings + self.remarks)])
 
 
 def run(

@@ -5,23 +5,59 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from sieges import command, judge, rows, scenes
+from sieges import command, judge, motions, rows, scenes
 from sieges.campaign import Outcome
 from sieges.world import World
 
 FREE = 1e-3  # [m] by which a place called contact must be free for the verdict to count as too careful
+MORE = 4  # motions in each scene beside the first
 ALWAYS = "in contact at every sampled configuration"
 
 
 def attack(rng: np.random.Generator, folder: Path) -> Outcome:
-    """Check one motion in one scene."""
-    scenes.random_case(rng, folder)
-    return check(folder)
+    """Check one motion in one scene by the command, and some more there by the library."""
+    content, motion, _ = scenes.random_case(rng, folder)
+    first = check(folder)
+    if first.finding or first.kind == "refused":
+        return first
+    timed = "timing" in content or "limits" in content
+    others, finding = _more(rng, folder, motion.names, timed)
+    kinds = others + Counter({first.kind: 1})
+    return Outcome(first.kind, finding, kinds.total(), first.notes, dict(kinds))
+
+
+def _more(rng: np.random.Generator, folder: Path, names: tuple[str, ...], timed: bool) -> tuple[Counter[str], str]:
+    """Certify more motions in the folder's scene; return how often each verdict came, and what is wrong with one."""
+    from hdplan.planner.certificate import Certifier
+    from hdplan.planner.scene_robot import load_scene_robot
+    from hdplan.planner.trajectory import Trajectory
+    from hdplan.scenes.errors import InputError
+    from hdplan.scenes.reader import load_scene
+
+    scene = load_scene(folder / "scene.yaml")
+    robot = load_scene_robot(scene)
+    certifier, world = Certifier(scene, robot), World(folder / "scene.yaml", names)
+    leave, kinds = excused(world, robot, names), Counter[str]()
+    world.pairs = [pair for pair in world.pairs if pair not in leave]
+    for number in range(MORE):
+        motion = motions.random_rows(rng, world.machine, list(names), timed)
+        file = folder / f"more{number}{rng.choice(scenes.ENDINGS)}"
+        rows.write(file, motion)
+        try:
+            found = certifier.certify(Trajectory.load(file), check_ends=False)
+        except InputError:
+            kinds["refused"] += 1
+            continue
+        kinds[found.status.value] += 1
+        if found.certified and (wrong := judge.refute(world, motion, found.clearance, found.self_clearance)):
+            return kinds, f"refuted, {file.name}: {'; '.join(wrong)[:300]} ({found.text[:120]})"
+    return kinds, ""
 
 
 def check(folder: Path) -> Outcome:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import io
 import os
 import sys
@@ -11,6 +12,11 @@ import traceback
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import typer
+
+_build = typer.main.get_command
 
 
 @dataclass(frozen=True)
@@ -27,6 +33,7 @@ def hdplan(*arguments: str, folder: Path) -> Done:
     """Run `hdplan` with these arguments in a folder."""
     from hdplan import cli
 
+    typer.main.get_command = _parser
     before, crash, code = os.getcwd(), "", 0
     out, err = io.StringIO(), io.StringIO()
     os.chdir(folder)
@@ -44,6 +51,12 @@ def hdplan(*arguments: str, folder: Path) -> Done:
     finally:
         os.chdir(before)
     return Done(code, out.getvalue(), err.getvalue() + "".join(native), crash)
+
+
+@functools.cache
+def _parser(app: typer.Typer) -> Any:
+    """Build the command line's parser once: it takes longer than a check."""
+    return _build(app)
 
 
 @contextlib.contextmanager

@@ -21,10 +21,11 @@ from sieges.poses import turn
 
 Array = NDArray[np.float64]
 
-POSES = 2500
+POSES = 4096
 TWISTS = 60  # poses of a case at which derivatives are looked at
 ULP = float(np.finfo(float).eps)
 STEP = 1e-6
+EXACT = 5e-9  # of the size, of the exact distance; the library says about 1e-9
 SETTINGS = (  # pairs, gamma, shaping length [m], normals
     ("cube", "cube", 2, 1e-3, "paper"),
     ("box", "cube", 2, 1e-2, "paper+edges"),
@@ -64,13 +65,14 @@ def attack(rng: np.random.Generator, folder: Path, count: int = POSES, witnesses
                 k = int(np.argmax(off))
                 wrong.append(f"{word}: D {found[rows[k]]!r} at pose {rows[k]}, {float(true[k])!r} in 80 bits")
         if found_gap is not None:
-            off = np.flatnonzero(np.abs(found_gap - gap) > noise)
+            plain = (gap > 0.0) | (normals == "paper")  # below contact, longer axes bound more than this number
+            off = np.flatnonzero(((np.abs(found_gap - gap) > noise) & plain) | ((found_gap > noise) != (gap > noise)))
             if len(off):
                 wrong.append(f"{word}: D-tilde {found_gap[off[0]]!r} at pose {off[0]}, the judge {gap[off[0]]!r}")
             touching = np.flatnonzero((high < 0.0) & ((found_gap > 16 * ULP * size) | (found > 16 * ULP * size)))
             if len(touching):
                 wrong.append(f"{word}: D-tilde {found_gap[touching[0]]!r} in contact, pose {touching[0]}")
-            above = np.flatnonzero((high > 1e-6) & (found_gap > high + noise))
+            above = np.flatnonzero(found_gap > high + noise)
             if len(above):
                 wrong.append(f"{word}: D-tilde {found_gap[above[0]]!r} beyond the distance {high[above[0]]!r}")
 
@@ -82,7 +84,7 @@ def attack(rng: np.random.Generator, folder: Path, count: int = POSES, witnesses
 
         found = signed_distances(_body(a), pose_a, _body(b), pose_b)
         notes["poses of signed_distance"] = len(found)
-        off = np.flatnonzero((found > high + 1e-9 * size) | (found < low - 1e-9 * size))
+        off = np.flatnonzero((found > high + EXACT * size) | (found < low - EXACT * size))
         if len(off):
             wrong.append(
                 f"signed_distance: {found[off[0]]!r} at pose {off[0]}, the judge {low[off[0]]!r} to {high[off[0]]!r}"

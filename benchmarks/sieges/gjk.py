@@ -51,10 +51,16 @@ class Pieces:
         return cls(padded, ball, disc, spins, body, centre, reach)
 
 
-def distances(pieces: Pieces, first: Index, pose_a: Array, second: Index, pose_b: Array) -> tuple[Array, Array]:
-    """Return lower and upper bounds (Q,) of the signed distances of Q pairs of pieces at bodies' poses (Q, 4, 4)."""
+def distances(
+    pieces: Pieces, first: Index, pose_a: Array, second: Index, pose_b: Array, enough: Array | None = None
+) -> tuple[Array, Array]:
+    """Return lower and upper bounds (Q,) of the signed distances of Q pairs of pieces at bodies' poses (Q, 4, 4).
+
+    `enough` (Q,): where a lower bound reaches it, no more is asked of that pair.
+    """
     count = len(first)
     balls = pieces.ball[first] + pieces.ball[second]
+    far = np.full(count, np.inf) if enough is None else enough + balls
     turn_a, turn_b = pose_a[:, :3, :3], pose_b[:, :3, :3]
     offset = pose_a[:, :3, 3] - pose_b[:, :3, 3]
     world_a = np.einsum("qij,qmj->qmi", turn_a, pieces.points[first]) + offset[:, None]
@@ -77,6 +83,7 @@ def distances(pieces: Pieces, first: Index, pose_a: Array, second: Index, pose_b
             high[live] = np.minimum(high[live], length)
             known = (np.abs(simplex[live] - s[:, None]).max(axis=2) == 0.0) & used[live]
             done = (length**2 - along <= CLOSE * length**2) | known.any(axis=1) | used[live].all(axis=1)
+            done |= low[live] >= far[live]
             live, s = live[~done], s[~done]
         if not len(live):
             break

@@ -19,6 +19,9 @@ from sieges.campaign import Outcome
 from sieges.machine import Machine
 
 PLANAR = "planar_arm"
+NOTE = "hdplan: note: "
+LATE = "time limit passed"  # what a command may say with exit code 1
+INNER = ("encountered in", "empty slice", "encountered a", "deprecated", "Deprecat")  # what NumPy says to programmers
 COMMANDS = ("check", "plan", "explain", "simulate", "follow", "robots")
 SHARES = (0.74, 0.08, 0.06, 0.06, 0.03, 0.03)
 
@@ -35,7 +38,8 @@ def attack(rng: np.random.Generator, folder: Path) -> Outcome:
 def judged(folder: Path, words: list[str]) -> Outcome:
     """Run the command and say whether it ended as it must."""
     done = command.hdplan(*words, folder=folder)
-    said = [line for line in done.err.splitlines() if line.strip() and not line.startswith("note")]
+    said = [line for line in done.err.splitlines() if line.strip() and not line.startswith(NOTE)]
+    inner = [line for line in done.err.splitlines() if line.startswith(NOTE) and any(word in line for word in INNER)]
     last = said[-1][:240] if said else ""
     if done.crash:
         (folder / "traceback.txt").write_text(done.crash)
@@ -43,11 +47,13 @@ def judged(folder: Path, words: list[str]) -> Outcome:
     if "Traceback" in done.err or "Traceback" in done.out:
         (folder / "traceback.txt").write_text(done.err)
         return Outcome("traceback", f"traceback printed ({words[0]}): {last}")
+    if inner:
+        return Outcome("lines", f"words of a library's ({words[0]}): {inner[0][:200]}")
     if done.code not in (0, 1, 2):
         return Outcome("code", f"exit code {done.code} ({words[0]}): {last}")
     if done.code == 2 and (len(said) != 1 or not said[0].startswith("hdplan: ")):
         return Outcome("lines", f"{len(said)} lines with exit code 2 ({words[0]}): {last}")
-    if done.code < 2 and said:
+    if done.code < 2 and said and LATE not in said[0]:
         return Outcome("lines", f"words on the error stream with exit code {done.code} ({words[0]}): {last}")
     return Outcome(f"exit code {done.code}")
 
@@ -157,15 +163,15 @@ def spoil(rng: np.random.Generator, folder: Path) -> str:
     how = rng.random()
     if path.suffix == ".yaml" and how < 0.75:
         loaded = None
-        with contextlib.suppress(yaml.YAMLError, ValueError):
+        with contextlib.suppress(yaml.YAMLError, ValueError, RecursionError):
             loaded = yaml.safe_load(path.read_text(errors="replace"))
         if loaded is not None:
-            path.write_text(
-                yaml.safe_dump(mutations.of_tree(rng, loaded), sort_keys=False, allow_unicode=True), errors="replace"
-            )
-            return path.name
+            with contextlib.suppress(RecursionError):
+                text = yaml.safe_dump(mutations.of_tree(rng, loaded), sort_keys=False, allow_unicode=True)
+                path.write_text(text, errors="replace")
+                return path.name
     if path.suffix == ".json" and how < 0.6 and path.read_text(errors="replace").startswith("{"):
-        with contextlib.suppress(ValueError):  # it may be spoilt already
+        with contextlib.suppress(ValueError, RecursionError):  # it may be spoilt already
             path.write_text(json.dumps(mutations.of_tree(rng, json.loads(path.read_text(errors="replace")))))
     elif path.suffix in (".npz", ".stl") or how > 0.85:
         path.write_bytes(mutations.of_bytes(rng, path.read_bytes()))

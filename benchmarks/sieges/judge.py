@@ -47,9 +47,10 @@ def refute(world: World, rows: Rows, clearance: float | None, own: float | None)
 
 
 def _places(world: World, rows: Rows, q: Array, times: Array, clearance: float, own: float) -> list[str]:
-    asked = np.array([_asked(world, pair, clearance, own) for pair in world.pairs])
-    if not len(asked):
+    if not world.pairs:
         return []
+    less = _ends_are_closer(world, rows.names)
+    asked = np.array([_asked(world, pair, clearance, own, less) for pair in world.pairs])
     places = world.places(rows.names, q, times)
     for pair, place in inside(world, places):
         return [f"{_names(world, pair)}: inside at {_when(rows, place, q)}"]
@@ -102,7 +103,7 @@ def closest(world: World, places: Array, chosen: Index, within: Array) -> list[N
         kept = np.argpartition(gaps, MOST)[:MOST]
         left, right, number, time = left[kept], right[kept], number[kept], time[kept]
     a, b = poses[pieces.body[left], time], poses[pieces.body[right], time]
-    low, high = gjk.distances(pieces, left, a, right, b)
+    low, high = gjk.distances(pieces, left, a, right, b, within[number])
     best: dict[tuple[int, int], Nearest] = {}
     for k, (pair, at) in enumerate(zip(number.tolist(), time.tolist(), strict=True)):
         key = (pair, at)
@@ -231,10 +232,24 @@ def _path(world: World, rows: Rows, q: Array) -> list[str]:
     return found
 
 
-def _asked(world: World, pair: tuple[int, int], clearance: float, own: float) -> float:
+def _asked(world: World, pair: tuple[int, int], clearance: float, own: float, less: bool) -> float:
     if pair[1] < world.robot_count:
         return max(own, world.own_asked)
-    return max(clearance, world.asked[world.bodies[pair[1]].name])
+    name = world.bodies[pair[1]].name
+    return clearance if less and name not in world.insist else max(clearance, world.asked[name])
+
+
+def _ends_are_closer(world: World, names: tuple[str, ...]) -> bool:
+    """Whether the scene's own start or goal is closer than planner.clearance: less is asked for then."""
+    asked = (world.content.get("planner") or {}).get("clearance", 0.0)
+    ends = [(world.content.get(end) or {}).get("joints") for end in ("start", "goal")]
+    if not asked or not all(isinstance(end, dict) for end in ends):
+        return False
+    q = np.array([[end[name] for name in names] for end in ends])
+    times = np.array([0.0, (world.content.get("timing") or {}).get("duration", 0.0)])
+    near = closest(world, world.places(names, q, times), np.arange(2), np.full(len(world.pairs), asked + 1e-6))
+    outer = [each for each in near if each.pair[1] >= world.robot_count]
+    return any(each.high < asked + 1e-6 and world.bodies[each.pair[1]].name not in world.insist for each in outer)
 
 
 def _names(world: World, pair: tuple[int, int]) -> str:

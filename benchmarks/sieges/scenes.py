@@ -21,7 +21,7 @@ ENDINGS = (".json", ".csv", ".npz")
 
 def write(path: Path, content: dict[str, Any]) -> None:
     """Write a scene."""
-    path.write_text(yaml.safe_dump(content, sort_keys=False, allow_unicode=True))
+    path.write_text(yaml.dump(content, Dumper=yaml.CSafeDumper, sort_keys=False, allow_unicode=True))
 
 
 def random_case(rng: np.random.Generator, folder: Path) -> tuple[dict[str, Any], rows.Rows, str]:

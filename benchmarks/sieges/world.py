@@ -48,7 +48,7 @@ class World:
     def __init__(self, scene: Path, planned: tuple[str, ...]) -> None:
         """Read the scene; `planned`: the joints that a motion moves."""
         self.folder = scene.parent
-        self.content: dict[str, Any] = yaml.safe_load(scene.read_text())
+        self.content: dict[str, Any] = yaml.load(scene.read_text(), yaml.CSafeLoader)
         robot = self.content["robot"]
         if "name" in robot:
             urdf, srdf = (DATA / file for file in NAMED[robot["name"]])
@@ -78,6 +78,7 @@ class World:
             item["name"]: item.get("clearance", (self.content.get("planner") or {}).get("clearance", 0.0))
             for item in self.content.get("obstacles") or []
         }
+        self.insist = {item["name"] for item in self.content.get("obstacles") or [] if "clearance" in item}
         own = self.content.get("self_collision", True)
         self.own_asked = own.get("clearance", 0.0) if isinstance(own, dict) else 0.0
         self.checks_own = own is not False
@@ -123,6 +124,8 @@ class World:
 
     def places(self, names: tuple[str, ...], q: Array, times: Array) -> Array:
         """Return where each body is (B, T, 4, 4)."""
+        if not self.bodies:
+            return np.zeros((0, len(q), 4, 4))
         frames = self.machine.frames(self.values(names, q), self.base)
         return np.stack(
             [frames[body.link] @ body.place if body.link else _passage(body, times) for body in self.bodies]

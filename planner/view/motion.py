@@ -19,6 +19,7 @@ from hdplan.planner.robot import Robot
 from hdplan.planner.robot_curve import curve_of
 from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.verdict import Certificate
+from hdplan.scenes.model import Scene
 
 Array = NDArray[np.float64]
 
@@ -39,6 +40,7 @@ class Motion:
     clearance: Array  # (K,) [m] robot to obstacles there, inf without obstacles
     self_clearance: Array  # (K,) [m] between links there, inf without pairs
     certificate: Certificate = field(repr=False)
+    scene: Scene = field(repr=False)  # in which clearances and certificate hold, and in no other
 
     @classmethod
     def of(
@@ -56,7 +58,9 @@ class Motion:
         to_obstacles = np.array([place.distance for place in places]) if places else nothing
         between_links = between_links if len(between_links) else nothing
         tip = Tip.of(robot).path(joints)
-        return cls(name, trajectory, curve, parameter, joints, tip, to_obstacles, between_links, certificate)
+        return cls(
+            name, trajectory, curve, parameter, joints, tip, to_obstacles, between_links, certificate, certifier.scene
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ from hdplan.planner.robot import Robot
 from hdplan.planner.verdict import Closest
 from hdplan.planner.view.colors import CONTACT, INK, LINKS, OBSTACLE, REGION, clearance_colors
 from hdplan.planner.view.skins import Color, Skin, obstacle_mesh, shaded
+from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Obstacle, Pose, Within
 from hdplan.scenes.moving import Passages
 
@@ -195,8 +196,10 @@ def wxyz_of(rotation: Array) -> tuple[float, float, float, float]:
 
 
 def pose_of(handle: Any) -> Pose:
-    """Return where a handle of viser stands."""
+    """Return where a handle of viser stands. Raises InputError for what is no pose."""
     px, py, pz = (float(value) for value in handle.position)
     w, x, y, z = (float(value) for value in handle.wxyz)
     norm = float(np.sqrt(w * w + x * x + y * y + z * z))
+    if not (np.isfinite([px, py, pz, norm]).all() and norm > 0.0):
+        raise InputError(f"handle: found position ({px:g}, {py:g}, {pz:g}), quaternion {(x, y, z, w)}: no pose")
     return Pose((px, py, pz), (x / norm, y / norm, z / norm, w / norm))

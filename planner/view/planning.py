@@ -1,6 +1,7 @@
 """Planning from the browser: Plan and Stop, the optimizer's motions as they come, the verdict, and what is saved.
 
-Files are handed to the browser that asked for them, as downloads: a browser can write nothing on the server's machine.
+What is saved says what holds at that moment: a motion is certified once more, in the scene that is saved with it. Files
+are handed to the browser that asked for them, as downloads: a browser can write nothing on the server's machine.
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from hdplan.planner.certificate import Certifier
 from hdplan.planner.curve import Curve
 from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
+from hdplan.planner.scene_robot import load_scene_robot, resolve_query
 from hdplan.planner.search import Event
 from hdplan.planner.time_laws import MinimumJerk
 from hdplan.planner.view.colors import ITERATE
@@ -39,6 +42,7 @@ Array = NDArray[np.float64]
 NAME = "planned"  # of the motion that Plan finds
 TIME_LIMIT = 30.0  # [s] for planning
 LOOK, LOOK_IN_ALL = 0.05, 4.0  # [s] for which an iteration is shown, and all of them together at most
+SETTLED = 10.0  # [s] for which a new run waits at most until the last one's motion is shown
 SOLVERS = ("gauss_newton", "chomp")  # ipopt has no motion to show for minutes
 
 
@@ -61,8 +65,9 @@ class Planning:
         self._save_motion = gui.add_button("Save motion", icon=viser.Icon.DOWNLOAD)
         self.button.on_click(lambda _: self.stop() if self.running else self.start())
         self.iteration.on_update(lambda event: viewer.worker.ask("iterate", self._look_back) if event.client else None)
-        self._save_scene.on_click(lambda event: self._download(event, f"{viewer.scene.name}.yaml", self.scene_file))
-        self._save_motion.on_click(lambda event: self._download(event, f"{NAME}.json", self.motion_file))
+        self._save_scene.on_click(lambda event: self._asked_for(event, f"{viewer.scene.name}.yaml", self.scene_file))
+        self._save_motion.on_click(lambda event: self._asked_for(event, f"{NAME}.json", self.motion_file))
+        self._starting = threading.Lock()  # browsers may press at once
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
         self.iterates: list[tuple[str, Array]] = []  # words and waypoints (N, n) of every iteration
@@ -81,14 +86,17 @@ class Planning:
         return str(self._said.content)
 
     def start(self) -> None:
-        """Begin to plan for the scene as it is shown."""
-        self.end()
-        self._stop.clear()
-        self.iterates, self._shown_for = [], 0.0
-        self.button.label, self.button.icon = "Stop", viser.Icon.PLAYER_STOP
-        self._say("building the problem …")
-        self._thread = threading.Thread(target=self._run, args=(self._viewer.scene,), name="hdplan-plan", daemon=True)
-        self._thread.start()
+        """Begin to plan for the scene as it is shown, once what was planned before is shown."""
+        with self._starting:
+            self.end()
+            self._viewer.worker.settle(SETTLED)
+            self._stop.clear()
+            self.iterates, self._shown_for = [], 0.0
+            self.button.label, self.button.icon = "Stop", viser.Icon.PLAYER_STOP
+            self._say("building the problem …")
+            scene = self._viewer.scene
+            self._thread = threading.Thread(target=self._run, args=(scene,), name="hdplan-plan", daemon=True)
+            self._thread.start()
 
     def stop(self) -> None:
         """End with the best motion so far."""
@@ -101,22 +109,43 @@ class Planning:
             self._thread.join()
 
     def scene_file(self) -> bytes:
-        """The scene as it is shown, as a file that any command takes."""
-        viewer = self._viewer
-        return scene_text(_standing_alone(viewer.scene, viewer)).encode()
+        """The scene as it is shown, as a file that any command takes. Raises InputError if none would."""
+        scene, _ = self._standing_alone()
+        data = scene_text(scene).encode()
+        self._say("saved: the scene as it is shown")
+        return data
 
     def motion_file(self) -> bytes:
-        """The active motion as JSON, with verdict and steps if it was planned here."""
+        """The active motion as JSON, with verdict and steps if it was planned here: certified now, in the scene that
+        `scene_file` gives now."""
         active = self._viewer.active
         if active is None:
-            raise HdplanError("there is no motion to save yet: press Plan")
+            raise HdplanError("there is no motion yet: press Plan")
+        scene, certifier = self._standing_alone()
+        trajectory, certificate = active.motion.trajectory, certifier.certify(active.motion.trajectory)
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "motion.json"
-            if self.result is not None and active.motion.trajectory is self.result.trajectory:
-                self.result.save(file)
+            if self.result is not None and trajectory is self.result.trajectory:
+                replace(self.result, scene=scene.name, certificate=certificate).save(file)
             else:
-                active.motion.trajectory.save(file)
-            return file.read_bytes()
+                trajectory.save(file)
+            data = file.read_bytes()
+        self._say(f"saved: {certificate.text}")
+        return data
+
+    def _standing_alone(self) -> tuple[Scene, Certifier]:
+        """The scene with its ends as joint values and the held joints where they are held, whatever file it came from,
+        and its certifier. Raises InputError for a scene that could not be read again."""
+        viewer = self._viewer
+        start, goal = (
+            JointTarget(field, positions=tuple(q.tolist()))
+            for field, q in (("start", viewer.query.start), ("goal", viewer.query.goal))
+        )
+        spec = replace(viewer.scene.robot, locked=dict(viewer.robot.locked))
+        scene = replace(viewer.scene, robot=spec, start=start, goal=goal)
+        robot = load_scene_robot(scene)
+        resolve_query(robot, scene)
+        return scene, Certifier(scene, robot)
 
     # --- the run, in its own thread ------------------------------------------------------------------------------
 
@@ -157,6 +186,11 @@ class Planning:
 
     # --- drawing, by the worker's thread -------------------------------------------------------------------------
 
+    def outdate(self) -> None:
+        """Take back what was said of a motion, as the scene is another now."""
+        if not self.running:
+            self._say("")
+
     def _show_iterate(self, words: str, positions: Array | None) -> None:
         if positions is None:
             return
@@ -179,10 +213,12 @@ class Planning:
         self.button.label, self.button.icon = "Plan", viser.Icon.ROUTE
         if result is not None:
             self.result = result
+            unmoved = viewer.scene is scene  # nothing was dragged meanwhile
+            certificate = viewer.put(NAME, result.trajectory, result.certificate if unmoved else None)
+            if not unmoved:
+                text = f"planned in an earlier scene; in this one {certificate.text}"
             spent = max(result.times.solve - self._shown_for, 0.0) + result.times.certify
             text = f"{text} – {result.attempts} attempt(s), {result.iterations} iterations, {spent:.2f} s"
-            unmoved = viewer.scene is scene  # nothing was dragged meanwhile
-            viewer.put(NAME, result.trajectory, result.certificate if unmoved else None)
         count = len(self.iterates)
         self.iteration.disabled = count == 0
         if count:
@@ -193,11 +229,15 @@ class Planning:
     def _say(self, text: str) -> None:
         self._said.content = f'<div style="padding:0 0.9em;font-size:0.8em">{html.escape(text)}</div>'
 
-    def _download(self, event: Any, name: str, content: Callable[[], bytes]) -> None:
+    def _asked_for(self, event: Any, name: str, content: Callable[[], bytes]) -> None:
+        """Hear from a browser that wants a file: the worker makes it, so that nothing moves meanwhile."""
+        self._viewer.worker.ask(f"{name} for {event.client_id}", lambda: self._hand_over(event, name, content))
+
+    def _hand_over(self, event: Any, name: str, content: Callable[[], bytes]) -> None:
         try:
             data = content()
         except HdplanError as error:
-            self._say(str(error))
+            self._say(f"not saved: {error}")
             return
         if event.client is not None:
             event.client.send_file_download(name, data, save_immediately=True)
@@ -209,13 +249,3 @@ def row_times(scene: Scene, count: int) -> Array | None:
     if not scene.end_time:
         return None
     return MinimumJerk(scene.end_time).time_at(np.linspace(0.0, 1.0, count))
-
-
-def _standing_alone(scene: Scene, viewer: Viewer) -> Scene:
-    """The scene with its ends as joint values and the held joints where they are held, whatever file it came from."""
-    start, goal = (
-        JointTarget(field, positions=tuple(q.tolist()))
-        for field, q in (("start", viewer.query.start), ("goal", viewer.query.goal))
-    )
-    robot = replace(scene.robot, locked=dict(viewer.robot.locked))
-    return replace(scene, robot=robot, start=start, goal=goal)

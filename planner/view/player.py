@@ -104,7 +104,8 @@ class Player:
                 return
             if self._playing.is_set():
                 timeline = self.timeline
-                pace = float(self.speed.value) * (timeline.end - timeline.begin) / timeline.duration
+                speed = float(self.speed.value) if self.speed.value in SPEEDS else 1.0  # a browser may send anything
+                pace = speed * (timeline.end - timeline.begin) / timeline.duration
                 self.go_to(min(self.time + pace * (time.perf_counter() - before), timeline.end))
                 if self.time >= timeline.end:
                     self.pause()

@@ -43,6 +43,7 @@ class Plot:
         self._curves: Rows = tuple(np.zeros(2) for _ in names)
         self._title, self._timeline = title, Timeline()
         self._low, self._high = 0.0, 1.0
+        self._remark = ""
         lines = [
             {"label": name, "stroke": hex_of(color), "width": 1.5} for name, color in zip(names, colors, strict=True)
         ]
@@ -68,7 +69,7 @@ class Plot:
         self, timeline: Timeline, times: Array, curves: Sequence[Array], low: float, high: float, now: float
     ) -> None:
         """Show curves (K,) over moments (K,) of the timeline, between `low` and `high`; NaN where there is nothing."""
-        self._times, self._curves, self._low, self._high = times, tuple(curves), low, high
+        self._times, self._curves, self._low, self._high, self._remark = times, tuple(curves), low, high, ""
         if timeline.timed != self._timeline.timed:
             self.handle.series = ({"label": timeline.name}, *self._lines)
         self._timeline = timeline
@@ -76,13 +77,19 @@ class Plot:
         self.handle.scales = self._scales()
         self.follow(now)
 
+    def remark(self, words: str) -> None:
+        """Say something more in the title, until other curves are set."""
+        if self._remark != words:
+            self._remark = words
+            self.handle.title = self._words
+
     def follow(self, now: float) -> None:
         """Move the bar."""
         self.handle.data = self._rows(now)
 
     @property
     def _words(self) -> str:
-        return f"{self._title} over {'time [s]' if self._timeline.timed else 'the path parameter'}"
+        return f"{self._title} over {'time [s]' if self._timeline.timed else 'the path parameter'}{self._remark}"
 
     def _scales(self) -> dict[str, dict[str, object]]:
         extent = (self._timeline.begin, self._timeline.end)
@@ -131,6 +138,10 @@ class MotionPlots:
         top = max(float(np.nanmax(curve)) for curve in millimetres)
         bottom = min(0.0, *(float(np.nanmin(curve)) for curve in millimetres))
         self.clearance.set(timeline, times, millimetres, 1.05 * bottom, 1.05 * max(top, 10.0), now)
+
+    def outdate(self) -> None:
+        """Say that the clearances are of an earlier scene."""
+        self.clearance.remark(", of an earlier scene")
 
     def remove(self) -> None:
         """Take them out of the panel."""

@@ -32,7 +32,7 @@ from hdplan.planner.view.player import Player
 from hdplan.planner.view.plots import MotionPlots, joint_table
 from hdplan.planner.view.quiet import quiet
 from hdplan.planner.view.recording import record
-from hdplan.planner.view.skins import Skin, collision_skins, visual_skins
+from hdplan.planner.view.skins import Color, Skin, collision_skins, visual_skins
 from hdplan.planner.view.timeline import Timeline
 from hdplan.planner.view.worker import Worker
 from hdplan.scenes.errors import HdplanError, InputError, naming
@@ -42,8 +42,9 @@ Array = NDArray[np.float64]
 
 GHOST = 0.35  # opacity
 PLOT_EVERY = 0.1  # [s] between movements of the plots' bars while the slider moves
-FAINT = (222, 222, 222)
+FAINT: Color = (190, 190, 190)
 UP = np.array([0.0, 0.0, 1.0])
+OUTDATED = "the scene is being changed: nothing is known of this motion in it yet"
 
 
 @dataclass(eq=False)
@@ -126,6 +127,7 @@ class Viewer:
         self._plots: MotionPlots | None = None
         self._plotted = 0.0
 
+        server.on_client_disconnect(lambda _: self.worker.ask("measure", self.measure))  # perhaps while it dragged
         self.worker.ask("begin", lambda: self._begin(motions))
         self.worker.settle()
 
@@ -160,20 +162,35 @@ class Viewer:
         """Return a motion's configuration at the moment that is shown (n,)."""
         return curve.at_parameter(self.player.timeline.parameter(curve, self.player.time))
 
-    def put(self, name: str, trajectory: Trajectory, certificate: Certificate | None = None) -> None:
-        """Add a motion, or replace the one of that name, and make it the active one. By the worker's thread."""
+    def put(self, name: str, trajectory: Trajectory, certificate: Certificate | None = None) -> Certificate:
+        """Add a motion, or replace the one of that name, and make it the active one; return what holds of it in the
+        scene as it is now: `certificate`, if it is of this scene. By the worker's thread."""
         motion = Motion.of(name, trajectory, self.certifier, certificate)
         self._add(motion)
         self._redraw()
+        return motion.certificate
 
     def move(self, scene: Scene) -> None:
-        """Show the same scene with obstacles or goal elsewhere; motions stay as they are. By the worker's thread."""
-        self.scene, self.query = scene, resolve_query(self.robot, scene)
-        self.certifier = Certifier(scene, self.robot)
+        """Show the same scene with obstacles or goal elsewhere. Motions stay as they are, and what was said of them
+        falls until they are measured again. By the worker's thread. Raises InputError, and moves nothing, for a scene
+        that does not fit the robot."""
+        query, certifier = resolve_query(self.robot, scene), Certifier(scene, self.robot)
+        held = [shown for shown in self.shown if self.holds(shown.motion)]
+        self.scene, self.query, self.certifier = scene, query, certifier
         for node, obstacle in zip(self.obstacles, scene.obstacles, strict=True):
             node.take(obstacle)
+        for shown in held:
+            shown.path = self._draw_path(shown.motion, FAINT)
+        if held and self._plots is not None:
+            self._plots.outdate()
+        self.planning.outdate()
         self._show_ends()
+        self._show_verdict()
         self._show(self.player.time)
+
+    def holds(self, motion: Motion) -> bool:
+        """Whether what is known of a motion is of the scene as it is now."""
+        return motion.scene is self.scene
 
     def show_robot(self, name: str, q: Array) -> None:
         """Show the robot of a motion in a configuration (n,) that is not of this motion, until a moment is drawn again;
@@ -183,12 +200,14 @@ class Viewer:
         robot.show(q)
 
     def measure(self) -> None:
-        """Certify and sample the motions again, after obstacles or goal have moved. By the worker's thread."""
-        for shown in self.shown:
+        """Certify and sample the motions again that are not of the scene as it is now. By the worker's thread."""
+        outdated = [shown for shown in self.shown if not self.holds(shown.motion)]
+        for shown in outdated:
             motion = Motion.of(shown.motion.name, shown.motion.trajectory, self.certifier)
             shown.motion = motion
             shown.path = self._draw_path(motion)
-        self._redraw()
+        if outdated:
+            self._redraw()
 
     def show(self, now: float) -> None:
         """Show the moment `now` of the timeline, and wait until it is drawn."""
@@ -221,16 +240,20 @@ class Viewer:
         else:
             color = OTHERS[(number - 1) % len(OTHERS)] if number else None
             skins = [skin for skin in self.skins if skin.joint or not number]  # what stands still is there once
-            nodes = RobotNodes(self.server, f"robot{number}", self.robot, skins, color=color)
+            visible = self.layers.on("robot")
+            nodes = RobotNodes(self.server, f"robot{number}", self.robot, skins, color=color, visible=visible)
             self.shown.append(Shown(motion, nodes, self._draw_path(motion)))
             self._choice.options = tuple(shown.motion.name for shown in self.shown)
             self._plots = self._new_plots()
         self._choice.value = motion.name if number else self.shown[0].motion.name
         self._choice.visible = len(self.shown) > 1
 
-    def _draw_path(self, motion: Motion) -> Any:
+    def _draw_path(self, motion: Motion, color: Color | None = None) -> Any:
+        """Draw a motion's path by its clearance, or in one colour where that is not known."""
         name = "path/" + "".join(c if c.isalnum() else "_" for c in motion.name)
-        return draw_path(self.server, name, motion.tip, clearance_colors(motion.clearance))
+        path = draw_path(self.server, name, motion.tip, color or clearance_colors(motion.clearance))
+        path.visible = self.layers.on("path")
+        return path
 
     def _new_plots(self) -> MotionPlots:
         if self._plots is not None:
@@ -304,8 +327,9 @@ class Viewer:
             mark = f'<span style="color:{color}">●</span> ' if len(self.shown) > 1 else ""
             extent = "" if shown.motion.curve.times is None else f" ({shown.motion.trajectory.extent})"
             name = f"<b>{html.escape(shown.motion.name)}</b>{extent} " if len(self.shown) > 1 else ""
-            tint = hex_of(START if certificate.certified else CONTACT)
-            lines.append(f'{mark}{name}<span style="color:{tint}">{html.escape(certificate.text)}</span>')
+            tint = START if certificate.certified else CONTACT
+            said = _line(certificate.text, tint) if self.holds(shown.motion) else OUTDATED
+            lines.append(f"{mark}{name}{said}")
         if not self.shown:
             lines.append("no motion yet: press Plan")
         lines += [html.escape(self.note)] if self.note else []

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import coal
 import numpy as np
 import pytest
 import trimesh
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from hdplan.planner.certificate import Certifier, certify
 from hdplan.planner.meshes import TriangleMesh
+from hdplan.planner.proximity import link_pieces, mesh_pieces, surface_distance
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.solid import Solid
 from hdplan.planner.trajectory import Trajectory
@@ -268,6 +270,23 @@ def test_no_ball_in_the_material_is_free_in_any_role(role: str, tmp_path: Path) 
             assert min(place.distance for place in certifier.nearest(ends[0], 0.01) if place) < 0.0
     assert found.get((True, True), 0) == 0
     assert found.get((True, False), 0) > 0
+
+
+def test_slivers_are_no_contact() -> None:
+    """A mesh that is cut along its own vertices gets triangles without width, which coal would find anywhere."""
+    ring = trimesh.creation.torus(0.3, 0.1, major_sections=24, minor_sections=12)
+    corners, count = np.asarray(ring.vertices).copy(), len(ring.vertices)
+    rows = np.flatnonzero(np.abs(corners[:, 1]) < 1e-9)
+    corners[rows, 1] = 0.0
+    beside = [corners[rows] + [0.0, shift, 0.0] for shift in (4.6e-19, -4.6e-19)]
+    slivers = np.stack([rows, count + np.arange(len(rows)), count + len(rows) + np.arange(len(rows))], axis=1)
+    pieces = mesh_pieces(TriangleMesh(np.vstack([corners, *beside]), np.vstack([ring.faces, slivers])))
+    small, place = link_pieces(coal.Sphere(0.01), "ball")[0], np.eye(4)
+    for x, y, z in np.random.default_rng(2).uniform(-0.5, 0.5, size=(40, 3)):
+        place[:3, 3] = x, y, z
+        found = min(surface_distance(piece, np.eye(4), small, place) for piece in pieces)
+        nearest = trimesh.triangles.closest_point(ring.triangles, np.tile(place[:3, 3], (len(ring.faces), 1)))
+        assert found == pytest.approx(max(np.linalg.norm(nearest - place[:3, 3], axis=1).min() - 0.01, 0.0), abs=1e-6)
 
 
 @pytest.mark.parametrize("outer", ["obstacle", "held"])

@@ -4,6 +4,7 @@ see the same."""
 from __future__ import annotations
 
 import io
+import json
 import shutil
 import time
 from collections.abc import Callable, Iterator
@@ -13,11 +14,13 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.view.handles import SIZE as SIZE_OF_HANDLE
 from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.server import open_viewer
-from hdplan.planner.view.viewer import Viewer
+from hdplan.planner.view.viewer import OUTDATED, Viewer
 from hdplan.scenes.model import Scene
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: pip install hdplan[dev]")
@@ -134,6 +137,56 @@ def test_plan_works(tab: Callable[[str], Any], viewer: Viewer) -> None:
         page.get_by_role("button", name="Save motion").click()
     found = Trajectory.load(_named(download.value, "motion.json"))
     np.testing.assert_array_equal(found.positions, viewer.active.motion.trajectory.positions)
+
+
+def test_what_is_dragged_by_the_mouse_takes_the_verdict_with_it(tab: Callable[[str], Any], scene: Scene) -> None:
+    """While the button is still pressed: nothing on the page says certified, and the file says what holds."""
+    viewer = open_viewer(scene, port=8280)
+    try:
+        page = tab(address(viewer))
+        page.get_by_role("tab", name="Plan").click()
+        page.get_by_role("button", name="Plan", exact=True).click()
+        page.get_by_text("iterations,").wait_for()
+        assert viewer.active is not None
+        index = next(i for i, obstacle in enumerate(scene.obstacles) if obstacle.name == "ball")
+        begin = np.array(scene.obstacles[index].pose.position)
+        path = viewer.active.motion.tip
+        way = path[np.linalg.norm(path - begin, axis=1).argmin()] - begin
+        axis = np.eye(3)[np.abs(way).argmax()] * np.sign(way[np.abs(way).argmax()])
+        viewer.planning.handles.choice.value = "obstacle ball"
+        viewer.worker.settle(20)
+        page.wait_for_timeout(2000)  # until the handle is drawn
+        grip = begin + 0.7 * SIZE_OF_HANDLE * np.abs(axis)
+        page.mouse.move(*_seen(page, viewer, grip))
+        page.wait_for_timeout(500)
+        page.mouse.down()
+        for share in np.linspace(0.1, 1.0, 10):
+            page.mouse.move(*_seen(page, viewer, grip + share * (np.linalg.norm(way) + 0.05) * axis))
+            page.wait_for_timeout(200)
+        until(lambda: viewer.scene.obstacles[index].pose.position != tuple(begin), "the ball stays where it was")
+        page.get_by_text(OUTDATED).wait_for()
+        assert page.get_by_text("certified: at least").count() == 0
+        with page.expect_download() as download:
+            page.get_by_role("button", name="Save motion").dispatch_event("click")
+        said = json.loads(Path(download.value.path()).read_text(encoding="utf-8"))["verdict"]
+        viewer.worker.settle(20)
+        certificate = viewer.certifier.certify(viewer.active.motion.trajectory)
+        assert not certificate.certified
+        assert said["text"] == certificate.text
+        page.mouse.up()
+        page.get_by_text("in contact:").first.wait_for()
+    finally:
+        viewer.close()
+
+
+def _seen(page: Any, viewer: Viewer, point: NDArray[np.float64]) -> tuple[float, float]:
+    """Where on the page a point of the scene is seen [px]."""
+    (client,) = viewer.server.get_clients().values()
+    camera, canvas = client.camera, page.locator("canvas").first.bounding_box()
+    w, x, y, z = camera.wxyz
+    right, down, ahead = Rotation.from_quat([x, y, z, w]).as_matrix().T @ (point - camera.position)
+    scale = 0.5 * canvas["height"] / np.tan(0.5 * camera.fov) / ahead
+    return canvas["x"] + 0.5 * canvas["width"] + scale * right, canvas["y"] + 0.5 * canvas["height"] + scale * down
 
 
 def _named(download: Any, name: str) -> Path:

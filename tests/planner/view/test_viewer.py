@@ -3,27 +3,32 @@
 from __future__ import annotations
 
 import dataclasses
+import html
+import json
 import math
 import socket
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
+from hdplan.planner.certificate import certify
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.timing import Timekeeper
 from hdplan.planner.trajectory import Trajectory
-from hdplan.planner.view.handles import GOAL
+from hdplan.planner.view.handles import GOAL, Handles
 from hdplan.planner.view.nodes import ENDLESS, RobotNodes, pose_of
 from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.server import open_viewer
-from hdplan.planner.view.viewer import Viewer
+from hdplan.planner.view.viewer import OUTDATED, Viewer
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.model import (
     Box,
+    JointTarget,
     Obstacle,
     PathConstraints,
     Pose,
@@ -36,6 +41,7 @@ from hdplan.scenes.model import (
 )
 from hdplan.scenes.moving import Passages
 from hdplan.scenes.reader import load_scene
+from tests.threads import together
 
 Opener = Callable[..., Viewer]
 
@@ -340,3 +346,154 @@ def test_a_recorded_page_holds_the_client_and_the_motion(viewer: Viewer, tmp_pat
     assert "__VISER_EMBED_DATA__" in text
     assert "http://" not in text.split("__VISER_EMBED_DATA__")[1][:100]
     assert len(text) < 3e6
+
+
+# --- what is said and saved is of the scene as it is ------------------------------------------------------------------
+
+
+def saved_pair(viewer: Viewer, folder: Path) -> tuple[Scene, Path]:
+    (folder / "scene.yaml").write_bytes(viewer.planning.scene_file())
+    (folder / "motion.json").write_bytes(viewer.planning.motion_file())
+    return load_scene(folder / "scene.yaml"), folder / "motion.json"
+
+
+def assert_true(viewer: Viewer, folder: Path) -> str:
+    """What is shown and what is saved is what a certificate says of the saved motion in the saved scene; returns the
+    status that the file says, if it says any."""
+    scene, file = saved_pair(viewer, folder)
+    certificate = certify(scene, Trajectory.load(file))
+    said = json.loads(file.read_text(encoding="utf-8")).get("verdict", {})
+    if said:
+        assert (said["status"], said["text"]) == (certificate.status.value, certificate.text)
+        assert said["clearance_m"] == certificate.clearance
+    assert "certified: at least" not in viewer.planning.said or certificate.certified
+    assert viewer.verdict.count(OUTDATED) == sum(not viewer.holds(shown.motion) for shown in viewer.shown)
+    for shown in viewer.shown:
+        if viewer.holds(shown.motion):
+            text = certify(scene, shown.motion.trajectory).text
+            assert html.escape(text) in viewer.verdict
+    return str(said.get("status"))
+
+
+def test_an_obstacle_dragged_into_the_arm_takes_the_verdict_with_it(
+    opened: Opener, scene: Scene, tmp_path: Path
+) -> None:
+    """From the first move on, and in the file, whether the obstacle was let go or not."""
+    viewer = opened(scene)
+    planned(viewer)
+    assert viewer.active is not None
+    assert assert_true(viewer, tmp_path) == "certified"
+    middle = viewer.active.motion.tip[len(viewer.active.motion.tip) // 2]
+    handles, ball = viewer.planning.handles, next(o for o in scene.obstacles if o.name == "ball")
+    handles.choice.value = "obstacle ball"
+    viewer.worker.settle(20)
+    by_worker(viewer, lambda: handles.drag(dataclasses.replace(ball.pose, position=tuple(middle.tolist()))))
+    assert OUTDATED in viewer.verdict
+    assert "certified" not in viewer.planning.said
+    assert assert_true(viewer, tmp_path) == "in_contact"
+    by_worker(viewer, handles.let_go)
+    assert "in contact" in viewer.verdict
+    assert assert_true(viewer, tmp_path) == "in_contact"
+    by_worker(viewer, lambda: handles.drag(ball.pose))
+    assert assert_true(viewer, tmp_path) == "certified"
+
+
+def test_whatever_is_dragged_planned_and_saved_in_whatever_order_is_true(
+    opened: Opener, drifting: Scene, timed: Trajectory, tmp_path: Path
+) -> None:
+    """At random: obstacles that stand and that move, and the goal; let go or not; planned, also while it is dragged."""
+    rng = np.random.default_rng(11)
+    still = dataclasses.replace(drifting, obstacles=drifting.obstacles[:1], timing=None)
+    statuses: list[str] = []
+    moving = dataclasses.replace(drifting, obstacles=drifting.obstacles[1:])
+    for scene, limit in ((still, 10), (moving, 4)):
+        viewer = opened(scene, found=timed)
+        planned(viewer)
+        handles = viewer.planning.handles
+        choices = [GOAL, *(f"obstacle {obstacle.name}" for obstacle in scene.obstacles)]
+
+        def drag(handles: Handles = handles, viewer: Viewer = viewer) -> None:
+            if handles.choice.value == GOAL:
+                place = viewer.tip.placement(viewer.query.goal + rng.normal(0.0, 0.05, viewer.robot.n))
+                x, y, z, w = pin.Quaternion(place.rotation).coeffs().tolist()
+                handles.drag(Pose(tuple(place.translation.tolist()), (x, y, z, w)))
+                return
+            (obstacle,) = (o for o in viewer.scene.obstacles if f"obstacle {o.name}" == handles.choice.value)
+            position = np.array(obstacle.pose.position) + rng.normal(0.0, 0.1, 3) * [1, 1, 0]
+            handles.drag(dataclasses.replace(obstacle.pose, position=tuple(position.tolist())))
+
+        for _ in range(limit):
+            handles.choice.value = str(rng.choice(choices))
+            viewer.worker.settle(20)
+            match rng.choice(["drag", "let go", "plan", "drag while planning"], p=[0.5, 0.25, 0.1, 0.15]):
+                case "drag":
+                    by_worker(viewer, drag)
+                case "let go":
+                    by_worker(viewer, drag)
+                    by_worker(viewer, handles.let_go)
+                case "plan":
+                    planned(viewer)
+                case "drag while planning":
+                    viewer.planning.start()
+                    by_worker(viewer, drag)
+                    while viewer.planning.running:
+                        by_worker(viewer, drag)
+                    assert viewer.worker.settle(20)
+            statuses.append(assert_true(viewer, tmp_path))
+    assert len(set(statuses)) > 1
+
+
+def test_a_motion_that_was_not_planned_here_is_saved_without_a_verdict(viewer: Viewer, tmp_path: Path) -> None:
+    assert assert_true(viewer, tmp_path) == "None"
+
+
+def test_a_scene_that_does_not_fit_moves_nothing(viewer: Viewer) -> None:
+    before = viewer.scene, viewer.query, viewer.certifier, viewer.verdict
+    goal = JointTarget("goal", positions=tuple(viewer.robot.upper + 1.0))
+    with pytest.raises(InputError, match="outside its limits"):
+        viewer.move(dataclasses.replace(viewer.scene, goal=goal))
+    assert (viewer.scene, viewer.query, viewer.certifier, viewer.verdict) == before
+
+
+def test_a_handle_that_is_no_pose_is_one_line(viewer: Viewer) -> None:
+    """As a browser may send anything."""
+    for position, wxyz in (((np.nan, 0, 0), (1, 0, 0, 0)), ((0, 0, 0), (0, 0, 0, 0)), ((0, np.inf, 0), (1, 0, 0, 0))):
+        handle = SimpleNamespace(position=position, wxyz=wxyz)
+        viewer.planning.handles.choice.value = GOAL
+        viewer.worker.settle(20)
+        before = viewer.scene
+        viewer.planning.handles._dragged(SimpleNamespace(target=handle, phase="update"))
+        assert viewer.worker.settle(20)
+        assert "handle: found position" in viewer.verdict
+        assert "\n" not in viewer.verdict
+        assert viewer.scene is before
+
+
+def test_two_browsers_that_press_plan_at_once_get_one_motion(opened: Opener, scene: Scene) -> None:
+    viewer = opened(scene)
+    together(lambda _: viewer.planning.start(), 3)
+    while viewer.planning.running:
+        time.sleep(0.02)
+    assert viewer.worker.settle(20)
+    assert "certified: at least" in viewer.planning.said
+    assert viewer.planning.button.label == "Plan"
+    assert [shown.motion.name for shown in viewer.shown] == [NAME]
+
+
+MORE = [pytest.param(name, marks=pytest.mark.slow) for name in ("panda_carry", "ur5_payload")]
+
+
+@pytest.mark.parametrize("name", ["panda_grasp", "panda_conveyor", *MORE])
+def test_other_scenes_are_saved_as_they_are(opened: Opener, name: str, tmp_path: Path) -> None:
+    viewer = opened(load_scene(name))
+    planned(viewer)
+    assert assert_true(viewer, tmp_path) == "certified"
+
+
+def test_layers_that_are_off_stay_off_for_new_motions(opened: Opener, scene: Scene) -> None:
+    viewer = opened(scene)
+    viewer.layers.set("robot", False)
+    viewer.layers.set("path", False)
+    planned(viewer)
+    assert not viewer.shown[0].path.visible
+    assert not viewer.shown[0].robot.visible
