@@ -278,7 +278,8 @@ class _Run:
         goal = self._enough(items.pair)
         hollow, travel = self.hollow[items.pair], travel_of(items)
         for i in np.flatnonzero(hollow & (values < goal) & (bound < goal)).tolist():
-            values[i] = self._surface(nodes, int(items.node[i]), int(items.pair[i]))
+            # where coal is in doubt, a surface's distance is 0: it is no less than the hulls'
+            values[i] = max(values[i], self._surface(nodes, int(items.node[i]), int(items.pair[i])))
             bound[i] = max(bound[i], values[i] - travel[i] - ROUNDING)
         for i in np.argsort(values).tolist():
             node, pair, value = int(items.node[i]), int(items.pair[i]), float(values[i])

@@ -435,6 +435,22 @@ def test_directions_are_right_in_parallel_and_random_poses() -> None:
             assert value == pytest.approx(turned, abs=2e-5)
 
 
+def test_where_coal_is_in_doubt_hulls_that_keep_apart_are_no_contact(
+    planar: RobotSpec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A distance of surfaces that is not to be believed counts as 0: the hulls' own is still proven."""
+    ring = trimesh.creation.annulus(0.4, 0.5, 0.2)
+    ring.export(tmp_path / "ring.stl")
+    far = Obstacle("ring", Mesh(tmp_path / "ring.stl"), Pose((5.0, 0.0, 0.0)))
+    exact = swing(planar, 0.3, far)
+    monkeypatch.setattr("hdplan.planner.sweep.surface_distance", lambda *_: 0.0)
+    found = swing(planar, 0.3, far)
+    assert found.certified
+    assert exact.clearance is not None
+    assert found.clearance is not None
+    assert 1.0 < found.clearance <= exact.clearance * 1.1
+
+
 def test_loose_convex_parts_are_exact_and_walls_stay_whole() -> None:
     box = trimesh.creation.box((1, 1, 1))
     two = trimesh.util.concatenate([box, box.copy().apply_translation([3, 0, 0])])

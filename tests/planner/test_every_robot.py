@@ -23,24 +23,51 @@ WITHOUT = {  # robots that nothing can be planned for
 BALL = Obstacle("ball", Sphere(0.05), Pose((3.0, 3.0, 3.0)))
 
 
-def scene_of(robot: Robot, start: np.ndarray, goal: np.ndarray) -> Scene:
+def scene_of(spec: RobotSpec, start: np.ndarray, goal: np.ndarray) -> Scene:
     ends = JointTarget("start", tuple(start.tolist())), JointTarget("goal", tuple(goal.tolist()))
-    return Scene(robot.name, Path("small.yaml"), RobotSpec(name=robot.name), (BALL,), *ends)
+    return Scene("small", Path("small.yaml"), spec, (BALL,), *ends)
+
+
+def depth(certifier: Certifier, q: np.ndarray) -> float:
+    return sum(contact.depth + 1e-3 for contact in certifier.contacts(q))
+
+
+def freed(certifier: Certifier, q: np.ndarray) -> np.ndarray:
+    """Move one joint after the other at random, as long as the robot touches itself less for it."""
+    rng, deep = np.random.default_rng(0), depth(certifier, q)
+    for _ in range(600):
+        if deep == 0.0:
+            break
+        trial, joint = q.copy(), rng.integers(len(q))
+        trial[joint] = certifier.robot.draw(rng, 1)[0, joint]
+        if (found := depth(certifier, trial)) <= deep:
+            q, deep = trial, found
+    return q
 
 
 def small_motion(robot: Robot) -> Scene:
-    """From a free configuration, every joint a little farther: the least that a robot must be able to do."""
+    """From a free configuration, every joint a little farther: the least that a robot must be able to do.
+
+    Pairs of links whose meshes overlap nearly everywhere (an iCub's hips) are what `robot.ignore_pairs` is for.
+    """
+    spec = RobotSpec(name=robot.name)
     rest = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
     states = [
         np.clip([state[joint] for joint in robot.joint_names], robot.lower, robot.upper)
         for state in robot.named_states.values()
         if all(joint in state for joint in robot.joint_names)
     ]
-    certifier = Certifier(scene_of(robot, rest, rest), robot)
-    drawn = robot.draw(np.random.default_rng(0), 500)
-    start = next(q for q in (rest, *states, *drawn) if not certifier.contacts(q))
-    step = np.minimum(0.02, 0.2 * (robot.upper - robot.lower))
-    return scene_of(robot, start, np.where(start + step <= robot.upper, start + step, start - step))
+    certifier = Certifier(scene_of(spec, rest, rest), robot)
+    start = next((q for q in (rest, *states) if not certifier.contacts(q)), None)
+    stuck: tuple[tuple[str, str], ...] = ()
+    if start is None:
+        start = freed(certifier, rest)
+        stuck = tuple((contact.link, contact.other) for contact in certifier.contacts(start))
+        assert len(stuck) <= 4
+    rng, step = np.random.default_rng(0), np.minimum(0.02, 0.2 * (robot.upper - robot.lower))
+    goals = (np.clip(start + step * rng.uniform(-1, 1, robot.n), robot.lower, robot.upper) for _ in range(100))
+    goal = next(q for q in goals if {(each.link, each.other) for each in certifier.contacts(q)} <= {*stuck})
+    return scene_of(RobotSpec(name=robot.name, ignore_pairs=stuck), start, goal)
 
 
 def plans(name: str) -> None:
