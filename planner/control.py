@@ -51,6 +51,7 @@ from hdplan.planner.joint_limits import velocity_limits
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.scenes.model import Scene
+from hdplan.scenes.values import instance
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -127,7 +128,11 @@ class Controller:
     def of(cls, scene: Scene, settings: ControlSettings | None = None, robot: Robot | None = None) -> Controller:
         """Return the controller of a scene. Raises InputError as `scene_barriers`, for the scene's robot, and for a
         joint that neither scene nor URDF gives a speed limit."""
-        settings, robot = settings or ControlSettings(), robot or load_scene_robot(scene)
+        instance(scene, Scene, "scene")
+        settings = ControlSettings() if settings is None else settings
+        instance(settings, ControlSettings, "settings")
+        robot = load_scene_robot(scene) if robot is None else robot
+        instance(robot, Robot, "robot")
         given = scene.limits if scene.limits.velocity is not None else replace(scene.limits, velocity="urdf")
         limits = velocity_limits(replace(scene, limits=given), robot)
         return cls(robot, scene_barriers(scene, robot, settings.barriers), settings, limits)

@@ -24,8 +24,8 @@ SHARE = 1e-6  # of a limit
 ANGLE = 2e-9  # [rad] or [m] beyond a limit of position
 JUMP = 2e-6  # of a rate at a row, beyond which it is no rounding
 SAMPLES = 257  # of a motion
-COARSE = 9  # of them at which all bodies are compared at first
-MOST = 1500  # pairs of pieces looked at, at once
+COARSE = 25  # of them at which all bodies are compared at first
+MOST = 2500  # pairs of pieces looked at, at once
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def _places(world: World, rows: Rows, q: Array, times: Array, clearance: float, 
                 where = _when(rows, each.place, q)
                 return [f"{_names(world, each.pair)}: {each.high:.6g} m at {where}, claimed {must:.6g} m"]
         nearest = sorted(nearest, key=lambda each: each.high - asked[world.pairs.index(each.pair)])[:4]
-        step = max(1, len(q) // COARSE // 3)
+        step = max(1, len(q) // COARSE // 4)
         around = [each.place + move for each in nearest for move in (-2 * step, -step, step, 2 * step)]
         chosen = np.unique(np.clip(around, 0, len(q) - 1)) if around else np.arange(0)
         if not len(chosen):
@@ -247,7 +247,10 @@ def _ends_are_closer(world: World, names: tuple[str, ...]) -> bool:
         return False
     q = np.array([[end[name] for name in names] for end in ends])
     times = np.array([0.0, (world.content.get("timing") or {}).get("duration", 0.0)])
-    near = closest(world, world.places(names, q, times), np.arange(2), np.full(len(world.pairs), asked + 1e-6))
+    places = world.places(names, q, times)
+    if inside(world, places, open_too=True):
+        return True
+    near = closest(world, places, np.arange(2), np.full(len(world.pairs), asked + 1e-6))
     outer = [each for each in near if each.pair[1] >= world.robot_count]
     return any(each.high < asked + 1e-6 and world.bodies[each.pair[1]].name not in world.insist for each in outer)
 

@@ -120,13 +120,17 @@ def obstacles(
     found = []
     for number in range(int(rng.choice([0, 1, 2, 3], p=[0.05, 0.5, 0.3, 0.15]))):
         name = f"thing{number}"
-        piece = int(rng.integers(len(world.pieces.body)))
+        body = int(rng.integers(len(world.bodies)))  # small ones as often as those of many triangles
+        piece = int(rng.choice(np.flatnonzero(world.pieces.body == body)))
         time = int(rng.integers(places.shape[1]))
         place = places[world.pieces.body[piece], time]
+        own = world.bodies[int(world.pieces.body[piece])].rows
+        middle = np.mean([points.mean(axis=0) for points, *_ in own], axis=0)  # of the whole body
         centre = place[:3, :3] @ world.pieces.centre[piece] + place[:3, 3]
         size, trap = float(rng.uniform(0.03, 0.4)), rng.random()
         turn = rng.choice([0.0, np.pi / 2], 3) if rng.random() < 0.3 else rng.uniform(-3, 3, 3)
         if trap < 0.12:  # a thing within a body, or a solid or a shell around it
+            centre = place[:3, :3] @ middle + place[:3, 3]
             shape = solid(rng, 0.02) if rng.random() < 0.5 else mesh(rng, folder, name, 0.02)
         elif trap < 0.25:
             shape = mesh(

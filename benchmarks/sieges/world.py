@@ -27,6 +27,7 @@ NAMED = {
     "ur5": ("ur_description/urdf/ur5_robot.urdf", "ur_description/srdf/ur5.srdf"),
 }
 SAME = np.eye(3)
+CONVEX = 1.0 - 1e-3  # of its hull's volume from which a closed mesh counts as its hull, as hdplan says it does
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +193,7 @@ def _body(
     volume = abs(float(np.einsum("fi,fi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])))) / 6.0
     used = points[np.unique(faces)]
     hull = ConvexHull(used) if solid else None
-    if hull is not None and volume >= (1.0 - 1e-6) * hull.volume:
+    if hull is not None and volume >= CONVEX * hull.volume:
         return Body(name, link, place, [(used[hull.vertices], 0.0, 0.0, SAME)], motion=motion)
     rows = [(corner, 0.0, 0.0, SAME) for corner in points[faces]]
     return Body(name, link, place, rows, shape, solid, motion)

@@ -247,9 +247,9 @@ def test_provably_unsafe_settings_are_refused_by_name() -> None:
         (dict(margin=-0.05), "lets bodies touch"),
         (dict(barriers=boxes, margin=-5e-3, self_margin=-1e-3), "lets bodies touch"),  # the paper's published code
         (dict(barriers=BarrierSettings("euclidean", growth=0.01, self_growth=0.0), margin=-0.02), "inside the true"),
-        (dict(period=0.0), "control.period"),
-        (dict(speed=1.5), "control.speed"),
-        (dict(margin=math.nan), "control.margin"),
+        (dict(period=0.0), "ControlSettings.period"),
+        (dict(speed=1.5), "ControlSettings.speed"),
+        (dict(margin=math.nan), "ControlSettings.margin"),
     ):
         with pytest.raises(InputError, match=word) as refused:
             ControlSettings(**wrong)  # type: ignore[arg-type]
@@ -259,8 +259,8 @@ def test_provably_unsafe_settings_are_refused_by_name() -> None:
         (dict(distance="hdsd"), "hdsdf"),
         (dict(normals="paper"), "normals"),
         (dict(growth=-1.0), "growth"),
-        (dict(gamma=0), "control.gamma"),
-        (dict(shaping_length=-1.0), "control.shaping_length"),
+        (dict(gamma=0), "BarrierSettings.gamma"),
+        (dict(shaping_length=-1.0), "BarrierSettings.shaping_length"),
     ):
         with pytest.raises(InputError, match=word):
             BarrierSettings(**wrong)  # type: ignore[arg-type]
