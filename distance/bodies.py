@@ -15,7 +15,7 @@ from scipy.sparse import csr_matrix, triu
 from scipy.spatial import ConvexHull
 
 from hdplan.scenes.errors import InputError, nearest
-from hdplan.scenes.values import Whole, checked
+from hdplan.scenes.values import Whole, checked, instance
 
 Array = NDArray[np.float64]
 
@@ -133,6 +133,12 @@ class ConvexBody:
     def reach(self) -> float:
         """The largest distance from the centre to a point of the body [m]."""
         return float(np.linalg.norm(self.vertices - self.centre, axis=1).max()) + self.radius
+
+
+def check_bodies(body_a: object, body_b: object) -> None:
+    """Raise InputError unless both are convex bodies."""
+    instance(body_a, ConvexBody, "body_a")
+    instance(body_b, ConvexBody, "body_b")
 
 
 def unique_directions(directions: ArrayLike) -> tuple[Array, Array]:

@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.bodies import ConvexBody, check_bodies
 from hdplan.distance.poses import check_pose_lists
 from hdplan.distance.surface import triangles
 from hdplan.scenes.errors import InputError
@@ -98,6 +98,7 @@ def fcl_distances(body_a: ConvexBody, poses_a: ArrayLike, body_b: ConvexBody, po
     of unequal length; RuntimeError if the process fails in another way than FCL's.
     """
     _library()
+    check_bodies(body_a, body_b)
     world_a, world_b = check_pose_lists(poses_a, poses_b)
     answers = np.zeros(len(world_a), ANSWER)
     for name in ("distance", "point_a", "point_b"):

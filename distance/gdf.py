@@ -10,7 +10,8 @@ and full size l of its bounding box, all in its own frame,
     F(q) = ε/2 (|q - c|² - 0.3 |l|²)                           ε bulges what would be flat
     E(q) = F + √(F² + max(1-2ε, 0) G²)                         Π(q) = q - ∇E(q), a smooth projection
 
-The pair a = Π_A(b), b = Π_B(a) is found by taking turns, and then
+The pair a = Π_A(b), b = Π_B(a) is found by taking turns, and then (the derivative exact only where the pair is; as it
+ends at a tolerance, it is an approximation to first order in what is left, the value to second order)
 
     D² = 2 E_A(b) + 2 E_B(a) - |a - b|²                        ∂D/∂(translation of A) = (a - b)/D
 

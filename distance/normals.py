@@ -30,7 +30,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hdplan.distance.bodies import ConvexBody, unique_directions
+from hdplan.distance.bodies import ConvexBody, check_bodies, unique_directions
 from hdplan.scenes.errors import InputError, nearest
 
 Array = NDArray[np.float64]
@@ -92,6 +92,9 @@ def candidate_normals(name: str, body_a: ConvexBody, body_b: ConvexBody) -> Cand
 
     Raises InputError for an unknown name.
     """
+    check_bodies(body_a, body_b)
+    if not isinstance(name, str):
+        raise InputError(f"normals: found {name!r}, allowed is the name of a set, such as 'paper+edges'")
     base, *parts = name.split("+")
     if base not in BASES or len(set(parts)) < len(parts):
         raise _unknown(name)
@@ -155,7 +158,10 @@ def check_witnesses(witnesses: ArrayLike | None) -> Array:
     """
     if witnesses is None:
         return np.empty((0, 3))
-    vectors = np.asarray(witnesses, dtype=float)
+    try:
+        vectors = np.asarray(witnesses, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"witnesses: not an array of numbers ({error})") from None
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     if vectors.ndim < 2 or vectors.shape[-1] != 3 or not np.all(np.isfinite(lengths)) or np.any(lengths == 0):
         raise InputError(f"witnesses: found an array of shape {vectors.shape}, allowed are nonzero vectors (..., W, 3)")
@@ -174,6 +180,7 @@ def separating_axes(body_a: ConvexBody, rotation_a: Array, body_b: ConvexBody, r
     Faces of both bodies and the cross products of their edges; those of parallel edges do not exist. Where A - B is
     flat (two segments, coplanar polygons) the normals of its plane or line belong to it as well.
     """
+    check_bodies(body_a, body_b)
     edges_a, edges_b = body_a.edges @ rotation_a.T, body_b.edges @ rotation_b.T
     crosses = np.cross(edges_a[:, None], edges_b[None]).reshape(-1, 3)
     sines = np.linalg.norm(crosses, axis=1)

@@ -16,7 +16,7 @@ import coal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.bodies import ConvexBody, check_bodies
 from hdplan.distance.normals import PARALLEL, own_directions, separating_axes
 from hdplan.distance.poses import check_pose, check_pose_lists
 from hdplan.distance.sat import Proximity, ground_truth
@@ -58,6 +58,7 @@ def signed_distance(body_a: ConvexBody, pose_a: ArrayLike, body_b: ConvexBody, p
     come off the signed distance of the polytopes. Raises InputError for poses of another shape, not finite or not
     rigid.
     """
+    check_bodies(body_a, body_b)
     found = _exact(body_a, check_pose("pose_a", pose_a)[None], body_b, check_pose("pose_b", pose_b)[None])
     return Proximity(float(found.distances[0]), found.points_a[0], found.points_b[0], found.normals[0])
 
@@ -70,6 +71,7 @@ def signed_distances(body_a: ConvexBody, poses_a: ArrayLike, body_b: ConvexBody,
 
     Raises InputError for poses of another shape, not finite or not rigid, and for lists of unequal length.
     """
+    check_bodies(body_a, body_b)
     world_a, world_b = check_pose_lists(poses_a, poses_b)
     axes = len(body_a.faces) + len(body_b.faces) + len(body_a.edges) * len(body_b.edges)
     block = max(1, min(512, BLOCK // (1 + axes * (len(body_a.vertices) + len(body_b.vertices)))))

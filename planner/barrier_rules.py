@@ -14,7 +14,7 @@ the bodies (which the outer bodies contain, so d only gains):
       D ≥ δ ≥ 0   ⇒   D̃ ≥  N_in^(1/p) Φ⁻¹(K^(−1/p) Φ⁻¹(δ)),
 
   and d ≥ g + that bound. It is attained only where all K normals read alike; a proof has to allow for it.
-* GDF: an approximation; nothing is guaranteed.
+* GDF: an approximation, whose derivative is exact only where its iteration has converged; nothing is guaranteed.
 
 Time: commands are held over a period T, so h is kept at the samples (η T ≤ 1: a linear barrier does not cross zero; the
 controller's look-ahead makes sure of the curved ones), and between two samples no two points approach by more than
@@ -66,6 +66,14 @@ def separation_bound(delta: float, gamma: int, length: float, count: int, inner:
     if delta < 0:
         return -float(inner ** (-1 / p)) * unshaped(count ** (1 / p) * unshaped(-delta, gamma, length), gamma, length)
     return float(inner ** (1 / p)) * unshaped(count ** (-1 / p) * unshaped(delta, gamma, length), gamma, length)
+
+
+def sufficient_separation(delta: float, gamma: int, length: float, corners: int) -> float:
+    """Return a D̃ [m] that proves D ≥ delta for a link body of so many corners: N_out^(1/p) Φ⁻¹(Φ⁻¹(δ)), as
+    ⊕ ≥ N_out^(−1/p) min and more normals only raise D; 0 for a delta of 0 or less."""
+    if delta <= 0.0:
+        return 0.0
+    return float(corners ** (1 / (gamma + 1)) * unshaped(unshaped(delta, gamma, length), gamma, length))
 
 
 def guaranteed_clearance(

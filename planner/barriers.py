@@ -12,12 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.distance.holder import check_gamma, resolve_shaping_length
 from hdplan.planner.box_pairs import BoxPairs, GdfPairs
 from hdplan.planner.fcl_pairs import FclPairs
 from hdplan.planner.hdsdf_pairs import HdsdfPairs
@@ -29,9 +28,10 @@ from hdplan.planner.plane_bodies import PlaneBody, from_link_body, from_obstacle
 from hdplan.planner.reach import levers
 from hdplan.planner.robot import Robot
 from hdplan.planner.terms import PairDistance
-from hdplan.scenes.errors import InputError, naming, nearest
+from hdplan.scenes.errors import FieldError, naming, nearest
 from hdplan.scenes.model import Pose, Scene
 from hdplan.scenes.moving import Passages
+from hdplan.scenes.values import Checked, Choice, Number, Whole, instance
 
 Floats = NDArray[np.float64]
 
@@ -39,31 +39,21 @@ DISTANCES = ("hdsdf", "hdsdf-boxes", "euclidean", "gdf")
 
 
 @dataclass(frozen=True)
-class BarrierSettings:
+class BarrierSettings(Checked):
     """Which distance, and what it is taken to."""
 
-    distance: str = "hdsdf"  # hdsdf (planes of the obstacle), hdsdf-boxes (the paper's set), euclidean (exact) or gdf
-    gamma: int = 2  # order of differentiability of the HD-SDF
-    shaping_length: float = 1e-3  # width of its flat spot [m]
-    growth: float = 0.02  # of the obstacles [m], g
-    self_growth: float = 0.005  # of a link beside another [m]
+    distance: Annotated[str, Choice(DISTANCES)] = "hdsdf"
+    """hdsdf (planes of the obstacle), hdsdf-boxes (the paper's set), euclidean (exact) or gdf."""
+    gamma: Annotated[int, Whole(1, 1000)] = 2  # order of differentiability of the HD-SDF
+    shaping_length: Annotated[float, Number(above=0.0, unit="m")] = 1e-3  # width of its flat spot [m]
+    growth: Annotated[float, Number(0.0, 1.0, unit="m")] = 0.02  # of the obstacles [m], g
+    self_growth: Annotated[float, Number(0.0, 1.0, unit="m")] = 0.005  # of a link beside another [m]
     normals: str = "box"  # planes of an obstacle: faces, box or sphere; of hdsdf-boxes: paper or paper-multiset
 
-    def __post_init__(self) -> None:
-        """Refuse what is none of it."""
-        if self.distance not in DISTANCES:
-            raise InputError(f"control.distance: unknown '{self.distance}'{nearest(self.distance, DISTANCES)}")
+    def _check_whole(self) -> None:
         known = ("paper", "paper-multiset") if self.distance == "hdsdf-boxes" else ("faces", "box", "sphere")
         if self.normals not in known:
-            raise InputError(f"control.normals: '{self.normals}' for {self.distance}{nearest(self.normals, known)}")
-        try:
-            check_gamma(self.gamma)
-            resolve_shaping_length(self.gamma, self.shaping_length, None)
-        except InputError as error:
-            raise InputError(f"control.{error}") from None
-        for name in ("growth", "self_growth"):
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise InputError(f"control.{name}: found {getattr(self, name):g} m, allowed is 0 to 1 m")
+            raise FieldError(f"'{self.normals}' for {self.distance}{nearest(self.normals, known)}", "normals")
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +128,7 @@ class Barriers:
         self.coming = np.zeros(len(names), dtype=np.bool_)  # (P,) pairs with an obstacle that moves
         self.coming[: len(outer)] = [b >= len(obstacles) for _, b in outer]
         self.obstacle_pairs = len(outer)  # the first of the P
+        self.corners = max((len(body.body.vertices) for body in bodies), default=1)  # of a link's body, at most
         self.levers = levers(robot, [(body.joint, body.body) for body in bodies])  # (n,) [m]
 
     def evaluate(self, q: Floats, time: float = 0.0, chosen: Rows | None = None) -> BarrierRows:
@@ -152,13 +143,14 @@ class Barriers:
             return self._nothing
         return self._evaluated(q, time, self._true, chosen)
 
-    def certain(self, rows: BarrierRows, velocity: Floats, period: float) -> NDArray[np.bool_]:
-        """Return which pairs (P,) have a positive Δ after a period of a velocity, whatever else it is, by how far the
-        robot's points move: the plain maximum over planes fixed in an obstacle that stands changes by no more."""
+    def certain(self, rows: BarrierRows, velocity: Floats, period: float, needed: Floats) -> NDArray[np.bool_]:
+        """Return which pairs (P,) have a D̃ above `needed` (P,) [m] after a period of a velocity, whatever else it is,
+        by how far the robot's points move: the plain maximum over planes fixed in an obstacle that stands changes by no
+        more."""
         known = np.arange(len(self.names)) < self.obstacle_pairs
         if self.settings.distance != "hdsdf" or self.movers:
             return np.zeros(len(known), dtype=np.bool_)
-        return np.asarray(known & (rows.separation > period * float(np.abs(velocity) @ self.levers)))
+        return np.asarray(known & (rows.separation > needed + period * float(np.abs(velocity) @ self.levers)))
 
     def _evaluated(self, q: Floats, time: float, groups: Sequence[tuple[_Group, Rows]], chosen: Rows) -> BarrierRows:
         """Evaluate the chosen pairs, which count through all groups; each group with its rows for its pairs."""
@@ -236,6 +228,9 @@ def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Bar
     Link bodies are the scene's setting `planner.link_bodies`, boxes for the distances that know nothing else. Raises
     InputError for an obstacle that the distance cannot take.
     """
+    instance(scene, Scene, "scene")
+    instance(robot, Robot, "robot")
+    instance(settings, BarrierSettings, "settings")
     boxes = settings.distance in ("hdsdf-boxes", "gdf")
     planes = settings.normals if settings.distance == "hdsdf" else "box"
     outline = outline_of(robot, "box" if boxes else scene.planner.link_bodies, planes)

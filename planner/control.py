@@ -41,6 +41,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.planner.barrier_rules import sufficient_separation
 from hdplan.planner.barriers import BarrierRows, Barriers, scene_barriers
 from hdplan.planner.control_inputs import joint_numbers, number, quadratic
 from hdplan.planner.control_program import Wishes, best_velocity
@@ -50,13 +51,14 @@ from hdplan.planner.joint_limits import velocity_limits
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.scenes.model import Scene
+from hdplan.scenes.values import instance
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
 LOOKS = 4  # at a command's end, the first included
 ROUNDING = 1e-12  # [m] granted to a distance that may not fall
-SPARE = 1e-9  # [m] that a corrected command is to end above that
+SPARE = 1e-7  # [m] that a corrected command is to end above that: more than the program's tolerance
 NEAR = 0.01  # [m] below which the exact distance of a pair that is inside its margin may not fall
 MISSED = 1e-4  # [m/s] by which a barrier is missed before it is said
 COMING, RECOVERING = 1e3, 30.0  # price of what is missed beside what comes, and of a way back to a margin [s/m or s]
@@ -103,6 +105,12 @@ class Controller:
         self.robot, self.barriers, self.settings = robot, barriers, settings
         count, outer = len(barriers.names), barriers.obstacle_pairs
         self._margins = np.where(np.arange(count) < outer, settings.margin, settings.self_margin)
+        b = settings.barriers
+        sure = [
+            sufficient_separation(margin, b.gamma, b.shaping_length, barriers.corners)
+            for margin in (settings.margin, settings.self_margin)
+        ]
+        self._sure = np.where(np.arange(count) < outer, *sure)  # D̃ [m] from which on Δ ≥ δ is certain
         self._clearance = settings.clearance
         given = robot.model.velocityLimit if limits is None else limits
         self.fastest = settings.speed * joint_numbers("limits", given, robot.joint_names, positive=True)  # (n,)
@@ -120,7 +128,11 @@ class Controller:
     def of(cls, scene: Scene, settings: ControlSettings | None = None, robot: Robot | None = None) -> Controller:
         """Return the controller of a scene. Raises InputError as `scene_barriers`, for the scene's robot, and for a
         joint that neither scene nor URDF gives a speed limit."""
-        settings, robot = settings or ControlSettings(), robot or load_scene_robot(scene)
+        instance(scene, Scene, "scene")
+        settings = ControlSettings() if settings is None else settings
+        instance(settings, ControlSettings, "settings")
+        robot = load_scene_robot(scene) if robot is None else robot
+        instance(robot, Robot, "robot")
         given = scene.limits if scene.limits.velocity is not None else replace(scene.limits, velocity="urdf")
         limits = velocity_limits(replace(scene, limits=given), robot)
         return cls(robot, scene_barriers(scene, robot, settings.barriers), settings, limits)
@@ -203,8 +215,7 @@ class Controller:
         best: tuple[float, Array] | None = None
         for look in range(LOOKS):
             began = perf_counter()
-            certain = self.barriers.certain(now.rows, velocity, period) & (floors[: len(self._margins)] <= ROUNDING)
-            looked = np.flatnonzero(~certain)
+            looked = np.flatnonzero(~self.barriers.certain(now.rows, velocity, period, self._sure))
             ahead, then = now.q + period * velocity, now.time + period
             after = self.barriers.evaluate(ahead, then, looked)
             near = self.barriers.nearness(ahead, then, now.inside)
@@ -221,7 +232,8 @@ class Controller:
                 break
             gradient = np.concatenate([after.gradient, near.gradient])[fallen]
             wish = gradient @ velocity + (SPARE - over[fallen]) / period
-            wishes = wishes.with_rows(_wished(gradient, wish, np.where(coming[fallen], 1.0, 0.0)))
+            hold = np.where(coming[fallen], -np.inf, wish)
+            wishes = wishes.with_rows(Wishes(gradient, wish, hold, np.full(len(wish), COMING)))
             corrected = best_velocity(hessian, linear, *self._box(now.q), wishes)
             if corrected is None:
                 break

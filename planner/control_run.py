@@ -21,6 +21,7 @@ from hdplan.planner.control import Controller, Mode, Step
 from hdplan.planner.control_inputs import joint_numbers, number
 from hdplan.planner.control_tasks import Task
 from hdplan.planner.trajectory import Trajectory
+from hdplan.scenes.values import instance
 
 Array = NDArray[np.float64]
 
@@ -86,6 +87,7 @@ def simulate(
     watch: is called each period with the time, the configuration and the step. Raises InputError for a start, a
     duration or a begin that is none.
     """
+    instance(controller, Controller, "controller")
     duration, begin = number("duration", duration, 0.0), number("begin", begin)
     period, q = controller.settings.period, joint_numbers("start", start, controller.robot.joint_names).copy()
     positions, steps, met = [q], [], None

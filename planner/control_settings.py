@@ -3,35 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-
-import numpy as np
+from typing import Annotated
 
 from hdplan.planner.barrier_rules import guaranteed_clearance, refuse_unsafe
 from hdplan.planner.barriers import BarrierSettings
-from hdplan.scenes.errors import InputError
+from hdplan.scenes.values import Checked, Number
 
 
 @dataclass(frozen=True)
-class ControlSettings:
+class ControlSettings(Checked):
     """How a controller works."""
 
     barriers: BarrierSettings = field(default_factory=BarrierSettings)
-    margin: float = -2.5e-4  # δ between robot and obstacles [m]: where the barrier stops
-    self_margin: float = -2.5e-4  # the same between links [m]
-    rate: float = 2.0  # η: how fast a barrier may be approached, the part per second [1/s]
-    period: float = 0.005  # T: commands are held as long [s]
-    speed: float = 1.0  # share of the robot's velocity limits that is used
+    margin: Annotated[float, Number(unit="m")] = -2.5e-4  # δ between robot and obstacles: where the barrier stops
+    self_margin: Annotated[float, Number(unit="m")] = -2.5e-4  # the same between links
+    rate: Annotated[float, Number(high=1e3, above=0.0, unit="1/s")] = 2.0
+    """η: how fast a barrier may be approached, the part per second [1/s]."""
+    period: Annotated[float, Number(high=1.0, above=0.0, unit="s")] = 0.005  # T: commands are held as long [s]
+    speed: Annotated[float, Number(high=1.0, above=0.0)] = 1.0  # share of the robot's velocity limits that is used
     look_ahead: bool = True  # whether commands are looked at once more at their end
     as_published: bool = False  # takes settings that are provably not safe, to show what they do
 
-    def __post_init__(self) -> None:
-        """Refuse, by name, what is out of range and what is provably not safe."""
-        for name, low, high in (("rate", 0.0, 1e3), ("period", 0.0, 1.0), ("speed", 0.0, 1.0)):
-            if not low < getattr(self, name) <= high:
-                raise InputError(f"control.{name}: found {getattr(self, name):g}, allowed is up to {high:g}, above 0")
-        for name in ("margin", "self_margin"):
-            if not np.isfinite(getattr(self, name)):
-                raise InputError(f"control.{name}: found {getattr(self, name)}, allowed is a finite length")
+    def _check_whole(self) -> None:
         if not self.as_published:
             self.refuse_unsafe()
 

@@ -14,6 +14,7 @@ from hdplan.planner.control_inputs import joint_numbers, number
 from hdplan.planner.goal_search import LinkPose
 from hdplan.planner.robot import Robot
 from hdplan.scenes.model import PoseTarget
+from hdplan.scenes.values import instance
 
 Array = NDArray[np.float64]
 
@@ -41,6 +42,8 @@ class PoseTask:
 
     def __post_init__(self) -> None:
         """Refuse a gain or a regularization that is none."""
+        instance(self.robot, Robot, "robot")
+        instance(self.target, PoseTarget, "target")
         number("gain", self.gain, 0.0, 1e3)
         number("regularization", self.regularization, 0.0, 1e3, above=True)
 

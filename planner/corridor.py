@@ -223,7 +223,7 @@ def run_variant(variant: Variant, duration: float = DURATION) -> Outcome:
     """Run one variant, and measure it with the exact distance along the way."""
     scene = corridor_scene()
     robot = load_scene_robot(scene)
-    kinematics, bodies, self_pairs = kinematics_of(robot), link_boxes(), _self_pairs()
+    kinematics, bodies, self_pairs = kinematics_of(robot), link_boxes(), link_box_pairs()
     barriers = Barriers(robot, kinematics, bodies, self_pairs, _planes(variant.growth), variant.settings.barriers)
     exact = Barriers(robot, kinematics, bodies, self_pairs, _planes(0.0), VARIANTS[0].settings.barriers)
     task = tool_task(robot)
@@ -300,7 +300,8 @@ def link_boxes() -> tuple[LinkBody, ...]:
     return tuple(bodies)
 
 
-def _self_pairs() -> Sequence[tuple[int, int]]:
+def link_box_pairs() -> Sequence[tuple[int, int]]:
+    """Return the pairs of the boxes that are kept apart: those two joints or more apart."""
     bodies = link_boxes()
     return [(a, b) for a in range(len(bodies)) for b in range(len(bodies)) if bodies[b].joint >= bodies[a].joint + 2]
 

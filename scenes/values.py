@@ -154,6 +154,8 @@ def path_of(value: object) -> Path:
     """Return a path given as one or as a text."""
     if not isinstance(value, str | os.PathLike):
         raise wrong("a path", value)
+    if "\0" in str(value):
+        raise FieldError("must be a path without null characters", value=value)
     return Path(value)
 
 

@@ -43,7 +43,9 @@ def solve(
     """
     run = solver_named(solver)
     instance(problem, Problem, "problem")
-    return run(problem, next(seeds(problem, 0)) if guess is None else _checked(problem, guess), budget or Budget())
+    budget = Budget() if budget is None else budget
+    instance(budget, Budget, "budget")
+    return run(problem, next(seeds(problem, 0)) if guess is None else _checked(problem, guess), budget)
 
 
 def _checked(problem: Problem, guess: Floats) -> Floats:

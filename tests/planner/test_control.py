@@ -18,7 +18,14 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.gdf import gdf
 from hdplan.distance.graph_distance import hdsdf_function
 from hdplan.distance.reference import hdsdf, hdsdf_derivatives
-from hdplan.planner.barrier_rules import boundary_slope, separation_bound, shaped, touching_value, unshaped
+from hdplan.planner.barrier_rules import (
+    boundary_slope,
+    separation_bound,
+    shaped,
+    sufficient_separation,
+    touching_value,
+    unshaped,
+)
 from hdplan.planner.barriers import Barriers, BarrierSettings, scene_barriers
 from hdplan.planner.box_pairs import BoxPairs
 from hdplan.planner.certificate import Certifier
@@ -240,9 +247,9 @@ def test_provably_unsafe_settings_are_refused_by_name() -> None:
         (dict(margin=-0.05), "lets bodies touch"),
         (dict(barriers=boxes, margin=-5e-3, self_margin=-1e-3), "lets bodies touch"),  # the paper's published code
         (dict(barriers=BarrierSettings("euclidean", growth=0.01, self_growth=0.0), margin=-0.02), "inside the true"),
-        (dict(period=0.0), "control.period"),
-        (dict(speed=1.5), "control.speed"),
-        (dict(margin=math.nan), "control.margin"),
+        (dict(period=0.0), "ControlSettings.period"),
+        (dict(speed=1.5), "ControlSettings.speed"),
+        (dict(margin=math.nan), "ControlSettings.margin"),
     ):
         with pytest.raises(InputError, match=word) as refused:
             ControlSettings(**wrong)  # type: ignore[arg-type]
@@ -252,11 +259,25 @@ def test_provably_unsafe_settings_are_refused_by_name() -> None:
         (dict(distance="hdsd"), "hdsdf"),
         (dict(normals="paper"), "normals"),
         (dict(growth=-1.0), "growth"),
-        (dict(gamma=0), "control.gamma"),
-        (dict(shaping_length=-1.0), "control.shaping_length"),
+        (dict(gamma=0), "BarrierSettings.gamma"),
+        (dict(shaping_length=-1.0), "BarrierSettings.shaping_length"),
     ):
         with pytest.raises(InputError, match=word):
             BarrierSettings(**wrong)  # type: ignore[arg-type]
+
+
+def test_what_is_called_certain_is(robot: Robot) -> None:
+    """A D̃ of `sufficient_separation` leaves D no less than its δ, wherever the bodies are."""
+    rng = np.random.default_rng(14)
+    settings = BarrierSettings()
+    barriers = scene_barriers(scene_of(*random_boxes(rng, 8)), robot, settings)
+    tightest = np.inf
+    for q in robot.draw(rng, 60):
+        rows = barriers.evaluate(q)
+        for delta in (1e-4, 4e-3, 5e-2):
+            sure = rows.separation >= sufficient_separation(delta, 2, settings.shaping_length, barriers.corners)
+            tightest = min(tightest, float((rows.value[sure] - delta).min(initial=np.inf)))
+    assert 0.0 <= tightest < 2e-3  # and it is not empty words
 
 
 def test_flat_spot_is_where_the_gradient_fades() -> None:
@@ -574,7 +595,11 @@ def test_links_that_begin_inside_a_margin_do_not_touch(robot: Robot) -> None:
 def test_slacks_stay_above_zero_once_they_are(robot: Robot) -> None:
     """The look-ahead's law: Δ ≥ δ at every sample, whatever the kinks, even with a distance that has them."""
     rng = np.random.default_rng(8)
-    for barriers_settings, margin in ((BarrierSettings(), -2.5e-4), (BarrierSettings("euclidean", growth=0.0), 0.01)):
+    for barriers_settings, margin in (
+        (BarrierSettings(growth=0.02), -2.5e-4),
+        (BarrierSettings(), 4e-3),
+        (BarrierSettings("euclidean", growth=0.0), 0.01),
+    ):
         settings = ControlSettings(barriers_settings, margin, 1e-3 if margin > 0 else margin, rate=20.0, period=0.02)
         scene = scene_of(*random_boxes(rng, 5))
         controller = Controller.of(scene, settings, robot)

@@ -304,7 +304,7 @@ def test_joints_of_several_coordinates_are_refused_by_name(tmp_path: Path, kind:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (None, "No such file"),
+        (None, "no such file"),
         ("<robot", "not well-formed XML"),
         ("<sdf/>", "the outermost element is <sdf>"),
         ('<robot name="x"><link name="a"/><link name="b"/></robot>', "not connected"),

@@ -369,7 +369,14 @@ def symmetric_arm(tmp_path_factory: pytest.TempPathFactory) -> Scene:
         parent, height = f"bar{k}", length
     file.write_text(text + "</robot>")
     slab = Obstacle("slab", Box((0.2, 0.12, 0.5)), about((1, 0.3, 1), 0.3, (0.7, 0.05, 0.35)))
-    scene = Scene("bars", file, RobotSpec(urdf=file), (slab,), JointTarget("start"), JointTarget("goal"))
+    scene = Scene(
+        "bars",
+        file,
+        RobotSpec(urdf=file),
+        (slab,),
+        JointTarget("start", state="none"),
+        JointTarget("goal", state="none"),
+    )
     return between(scene, np.array([-0.7, 1.0, 0.3, 0.6]), np.array([0.8, 1.2, -0.2, 0.4]))
 
 

@@ -122,7 +122,8 @@ def test_the_same_problem_gives_the_same_bytes(solver: str) -> None:
 @every_solver
 def test_obstacles_out_of_reach_change_nothing(problem: Problem, solver: str) -> None:
     scene = arm()
-    more = build(dataclasses.replace(scene, obstacles=(FAR_AWAY, *scene.obstacles, FAR_AWAY)))
+    farther = dataclasses.replace(FAR_AWAY, name="farther")
+    more = build(dataclasses.replace(scene, obstacles=(FAR_AWAY, *scene.obstacles, farther)))
     one, other = run(problem, solver), run(more, solver)
     assert one.trajectory.positions.tobytes() == other.trajectory.positions.tobytes()
     assert one.status is other.status
