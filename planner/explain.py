@@ -152,7 +152,7 @@ def _attached(problem: Problem) -> Rows:
     for held in problem.robot.attached:
         links = sum(held.name in pair for pair in problem.robot.self_pairs)
         touching = f", may touch {', '.join(held.touch_links)}" if held.touch_links else ""
-        mass = f", {held.mass:g} kg" if held.mass else ""
+        mass = "" if held.mass is None else f", {held.mass:g} kg"
         words = f"{_shape(held.shape)}{mass}, held by {held.link}{touching}; outer bodies: {bodies[held.name]}"
         rows.append((held.name, f"{words}; kept apart from obstacles and {counted(links, 'link')}"))
     return rows

@@ -103,7 +103,7 @@ def _carried(problem: Problem) -> tuple[Effect, ...]:
     scene = problem.scene
     held, payload, torque = len(scene.attached), scene.payload, scene.limits.torque is not None
     loads = [f"{payload.mass:g} kg on {payload.link}"] if payload else []
-    loads += [f"{each.mass:g} kg of {each.name}" for each in scene.attached if each.mass and torque]
+    loads += [f"{each.mass:g} kg of {each.name}" for each in scene.attached if each.mass is not None and torque]
     return (
         Effect(
             "held objects", f"{counted(held, 'object')}: collide as the links do" if held else "", "needs attached[]"

@@ -38,8 +38,8 @@ def with_loads(robot: Robot, payload: Payload | None, attached: tuple[Attached, 
     if payload is not None:
         _add(model, "payload", payload.link, _inertia_of_payload(payload), robot.name)
     for held in attached:
-        if held.mass > 0:
-            _add(model, f"attached.{held.name}", held.link, _inertia_of_held(held), robot.name)
+        if held.mass is not None:
+            _add(model, f"attached.{held.name}", held.link, _inertia_of_held(held, held.mass), robot.name)
     inert = np.diag(pin.crba(model, model.createData(), pin.neutral(model)))
     if (inert <= 0).any():
         joint = robot.joint_names[int(np.argmin(inert))]
@@ -67,9 +67,8 @@ def _inertia_of_payload(payload: Payload) -> pin.Inertia:
     return pin.Inertia(payload.mass, np.array(payload.com), about)
 
 
-def _inertia_of_held(held: Attached) -> pin.Inertia:
-    """Return the inertia of a body of even density, in its link's frame."""
-    mass = held.mass
+def _inertia_of_held(held: Attached, mass: float) -> pin.Inertia:
+    """Return the inertia of a body of even density and a mass [kg], in its link's frame."""
     match held.shape:
         case Box(size):
             inertia = pin.Inertia.FromBox(mass, *size)

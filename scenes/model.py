@@ -151,8 +151,8 @@ class Attached(Checked):
     shape: Shape
     pose: Pose = field(default_factory=Pose)  # in the link's frame
     touch_links: Annotated[tuple[str, ...], Row(text, of="link names")] = ()  # that it may touch, beside its own
-    mass: Annotated[float, Number(low=0.0, unit="kg")] = 0.0
-    """[kg] of even density; counts where joint torques do (limits.torque)."""
+    mass: Annotated[float, Number(above=0.0, unit="kg")] | None = None
+    """[kg] of even density; counts where joint torques do (limits.torque). None: it weighs nothing."""
 
 
 @dataclass(frozen=True)

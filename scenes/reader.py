@@ -206,7 +206,5 @@ def _attached(section: Field) -> tuple[Attached, ...]:
         values: dict[str, object] = {"name": f"attached{i}", **keys, "shape": read_shape(keys["shape"])}
         if "pose" in keys:
             values["pose"] = read_pose(keys["pose"])
-        if "mass" in keys:
-            values["mass"] = keys["mass"].number(above=0.0, unit="kg")
         attached.append(entry.make(Attached, **values))
     return tuple(attached)

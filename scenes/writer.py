@@ -90,7 +90,7 @@ def _obstacle(obstacle: Obstacle) -> dict[str, Any]:
 
 def _attached(held: Attached) -> dict[str, Any]:
     entry = {"name": held.name, "link": held.link, "shape": _shape(held.shape), "pose": _pose(held.pose)}
-    return {**entry, "touch_links": list(held.touch_links), **({"mass": held.mass} if held.mass else {})}
+    return {**entry, "touch_links": list(held.touch_links), **({} if held.mass is None else {"mass": held.mass})}
 
 
 def _effects(scene: Scene) -> dict[str, Any]:

@@ -125,7 +125,7 @@ CASES: dict[str, tuple[Callable[[Any], Any], str, Callable[[Any], Any], tuple[An
     "held mass": (
         lambda v: {"attached": [{"link": "hand", "shape": BOX, "mass": v}]},
         "attached[0].mass",
-        lambda v: Payload("hand", v),  # a held object's mass may be 0 in Python: its default
+        lambda v: Attached("a", "hand", BOX_MADE, mass=v),
         LENGTHS,
     ),
     "holding link": (
@@ -307,6 +307,10 @@ def test_what_is_harmless_becomes_what_the_reader_makes() -> None:
         (
             lambda: scene_of(obstacles=[Obstacle("a", BOX_MADE)], attached=[Attached("a", "hand", BOX_MADE)]),
             r"Scene.attached\[0\]: the name 'a' is taken by an obstacle",
+        ),
+        (
+            lambda: scene_of(attached=[Attached("a", "hand", BOX_MADE), Attached("a", "wrist", BOX_MADE)]),
+            r"Scene.attached\[1\]: the name 'a' is taken by an earlier held object",
         ),
         (lambda: Obstacle("a", "box"), "Obstacle.shape: must be of the class Box or Sphere or"),
         (lambda: Obstacle("a", BOX_MADE, pose=np.eye(4)), r"Obstacle.pose: .* an array of shape \(4, 4\)"),
