@@ -205,7 +205,11 @@ def _gltf(data: bytes, path: Path) -> Triangles:
     return _by_trimesh(data, path)
 
 
-def _by_trimesh(data: bytes, path: Path) -> Triangles:
+def read_scene(data: bytes, path: Path) -> trimesh.Scene:
+    """Return what trimesh reads of a mesh file's content: its parts with their places and colours; quietly.
+
+    To be drawn of a file that `read_mesh_file` has taken: trimesh passes over much that is damaged.
+    """
     log = logging.getLogger("trimesh")
     quiet = logging.NullHandler()  # without any, complaints about colours and the like would go to the error stream
     with _reading, warnings.catch_warnings():
@@ -214,9 +218,13 @@ def _by_trimesh(data: bytes, path: Path) -> Triangles:
         log.addHandler(quiet)
         try:
             kind = path.suffix.lower().lstrip(".")
-            scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=_Beside(str(path)), process=False)
+            return trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=_Beside(str(path)), process=False)
         finally:
             log.removeHandler(quiet)
+
+
+def _by_trimesh(data: bytes, path: Path) -> Triangles:
+    scene = read_scene(data, path)
     parts = [(place, scene.geometry[name]) for place, name in map(scene.graph.get, scene.graph.nodes_geometry)]
     parts = [(place, part) for place, part in parts if hasattr(part, "faces")]  # points and lines bound nothing
     count = sum(len(part.faces) for _, part in parts)

@@ -13,6 +13,7 @@ import tempfile
 import threading
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -20,49 +21,100 @@ import numpy as np
 import pinocchio as pin
 
 from hdplan.planner.coal_shapes import triangle_tree
-from hdplan.planner.meshes import load_mesh
+from hdplan.planner.meshes import TriangleMesh, load_mesh
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.model import Mesh
+from hdplan.scenes.files import Stamps, stamps_of
+from hdplan.scenes.model import Mesh, Vector3
 
 Result = TypeVar("Result")
 
 _reading = threading.Lock()  # the error stream is the whole process's: one reader at a time may turn it aside
 
 
-def read_model(urdf: Path, package_dirs: tuple[Path, ...]) -> tuple[pin.Model, pin.GeometryModel]:
+@dataclass(frozen=True)
+class MeshElement:
+    """A mesh as a URDF names it."""
+
+    link: str
+    address: str
+    scale: str
+
+    def found(self, urdf: Path, package_dirs: tuple[Path, ...]) -> tuple[Path, Vector3]:
+        """Return its file and its scale, which mirrors where it is negative. Raises InputError for those that there
+        cannot be."""
+        with naming(f"link '{self.link}'"):
+            try:
+                x, y, z = map(float, self.scale.split())
+            except ValueError:
+                raise InputError(f"mesh: scale must be three numbers, found '{self.scale}'") from None
+            return _mesh_file(self.address, urdf, package_dirs), (x, y, z)
+
+
+def read_model(urdf: Path, package_dirs: tuple[Path, ...]) -> tuple[pin.Model, pin.GeometryModel, Stamps]:
     """Read a robot and its collision geometry; package:// addresses are looked up below `package_dirs`.
 
     Meshes are read by `load_mesh`, as those of scenes: the reader that Pinocchio has takes what it finds of a damaged
-    file, and with some it never ends, or ends the process.
+    file, and with some it never ends, or ends the process. The mesh files are returned too, as they were before.
 
     Raises:
         InputError: the URDF is not valid, or a mesh is missing, damaged or flat.
     """
-    model = _quietly(lambda: pin.buildModelFromUrdf(str(urdf)), urdf)
-    root = ElementTree.parse(urdf).getroot()
-    meshes: dict[str, tuple[str, Mesh]] = {}  # name of the geometry, as Pinocchio gives it -> link, mesh
-    for link in root.findall("link"):
-        for i, shape in enumerate(link.findall("collision/geometry")):
-            for mesh in shape.findall("mesh"):
-                scale = np.array([float(word) for word in mesh.get("scale", "1 1 1").split()])
-                name = link.get("name", "")
-                with naming(f"robot.urdf: {urdf}: link '{name}'"):
-                    file = _mesh_file(mesh.get("filename", ""), urdf, package_dirs)
-                meshes[f"{name}_{i}"] = name, Mesh(file, (float(scale[0]), float(scale[1]), float(scale[2])))
-                shape.remove(mesh)
-                ElementTree.SubElement(shape, "sphere", radius="1")  # in its place
-    text, kind = ElementTree.tostring(root, encoding="unicode"), pin.GeometryType.COLLISION
-    geometry = _quietly(lambda: pin.buildGeomFromUrdfString(model, text, kind), urdf)
-    trees: dict[Mesh, Any] = {}
+    model, geometry, named = _read_urdf(urdf, pin.GeometryType.COLLISION)
+    meshes: dict[str, tuple[str, Path, Vector3]] = {}  # name of the geometry -> link, file, scale
+    for name, told in named.items():
+        with naming(f"robot.urdf: {urdf}"):
+            meshes[name] = told.link, *told.found(urdf, package_dirs)
+    stamps = stamps_of(sorted({file for _, file, _ in meshes.values()}))
+    trees: dict[tuple[Path, Vector3], Any] = {}
     for item in geometry.geometryObjects:
         if item.name in meshes:
-            carrier, told = meshes[item.name]
-            if told not in trees:
+            link, file, scale = meshes[item.name]
+            if (file, scale) not in trees:
                 with naming(f"robot.urdf: {urdf}"):
-                    trees[told] = triangle_tree(load_mesh(told, f"link '{carrier}'"))
-            item.geometry = trees[told]
-            item.meshPath, item.meshScale = str(told.file), np.array(told.scale)
-    return model, geometry
+                    trees[file, scale] = triangle_tree(_load(link, file, scale))
+            item.geometry = trees[file, scale]
+            item.meshPath, item.meshScale = str(file), np.array(scale)
+    return model, geometry, stamps
+
+
+def _load(link: str, file: Path, scale: Vector3) -> TriangleMesh:
+    """Read a link's mesh; a negative scale mirrors it, as URDFs do with left and right: its triangles run the other way
+    round then."""
+    x, y, z = map(abs, scale)
+    mesh = load_mesh(Mesh(file, (x, y, z)), f"link '{link}'")
+    turned = slice(None, None, -1 if math.prod(scale) < 0 else 1)
+    return TriangleMesh(mesh.vertices * np.sign(scale), mesh.triangles[:, turned])
+
+
+def read_visuals(urdf: Path) -> tuple[tuple[str, pin.SE3, pin.GeometryObject, MeshElement | None], ...]:
+    """Read what a robot looks like: (link, placement in the link's frame, geometry, mesh) of every visual. Of one that
+    is a mesh the geometry has no more than the colours.
+
+    Raises InputError for a URDF that is not valid.
+    """
+    model, geometry, named = _read_urdf(urdf, pin.GeometryType.VISUAL)
+    links = [model.frames[item.parentFrame] for item in geometry.geometryObjects]
+    return tuple(
+        (str(link.name), link.placement.inverse() * item.placement, item, named.get(item.name))
+        for link, item in zip(links, geometry.geometryObjects, strict=True)
+    )
+
+
+def _read_urdf(urdf: Path, kind: pin.GeometryType) -> tuple[pin.Model, pin.GeometryModel, dict[str, MeshElement]]:
+    """Read a robot and one kind of its geometry, with a ball in place of every mesh; and the meshes, by the names that
+    Pinocchio gives the geometry."""
+    model = _quietly(lambda: pin.buildModelFromUrdf(str(urdf)), urdf)
+    root = ElementTree.parse(urdf).getroot()
+    meshes: dict[str, MeshElement] = {}
+    for link in root.findall("link"):
+        name = link.get("name", "")
+        for i, shape in enumerate(link.findall(f"{kind.name.lower()}/geometry")):
+            for mesh in shape.findall("mesh"):
+                meshes[f"{name}_{i}"] = MeshElement(name, mesh.get("filename", ""), mesh.get("scale", "1 1 1"))
+                shape.remove(mesh)
+                ElementTree.SubElement(shape, "sphere", radius="1")  # in its place
+    text = ElementTree.tostring(root, encoding="unicode")
+    return model, _quietly(lambda: pin.buildGeomFromUrdfString(model, text, kind), urdf), meshes
 
 
 def _mesh_file(address: str, urdf: Path, package_dirs: tuple[Path, ...]) -> Path:
@@ -82,23 +134,6 @@ def _mesh_file(address: str, urdf: Path, package_dirs: tuple[Path, ...]) -> Path
     if found is None:
         raise InputError(f"mesh '{address}': there is no such file in any package folder (package_dirs, ROS)")
     return found
-
-
-def read_visuals(urdf: Path, package_dirs: tuple[Path, ...]) -> tuple[tuple[str, pin.SE3, pin.GeometryObject], ...]:
-    """Read what a robot looks like: (link, placement in the link's frame, geometry) of every visual.
-
-    Raises:
-        InputError: the URDF is not valid, or a mesh is missing or unreadable.
-    """
-    model = _quietly(lambda: pin.buildModelFromUrdf(str(urdf)), urdf)
-    folders = [str(folder) for folder in package_dirs]
-    kind = pin.GeometryType.VISUAL
-    geometry = _quietly(lambda: pin.buildGeomFromUrdf(model, str(urdf), kind, package_dirs=folders), urdf)
-    links = [model.frames[item.parentFrame] for item in geometry.geometryObjects]
-    return tuple(
-        (str(link.name), link.placement.inverse() * item.placement, item)
-        for link, item in zip(links, geometry.geometryObjects, strict=True)
-    )
 
 
 def without_joints(

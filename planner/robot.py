@@ -12,7 +12,6 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import coal
 import numpy as np
@@ -23,6 +22,7 @@ from hdplan.planner.pin_model import move_base, read_model, without_joints
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.description import LinkPair, Semantics, Tree, link_pair, read_semantics, read_tree
 from hdplan.scenes.errors import InputError, naming, nearest
+from hdplan.scenes.files import Stamps, stamps_of
 from hdplan.scenes.model import Attached, JointTarget, RobotSpec
 from hdplan.scenes.robot_library import description_of
 from hdplan.scenes.values import instance
@@ -58,6 +58,7 @@ class Robot:
     named_states: Mapping[str, Mapping[str, float]]  # state of the SRDF -> joint -> value
     notes: tuple[str, ...]  # what was decided in loading, in words for the user
     unchecked: Mapping[LinkPair, str] = field(default_factory=dict)  # pairs of links told apart, and by what
+    files: Stamps = ()  # that it was read from, as they were before
     attached: tuple[Attached, ...] = ()  # held objects: by their names among the links, their geometry and pairs
 
     @property
@@ -154,9 +155,10 @@ def load_robot(spec: RobotSpec) -> Robot:
     """
     instance(spec, RobotSpec, "spec")
     name, urdf, srdf, package_dirs = description_of(spec)
+    files = stamps_of((urdf,) if srdf is None else (urdf, srdf))
     tree = read_tree(urdf)
     semantics = read_semantics(srdf, tree) if srdf is not None else Semantics()
-    full, geometry = read_model(urdf, package_dirs)
+    full, geometry, meshes = read_model(urdf, package_dirs)
     if len(geometry.geometryObjects) != tree.collisions:  # what is passed over would be proven free
         read = len(geometry.geometryObjects)
         raise InputError(f"robot.urdf: {urdf}: only {read} of {tree.collisions} collision geometries could be read")
@@ -206,6 +208,7 @@ def load_robot(spec: RobotSpec) -> Robot:
         self_pairs=(),
         named_states=semantics.states,
         notes=(),
+        files=(*files, *meshes),
     )
     unchecked = _told_apart(robot, tree, semantics, spec)
     every = (link_pair(a, b) for a, b in itertools.combinations(robot.links, 2))
@@ -217,12 +220,6 @@ def load_robot(spec: RobotSpec) -> Robot:
         notes.append(f"link pairs in contact at every sampled configuration, not checked: {named}")
     pairs = tuple(pair for pair in pairs if pair not in touching)
     return replace(robot, self_pairs=pairs, unchecked=unchecked, notes=tuple(notes))
-
-
-def robot_files(spec: RobotSpec) -> tuple[Path, ...]:
-    """Return the URDF and, if there is one, the SRDF that a robot is read from."""
-    _, urdf, srdf, _ = description_of(spec)
-    return (urdf,) if srdf is None else (urdf, srdf)
 
 
 def _planned(

@@ -5,27 +5,25 @@ Reading a URDF and its meshes takes longer than many a plan; a robot is kept unt
 
 from __future__ import annotations
 
-import os
 import threading
 from collections import OrderedDict
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.distance.once import made_once
-from hdplan.planner.robot import SAME_PLACE, Robot, load_robot, robot_files
+from hdplan.planner.robot import SAME_PLACE, Robot, load_robot
 from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.files import Stamps, stamps_of
 from hdplan.scenes.model import Attached, Goals, JointTarget, Mesh, RobotSpec, Scene
 
 Array = NDArray[np.float64]
-Stamps = tuple[tuple[str, int, int], ...]  # file, time of change [ns], size [bytes]
 
 MOST = 8  # robots kept
 ROOM = 0.1  # how far beyond a limit a request or a named state may lie [rad or m]: descriptions of one robot differ
-_kept: OrderedDict[Hashable, tuple[Robot, Stamps]] = OrderedDict()
+_kept: OrderedDict[Hashable, Robot] = OrderedDict()
 _loading = threading.Lock()  # one robot at a time: threads that ask for the same one are to get the same
 
 
@@ -53,7 +51,7 @@ def load_scene_robot(scene: Scene) -> Robot:
             robot = _narrowed(robot, tuple(scene.limits.position.items()))
         if scene.attached:
             meshes = [str(held.shape.file) for held in scene.attached if isinstance(held.shape, Mesh)]
-            robot = _holding(robot, scene.attached, _stamps(meshes))
+            robot = _holding(robot, scene.attached, stamps_of(meshes))
     return robot if scene.self_collision.checked else _unchecked(robot)
 
 
@@ -180,29 +178,11 @@ def _load_once(spec: RobotSpec) -> Robot:
         spec.ignore_pairs,
     )
     with _loading:
-        if key in _kept and _stamps([file for file, _, _ in _kept[key][1]]) == _kept[key][1]:
+        if key in _kept and stamps_of(file for file, _, _ in _kept[key].files) == _kept[key].files:
             _kept.move_to_end(key)
-            return _kept[key][0]
+            return _kept[key]
         robot = load_robot(spec)
-        _kept[key] = robot, _stamps(_files(robot, spec))
+        _kept[key] = robot
         while len(_kept) > MOST:
             _kept.popitem(last=False)
         return robot
-
-
-def _files(robot: Robot, spec: RobotSpec) -> list[str]:
-    """Every file that the robot was read from."""
-    meshes = {str(item.meshPath) for item in robot.collision.geometryObjects if Path(item.meshPath).is_file()}
-    return [*map(str, robot_files(spec)), *sorted(meshes)]
-
-
-def _stamps(files: list[str]) -> Stamps:
-    """When the files were changed and how long they are; a file that is gone has no stamp."""
-    found = []
-    for file in files:
-        try:
-            about = os.stat(file)
-        except OSError:
-            continue
-        found.append((file, about.st_mtime_ns, about.st_size))
-    return tuple(found)

@@ -5,9 +5,12 @@ from __future__ import annotations
 
 import os
 import stat
+from collections.abc import Iterable
 from pathlib import Path
 
 from hdplan.scenes.errors import InputError
+
+Stamps = tuple[tuple[str, int, int], ...]  # file, time of change [ns], size [bytes]
 
 MOST_BYTES = 100_000_000
 _KINDS = {
@@ -45,3 +48,18 @@ def check_file(path: Path) -> None:
         raise InputError(f"is {kind}; a file is wanted")
     if about.st_size > MOST_BYTES:
         raise InputError(f"is {about.st_size / 1e6:.0f} MB large; files of at most {MOST_BYTES / 1e6:.0f} MB are read")
+
+
+def stamps_of(files: Iterable[str | Path]) -> Stamps:
+    """Return when files were changed and how long they are; one that is gone has no stamp.
+
+    What is kept of files is kept by stamps taken *before* they are read: one that is changed meanwhile is read again.
+    """
+    found = []
+    for file in files:
+        try:
+            about = os.stat(file)
+        except (OSError, ValueError):
+            continue
+        found.append((str(file), about.st_mtime_ns, about.st_size))
+    return tuple(found)

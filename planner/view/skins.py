@@ -9,7 +9,9 @@ mesh the colours of its file whatever is asked, so it has no ghosts and no secon
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,11 +25,13 @@ from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.link_bodies import link_bodies
-from hdplan.planner.meshes import load_mesh
+from hdplan.planner.mesh_files import read_mesh_file, read_scene
+from hdplan.planner.meshes import LARGEST, load_mesh
 from hdplan.planner.pin_model import read_visuals
 from hdplan.planner.robot import Robot
-from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, RobotSpec, Sphere
+from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.files import Stamps, stamps_of
+from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, RobotSpec, Sphere, Vector3
 from hdplan.scenes.robot_library import description_of
 
 Array = NDArray[np.float64]
@@ -59,24 +63,38 @@ class _Part:
     color: Color | None  # None: the file says none
 
 
-def visual_skins(robot: Robot, spec: RobotSpec) -> tuple[Skin, ...]:
+def visual_skins(robot: Robot, spec: RobotSpec) -> tuple[tuple[Skin, ...], tuple[str, ...]]:
     """Return what the robot looks like, one skin per link and colour, and what it holds; none if its URDF holds no
-    visuals.
+    visuals. And words for the meshes that are left out, as they are missing or cannot be read.
 
-    Raises InputError for a mesh that is missing or cannot be read.
+    Raises InputError for a URDF that is not valid.
     """
     _, urdf, _, package_dirs = description_of(spec)
-    own = _visual_skins(robot, urdf, package_dirs)
+    files = []
+    for *_, named in read_visuals(urdf):
+        with contextlib.suppress(InputError):  # said when it is to be drawn
+            files += [named.found(urdf, package_dirs)[0]] if named else []
+    own, left_out = _visual_skins(robot, urdf, package_dirs, stamps_of(dict.fromkeys([urdf, *files])))
     held = {attached.name for attached in robot.attached}
-    return (*own, *(skin for skin in collision_skins(robot, HELD) if skin.link in held)) if own and held else own
+    drawn = (*own, *(skin for skin in collision_skins(robot, HELD) if skin.link in held)) if own and held else own
+    return drawn, left_out
 
 
 @functools.lru_cache(maxsize=8)
-def _visual_skins(robot: Robot, urdf: Path, package_dirs: tuple[Path, ...]) -> tuple[Skin, ...]:
+def _visual_skins(
+    robot: Robot, urdf: Path, package_dirs: tuple[Path, ...], stamps: Stamps
+) -> tuple[tuple[Skin, ...], tuple[str, ...]]:
+    """Make them once, as long as the files, by `stamps`, stay as they are."""
     parts: dict[tuple[str, Color], list[trimesh.Trimesh]] = {}
-    for link, placement, item in read_visuals(urdf, package_dirs):
+    left_out: list[str] = []
+    for link, placement, item, named in read_visuals(urdf):
+        try:
+            found = _parts(link, *named.found(urdf, package_dirs)) if named else _primitive(item)
+        except InputError as error:
+            left_out.append(str(error))
+            continue
         own: Color = _rgb(item.meshColor)
-        for part in _parts(item):
+        for part in found:
             color = own if part.color is None or item.overrideMaterial else part.color
             mesh = trimesh.Trimesh(part.vertices, part.triangles, process=False)
             parts.setdefault((link, color), []).append(mesh.apply_transform(placement.homogeneous))
@@ -85,7 +103,7 @@ def _visual_skins(robot: Robot, urdf: Path, package_dirs: tuple[Path, ...]) -> t
         frame = robot.model.frames[robot.model.getFrameId(link, pin.FrameType.BODY)]
         whole = trimesh.util.concatenate(meshes).apply_transform(frame.placement.homogeneous)
         skins.append(_skin(link, int(frame.parentJoint), whole, color))
-    return tuple(skins)
+    return tuple(skins), tuple(left_out)
 
 
 @functools.lru_cache(maxsize=8)
@@ -137,22 +155,30 @@ def _skin(link: str, joint: int, mesh: trimesh.Trimesh, color: Color) -> Skin:
     return Skin(link, joint, *shaded(mesh), color)
 
 
-def _parts(item: pin.GeometryObject) -> Sequence[_Part]:
-    path = Path(item.meshPath)
-    if not path.is_file():  # a box, cylinder, .. of the URDF
-        solid = _solid(item.geometry)
-        return (_Part(solid.vertices, solid.faces, None),)
-    scale = np.asarray(item.meshScale, dtype=np.float64)
-    return [_Part(part.vertices * scale, part.triangles, part.color) for part in _read(path)]
+def _primitive(item: pin.GeometryObject) -> Sequence[_Part]:
+    solid = _solid(item.geometry)
+    return (_Part(solid.vertices, solid.faces, None),)
+
+
+def _parts(link: str, file: Path, scale: Vector3) -> Sequence[_Part]:
+    with naming(f"link '{link}': mesh {file}"):
+        if not all(math.isfinite(factor) and 0.0 < abs(factor) <= LARGEST for factor in scale):
+            raise InputError(f"scale must be three numbers other than 0, found {scale}")
+        parts = _read(file, stamps_of([file]))
+    turned = slice(None, None, -1 if math.prod(scale) < 0 else 1)  # a mirrored triangle runs the other way round
+    return [_Part(part.vertices * np.array(scale), part.triangles[:, turned], part.color) for part in parts]
 
 
 @functools.lru_cache(maxsize=256)
-def _read(path: Path) -> tuple[_Part, ...]:
-    """Read a mesh file with its colours, once."""
+def _read(path: Path, stamps: Stamps) -> tuple[_Part, ...]:
+    """Read a mesh file with its colours, once as long as it, by `stamps`, stays as it is."""
+    vertices, _ = read_mesh_file(path)
+    if not np.isfinite(vertices).all() or np.abs(vertices).max() > LARGEST:
+        raise InputError(f"holds coordinates that are not finite, or beyond {LARGEST:g}")
     try:
-        scene = trimesh.load_scene(path)
+        scene = read_scene(path.read_bytes(), path)
     except Exception as error:  # each format's reader has its own failures; none is the user's language
-        raise InputError(f"visual mesh {path}: cannot be read ({type(error).__name__}: {error})") from error
+        raise InputError(f"cannot be read ({type(error).__name__}: {error})") from error
     meshes: Iterable[Any] = scene.dump()
     return tuple(
         _Part(np.asarray(mesh.vertices), np.asarray(mesh.faces), _color_of(mesh.visual))

@@ -372,13 +372,15 @@ def _clearance_words(now: str, pairs: Sequence[Any]) -> str:
 
 
 def _skins(scene: Scene, robot: Robot) -> tuple[Sequence[Skin], str]:
-    """What the robot is shown in, and a word where that is not its visual meshes."""
+    """What the robot is shown in, and a word where that is not all its visual meshes."""
     try:
-        skins = visual_skins(robot, scene.robot)
-        why = "its URDF has no visual meshes"
+        skins, left_out = visual_skins(robot, scene.robot)
     except InputError as error:
-        skins, why = (), str(error)
-    return (skins, "") if skins else (collision_skins(robot), f"{robot.name} is shown in its collision meshes: {why}")
+        skins, left_out = (), (str(error),)
+    if skins:
+        return skins, f"left out of the picture: {'; '.join(left_out)}" if left_out else ""
+    why = "; ".join(left_out) or "its URDF has no visual meshes"
+    return collision_skins(robot), f"{robot.name} is shown in its collision meshes: {why}"
 
 
 def _look_from(server: viser.ViserServer, robot: Robot, q: Array) -> None:

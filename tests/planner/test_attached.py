@@ -191,7 +191,7 @@ def test_it_is_explained_and_drawn(carry: Scene) -> None:
     assert said.startswith("cylinder, radius 0.03 m, length 0.26 m, held by panda_hand, may touch panda_leftfinger")
     assert "1 held object" in dict(explain(problem)["scene"])["outer bodies"]
     robot = load_scene_robot(carry)
-    (skin,) = (skin for skin in visual_skins(robot, carry.robot) if skin.link == "bottle")
+    (skin,) = (skin for skin in visual_skins(robot, carry.robot)[0] if skin.link == "bottle")
     assert (skin.joint, skin.color) == (robot.link_joint["bottle"], HELD)
     alone = replace(carry, attached=())
     motion = plan(carry).trajectory

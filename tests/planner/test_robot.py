@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -11,10 +12,12 @@ import pinocchio as pin
 import pytest
 import trimesh
 
+from hdplan.planner import pin_model
+from hdplan.planner.meshes import TriangleMesh
 from hdplan.planner.robot import Robot, load_robot
 from hdplan.planner.scene_robot import load_scene_robot, resolve_query
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import JointTarget, Pose, RobotSpec, Scene
+from hdplan.scenes.model import JointTarget, Mesh, Pose, RobotSpec, Scene
 from hdplan.scenes.robot_library import robot_names
 
 ARMS = {"panda": 7, "ur3_gripper": 6, "ur5": 6, "ur5_gripper": 6, "ur10": 6, "xarm7": 7, "kinova": 6, "z1": 6}
@@ -368,3 +371,49 @@ def test_groups_and_states_of_an_srdf(tmp_path: Path) -> None:
     assert robot.locked == {"b": 0.25}
     np.testing.assert_array_equal(robot.configuration(JointTarget("start", state="up")), [0.5])
     assert ("base", "tip") not in robot.self_pairs
+
+
+def test_a_mesh_that_a_urdf_mirrors_is_a_solid_still(tmp_path: Path) -> None:
+    """A negative scale is how URDFs make a left arm of a right one: what is outside stays outside."""
+    path, ball = tmp_path / "arm.urdf", trimesh.creation.icosphere(1, 0.05)
+    ball.apply_translation([0.1, 0.2, 0.3])
+    ball.export(tmp_path / "ball.ply")
+    for scale in itertools.product((-1, 2), repeat=3):
+        mesh = f'<mesh filename="ball.ply" scale="{" ".join(map(str, scale))}"/>'
+        path.write_text(ARM.format(kind="revolute", offset=1).replace('<sphere radius="0.05"/>', mesh))
+        robot = load_robot(RobotSpec(urdf=path))
+        tree = robot.collision.geometryObjects[robot.link_geometry["tip"][0]].geometry
+        corners = np.array([[t[0], t[1], t[2]] for t in map(tree.tri_indices, range(tree.num_tris))])
+        found = TriangleMesh(np.asarray(tree.vertices()), corners)
+        assert found.volume == pytest.approx(ball.volume * abs(np.prod(scale)), rel=1e-6)
+        np.testing.assert_allclose(np.sort(found.vertices, axis=0), np.sort(ball.vertices * scale, axis=0), atol=1e-6)
+
+
+def test_a_file_that_changes_while_it_is_read_is_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is kept of a robot is what its files say, even if one changes between its reading and the last one's."""
+    urdf, mesh = tmp_path / "arm.urdf", tmp_path / "ball.obj"
+    ball = '<sphere radius="0.05"/>'
+    urdf.write_text(ARM.format(kind="revolute", offset=1).replace(ball, '<mesh filename="ball.obj"/>'))
+    trimesh.creation.icosphere(1, 0.05).export(mesh)
+    target = JointTarget("start", (0.0, 0.0))
+    scene = _scene(RobotSpec(urdf=urdf), target, target)
+    true = pin_model.load_mesh
+
+    def changing(shape: Mesh, field: str) -> TriangleMesh:
+        found = true(shape, field)
+        trimesh.creation.icosphere(2, 0.07).export(mesh)
+        return found
+
+    def triangles() -> int:
+        robot = load_scene_robot(scene)
+        (index,) = robot.link_geometry["tip"]
+        return int(robot.collision.geometryObjects[index].geometry.num_tris)
+
+    monkeypatch.setattr(pin_model, "load_mesh", changing)
+    assert triangles() == 80
+    monkeypatch.setattr(pin_model, "load_mesh", true)
+    assert triangles() == 320
+    kept = load_scene_robot(scene)
+    assert load_scene_robot(scene) is kept
+    urdf.write_text(urdf.read_text().replace("ball.obj", "./ball.obj"))
+    assert load_scene_robot(scene) is not kept

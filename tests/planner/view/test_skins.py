@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import itertools
+import os
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
 from numpy.typing import NDArray
 
-from hdplan.planner.pin_model import read_visuals
 from hdplan.planner.proximity import link_pieces, obstacle_pieces
-from hdplan.planner.robot import Robot
+from hdplan.planner.robot import Robot, load_robot
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.view import skins as module
 from hdplan.planner.view.skins import Skin, collision_skins, obstacle_mesh, outer_skins, visual_skins
+from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import RobotSpec
 from hdplan.scenes.reader import load_scene, shipped_scenes
 from hdplan.scenes.robot_library import description_of
@@ -38,12 +41,16 @@ def spec_of(robot: str) -> tuple[RobotSpec, Robot]:
 def test_visual_meshes_stand_where_pinocchio_has_them(name: str) -> None:
     """trimesh reads their colours, assimp their places: both see the same box around each joint's meshes."""
     spec, robot = spec_of(name)
-    skins = visual_skins(robot, spec)
+    skins, left_out = visual_skins(robot, spec)
+    assert left_out == ()
     _, urdf, _, folders = description_of(spec)
     boxes: dict[int, list[NDArray[np.float64]]] = {}
-    for link, placement, item in read_visuals(urdf, folders):
-        frame = robot.model.frames[robot.model.getFrameId(link, pin.FrameType.BODY)]
-        place = frame.placement * placement
+    model = pin.buildModelFromUrdf(str(urdf))
+    pictures = pin.buildGeomFromUrdf(model, str(urdf), pin.GeometryType.VISUAL, package_dirs=list(map(str, folders)))
+    for item in pictures.geometryObjects:
+        named = model.frames[item.parentFrame]
+        frame = robot.model.frames[robot.model.getFrameId(named.name, pin.FrameType.BODY)]
+        place = frame.placement * named.placement.inverse() * item.placement
         points = np.asarray(item.geometry.vertices()) @ place.rotation.T + place.translation
         boxes.setdefault(int(frame.parentJoint), []).append(points)
     assert {skin.joint for skin in skins} == set(boxes)
@@ -56,11 +63,74 @@ def test_visual_meshes_stand_where_pinocchio_has_them(name: str) -> None:
 
 def test_meshes_are_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
     spec, robot = spec_of("xarm7")
-    first = visual_skins(robot, spec)
-    monkeypatch.setattr(module, "read_visuals", lambda *_: pytest.fail("read again"))
-    assert visual_skins(robot, spec) is first
+    first, _ = visual_skins(robot, spec)
+    monkeypatch.setattr(module, "read_mesh_file", lambda *_: pytest.fail("read again"))
+    assert visual_skins(robot, spec)[0] is first
     moved, other = spec_of("xarm7")
-    assert visual_skins(other, moved) is first
+    assert visual_skins(other, moved)[0] is first
+
+
+LOOKS = """<robot name="looks">
+<link name="base"><visual><geometry><box size="0.1 0.1 0.1"/></geometry></visual></link>
+<link name="tip"><visual><geometry><mesh filename="ball.{ending}" scale="{scale}"/></geometry></visual>
+<collision><geometry><sphere radius="0.05"/></geometry></collision></link>
+<joint name="turn" type="revolute"><parent link="base"/><child link="tip"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+
+
+def test_a_visual_mesh_that_cannot_be_read_is_left_out_by_name(tmp_path: Path) -> None:
+    """Cut short anywhere or with bytes changed: never a signal, no more than a skin that is missing; and a file that
+    changes is read again."""
+    ball, rng = trimesh.creation.icosphere(1, 0.05), np.random.default_rng(0)
+    urdf, spec = tmp_path / "looks.urdf", RobotSpec(urdf=tmp_path / "looks.urdf")
+    for ending, kind in (("stl", "stl_ascii"), ("stl", "stl"), ("obj", "obj"), ("ply", "ply"), ("dae", "dae")):
+        mesh = tmp_path / f"ball.{ending}"
+        urdf.write_text(LOOKS.format(ending=ending, scale="1 2 1"), encoding="utf-8")
+        robot = load_robot(spec)
+        whole = ball.export(file_type=kind)
+        whole = whole.encode() if isinstance(whole, str) else whole
+        for _ in range(2):  # whole, and whole again
+            mesh.write_bytes(whole)
+            skins, left_out = visual_skins(robot, spec)
+            assert left_out == ()
+            np.testing.assert_allclose(np.ptp(corners(skins, 1), axis=0), [0.1, 0.2, 0.1], atol=1e-6)
+            for cut in rng.integers(0, len(whole) // 2, 6):  # no OBJ file says how much it holds
+                mesh.write_bytes(whole[:cut])
+                assert "tip" not in _links(spec, robot, mesh)
+        for _ in range(20):
+            wild = bytearray(whole)
+            for at in rng.integers(0, len(whole), 3):
+                wild[at] = rng.integers(256)
+            mesh.write_bytes(wild)
+            _links(spec, robot, mesh)
+        mesh.unlink()
+        assert "tip" not in _links(spec, robot, mesh)
+        os.mkfifo(mesh)
+        assert "tip" not in _links(spec, robot, mesh)
+        mesh.unlink()
+
+
+def _links(spec: RobotSpec, robot: Robot, mesh: Path) -> set[str]:
+    """The links that are drawn; the base is, and of what is not the file is named."""
+    skins, left_out = visual_skins(robot, spec)
+    links = {skin.link for skin in skins}
+    assert "base" in links
+    assert "tip" in links or (len(left_out) == 1 and mesh.name in left_out[0] and "\n" not in left_out[0])
+    return links
+
+
+@pytest.mark.parametrize("scale", ["a", "1 1", "0 1 1", "nan 1 1", "1 1 1e300"])
+def test_a_visual_mesh_of_a_wrong_scale_is_left_out_or_refused(tmp_path: Path, scale: str) -> None:
+    trimesh.creation.icosphere(1, 0.05).export(tmp_path / "ball.stl")
+    (tmp_path / "looks.urdf").write_text(LOOKS.format(ending="stl", scale=scale), encoding="utf-8")
+    spec = RobotSpec(urdf=tmp_path / "looks.urdf")
+    try:
+        skins, left_out = visual_skins(load_robot(spec), spec)
+    except InputError:
+        return
+    assert {skin.link for skin in skins} == {"base"}
+    assert len(left_out) == 1
+    assert "tip" in left_out[0]
 
 
 @pytest.mark.parametrize("name", ["panda_cage", "planar_arm"])
