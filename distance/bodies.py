@@ -14,12 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix, triu
 from scipy.spatial import ConvexHull
 
+from hdplan.distance.once import read_only
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.values import Whole, checked, instance
 
 Array = NDArray[np.float64]
 
-NONE = np.empty((0, 3))
+NONE = read_only(np.empty((0, 3)))
 FLAT = 1e-9  # an extent below this part of the body's size is none: the body is a point, a segment or a flat polygon
 SAME_DIRECTION = 1e-6  # [rad] directions closer than this, up to sign, are one
 SAME_PLANE = (
@@ -277,7 +278,7 @@ def _cyclic(first: float, second: float) -> list[tuple[float, float, float]]:
 PLATONIC: dict[str, ArrayLike] = {
     "tetrahedron": [(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)],
     "cube": CUBE,
-    "octahedron": np.vstack([np.eye(3), -np.eye(3)]),
+    "octahedron": read_only(np.vstack([np.eye(3), -np.eye(3)])),
     "icosahedron": _cyclic(1.0, GOLDEN),
     "dodecahedron": CUBE + _cyclic(1.0 / GOLDEN, GOLDEN),
 }

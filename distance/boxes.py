@@ -17,8 +17,9 @@ from hdplan.distance.axis_motion import fixed_in_a, fixed_in_b
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.graph_poses import rigid_or_nan
 from hdplan.distance.normals import candidate_normals
+from hdplan.distance.once import read_only
 
-CORNERS = np.array(list(itertools.product((-1.0, 1.0), repeat=3))).T  # (3, 8)
+CORNERS = read_only(np.array(list(itertools.product((-1.0, 1.0), repeat=3))).T)  # (3, 8)
 
 
 def axis_count(normals: str) -> int:

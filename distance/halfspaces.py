@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from hdplan.distance.axes import Axes, combined
 from hdplan.distance.axis_motion import fixed_in_a
 from hdplan.distance.graph_poses import rigid_or_nan
+from hdplan.distance.once import read_only
 
 Floats = NDArray[np.float64]
 
@@ -41,8 +42,7 @@ def box_directions() -> Floats:
     grid = np.array(
         [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)], dtype=float
     )
-    directions: Floats = grid / np.linalg.norm(grid, axis=1, keepdims=True)
-    return directions
+    return read_only(grid / np.linalg.norm(grid, axis=1, keepdims=True))
 
 
 @functools.cache

@@ -6,10 +6,29 @@ import functools
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 Arguments = ParamSpec("Arguments")
 Made = TypeVar("Made")
+Number = TypeVar("Number", bound=np.generic)
+
+
+def read_only(array: NDArray[Number]) -> NDArray[Number]:
+    """Return an array's view that nobody can write to: what is shared through a cache or a module is the same for
+    all."""
+    view = array.view()
+    view.setflags(write=False)
+    return view
+
+
+def freeze(holder: Any) -> None:
+    """Make the arrays that an object holds read-only: a `__post_init__` of what caches share."""
+    for name, value in tuple(vars(holder).items()):
+        if isinstance(value, np.ndarray):
+            object.__setattr__(holder, name, read_only(value))
 
 
 def made_once(most: int) -> Callable[[Callable[Arguments, Made]], Callable[Arguments, Made]]:

@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.jets import Jet, inverse_power, product
 from hdplan.distance.normals import CandidateNormals
+from hdplan.distance.once import read_only
 
 Array = NDArray[np.float64]
 
 CROSS = np.zeros((3, 3, 3))  # (u×v)_x = CROSS[x, y, z] u_y v_z
 CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]], CROSS[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = 1.0, -1.0
+CROSS = read_only(CROSS)
 
 
 @dataclass(frozen=True, eq=False)

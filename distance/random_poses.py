@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hdplan.distance.bodies import PLATONIC, SAME_PLANE, ConvexBody
+from hdplan.distance.once import read_only
 
 Array = NDArray[np.float64]
 
@@ -22,14 +23,8 @@ SAME_HEIGHT = 1e-13  # of the body's size: corners this close to the farthest al
 BLOCK = 8192  # poses made at once: what fits the processor's cache
 
 # The 24 rotations that turn the axes into each other: exact, a permutation of the rows of the identity with signs.
-AXIS_TURNS = np.array(
-    [
-        turn
-        for order in permutations(range(3))
-        for signs in product((-1.0, 1.0), repeat=3)
-        if np.linalg.det(turn := np.diag(signs)[list(order)]) > 0
-    ]
-)
+_TURNS = [np.diag(signs)[list(order)] for order in permutations(range(3)) for signs in product((-1.0, 1.0), repeat=3)]
+AXIS_TURNS = read_only(np.array([turn for turn in _TURNS if np.linalg.det(turn) > 0]))
 
 
 def paper_poses(rng: np.random.Generator, count: int) -> tuple[Array, Array]:

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.once import read_only
 from hdplan.planner.barrier_rules import refuse_unsafe
 from hdplan.planner.barriers import Barriers, BarrierSettings
 from hdplan.planner.certificate import Certifier
@@ -44,7 +45,7 @@ WALLS: dict[str, tuple[Vector3, Vector3]] = {  # centre and sides [m]
     "right wall": ((0.53, -0.16, 0.45), (0.35, 0.05, 0.9)),
     "roof": ((0.53, 0.0, 0.925), (0.35, 0.35, 0.05)),
 }
-TARGET = np.array([[0.0, 0.0, 1.0, 0.64], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.75], [0.0, 0.0, 0.0, 1.0]])
+TARGET = read_only(np.array([[0.0, 0.0, 1.0, 0.64], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.75], [0.0, 0.0, 0.0, 1.0]]))
 TOOL = 0.177  # [m] of the tool's frame along the last joint's axis, turned by −45° as the hand is
 DURATION = 60.0  # [s]; the published run ends after 35 s
 CRITICAL = 5.0  # [s] the phase that the paper plots

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.once import read_only
 from hdplan.distance.oracle import coal_hull
 from hdplan.planner.kinematics import KinematicsBatch
 from hdplan.planner.link_bodies import LinkBody
@@ -180,4 +181,4 @@ def _turns() -> NDArray[np.float64]:
     for x, y, z in np.random.default_rng(0).normal(size=(NUDGES, 3)):
         cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]) / np.sqrt(x * x + y * y + z * z)
         turns.append(np.eye(3) + np.sin(NUDGE) * cross + (1 - np.cos(NUDGE)) * cross @ cross)
-    return np.array(turns)
+    return read_only(np.array(turns))

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.distance.once import freeze
 from hdplan.planner.curve import Curve
 from hdplan.planner.motion_bounds import Array, Chain, Mask, Motion, cross
 from hdplan.planner.proximity import Piece, transform
@@ -35,6 +36,10 @@ class Body:
     joint: int = 0  # of the model, that carries it; 0: the world
     placement: Array = field(default_factory=lambda: np.eye(4))  # (4, 4) of the piece in that joint's frame
     passages: Passages | None = None  # of an obstacle that moves, in place of the placement
+
+    def __post_init__(self) -> None:
+        """Share its arrays read-only."""
+        freeze(self)
 
     def reach(self, chain: Chain, travel: Array) -> Array:
         """Return ρ (n,) of `motion_bounds`, for coordinates that range over `travel` (n, 2)."""

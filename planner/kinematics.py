@@ -16,6 +16,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from hdplan.distance.once import freeze
+
 Array = NDArray[np.float64]
 
 
@@ -88,6 +90,7 @@ class Kinematics:
                 translation = translation + direction * q[at]
             rotations.append(rotation)
             translations.append(translation)
+        freeze(self)
         side_by_side, origins = ca.densify(ca.horzcat(*rotations)), ca.densify(ca.horzcat(*translations))
         self.function = ca.Function("placements", [q], [side_by_side, origins], ["q"], ["R", "t"])
         placements = [

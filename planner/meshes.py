@@ -14,6 +14,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
 
+from hdplan.distance.once import freeze
 from hdplan.planner.mesh_files import read_mesh_file
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.model import Mesh
@@ -31,6 +32,10 @@ class TriangleMesh:
 
     vertices: Array  # (m, 3) [m]
     triangles: NDArray[np.int64]  # (F, 3) rows of vertices
+
+    def __post_init__(self) -> None:
+        """Share its arrays read-only."""
+        freeze(self)
 
     @classmethod
     def merged(cls, vertices: ArrayLike, triangles: ArrayLike) -> TriangleMesh:

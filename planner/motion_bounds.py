@@ -34,6 +34,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from hdplan.distance.once import freeze
 from hdplan.scenes.errors import HdplanError
 
 Array = NDArray[np.float64]
@@ -93,6 +94,10 @@ class Chain:
     axes: Array  # (n, 3) unit, in each joint's frame
     revolute: Mask  # (n,) the others are prismatic
     carried_by: Mask  # (joints, n) whether a body on joint i of the model (0: the world) moves with coordinate j
+
+    def __post_init__(self) -> None:
+        """Share its arrays read-only."""
+        freeze(self)
 
     @classmethod
     def of(cls, model: Any) -> Chain:

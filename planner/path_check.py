@@ -24,6 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hdplan.distance.once import read_only
 from hdplan.planner.curve import Curve
 from hdplan.planner.motion_bounds import Array, Chain, Motion, cross
 from hdplan.planner.pose_goals import link_frame
@@ -32,7 +33,7 @@ from hdplan.scenes.deadline import seconds_left
 from hdplan.scenes.errors import naming
 from hdplan.scenes.model import Scene, Upright, Within
 
-UP = np.array([0.0, 0.0, 1.0])  # in the world
+UP = read_only(np.array([0.0, 0.0, 1.0]))  # in the world
 GRANTED = 1e-9  # [rad] or [m] beyond what is allowed that rounding may cost
 ROUNDING = 1e-9  # [rad] or [m] put on every bound
 SLACK = 0.02  # share of what is allowed by which a proven worst value may lie above the worst that was met

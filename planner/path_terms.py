@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.distance.once import read_only
 from hdplan.planner.hinge import Hinge, Measures
 from hdplan.planner.kinematics import KinematicsBatch
 from hdplan.planner.pose_goals import link_frame
@@ -25,7 +26,7 @@ Floats = NDArray[np.float64]
 
 LEVER = 1.0  # [m] arm at which an angle counts as a length
 BEYOND = 1.2  # of the way to where a constraint is kept that is asked for: damped steps only come close
-UP = np.array([0.0, 0.0, 1.0])  # in the world
+UP = read_only(np.array([0.0, 0.0, 1.0]))  # in the world
 PARALLEL = 1e-12  # sine below which two directions have no axis of their own
 
 

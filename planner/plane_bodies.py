@@ -20,6 +20,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.halfspaces import FAR, box_directions
+from hdplan.distance.once import freeze
 from hdplan.planner.convex_pieces import MOST_SECONDS, convex_pieces
 from hdplan.planner.meshes import load_mesh
 from hdplan.scenes.deadline import check_time
@@ -43,6 +44,10 @@ class PlaneBody:
     half_size: Floats  # (3,) of that box [m]
     shape: Shape | ConvexBody  # the body itself, no mesh
     placement: Floats  # (4, 4) the frame in which `shape` is given
+
+    def __post_init__(self) -> None:
+        """Share its arrays read-only."""
+        freeze(self)
 
 
 def from_obstacle(

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from matplotlib.transforms import Bbox
 
+from hdplan.distance.once import read_only
 from hdplan.planner.plot_style import FIXED, INK
 
 REACHES = (9, 15, 24, 36, 50)  # [pt] from a point to its name, the nearest that is free
-TURNS = np.radians([0, 180, 40, -40, 140, -140, 90, -90, 65, -65, 115, -115])
+TURNS = read_only(np.radians([0, 180, 40, -40, 140, -140, 90, -90, 65, -65, 115, -115]))
 DOT = 5  # [pt] around a point that stays free
 LED = 12  # [pt] from which on a line leads from the name to its point
 

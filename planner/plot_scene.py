@@ -19,6 +19,7 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from hdplan.distance.once import read_only
 from hdplan.planner.plot_style import BETWEEN, FIXED, FRAME, GOAL, INK, MOVING, OBSTACLE, START
 from hdplan.planner.proximity import Piece, link_pieces, obstacle_pieces
 from hdplan.planner.robot import Robot
@@ -31,7 +32,7 @@ Array = NDArray[np.float64]
 GHOSTS = (0.25, 0.5, 0.75)  # path parameters between start and goal at which what moves is shown, faintly
 TIP_STEPS = 200  # pieces of the path of the last link
 TILE = 0.1  # of the view's size: longest edge of a painted polygon, so that near and far can be told apart
-NAME = np.array([28.0, 11.0])  # [pt] size of "start" and "goal"
+NAME = read_only(np.array([28.0, 11.0]))  # [pt] size of "start" and "goal"
 SHARP = np.cos(np.radians(35.0))  # faces that meet at a wider angle have a line between them
 AROUND = 0.3  # part of the robot's own extent that is shown of what stands around it
 ABOVE = 0.03  # [m] by which the start is painted nearer: links that only turn are in the same place at the goal

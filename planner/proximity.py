@@ -20,6 +20,7 @@ import coal
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.distance.once import freeze
 from hdplan.planner.coal_shapes import convex_hull, triangle_tree
 from hdplan.planner.meshes import TriangleMesh, below, load_mesh
 from hdplan.planner.solid import Solid
@@ -61,6 +62,7 @@ class Piece:
             farthest = float(np.linalg.norm(high - center))
         for name, value in (("low", low), ("high", high), ("center", center), ("radius", farthest)):
             object.__setattr__(self, name, value)
+        freeze(self)
 
     def support(self, directions: Array) -> Array:
         """Return h(d) = max_{x in the piece} d·x for directions (k, 3) of any length, in the piece's frame."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.once import freeze
 from hdplan.planner.plane_bodies import PlaneBody
 from hdplan.planner.robot import Robot
 
@@ -22,6 +23,10 @@ class Reach:
 
     centre: Floats  # (3,) [m]
     radius: float  # [m]
+
+    def __post_init__(self) -> None:
+        """Share its arrays read-only."""
+        freeze(self)
 
     def meets(self, others: Sequence[PlaneBody], margin: ArrayLike) -> NDArray[np.bool_]:
         """For each standing body (B,), whether the ball touches its box enlarged by `margin`, one for all or one for

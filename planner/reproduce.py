@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hdplan.distance.once import read_only
 from hdplan.planner.report import Cell, Report, Reporter, Stopper, check_report, csv_text, png, short, write_report
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 QUICK_CONFIGURATIONS, QUICK_NORMALS = 15_000, ("paper", "paper+edges")
 QUICK_PAIRS = (("tetrahedron", "tetrahedron"), ("cube", "cube"), ("octahedron", "icosahedron"))
-TOLERANCES = np.geomspace(1e-4, 0.3, 70)  # [m] of the curve
+TOLERANCES = read_only(np.geomspace(1e-4, 0.3, 70))  # [m] of the curve
 SHOWN = {"0.1 mm": 1e-4, "1 cm": 1e-2, "10 cm": 0.1, "30 cm": 0.3}  # gaps of the printed table [m]
 SAID = (("0.1 mm", "around 0.7", 0.85), ("10 cm", "below 0.2", 0.2))  # the paper's false positives [%], and our limit
 PAPER_RATIOS = (  # how many times as long the paper's HD-SDF takes on one core as others, at most

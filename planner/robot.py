@@ -18,6 +18,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from hdplan.distance.once import freeze
 from hdplan.planner.pin_model import move_base, read_model, without_joints
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.description import LinkPair, Semantics, Tree, link_pair, read_semantics, read_tree
@@ -60,6 +61,10 @@ class Robot:
     unchecked: Mapping[LinkPair, str] = field(default_factory=dict)  # pairs of links told apart, and by what
     files: Stamps = ()  # that it was read from, as they were before
     attached: tuple[Attached, ...] = ()  # held objects: by their names among the links, their geometry and pairs
+
+    def __post_init__(self) -> None:
+        """Share its arrays read-only."""
+        freeze(self)
 
     @property
     def n(self) -> int:

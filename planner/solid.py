@@ -27,6 +27,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from hdplan.distance.once import freeze, read_only
 from hdplan.planner.coal_shapes import triangle_tree
 from hdplan.planner.meshes import TriangleMesh
 
@@ -47,6 +48,10 @@ class Shells:
     turned: Mask  # (S,) did not run the same way at first
     open: Mask  # (S,) have a rim
     one_sided: Mask  # (S,) cannot be made to run the same way
+
+    def __post_init__(self) -> None:
+        """Share its arrays read-only."""
+        freeze(self)
 
     @classmethod
     def of(cls, triangles: Index) -> Shells:
@@ -126,12 +131,12 @@ class Solid:
         links = (np.ones(2 * len(corners)), (corners[:, [0, 1]].ravel(), corners[:, [1, 2]].ravel()))
         _, label = connected_components(coo_matrix(links, shape=(size, size)), directed=False)
         used = np.unique(corners)
-        return np.asarray(self.mesh.vertices[used[np.unique(label[used], return_index=True)[1]]])
+        return read_only(self.mesh.vertices[used[np.unique(label[used], return_index=True)[1]]])
 
     @cached_property
     def box(self) -> tuple[Array, Array]:
         """Its corners (3,): outside it |w| < ½ for every shell, as a plane has all its triangles on one side."""
-        return self.mesh.vertices.min(axis=0), self.mesh.vertices.max(axis=0)
+        return read_only(self.mesh.vertices.min(axis=0)), read_only(self.mesh.vertices.max(axis=0))
 
     @cached_property
     def _doubtful(self) -> Mask:

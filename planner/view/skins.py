@@ -24,6 +24,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.once import freeze
 from hdplan.planner.link_bodies import link_bodies
 from hdplan.planner.mesh_files import read_mesh_file, read_scene
 from hdplan.planner.meshes import LARGEST, load_mesh
@@ -52,6 +53,10 @@ class Skin:
     vertices: NDArray[np.float32]  # (m, 3) in the joint's frame
     triangles: NDArray[np.uint32]  # (F, 3)
     color: Color
+
+    def __post_init__(self) -> None:
+        """Share its arrays read-only."""
+        freeze(self)
 
 
 @dataclass(frozen=True, eq=False)

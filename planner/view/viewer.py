@@ -16,6 +16,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from hdplan.distance.once import read_only
 from hdplan.planner.certificate import Certifier
 from hdplan.planner.curve import Curve
 from hdplan.planner.goal_search import settled
@@ -43,7 +44,7 @@ Array = NDArray[np.float64]
 GHOST = 0.35  # opacity
 PLOT_EVERY = 0.1  # [s] between movements of the plots' bars while the slider moves
 FAINT: Color = (190, 190, 190)
-UP = np.array([0.0, 0.0, 1.0])
+UP = read_only(np.array([0.0, 0.0, 1.0]))
 OUTDATED = "the scene is being changed: nothing is known of this motion in it yet"
 
 
