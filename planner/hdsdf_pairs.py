@@ -5,6 +5,7 @@ A lower bound in sign, an approximation in value: see `hdplan.distance.halfspace
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 
 from hdplan.distance.compiled import RowFunction
@@ -23,6 +24,7 @@ class HdsdfPairs:
         slots = (pairs.body_table.shape[1] - 1) // 4
         counts = sorted({*pairs.plane_slots.tolist(), *plane_counts})
         self.pairs = pairs
+        self.vertices, self.gamma, self.shaping_length = slots, gamma, shaping_length
         self.kernels = {count: _kernel(slots, count, gamma, shaping_length) for count in counts}
 
     @property
@@ -30,6 +32,10 @@ class HdsdfPairs:
         """Compiled or interpreted."""
         compiled = all(kernel.is_compiled for kernel in self.kernels.values())
         return f"HD-SDF, {'compiled C' if compiled else 'by CasADi’s interpreter: no C compiler'}"
+
+    def function(self, planes: int, order: int) -> ca.Function:
+        """The distance of one number of plane slots as a CasADi Function: see `halfspace_distance`."""
+        return halfspace_distance(self.vertices, planes, self.gamma, self.shaping_length, order)
 
     def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Floats, Floats, Floats]:
         """Return D (S,) [m], its wrench (S, 6) and D̃ (S,) [m] for S pairs (row of the pairs) at samples."""
