@@ -5,7 +5,6 @@ A lower bound in sign, an approximation in value: see `hdplan.distance.halfspace
 
 from __future__ import annotations
 
-import casadi as ca
 import numpy as np
 
 from hdplan.distance.compiled import RowFunction
@@ -32,10 +31,6 @@ class HdsdfPairs:
         """Compiled or interpreted."""
         compiled = all(kernel.is_compiled for kernel in self.kernels.values())
         return f"HD-SDF, {'compiled C' if compiled else 'by CasADi’s interpreter: no C compiler'}"
-
-    def function(self, planes: int, order: int) -> ca.Function:
-        """The distance of one number of plane slots as a CasADi Function: see `halfspace_distance`."""
-        return halfspace_distance(self.vertices, planes, self.gamma, self.shaping_length, order)
 
     def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Floats, Floats, Floats]:
         """Return D (S,) [m], its wrench (S, 6) and D̃ (S,) [m] for S pairs (row of the pairs) at samples."""

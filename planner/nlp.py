@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.distance.graph_distance import CLOSED
+from hdplan.distance.halfspaces import halfspace_distance
 from hdplan.planner.hdsdf_pairs import HdsdfPairs
 from hdplan.planner.problem import Problem
 from hdplan.planner.swept_clearance import SweptClearance
@@ -76,15 +77,16 @@ def _sample_functions(problem: Problem, term: Clearance) -> tuple[ca.Function, c
     (n, n). Each is the derivative of the one before to CasADi too, which refuses a third."""
     if isinstance(term, SweptClearance):
         raise InputError("solver ipopt: needs exact second derivatives, which planner.swept: true does not have")
-    if not isinstance(term.distance, HdsdfPairs):
-        raise InputError(f"solver ipopt: needs exact second derivatives, which {term.distance.how} does not have")
+    distance = term.distance
+    if not isinstance(distance, HdsdfPairs):
+        raise InputError(f"solver ipopt: needs exact second derivatives, which {distance.how} does not have")
     n, pairs, kinematics = len(problem.start), term.pairs, problem.kinematics
     q = ca.MX.sym("q", n)
     state = kinematics.state(q)
     moved = 12 * kinematics.nj
     placements, columns = ca.reshape(state[:moved], 12, kinematics.nj), ca.reshape(state[moved:], 6, n)
     value, gradient, hessian = ca.MX(0), ca.MX.zeros(n), ca.MX.zeros(n * n)
-    for slots in term.distance.kernels:
+    for slots in distance.kernels:
         chosen = np.flatnonzero(pairs.plane_slots == slots)
         if len(chosen) == 0:
             continue
@@ -98,11 +100,16 @@ def _sample_functions(problem: Problem, term: Clearance) -> tuple[ca.Function, c
             ca.DM(pairs.moves[chosen].T),
             ca.DM((kinematics.supports[joint_a].astype(float) + kinematics.supports[joint_b]).T),
         )
-        first, second = (_pair_penalty(term.distance.function(slots, order), n).map(len(chosen)) for order in (1, 2))
-        values, gradients = first(*given)
+        first, second = (
+            _pair_penalty(
+                halfspace_distance(distance.vertices, slots, distance.gamma, distance.shaping_length, order), n
+            )
+            for order in (1, 2)
+        )
+        values, gradients = first.map(len(chosen))(*given)
         value += ca.sum2(values)
         gradient += ca.sum2(gradients)
-        hessian += ca.sum2(ca.reshape(second(*given)[2], n * n, len(chosen)))
+        hessian += ca.sum2(ca.reshape(second.map(len(chosen))(*given)[2], n * n, len(chosen)))
     unused = ca.MX.sym("penalty"), ca.MX.sym("gradient", 1, n)  # CasADi hands a Jacobian the outputs too
     curvature = ca.Function(
         "jac_jac_penalty", [q, *unused], [ca.reshape(hessian, n, n), ca.MX(n, 1)], CLOSED | {"enable_jacobian": False}
@@ -127,7 +134,9 @@ def _pair_penalty(distance: ca.Function, n: int) -> ca.Function:
     depth, relative = ca.fmin(value, 0), screws * ca.repmat(moves.T, 6, 1)
     slope = relative.T @ wrench
     results = [depth * depth / 2, depth * slope]
-    for hessian in second:  # the joints are in the order of the tree; those of two branches commute in the formula
+    for (
+        hessian
+    ) in second:  # joints come in the order of the tree; for those of two branches either order gives the same
         force, torque = ca.skew(wrench[:3]), ca.skew(wrench[3:])
         bracket = -ca.blockcat([[ca.SX(3, 3), force], [force, torque]])  # w·[S, S'] = S·bracket S'
         turned = ca.triu(relative.T @ bracket @ (screws * ca.repmat(carried.T, 6, 1)), False) / 2
