@@ -227,7 +227,8 @@ def _by_trimesh(data: bytes, path: Path) -> Triangles:
         points, corners = np.array(part.vertices, dtype=np.float64), np.array(part.faces, dtype=np.int64)
         _check_range(points, corners)
         mirrored = np.linalg.det(place[:3, :3]) < 0
-        vertices.append(points @ place[:3, :3].T + place[:3, 3])
+        with np.errstate(invalid="ignore"):  # what is not finite is refused where it is used
+            vertices.append(points @ place[:3, :3].T + place[:3, 3])
         triangles.append(first + (corners[:, ::-1] if mirrored else corners))
         first += len(points)
     return np.concatenate(vertices), np.concatenate(triangles)

@@ -25,6 +25,7 @@ from hdplan.scenes.errors import FieldError, nearest
 Check = Callable[[Any], Any]
 
 LARGEST = 1e6  # in size, of any number [m, rad]: beyond it distances drown in rounding
+SMALLEST = 1e-100  # of a number above 0: squared, and as a divisor of LARGEST, it is still far from the floats' ends
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
 _SHOWN = 60  # characters of a found value that an error repeats
 
@@ -36,7 +37,10 @@ def wrong(allowed: str, value: object, kind: str = "") -> FieldError:
 
 @dataclass(frozen=True)
 class Number:
-    """A finite number, at most LARGEST in size, with low <= value <= high and value > above; no truth value."""
+    """A finite number, at most LARGEST in size, with low <= value <= high and value > above; no truth value.
+
+    One that must be above 0 is at least SMALLEST: it divides others.
+    """
 
     low: float = -math.inf
     high: float = math.inf
@@ -61,6 +65,8 @@ class Number:
             raise wrong(allowed, value)
         if abs(number) > LARGEST:
             raise wrong(f"{allowed}, at most {LARGEST:g} in size", value)
+        if self.above == 0.0 and number < SMALLEST:
+            raise wrong(f"{allowed}, at least {SMALLEST:g}", value)
         return number
 
 

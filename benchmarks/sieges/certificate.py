@@ -105,7 +105,7 @@ def _pessimism(world: World, motion: rows.Rows, said: dict[str, Any]) -> dict[st
     world.pairs = [pair for pair in world.pairs if {world.bodies[k].name for k in pair} == names]
     if not world.pairs or judge.inside(world, places, open_too=True):
         return {}
-    near = judge.closest(world, places, np.array([0]), np.full(len(world.pairs), np.inf))
+    near = judge.closest(world, places, np.array([0]), np.full(len(world.pairs), 1e3))
     return {"contacts that the judge calls free": int(min(each.low for each in near) > FREE)} if near else {}
 
 

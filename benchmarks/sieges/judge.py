@@ -22,6 +22,7 @@ Index = NDArray[np.int64]
 GRANTED = 1e-6  # [m], and as much for each metre that a body is away from the world's origin
 SHARE = 1e-6  # of a limit
 ANGLE = 2e-9  # [rad] or [m] beyond a limit of position
+ROUNDING = 100 * float(np.finfo(float).eps)  # of positions, in what a polynomial's derivatives make of them
 JUMP = 2e-6  # of a rate at a row, beyond which it is no rounding
 SAMPLES = 257  # of a motion
 COARSE = 25  # of them at which all bodies are compared at first
@@ -164,9 +165,11 @@ def limits(world: World, rows: Rows, interval: Index, s: Array) -> list[str]:
         if key not in asked:
             continue
         rate = rows.at(interval, s, order)
+        shortest = 1.0 if rows.times is None else float(np.diff(rows.times).min())
+        noise = ROUNDING * (1.0 + np.abs(q).max()) / shortest**order  # of equal positions a moment apart
         limit = per_joint(world, asked[key], "speed")
         for name in world.planned:
-            share = np.abs(rate[:, rows.names.index(name)]).max() / limit[name]
+            share = (np.abs(rate[:, rows.names.index(name)]).max() - noise) / limit[name]
             if share > 1.0 + SHARE:
                 found.append(f"joint {name}: {key} {share:.6g} of its limit")
         if order > 1:

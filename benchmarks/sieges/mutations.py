@@ -112,7 +112,7 @@ def _spoil(rng: np.random.Generator, holder: Any, key: Any) -> None:
         for _ in range(int(rng.choice([1, 3, 200]))):
             deep = [deep] if rng.random() < 0.5 else {"x": deep}
         holder[key] = deep
-    elif isinstance(value, int | float) and not isinstance(value, bool):
+    elif isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300:
         holder[key] = value * float(rng.choice([-1.0, 1e3, 1e-3, 1e9, 1e-12, 1.0 + 1e-9]))
     else:
         holder[key] = str(value)

@@ -163,7 +163,7 @@ CASES: dict[str, tuple[Callable[[Any], Any], str, Callable[[Any], Any], tuple[An
         field_of("limits", "jerk"),
         "limits.jerk",
         lambda v: Limits(jerk=v),
-        (NAN, INF, 0, -1, 1e7, "urdf", "a", "", True, [], {}, [1, NAN], [1, "a"], {"j": 0}, {"j": NAN}, {"j": "a"}),
+        (NAN, INF, 0, -1, 1e-300, "urdf", "a", "", True, [], {}, [1, NAN], [1, "a"], {"j": 0}, {"j": NAN}, {"j": "a"}),
     ),
     "range": (
         lambda v: {"limits": {"position": {"j": v}}},
