@@ -46,7 +46,7 @@ def box_directions() -> Floats:
 
 
 @functools.cache
-def halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: float) -> ca.Function:
+def halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: float, order: int = 1) -> ca.Function:
     """Build D(A, B) as a CasADi function for A of `vertices` vertices and B of `planes` planes; the numbers are
     arguments.
 
@@ -65,14 +65,19 @@ def halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: f
     world = rotation_a @ ca.reshape(body[: 3 * vertices], 3, vertices)
     points = rotation_b.T @ (world + ca.repmat(placement_a[9:] - placement_b[9:], 1, vertices))  # A's, in B's frame
     axes = _axes(points, body[3 * vertices : 4 * vertices], body[4 * vertices], body_planes)
-    distance, separation, gradient = combined([axes], gamma, 1, ca.MX(shaping_length))
+    distance, separation, gradient, *second = combined([axes], gamma, order, ca.MX(shaping_length))
     mark = rigid_or_nan(rotation_a, rotation_b)
     return ca.Function(
         f"hdsdf_halfspaces_{vertices}_{planes}_{gamma}",
         [placement_a, placement_b, body, body_planes],
-        [distance + mark, _wrench(rotation_b, placement_b[9:], gradient), separation + mark],
+        [
+            distance + mark,
+            _wrench(rotation_b, placement_b[9:], gradient),
+            separation + mark,
+            *(_turned(rotation_b, placement_b[9:], hessian) for hessian in second),
+        ],
         ["placement_a", "placement_b", "body", "body_planes"],
-        ["distance", "wrench", "separation"],
+        ["distance", "wrench", "separation", "hessian"][: order + 2],
     )
 
 
@@ -130,3 +135,9 @@ def _wrench(rotation_b: ca.MX, origin_b: ca.MX, gradient: ca.MX) -> ca.MX:
     """The derivative by a motion (6) as B sees it, as a wrench about the world's origin."""
     force = rotation_b @ gradient[:3]
     return ca.vertcat(force, rotation_b @ gradient[3:] + ca.cross(origin_b, force))
+
+
+def _turned(rotation_b: ca.MX, origin_b: ca.MX, hessian: ca.MX) -> ca.MX:
+    """The Hessian by a motion (6, 6) as B sees it, by the same motion about the world's origin."""
+    adjoint = ca.blockcat([[rotation_b.T, -rotation_b.T @ ca.skew(origin_b)], [ca.MX.zeros(3, 3), rotation_b.T]])
+    return ca.densify(adjoint.T @ hessian @ adjoint)

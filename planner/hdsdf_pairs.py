@@ -23,6 +23,7 @@ class HdsdfPairs:
         slots = (pairs.body_table.shape[1] - 1) // 4
         counts = sorted({*pairs.plane_slots.tolist(), *plane_counts})
         self.pairs = pairs
+        self.vertices, self.gamma, self.shaping_length = slots, gamma, shaping_length
         self.kernels = {count: _kernel(slots, count, gamma, shaping_length) for count in counts}
 
     @property

@@ -1,8 +1,8 @@
 """The whole problem as one CasADi graph: for general solvers, and as a second witness of the fast evaluation.
 
 The same kinematics, the same distance functions, the same pairs and samples as `Problem.evaluate`, but every pair at
-every sample is there, without a broad phase. The gradient is the distance's hand-written wrench chained through the
-geometric Jacobian; the Hessian is CasADi's exact derivative of that gradient.
+every sample is there, without a broad phase. Gradient and Hessian are closed forms: the distance's own, chained through
+the geometric Jacobian.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.distance.graph_distance import CLOSED
+from hdplan.distance.halfspaces import halfspace_distance
 from hdplan.planner.hdsdf_pairs import HdsdfPairs
 from hdplan.planner.problem import Problem
 from hdplan.planner.swept_clearance import SweptClearance
@@ -49,12 +51,12 @@ def nlp(problem: Problem) -> Nlp:
     gradient = waypoints @ matrix
     hessian = ca.MX(ca.kron(matrix[1:-1, 1:-1], ca.DM.eye(n)))
     to_interior = ca.kron(spread[1:-1, :], ca.DM.eye(n))  # (M n, B n)
+    scale, unused = weight * ca.DM(samples.weight), (ca.DM(1, len(samples.weight)), ca.DM(1, n * len(samples.weight)))
     for term in problem.pair_terms:
         value, slope, curvature = (function.map(len(samples.weight)) for function in _sample_functions(problem, term))
-        scale = weight * ca.DM(samples.weight)
         cost += ca.dot(scale, value(looks).T)
-        gradient += (slope(looks) @ ca.diag(scale)) @ spread.T
-        blocks = ca.horzsplit(curvature(looks), n)
+        gradient += (ca.reshape(slope(looks, unused[0]), n, -1) @ ca.diag(scale)) @ spread.T
+        blocks = ca.horzsplit(curvature(looks, *unused)[0], n)
         hessian += to_interior @ ca.diagcat(*(scale[s] * block for s, block in enumerate(blocks))) @ to_interior.T
     lower, upper = np.tile(problem.robot.lower, count), np.tile(problem.robot.upper, count)
     return Nlp(x, weight, cost, ca.vec(gradient[:, 1:-1]), hessian, lower, upper)
@@ -71,33 +73,73 @@ def _interpolation(problem: Problem) -> ca.DM:
 
 
 def _sample_functions(problem: Problem, term: Clearance) -> tuple[ca.Function, ca.Function, ca.Function]:
-    """One sample's penalty ½ Σ_pairs min(D, 0)² as functions of its configuration: value, gradient (n, 1), Hessian
-    (n, n)."""
-    n, pairs, nj = len(problem.start), term.pairs, problem.kinematics.nj
-    q = ca.MX.sym("q", n)
-    state = problem.kinematics.state(q)
-    placements, columns = ca.reshape(state[: 12 * nj], 12, nj), ca.reshape(state[12 * nj :], 6, n)
-    value, gradient = ca.MX(0), ca.MX.zeros(n)
+    """One sample's penalty ½ Σ_pairs min(D, 0)² as functions of its configuration: value, gradient (1, n), Hessian
+    (n, n). Each is the derivative of the one before to CasADi too, which refuses a third."""
     if isinstance(term, SweptClearance):
         raise InputError("solver ipopt: needs exact second derivatives, which planner.swept: true does not have")
-    if not isinstance(term.distance, HdsdfPairs):
-        raise InputError(f"solver ipopt: needs exact second derivatives, which {term.distance.how} does not have")
-    for slots, kernel in term.distance.kernels.items():
+    distance = term.distance
+    if not isinstance(distance, HdsdfPairs):
+        raise InputError(f"solver ipopt: needs exact second derivatives, which {distance.how} does not have")
+    n, pairs, kinematics = len(problem.start), term.pairs, problem.kinematics
+    q = ca.MX.sym("q", n)
+    state = kinematics.state(q)
+    moved = 12 * kinematics.nj
+    placements, columns = ca.reshape(state[:moved], 12, kinematics.nj), ca.reshape(state[moved:], 6, n)
+    value, gradient, hessian = ca.MX(0), ca.MX.zeros(n), ca.MX.zeros(n * n)
+    for slots in distance.kernels:
         chosen = np.flatnonzero(pairs.plane_slots == slots)
         if len(chosen) == 0:
             continue
-        # straight-line code: the interpreter differentiates it faster than loops
-        distance, wrench, _ = kernel.function.expand().map(len(chosen))(
-            placements[:, pairs.joint_a[chosen].tolist()],
-            placements[:, pairs.joint_b[chosen].tolist()],
+        joint_a, joint_b = pairs.joint_a[chosen], pairs.joint_b[chosen]
+        given = (
+            placements[:, joint_a.tolist()],
+            placements[:, joint_b.tolist()],
             ca.DM(pairs.body_table[pairs.body[chosen]].T),
             ca.DM(pairs.plane_tables[slots][pairs.plane_row[chosen]].T),
+            ca.repmat(columns, 1, len(chosen)),
+            ca.DM(pairs.moves[chosen].T),
+            ca.DM((kinematics.supports[joint_a].astype(float) + kinematics.supports[joint_b]).T),
         )
-        depth = ca.fmin(distance, 0)
-        value += 0.5 * ca.dot(depth, depth)
-        gradient += ca.sum2((columns.T @ wrench) * ca.DM(pairs.moves[chosen].T) * ca.repmat(depth, n, 1))
-    return (
-        ca.Function("penalty", [q], [value]),
-        ca.Function("penalty_gradient", [q], [gradient]),
-        ca.Function("penalty_hessian", [q], [ca.jacobian(gradient, q)]),
+        first, second = (
+            _pair_penalty(
+                halfspace_distance(distance.vertices, slots, distance.gamma, distance.shaping_length, order), n
+            )
+            for order in (1, 2)
+        )
+        values, gradients = first.map(len(chosen))(*given)
+        value += ca.sum2(values)
+        gradient += ca.sum2(gradients)
+        hessian += ca.sum2(ca.reshape(second.map(len(chosen))(*given)[2], n * n, len(chosen)))
+    unused = ca.MX.sym("penalty"), ca.MX.sym("gradient", 1, n)  # CasADi hands a Jacobian the outputs too
+    curvature = ca.Function(
+        "jac_jac_penalty", [q, *unused], [ca.reshape(hessian, n, n), ca.MX(n, 1)], CLOSED | {"enable_jacobian": False}
     )
+    slope = ca.Function("jac_penalty", [q, unused[0]], [gradient.T], CLOSED | {"custom_jacobian": curvature})
+    penalty = ca.Function("penalty", [q], [value], CLOSED | {"custom_jacobian": slope})
+    return penalty, slope, curvature
+
+
+def _pair_penalty(distance: ca.Function, n: int) -> ca.Function:
+    """One pair's penalty ½ min(D, 0)² with its gradient and, where `distance` gives that of D, its Hessian, in closed
+    form: `halfspace_distance` is not to be differentiated by CasADi.
+
+    With the joints' screws S_j in the world, m_j = 1, −1 or 0 as joint j moves A only, B only or both (or neither), c_j
+    how many of them it carries, and w, H the derivatives of D by a motion of A in the world:
+
+        ∂D/∂q_j = m_j w·S_j        ∂²D/∂q_j∂q_k = m_j m_k S_j·H S_k + ½ m_j c_k w·[S_j, S_k],   j nearer the base than k
+    """
+    inputs = [ca.SX.sym(distance.name_in(i), distance.size1_in(i)) for i in range(4)]
+    screws, moves, carried = ca.SX.sym("screws", 6, n), ca.SX.sym("moves", n), ca.SX.sym("carried", n)
+    value, wrench, _, *second = distance(*inputs)
+    depth, relative = ca.fmin(value, 0), screws * ca.repmat(moves.T, 6, 1)
+    slope = relative.T @ wrench
+    results = [depth * depth / 2, depth * slope]
+    for (
+        hessian
+    ) in second:  # joints come in the order of the tree; for those of two branches either order gives the same
+        force, torque = ca.skew(wrench[:3]), ca.skew(wrench[3:])
+        bracket = -ca.blockcat([[ca.SX(3, 3), force], [force, torque]])  # w·[S, S'] = S·bracket S'
+        turned = ca.triu(relative.T @ bracket @ (screws * ca.repmat(carried.T, 6, 1)), False) / 2
+        curvature = relative.T @ hessian @ relative + turned + turned.T
+        results.append(ca.densify((value < 0) * slope @ slope.T + depth * curvature))
+    return ca.Function("pair_penalty", [*inputs, screws, moves, carried], [ca.densify(part) for part in results])

@@ -127,7 +127,8 @@ def _flat(pose):
 
 
 def _kernels(count, seed, planes):
-    """Hold value and wrenches of both kernels, the body at one placement or swept between two, against the truth."""
+    """Hold value and wrenches of both kernels, the body at one placement or swept between two, and the Hessian of the
+    former, against the truth."""
     body = BODIES["box"] if seed % 2 else BODIES["capsule"]
     normals = PLANES[planes]
     supports = np.abs(normals) @ HALF
@@ -139,27 +140,31 @@ def _kernels(count, seed, planes):
     number = len(body.vertices)
     row = np.concatenate([body.vertices.ravel(), np.ones(number), [body.radius]])
     table = np.append(normals.ravel(), supports)
-    single = halfspace_distance(number, len(normals), 2, 0.01)
+    single = halfspace_distance(number, len(normals), 2, 0.01, order=2)
     swept = swept_halfspace_distance(number, len(normals), 2, 0.01)
     for one, other, b in zip(first, second, poses_b, strict=True):
         twists = rng.normal(size=(2, 6))
         outputs = [np.array(part).ravel() for part in swept(_flat(one), _flat(other), _flat(b), row, table)]
         right = extended.swept_truth(body, one, other, normals, supports, b, twists, shaping_length=0.01)
         _check_slope(right, outputs[0], np.append(*outputs[1:3]) * twists.ravel())
-        outputs = [np.array(part).ravel() for part in single(_flat(one), _flat(b), row, table)]
+        value, wrench, _, hessian = (np.array(part) for part in single(_flat(one), _flat(b), row, table))
         right = extended.swept_truth(body, one, None, normals, supports, b, twists, shaping_length=0.01)
-        _check_slope(right, outputs[0], outputs[1] * twists[0])
+        _check_slope(right, value[0], wrench[:, 0] * twists[0], twists[0][:, None] * hessian * twists[0])
 
 
-def _check_slope(right, value, slopes):
+def _check_slope(right, value, slopes, curvatures=None):
     relative = ROUNDING * 9 * max(1.0, 3.0 / max(abs(right.separation), 1e-300))
     if relative < 0.5:
         assert abs(value - right.value) <= relative * abs(right.value) + UNDERFLOW
-        assert abs(slopes.sum() - right.slope) <= relative * (abs(right.value) + np.abs(slopes).sum()) + UNDERFLOW
+        scale = abs(right.value) + np.abs(slopes).sum()
+        assert abs(slopes.sum() - right.slope) <= relative * scale + UNDERFLOW
+        if curvatures is not None:
+            scale += np.abs(curvatures).sum()
+            assert abs(curvatures.sum() - right.curvature) <= relative * scale + UNDERFLOW
 
 
 @pytest.mark.parametrize("planes", PLANES)
-def test_planes_have_the_true_wrenches(planes):
+def test_planes_have_the_true_derivatives(planes):
     _kernels(12, 2, planes)
     _kernels(12, 3, planes)
 
@@ -167,7 +172,7 @@ def test_planes_have_the_true_wrenches(planes):
 @pytest.mark.slow
 @pytest.mark.parametrize("planes", PLANES)
 @pytest.mark.parametrize("seed", [4, 5])
-def test_planes_have_the_true_wrenches_at_2000_poses(planes, seed):
+def test_planes_have_the_true_derivatives_at_2000_poses(planes, seed):
     _kernels(500, seed, planes)
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -18,7 +19,20 @@ from hdplan.planner.nlp import Nlp, nlp
 from hdplan.planner.problem import SPACING, Problem, build
 from hdplan.planner.samples import MOST
 from hdplan.planner.terms import Smoothness
-from hdplan.scenes.model import Box, Cylinder, Obstacle, Points, Pose, Scene, SelfCollision, Shape, Sphere
+from hdplan.scenes.model import (
+    Box,
+    Cylinder,
+    JointTarget,
+    Obstacle,
+    PlannerSettings,
+    Points,
+    Pose,
+    RobotSpec,
+    Scene,
+    SelfCollision,
+    Shape,
+    Sphere,
+)
 from hdplan.scenes.reader import load_scene
 
 Array = NDArray[np.float64]
@@ -219,6 +233,61 @@ def test_casadi_gradient_is_that_of_its_cost_and_the_hessian_that_of_the_gradien
         close(gradient.ravel(), np.array(automatic(x, WEIGHT)).ravel(), WITNESS)
         close(hessian, hessian.T, WITNESS)
         close(hessian, differences(lambda y: np.array(evaluate(y, WEIGHT)[1]).ravel(), x), DIFFERENCE)
+
+
+BAR = '<collision><origin xyz="0.22 0 0"/><geometry><box size="0.44 0.06 0.04"/></geometry></collision>'
+ARM = """<link name="{0}_upper">{bar}</link><link name="{0}_fore">{bar}</link>
+  <joint name="{0}_yaw" type="revolute"><parent link="base"/><child link="{0}_upper"/><origin xyz="0 {1} 0"/>
+    <axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="2" effort="9"/></joint>
+  <joint name="{0}_next" type="{2}"><parent link="{0}_upper"/><child link="{0}_fore"/><origin xyz="0.4 0 0.02"/>
+    <axis xyz="{3}"/><limit lower="-3" upper="3" velocity="2" effort="9"/></joint>"""
+TWO_ARMS = (
+    '<robot name="two_arms"><link name="base"/>'
+    + ARM.format("left", 0.1, "revolute", "0 1 0", bar=BAR)
+    + ARM.format("right", -0.1, "prismatic", "1 0 0", bar=BAR)
+    + "</robot>"
+)
+
+
+@pytest.fixture
+def two_arms(tmp_path: Path) -> Problem:
+    """Boxes along the axes, at an obstacle that is one too; in half of the pairs both bodies move, on two branches."""
+    urdf = tmp_path / "two_arms.urdf"
+    urdf.write_text(TWO_ARMS)
+    ends = (JointTarget(name, (0.0, 0.0, 0.0, 0.0)) for name in ("start", "goal"))
+    obstacle = Obstacle("beam", Box((0.3, 0.1, 0.1)), Pose((0.5, 0.0, 0.05)))
+    return build(
+        Scene(
+            "two arms",
+            tmp_path / "scene.yaml",
+            RobotSpec(urdf=urdf),
+            (obstacle,),
+            *ends,
+            planner=PlannerSettings(waypoints=4),
+            self_collision=WIDE,
+        )
+    )
+
+
+def test_casadi_derivatives_are_those_of_the_cost_where_boxes_are_aligned(two_arms: Problem) -> None:
+    """There projections tie, and both orders have to be closed forms; CasADi's own of the cost are the same."""
+    assert {-1.0, 1.0} <= set(np.concatenate([term.pairs.moves.ravel() for term in two_arms.pair_terms]))
+    whole = nlp(two_arms)
+    given = [whole.x, whole.weight]
+    hessian, gradient = ca.hessian(whole.cost, whole.x)
+    cost, slope = (ca.Function("part", given, [part]) for part in (whole.cost, whole.gradient))
+    evaluate = ca.Function("evaluate", given, [whole.gradient, whole.hessian, gradient, hessian])
+    rng = np.random.default_rng(4)
+    for number in range(8):
+        turns = rng.uniform(-0.8, 0.8, (2, 3)) if number % 2 else rng.choice([-np.pi / 2, 0.0, np.pi / 2], (2, 3))
+        x = np.column_stack([turns, rng.choice([0.0, 0.1, 0.3], 2)]).ravel()
+        first, second, *automatic = (np.array(part) for part in evaluate(x, WEIGHT))
+        close(first.ravel(), differences(lambda y: float(cost(y, WEIGHT)), x), DIFFERENCE)
+        close(second, differences(lambda y: np.array(slope(y, WEIGHT)).ravel(), x), DIFFERENCE)
+        for right, found in zip((first, second), automatic, strict=True):
+            close(found, right, EXACT)
+    with pytest.raises(RuntimeError, match="jac_jac_penalty"):
+        ca.jacobian(ca.vec(hessian), whole.x)
 
 
 def test_hessian_is_banded(planar: Problem, whole: Nlp) -> None:
