@@ -57,7 +57,11 @@ def halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: f
     Outputs: distance () [m]; wrench (6) = [F | T], the derivative of D under a motion of A: dD = F·v + T·ω for the
     velocity v of the point of A at the world's origin and angular velocity ω (D depends on the relative pose only, so
     B's wrench is −[F | T]); separation () [m], D̃ of eq. Dtilde with the plain minimum and maximum: of D's sign even
-    where D underflows, and never more than the true signed distance, which D in the negative may be.
+    where D underflows, and never more than the true signed distance, which D in the negative may be. With order 2
+    also hessian (6, 6) of D by the twist ξ = (v, ω) of A in the world: D of exp(ξ)·A to second order.
+
+    Wrench and Hessian are closed forms, right at every pose. CasADi's own derivatives of D and of the wrench are not,
+    where bodies that are apart have several least projections along a normal, as aligned boxes do.
     """
     placement_a, placement_b = ca.MX.sym("placement_a", 12), ca.MX.sym("placement_b", 12)
     body, body_planes = ca.MX.sym("body", 4 * vertices + 1), ca.MX.sym("body_planes", 4 * planes)

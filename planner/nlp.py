@@ -100,16 +100,15 @@ def _sample_functions(problem: Problem, term: Clearance) -> tuple[ca.Function, c
             ca.DM(pairs.moves[chosen].T),
             ca.DM((kinematics.supports[joint_a].astype(float) + kinematics.supports[joint_b]).T),
         )
+        sizes = distance.vertices, slots, distance.gamma, distance.shaping_length
         first, second = (
-            _pair_penalty(
-                halfspace_distance(distance.vertices, slots, distance.gamma, distance.shaping_length, order), n
-            )
+            _pair_penalty(halfspace_distance(*sizes, order), n).map(len(chosen))  # each pair in straight-line code
             for order in (1, 2)
         )
-        values, gradients = first.map(len(chosen))(*given)
+        values, gradients = first(*given)
         value += ca.sum2(values)
         gradient += ca.sum2(gradients)
-        hessian += ca.sum2(ca.reshape(second.map(len(chosen))(*given)[2], n * n, len(chosen)))
+        hessian += ca.sum2(ca.reshape(second(*given)[2], n * n, len(chosen)))
     unused = ca.MX.sym("penalty"), ca.MX.sym("gradient", 1, n)  # CasADi hands a Jacobian the outputs too
     curvature = ca.Function(
         "jac_jac_penalty", [q, *unused], [ca.reshape(hessian, n, n), ca.MX(n, 1)], CLOSED | {"enable_jacobian": False}
