@@ -193,7 +193,7 @@ def test_scenes_that_need_their_torque_limits(name: str, slower: bool) -> None:
 def test_the_weight_of_a_held_object_counts_by_exactly_its_body() -> None:
     scene = load_scene("panda_heavy")
     robot = load_scene_robot(scene)
-    weightless = replace(scene, attached=tuple(replace(held, mass=0.0) for held in scene.attached))
+    weightless = replace(scene, attached=tuple(replace(held, mass=None) for held in scene.attached))
     (held,) = scene.attached
     heavy, light = (loaded_model(each, robot) for each in (scene, weightless))
     hand = robot.model.frames[robot.model.getFrameId("panda_hand")]

@@ -98,7 +98,7 @@ def test_what_is_not_said_keeps_its_default(tmp_path: Path) -> None:
     said = read(tmp_path, "limits: {acceleration: 2}\ntiming: {scale: 0.5}\n")
     assert said.timing == Timing(scale=0.5)
     held = read(tmp_path, f"attached: [{{link: hand, {BALL}}}]\nlimits: {{torque: urdf}}\n{TIMED}")
-    assert held.attached[0].mass == 0.0
+    assert held.attached[0].mass is None
 
 
 def test_an_axis_is_of_length_one(tmp_path: Path) -> None:
@@ -297,7 +297,7 @@ def random_scene(seed: int) -> Scene:
         source=Path("random.yaml"),
         robot=RobotSpec(name="panda"),
         obstacles=tuple(obstacle(f"o{i}") for i in range(4)),
-        attached=(Attached("held", "off", Sphere(positive()), pose(), mass=tossed(positive(), 0.0)),),
+        attached=(Attached("held", "off", Sphere(positive()), pose(), mass=tossed(positive(), None)),),
         start=JointTarget("start", state="default"),
         goal=JointTarget("goal", state="default"),
         self_collision=tossed(SelfCollision(clearance=float(rng.random())), SelfCollision(checked=False)),
