@@ -113,6 +113,7 @@ def run(
             for place, worker in enumerate(crew):
                 if worker.leaving:  # it had grown too large
                     selector.unregister(worker.answers)
+                    worker.tell(None)
                     crew[place] = worker = _Worker(script, name, seed, output)
                     selector.register(worker.answers, selectors.EVENT_READ, worker)
                 elif worker.busy and (worker.dead or worker.over(limit)):
@@ -159,7 +160,7 @@ def serve(attack: Attack, name: str, seed: int, folder: Path) -> None:
         began = time.perf_counter()
         outcome = attempt(attack, name, seed, index, case)
         answer = {**vars(outcome), "seconds": time.perf_counter() - began}
-        if resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 > GROWN:
+        if _most_memory() > GROWN:
             answer["finding"] = (answer["finding"] + "; over the limit of memory").strip("; ")
             answer["last"] = True
         if answer["finding"]:
@@ -167,6 +168,13 @@ def serve(attack: Attack, name: str, seed: int, folder: Path) -> None:
         print(json.dumps(answer, default=str), file=answers)
         if answer.get("last"):
             return
+
+
+def _most_memory() -> int:
+    """Return the most memory [bytes] that this process ever had: its own, as `getrusage` counts what the process that
+    started it had."""
+    status = Path("/proc/self/status").read_text()
+    return 1024 * int(status.partition("VmHWM:")[2].split()[0])
 
 
 def attempt(attack: Attack, name: str, seed: int, index: int, case: Path) -> Outcome:

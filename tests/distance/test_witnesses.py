@@ -41,7 +41,7 @@ FAMILY = {  # where each witness begins; what it may share with the others
     "casadi": {"pair_distance", "graph_distance", "symbolic"},
     "jax": {"batch"},
 }
-SHARED = {"bodies", "normals", "poses"}  # what bodies, sets and poses are
+SHARED = {"bodies", "normals", "poses", "once"}  # what bodies, sets and poses are; how values are kept
 SHARED_OF_HOLDER = {"check_gamma", "resolve_shaping_length"}
 
 
