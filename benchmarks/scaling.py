@@ -17,7 +17,6 @@ import csv
 import dataclasses
 import pickle
 import platform
-import resource
 import subprocess
 import sys
 import tempfile
@@ -25,6 +24,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from memory import most_memory
 
 import hdplan
 from hdplan.planner.problem import build
@@ -111,19 +111,9 @@ def measure(warm: Scene, scene: Scene, repeat: int) -> Point:
             [t.certify for t in times],
         )
     )
-    peak = _peak()
+    peak = most_memory() / 1e6
     result = results[0]
     return Point(waypoints, boxes, build_s, solve_s, result.iterations, certify_s, result.certified, peak)
-
-
-def _peak() -> float:
-    """The most memory [MB] that this process has held; Linux's own count, as that of getrusage survives an exec and so
-    may be the parent's."""
-    status = Path("/proc/self/status")
-    if status.is_file():
-        line = next(line for line in status.read_text().splitlines() if line.startswith("VmHWM"))
-        return int(line.split()[1]) * 1024 / 1e6
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e6 / 1024)
 
 
 def in_a_process(waypoints: int, boxes: int, repeat: int) -> Point:

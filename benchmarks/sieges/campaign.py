@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
+from memory import most_memory
 
 Attack = Callable[[np.random.Generator, Path], "Outcome"]  # a case: its random numbers, and an empty folder for it
 
@@ -160,7 +161,7 @@ def serve(attack: Attack, name: str, seed: int, folder: Path) -> None:
         began = time.perf_counter()
         outcome = attempt(attack, name, seed, index, case)
         answer = {**vars(outcome), "seconds": time.perf_counter() - began}
-        if _most_memory() > GROWN:
+        if most_memory() > GROWN:
             answer["finding"] = (answer["finding"] + "; over the limit of memory").strip("; ")
             answer["last"] = True
         if answer["finding"]:
@@ -168,13 +169,6 @@ def serve(attack: Attack, name: str, seed: int, folder: Path) -> None:
         print(json.dumps(answer, default=str), file=answers)
         if answer.get("last"):
             return
-
-
-def _most_memory() -> int:
-    """Return the most memory [bytes] that this process ever had: its own, as `getrusage` counts what the process that
-    started it had."""
-    status = Path("/proc/self/status").read_text()
-    return 1024 * int(status.partition("VmHWM:")[2].split()[0])
 
 
 def attempt(attack: Attack, name: str, seed: int, index: int, case: Path) -> Outcome:
