@@ -186,11 +186,11 @@ def plan(
 
     Ctrl-C ends with the best motion found so far.
     """
+    from hdplan.planner.lay_out import check_distance
     from hdplan.planner.output import check_writable
     from hdplan.planner.plan import plan as find
     from hdplan.planner.plot import Subject, check_picture
     from hdplan.planner.plot import plot as draw
-    from hdplan.planner.problem import check_distance
     from hdplan.planner.scene_robot import load_scene_robot
     from hdplan.planner.solvers import solver_named
     from hdplan.planner.trajectory import FORMATS
@@ -473,8 +473,8 @@ def explain(scene: SceneFile, request: Request = None, robot: RobotFile = None, 
     Joints with start, goal and limits; terms that are on and off; the bodies around links and obstacles; which pairs
     are kept and left out; unknowns; settings, with the defaults in force.
     """
+    from hdplan.planner.build import build
     from hdplan.planner.explain import explain as sections_of
-    from hdplan.planner.problem import build
 
     problem = _load(scene, request, robot)
     with waiting("building the problem"):

@@ -35,7 +35,7 @@ from hdplan.planner.corridor import (
     link_boxes,
     tool_task,
 )
-from hdplan.planner.outline import kinematics_of
+from hdplan.planner.kinematics import kinematics_of
 from hdplan.planner.plane_bodies import from_obstacle
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot

@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import hdplan
+from hdplan.planner.build import build
 from hdplan.planner.certificate import Certifier
-from hdplan.planner.problem import Problem, build
+from hdplan.planner.problem import Problem
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.seeds import onto_path
 from hdplan.scenes.model import Box, JointTarget, Obstacle, PathConstraints, Pose, Scene, Upright, Within

@@ -18,11 +18,11 @@ from hdplan.planner.fcl_pairs import FclPairs
 from hdplan.planner.hdsdf_pairs import HdsdfPairs
 from hdplan.planner.kinematics import KinematicsBatch
 from hdplan.planner.link_bodies import LinkBody
+from hdplan.planner.pair_distance import PairDistance
 from hdplan.planner.pairs import body_pairs
 from hdplan.planner.plane_bodies import from_shape
 from hdplan.planner.problem import Problem
 from hdplan.planner.seeds import seeds
-from hdplan.planner.terms import PairDistance
 from hdplan.scenes.model import Box, PlannerSettings
 
 Array = NDArray[np.float64]

@@ -27,7 +27,7 @@ import numpy as np
 from memory import most_memory
 
 import hdplan
-from hdplan.planner.problem import build
+from hdplan.planner.build import build
 from hdplan.scenes.model import Box, JointTarget, Obstacle, Pose, Scene
 
 WAYPOINTS = (20, 32, 50, 100, 200)

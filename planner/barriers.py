@@ -23,11 +23,11 @@ from hdplan.planner.hdsdf_pairs import HdsdfPairs
 from hdplan.planner.kinematics import Kinematics, KinematicsBatch
 from hdplan.planner.link_bodies import LinkBody, link_bodies
 from hdplan.planner.outline import outline_of
+from hdplan.planner.pair_distance import PairDistance
 from hdplan.planner.pairs import BodyPairs, Rows, body_pairs
 from hdplan.planner.plane_bodies import PlaneBody, from_link_body, from_obstacle
 from hdplan.planner.reach import levers
 from hdplan.planner.robot import Robot
-from hdplan.planner.terms import PairDistance
 from hdplan.scenes.errors import FieldError, naming, nearest
 from hdplan.scenes.model import Pose, Scene
 from hdplan.scenes.moving import Passages

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.planner.build import build
 from hdplan.planner.certificate import Certifier
 from hdplan.planner.curve import Curve
 from hdplan.planner.moving_clearance import MovingClearance
-from hdplan.planner.problem import build
 from hdplan.planner.robot import Robot
 from hdplan.planner.verdict import Place
 from hdplan.scenes.model import Scene

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.control_inputs import joint_numbers, number
-from hdplan.planner.goal_search import LinkPose
+from hdplan.planner.inverse_kinematics import LinkPose
 from hdplan.planner.robot import Robot
 from hdplan.scenes.model import PoseTarget
 from hdplan.scenes.values import instance

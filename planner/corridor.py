@@ -28,9 +28,8 @@ from hdplan.planner.control import Controller, Step
 from hdplan.planner.control_run import Run, fast_energy, simulate, total_variation
 from hdplan.planner.control_settings import ControlSettings
 from hdplan.planner.control_tasks import least_squares
-from hdplan.planner.kinematics import Kinematics, KinematicsBatch
+from hdplan.planner.kinematics import Kinematics, KinematicsBatch, kinematics_of
 from hdplan.planner.link_bodies import LinkBody
-from hdplan.planner.outline import kinematics_of
 from hdplan.planner.plane_bodies import PlaneBody, from_obstacle
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot

@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hdplan.planner.problem import Problem, self_margin
+from hdplan.planner.lay_out import self_margin
+from hdplan.planner.problem import Problem
 from hdplan.scenes.model import Goals, JointValues, Pose, PoseTarget, Scene, Timing
 
 

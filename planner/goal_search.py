@@ -17,12 +17,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from hdplan.planner.certificate import Certifier
-from hdplan.planner.kinematics import Kinematics
-from hdplan.planner.outline import kinematics_of
-from hdplan.planner.pose_goals import AXES, Miss, link_frame
+from hdplan.planner.inverse_kinematics import LinkPose, damped_step
+from hdplan.planner.kinematics import Kinematics, kinematics_of
+from hdplan.planner.pose_goals import Miss
 from hdplan.planner.robot import Robot
 from hdplan.planner.robot_curve import curve_of
 from hdplan.planner.trajectory import Trajectory
@@ -38,11 +37,8 @@ Array = NDArray[np.float64]
 STARTS = 128  # the scene's start, and random configurations
 STEPS = 80  # at most
 CENTRING = 6  # further ones, from within the tolerance towards its centre
-DAMPING = 0.02  # λ: keeps steps short near a singular configuration
-LONGEST = 0.4  # [rad] or [m] of one step of a joint
 AIM, ENOUGH, AT_MOST = 0.5, 0.75, 0.99  # shares of a tolerance: aimed at, where a start has arrived, that may be left
 APART = 0.6  # [rad] or [m] in some joint between configurations that count as two
-PARALLEL = 1e-9  # sine below which two directions have no axis of their own
 PICKED = 12  # free configurations of a pose, nearest to the start, that are compared
 CLOSE = 0.03  # [m] to an obstacle below which a goal counts as farther away
 TRIED = 6  # goals that are planned to, all targets together; at least one of each
@@ -144,52 +140,6 @@ def reaching(
     return _apart(met[np.argsort(np.linalg.norm(met - start, axis=1), kind="stable")]), least
 
 
-class LinkPose(NamedTuple):
-    """A target, and the link that is to reach it."""
-
-    robot: Robot
-    target: PoseTarget
-    arm: Kinematics
-    joint: int  # that carries the link
-    placement: Array  # (4, 4) of the link in the joint's frame
-
-    @classmethod
-    def of(cls, robot: Robot, target: PoseTarget) -> LinkPose:
-        """Take a robot and its target. Raises InputError as `link_frame`."""
-        frame = robot.model.frames[link_frame(robot, target.link, target.field)]
-        return cls(robot, target, kinematics_of(robot), frame.parentJoint, frame.placement.homogeneous)
-
-    def linearized(self, q: Array) -> tuple[Array, Array]:
-        """What is missing (B, 6), way [m] and turn [rad] in world axes, and what the joints do about it (B, 6, n)."""
-        state, wanted, joint = self.arm.evaluate(q), self.target.pose.matrix, self.joint
-        rotation = state.rotations[:, joint] @ self.placement[:3, :3]
-        origin = state.rotations[:, joint] @ self.placement[:3, 3] + state.translations[:, joint]
-        linear = state.linear + np.cross(state.angular, origin[:, None])
-        turning = state.angular
-        if self.target.free_rotation == "all":
-            turn, turning = np.zeros_like(origin), np.zeros_like(turning)
-        elif self.target.free_rotation in AXES:
-            axis = AXES.index(self.target.free_rotation)
-            along = rotation[:, :, axis]
-            turn = _turn_between(along, wanted[:3, axis])
-            turning = turning - (turning @ along[..., None]) * along[:, None]
-        else:
-            turn = Rotation.from_matrix(wanted[:3, :3] @ rotation.transpose(0, 2, 1)).as_rotvec()
-        moved = self.arm.supports[joint][:, None]
-        jacobian = np.concatenate([linear, turning], axis=2) * moved
-        return np.concatenate([wanted[:3, 3] - origin, turn], axis=1), jacobian.transpose(0, 2, 1)
-
-
-def damped_step(robot: Robot, q: Array, error: Array, jacobian: Array, longest: float = LONGEST) -> Array:
-    """One step of damped least squares from q (B, n), within the limits: error (B, m), jacobian (B, m, n); no joint
-    moves by more than `longest`."""
-    square = jacobian @ jacobian.transpose(0, 2, 1) + DAMPING**2 * np.eye(error.shape[1])
-    step = np.einsum("bij,bi->bj", jacobian, np.linalg.solve(square, error[..., None])[..., 0])
-    step *= np.minimum(1.0, longest / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-12))
-    moved: Array = np.clip(q + step, robot.lower, robot.upper)
-    return moved
-
-
 def _centred(pose: LinkPose, q: Array) -> Array:
     """Configurations that reach the pose, moved on towards its centre as long as both errors shrink."""
     error, jacobian = pose.linearized(q)
@@ -200,16 +150,6 @@ def _centred(pose: LinkPose, q: Array) -> Array:
         q, error = np.where(better, moved, q), np.where(better, error_moved, error)
         jacobian = np.where(better[..., None], jacobian_moved, jacobian)
     return q
-
-
-def _turn_between(directions: Array, wanted: Array) -> Array:
-    """The shortest turns (B, 3) [rad] that bring unit vectors (B, 3) to a wanted one; a half turn of opposite ones."""
-    cross = np.cross(directions, wanted)
-    sine = np.linalg.norm(cross, axis=1, keepdims=True)
-    across = np.cross(wanted, np.eye(3)[np.abs(wanted).argmin()])
-    axis = np.where(sine > PARALLEL, cross / np.maximum(sine, PARALLEL), across / np.linalg.norm(across))
-    turn: Array = axis * np.arctan2(sine, directions @ wanted[:, None])
-    return turn
 
 
 def _sizes(error: Array) -> tuple[Array, Array]:

@@ -16,7 +16,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from hdplan.distance.once import freeze
+from hdplan.distance.once import freeze, made_once
+from hdplan.planner.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -157,3 +158,9 @@ def rotation_about(axis: Array, angle: ca.SX) -> ca.SX:
     cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
     outer = np.outer(axis, axis)
     return constant(outer) + ca.cos(angle) * constant(np.eye(3) - outer) + ca.sin(angle) * constant(cross)
+
+
+@made_once(8)
+def kinematics_of(robot: Robot) -> Kinematics:
+    """Return the kinematics of a robot, the same object for the same robot."""
+    return Kinematics(robot.model)

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from hdplan.planner.kinematics import KinematicsBatch
 from hdplan.planner.link_bodies import LinkBody
+from hdplan.planner.pair_distance import PairDistance
 from hdplan.planner.pairs import BodyPairs, body_pairs
 from hdplan.planner.plane_bodies import PlaneBody, from_obstacle
 from hdplan.planner.samples import Samples
-from hdplan.planner.terms import Clearance, PairDistance, Penalty
+from hdplan.planner.terms import Clearance, Penalty
 from hdplan.planner.time_laws import MinimumJerk
 from hdplan.scenes.model import Obstacle, Pose, Scene
 from hdplan.scenes.moving import Passages

@@ -12,13 +12,12 @@ import numpy as np
 
 from hdplan.distance.once import made_once
 from hdplan.planner.hdsdf_pairs import HdsdfPairs
-from hdplan.planner.kinematics import Kinematics
+from hdplan.planner.kinematics import Kinematics, kinematics_of
 from hdplan.planner.link_bodies import LinkBody, link_bodies
 from hdplan.planner.pairs import body_pairs
 from hdplan.planner.plane_bodies import PlaneBody, from_link_body
 from hdplan.planner.reach import Reach, reach_of
 from hdplan.planner.robot import Robot
-from hdplan.planner.terms import Clearance
 
 TRIALS = 200  # random configurations for the following
 GAMMA, LENGTH = 2, 1e-3  # of the distance that tells; its sign, which alone counts here, depends on neither
@@ -52,12 +51,6 @@ def outline_of(robot: Robot, geometry: str, normals: str) -> Outline:
     pairs, unresolved = _separable_pairs(robot, kinematics, bodies, planes)
     kept = _distances_kept(robot, kinematics, bodies, planes, pairs)
     return Outline(kinematics, bodies, planes, reach, pairs, kept, unresolved)
-
-
-@made_once(8)
-def kinematics_of(robot: Robot) -> Kinematics:
-    """Return the kinematics of a robot, the same object for the same robot: they need no bodies."""
-    return Kinematics(robot.model)
 
 
 def _distances_kept(
@@ -99,11 +92,11 @@ def _separable_pairs(
         return (), ()
     laid_out = body_pairs(bodies, planes, [(i, j) for i, j, _, _ in pairs], 0.0, kinematics.supports)
     configurations = robot.draw(np.random.default_rng(0), TRIALS)
-    trial = Clearance("trial", laid_out, HdsdfPairs(laid_out, GAMMA, LENGTH)).inside(
-        kinematics.evaluate(configurations)
-    )
+    drawn = kinematics.evaluate(configurations)
+    sample, pair = laid_out.close(drawn)
+    distance, _, _ = HdsdfPairs(laid_out, GAMMA, LENGTH)(drawn, sample, pair)
     overlaps: dict[LinkPair, set[int]] = {}
-    for s, p in zip(trial.sample.tolist(), trial.pair.tolist(), strict=True):
+    for s, p in zip(sample[distance < 0].tolist(), pair[distance < 0].tolist(), strict=True):
         overlaps.setdefault(pairs[p][2:], set()).add(s)
     unresolved = tuple(names for names, seen in overlaps.items() if len(seen) > OFTEN * TRIALS)
     return tuple((i, j) for i, j, a, b in pairs if (a, b) not in unresolved), unresolved

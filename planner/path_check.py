@@ -26,8 +26,8 @@ import numpy as np
 
 from hdplan.distance.once import read_only
 from hdplan.planner.curve import Curve
+from hdplan.planner.link_frame import link_frame
 from hdplan.planner.motion_bounds import Array, Chain, Motion, cross
-from hdplan.planner.pose_goals import link_frame
 from hdplan.planner.robot import Robot
 from hdplan.scenes.deadline import seconds_left
 from hdplan.scenes.errors import naming

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from hdplan.distance.once import read_only
 from hdplan.planner.hinge import Hinge, Measures
 from hdplan.planner.kinematics import KinematicsBatch
-from hdplan.planner.pose_goals import link_frame
+from hdplan.planner.link_frame import link_frame
 from hdplan.planner.robot import Robot
 from hdplan.scenes.errors import naming
 from hdplan.scenes.model import Scene, Upright, Within

@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from hdplan.planner.build import build
 from hdplan.planner.certificate import Certifier
 from hdplan.planner.ends import reachable_clearance
-from hdplan.planner.problem import build
 from hdplan.planner.result import PlanResult, Times
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot

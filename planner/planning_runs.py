@@ -19,10 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.distance.timing import seconds_per_query
+from hdplan.planner.build import build
 from hdplan.planner.certificate import Certifier
 from hdplan.planner.goal_search import settled
 from hdplan.planner.plan import plan
-from hdplan.planner.problem import Problem, build
+from hdplan.planner.problem import Problem
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot, resolve_query

@@ -13,14 +13,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from hdplan.planner.link_frame import AXES, link_frame
 from hdplan.planner.robot import Robot
-from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.model import PoseTarget
 
 Array = NDArray[np.float64]
 
 ROUNDING = 1e-9  # [m] and [rad] granted beyond a tolerance
-AXES = ("x", "y", "z")
 
 
 class Miss(NamedTuple):
@@ -39,18 +38,6 @@ class Miss(NamedTuple):
     def __str__(self) -> str:
         """In words, such as "3.2 mm and 0.1 rad"."""
         return f"{self.position * 1e3:.3g} mm" + f" and {self.angle:.3g} rad" * (self.angle > 0.0)
-
-
-def link_frame(robot: Robot, link: str, field: str) -> int:
-    """Return the index of a link among the model's frames. Raises InputError, naming the scene's `field`, for a link
-    that the robot does not have, or that does not move."""
-    frames = robot.model.frames
-    links = {str(frame.name): index for index, frame in enumerate(frames) if frame.type == pin.FrameType.BODY}
-    if link not in links:
-        raise InputError(f"{field}.link: unknown link '{link}'{nearest(link, links)}")
-    if frames[links[link]].parentJoint == 0:
-        raise InputError(f"{field}.link: '{link}' is fixed to the world, so no motion brings it anywhere")
-    return links[link]
 
 
 def miss_of(robot: Robot, target: PoseTarget, q: Array) -> Miss:

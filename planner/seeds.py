@@ -32,27 +32,17 @@ PULLS = 30  # steps that bring a configuration to where the path constraints hol
 
 def seeds(problem: Problem, seed: int) -> Iterator[Floats]:
     """Yield guesses (N, n) without end, the straight line first."""
-    yield through(problem, np.empty((0, len(problem.start))))
+    yield problem.polyline()
     roadmap = Roadmap(problem, np.random.default_rng(seed))
     while True:
         roadmap.grow()
-        yield through(problem, roadmap.way())
-
-
-def through(problem: Problem, via: Floats) -> Floats:
-    """The polyline start – via (C, n) – goal as N waypoints at equal steps of joint-space length."""
-    corners = np.vstack([problem.start, via, problem.goal])
-    lengths = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1)))
-    if lengths[-1] == 0:
-        return np.repeat(corners[:1], problem.waypoints, axis=0)
-    wanted = np.linspace(0, lengths[-1], problem.waypoints)
-    return np.stack([np.interp(wanted, lengths, column) for column in corners.T], axis=1)
+        yield problem.polyline(roadmap.way())
 
 
 def onto_path(problem: Problem, q: Floats) -> Floats:
     """Configurations (B, n) moved until they keep the path constraints, as far as PULLS steps of damped least squares
     bring them: hardly one that is drawn at random keeps them."""
-    from hdplan.planner.goal_search import damped_step  # only now: few scenes have path constraints
+    from hdplan.planner.inverse_kinematics import damped_step  # only now: few scenes have path constraints
     from hdplan.planner.path_terms import to_path
 
     for _ in range(PULLS):

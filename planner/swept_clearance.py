@@ -16,8 +16,9 @@ from hdplan.distance.compiled import RowFunction
 from hdplan.distance.halfspaces import swept_halfspace_distance
 from hdplan.distance.once import made_once
 from hdplan.planner.kinematics import KinematicsBatch
+from hdplan.planner.pair_distance import PairDistance
 from hdplan.planner.pairs import BodyPairs
-from hdplan.planner.terms import Clearance, Inside, MotionPenalty, MotionTerm, PairDistance
+from hdplan.planner.terms import Clearance, Inside, MotionPenalty, MotionTerm
 
 Floats = NDArray[np.float64]
 

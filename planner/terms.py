@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.planner.kinematics import KinematicsBatch
-from hdplan.planner.pairs import BodyPairs, Rows
+from hdplan.planner.pair_distance import PairDistance
+from hdplan.planner.pairs import BodyPairs
 from hdplan.planner.samples import Samples
 
 Floats = NDArray[np.float64]
@@ -79,21 +80,6 @@ class Inside:
     distance: Floats  # (S,) D < 0 [m]
     separation: Floats  # (S,) D̃ [m], a lower bound of the true distance less the margin
     gradient: Floats  # (S, n) dD/dq
-
-
-class PairDistance(Protocol):
-    """The distance of body pairs at samples, as a penalty needs it."""
-
-    @property
-    def how(self) -> str:
-        """What computes it, in words."""
-        ...
-
-    def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Floats, Floats, Floats]:
-        """Return, for S pairs (rows of the term's pairs) at samples, less the margin: the distance D (S,) [m] whose
-        hinge is taken; its derivative under a motion of the first body, as a wrench (S, 6), force and torque about the
-        world's origin; and a lower bound of the true distance (S,) [m]."""
-        ...
 
 
 class Term(Protocol):

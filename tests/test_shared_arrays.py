@@ -16,7 +16,8 @@ from hdplan.distance.halfspaces import box_directions
 from hdplan.planner.certificate import Certifier
 from hdplan.planner.corridor import link_boxes
 from hdplan.planner.dynamics import dynamics_of
-from hdplan.planner.outline import kinematics_of, outline_of
+from hdplan.planner.kinematics import kinematics_of
+from hdplan.planner.outline import outline_of
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.scenes.reader import load_scene
 

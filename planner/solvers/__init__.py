@@ -8,7 +8,6 @@ from collections.abc import Callable
 import numpy as np
 
 from hdplan.planner.problem import Floats, Problem
-from hdplan.planner.seeds import seeds
 from hdplan.planner.solvers import chomp, gauss_newton, ipopt
 from hdplan.planner.solvers.solution import Budget, Solution
 from hdplan.scenes.errors import InputError, nearest
@@ -45,7 +44,7 @@ def solve(
     instance(problem, Problem, "problem")
     budget = Budget() if budget is None else budget
     instance(budget, Budget, "budget")
-    return run(problem, next(seeds(problem, 0)) if guess is None else _checked(problem, guess), budget)
+    return run(problem, problem.polyline() if guess is None else _checked(problem, guess), budget)
 
 
 def _checked(problem: Problem, guess: Floats) -> Floats:

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from hdplan.planner.goal_search import damped_step
+from hdplan.planner.inverse_kinematics import damped_step
 from hdplan.planner.view.motion import Tip
 
 Array = NDArray[np.float64]

@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from hdplan import control
     from hdplan.distance.bodies import ConvexBody
+    from hdplan.planner.build import build
     from hdplan.planner.certificate import certify, check_configuration
     from hdplan.planner.plan import plan
-    from hdplan.planner.problem import Problem, build
+    from hdplan.planner.problem import Problem
     from hdplan.planner.result import PlanResult
     from hdplan.planner.robot import Robot, load_robot
     from hdplan.planner.solvers import solve
@@ -44,7 +45,7 @@ _HOMES = {
     "Scene": "hdplan.scenes.model",
     "Solution": "hdplan.planner.solvers.solution",
     "Trajectory": "hdplan.planner.trajectory",
-    "build": "hdplan.planner.problem",
+    "build": "hdplan.planner.build",
     "certify": "hdplan.planner.certificate",
     "check_configuration": "hdplan.planner.certificate",
     "load_robot": "hdplan.planner.robot",

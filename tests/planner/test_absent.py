@@ -15,8 +15,9 @@ from typing import Any
 
 import pytest
 
+from hdplan.planner.build import build
 from hdplan.planner.explain import explain
-from hdplan.planner.problem import Problem, build
+from hdplan.planner.problem import Problem
 from hdplan.scenes.model import Limits, PathConstraints, Scene, SelfCollision
 from hdplan.scenes.reader import load_scene
 

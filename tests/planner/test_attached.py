@@ -11,12 +11,12 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
+from hdplan.planner.build import build
 from hdplan.planner.certificate import Certifier, certify, check_configuration
 from hdplan.planner.explain import explain
 from hdplan.planner.link_bodies import link_bodies
 from hdplan.planner.plan import plan
 from hdplan.planner.plot_scene import Picture
-from hdplan.planner.problem import build
 from hdplan.planner.proximity import link_pieces, obstacle_pieces
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.view.skins import HELD, visual_skins

@@ -34,8 +34,8 @@ from hdplan.planner.control_program import Wishes, best_velocity
 from hdplan.planner.control_run import fast_energy, simulate, total_variation
 from hdplan.planner.control_settings import ControlSettings
 from hdplan.planner.control_tasks import PoseTask, TrackTask, standing
+from hdplan.planner.kinematics import kinematics_of
 from hdplan.planner.link_bodies import LinkBody
-from hdplan.planner.outline import kinematics_of
 from hdplan.planner.plane_bodies import from_obstacle
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot

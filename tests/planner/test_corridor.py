@@ -28,7 +28,7 @@ from hdplan.planner.corridor import (
     sweep,
     tool_task,
 )
-from hdplan.planner.outline import kinematics_of
+from hdplan.planner.kinematics import kinematics_of
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.scenes.errors import InputError
 

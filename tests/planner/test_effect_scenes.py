@@ -9,10 +9,10 @@ from dataclasses import replace
 
 import pytest
 
+from hdplan.planner.build import build
 from hdplan.planner.certificate import Status, certify
 from hdplan.planner.explain import explain
 from hdplan.planner.plan import plan
-from hdplan.planner.problem import build
 from hdplan.planner.result import verdict
 from hdplan.scenes.model import PathConstraints, Pose, Scene, SelfCollision
 from hdplan.scenes.reader import load_scene

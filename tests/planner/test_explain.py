@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from hdplan.planner.build import build
 from hdplan.planner.explain import explain
-from hdplan.planner.problem import Problem, build
+from hdplan.planner.problem import Problem
 from hdplan.scenes.model import Box, Obstacle, PlannerSettings, Pose, Scene, SelfCollision
 from hdplan.scenes.reader import load_scene
 

@@ -16,7 +16,7 @@ from hdplan.planner import follow as following
 from hdplan.planner.certificate import Certifier
 from hdplan.planner.control import Mode
 from hdplan.planner.follow import ARRIVED, follow, paced
-from hdplan.planner.outline import kinematics_of
+from hdplan.planner.kinematics import kinematics_of
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.trajectory import Trajectory

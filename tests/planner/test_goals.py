@@ -11,12 +11,12 @@ import pinocchio as pin
 import pytest
 
 from hdplan.planner import goal_search
+from hdplan.planner.build import build
 from hdplan.planner.certificate import Certifier, certify
 from hdplan.planner.explain import explain
 from hdplan.planner.goal_search import APART, goal_choice, reaching, settled
 from hdplan.planner.plan import plan
 from hdplan.planner.pose_goals import miss_of
-from hdplan.planner.problem import build
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot, resolve_query

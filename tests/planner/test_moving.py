@@ -10,10 +10,11 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 import hdplan
+from hdplan.planner.build import build
 from hdplan.planner.certificate import Certifier
 from hdplan.planner.moving_clearance import MovingClearance
 from hdplan.planner.pace import Pace
-from hdplan.planner.problem import Problem, build
+from hdplan.planner.problem import Problem
 from hdplan.planner.rate_check import rates
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.timing import Timekeeper

@@ -10,12 +10,13 @@ import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
+from hdplan.planner.build import build
 from hdplan.planner.certificate import Certifier
 from hdplan.planner.goal_search import goal_choice
 from hdplan.planner.path_check import PathCheck
 from hdplan.planner.path_terms import PathTerm
 from hdplan.planner.plan import plan
-from hdplan.planner.problem import Problem, build
+from hdplan.planner.problem import Problem
 from hdplan.planner.robot import Robot
 from hdplan.planner.samples import Samples
 from hdplan.planner.scene_robot import load_scene_robot

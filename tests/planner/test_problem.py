@@ -15,8 +15,9 @@ import pytest
 from numpy.typing import NDArray
 
 from hdplan.distance import compiled as compiled_module
+from hdplan.planner.build import build
 from hdplan.planner.nlp import Nlp, nlp
-from hdplan.planner.problem import SPACING, Problem, build
+from hdplan.planner.problem import SPACING, Problem
 from hdplan.planner.samples import MOST
 from hdplan.planner.terms import Smoothness
 from hdplan.scenes.model import (

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hdplan.planner.problem import Problem, build
+from hdplan.planner.build import build
+from hdplan.planner.problem import Problem
 from hdplan.planner.seeds import seeds, through
 from hdplan.scenes.model import JointTarget
 from hdplan.scenes.reader import load_scene

@@ -19,12 +19,12 @@ from scipy.optimize import minimize
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.oracle import coal_hull, signed_distance
 from hdplan.planner import separation
+from hdplan.planner.build import build
 from hdplan.planner.fcl_pairs import FclPairs
 from hdplan.planner.outline import Outline, outline_of
 from hdplan.planner.pairs import body_pairs
 from hdplan.planner.plan import plan
 from hdplan.planner.plane_bodies import PlaneBody, from_shape
-from hdplan.planner.problem import build
 from hdplan.planner.robot import Robot, load_robot
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.scenes.model import Box, Limits, RobotSpec, Scene, SelfCollision

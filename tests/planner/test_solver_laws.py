@@ -21,7 +21,8 @@ import pytest
 from numpy.typing import NDArray
 
 import hdplan
-from hdplan.planner.problem import Problem, build
+from hdplan.planner.build import build
+from hdplan.planner.problem import Problem
 from hdplan.planner.seeds import seeds
 from hdplan.planner.solvers import SOLVERS, solve
 from hdplan.planner.solvers.solution import Budget, Solution, Status

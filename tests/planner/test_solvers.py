@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hdplan.planner.problem import Problem, build
+from hdplan.planner.build import build
+from hdplan.planner.problem import Problem
 from hdplan.planner.solvers import SOLVERS, solve
 from hdplan.planner.solvers.solution import SAME, Budget, Solution, Status, Step
 from hdplan.scenes.errors import InputError

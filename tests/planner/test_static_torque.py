@@ -10,12 +10,12 @@ import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
+from hdplan.planner.build import build
 from hdplan.planner.certificate import Certifier, Status
 from hdplan.planner.explain import explain
 from hdplan.planner.kinematics import Kinematics
 from hdplan.planner.loads import loaded_model
 from hdplan.planner.plan import plan
-from hdplan.planner.problem import build
 from hdplan.planner.robot import Robot, load_robot
 from hdplan.planner.samples import Samples
 from hdplan.planner.scene_robot import load_scene_robot

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from hdplan.distance.compiled import RowFunction
 from hdplan.distance.halfspaces import box_directions, halfspace_distance, swept_halfspace_distance
+from hdplan.planner.build import build
 from hdplan.planner.explain import explain
 from hdplan.planner.nlp import nlp
 from hdplan.planner.plan import plan
-from hdplan.planner.problem import Problem, build
+from hdplan.planner.problem import Problem
 from hdplan.planner.swept_clearance import SweptClearance
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Scene

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from hdplan.planner import convex_pieces, link_bodies, scene_robot
 from hdplan.planner.barriers import BarrierSettings
+from hdplan.planner.build import build
 from hdplan.planner.certificate import Certifier, certify
 from hdplan.planner.control import Controller, ControlSettings, Step
 from hdplan.planner.control_tasks import standing
 from hdplan.planner.dynamics import dynamics_of
 from hdplan.planner.meshes import TriangleMesh, load_mesh
 from hdplan.planner.plan import plan
-from hdplan.planner.problem import build
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot, resolve_query

@@ -1,0 +1,33 @@
+"""Build: from a scene to the problem that a solver takes. The goal is settled first, then all is laid out."""
+
+from __future__ import annotations
+
+import math
+
+from hdplan.planner.lay_out import lay_out
+from hdplan.planner.problem import Problem
+from hdplan.planner.robot import Robot
+from hdplan.planner.scene_robot import load_scene_robot
+from hdplan.scenes.errors import naming
+from hdplan.scenes.model import JointTarget, Scene
+from hdplan.scenes.values import instance
+
+
+def build(scene: Scene, robot: Robot | None = None, deadline: float = math.inf) -> Problem:
+    """Return the problem of a scene. Where its goal leaves a choice, the likely best configuration is taken, which
+    inverse kinematics and the certificate's look at it decide. Raises InputError for what the scene or its robot gets
+    wrong.
+
+    What can be done without waits no longer than `deadline` (time.perf_counter()): meshes that are not split into
+    convex pieces by then are planned around as their hulls, with a note.
+    """
+    instance(scene, Scene, "scene")
+    with naming(scene.source):
+        scene.check_effects()
+    robot = load_scene_robot(scene) if robot is None else robot
+    instance(robot, Robot, "robot")
+    if not isinstance(scene.goal, JointTarget):
+        from hdplan.planner.goal_search import settled
+
+        scene = settled(scene, robot)
+    return lay_out(scene, robot, deadline)
