@@ -7,7 +7,7 @@ import math
 from hdplan.planner.lay_out import lay_out
 from hdplan.planner.problem import Problem
 from hdplan.planner.robot import Robot
-from hdplan.planner.scene_robot import load_scene_robot
+from hdplan.planner.scene_robot import load_scene_robot, resolve_query
 from hdplan.scenes.errors import naming
 from hdplan.scenes.model import JointTarget, Scene
 from hdplan.scenes.values import instance
@@ -26,8 +26,13 @@ def build(scene: Scene, robot: Robot | None = None, deadline: float = math.inf) 
         scene.check_effects()
     robot = load_scene_robot(scene) if robot is None else robot
     instance(robot, Robot, "robot")
-    if not isinstance(scene.goal, JointTarget):
-        from hdplan.planner.goal_search import settled
+    return lay_out(scene, robot, resolve_query(robot, _settled(scene, robot)), deadline)
 
-        scene = settled(scene, robot)
-    return lay_out(scene, robot, deadline)
+
+def _settled(scene: Scene, robot: Robot) -> Scene:
+    """Return the scene with one configuration as its goal."""
+    if isinstance(scene.goal, JointTarget):
+        return scene
+    from hdplan.planner.goal_search import settled
+
+    return settled(scene, robot)

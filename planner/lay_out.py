@@ -21,7 +21,7 @@ from hdplan.planner.plane_bodies import PlaneBody, from_obstacle, plane_counts
 from hdplan.planner.problem import Problem
 from hdplan.planner.robot import Robot
 from hdplan.planner.samples import Samples
-from hdplan.planner.scene_robot import resolve_query
+from hdplan.planner.scene_robot import Query
 from hdplan.planner.swept_clearance import SweptClearance
 from hdplan.planner.terms import Clearance, MotionTerm, Smoothness, Term
 from hdplan.scenes.errors import InputError, naming, nearest
@@ -42,14 +42,13 @@ def self_margin(scene: Scene) -> float:
     return max(scene.planner.clearance, scene.self_collision.clearance) + SELF_ACTIVATION
 
 
-def lay_out(scene: Scene, robot: Robot, deadline: float = math.inf) -> Problem:
-    """Lay out the problem of a scene whose goal is one configuration. Raises InputError for what the scene or its robot
-    gets wrong, and for a goal that leaves a choice.
+def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf) -> Problem:
+    """Lay out the problem of a scene between two configurations. Raises InputError for what the scene or its robot gets
+    wrong.
 
     What can be done without waits no longer than `deadline` (time.perf_counter()): meshes that are not split into
     convex pieces by then are planned around as their hulls, with a note.
     """
-    query = resolve_query(robot, scene)
     settings = scene.planner
     if settings.swept and settings.distance != "hdsdf":
         raise InputError(f"{scene.source}: planner.swept: true needs planner.distance hdsdf, found {settings.distance}")

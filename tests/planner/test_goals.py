@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hdplan.planner import goal_search
+from hdplan.planner import goal_search, inverse_kinematics
 from hdplan.planner.build import build
 from hdplan.planner.certificate import Certifier, certify
 from hdplan.planner.explain import explain
@@ -84,7 +84,7 @@ def test_a_turn_between_directions_is_as_long_as_their_angle() -> None:
     rng = np.random.default_rng(4)
     wanted, *others = (v / np.linalg.norm(v) for v in rng.normal(size=(20, 3)))
     for direction in (*others, wanted, -wanted):
-        (turn,) = goal_search._turn_between(direction[None], wanted)
+        (turn,) = inverse_kinematics._turn_between(direction[None], wanted)
         np.testing.assert_allclose(pin.exp3(turn) @ direction, wanted, atol=1e-9)
         assert np.linalg.norm(turn) == pytest.approx(np.arccos(np.clip(direction @ wanted, -1, 1)), abs=1e-7)
 

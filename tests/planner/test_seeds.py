@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hdplan.planner.build import build
 from hdplan.planner.problem import Problem
-from hdplan.planner.seeds import seeds, through
+from hdplan.planner.seeds import seeds
 from hdplan.scenes.model import JointTarget
 from hdplan.scenes.reader import load_scene
 
@@ -64,7 +64,7 @@ def test_through_is_the_polyline_at_equal_steps(problem: Problem) -> None:
         k = min(int(np.searchsorted(lengths, way, side="right")) - 1, len(corners) - 2)
         share = (way - lengths[k]) / (lengths[k + 1] - lengths[k])
         expected.append((1 - share) * corners[k] + share * corners[k + 1])
-    np.testing.assert_allclose(through(problem, via), expected, rtol=0, atol=EXACT)
+    np.testing.assert_allclose(problem.polyline(via), expected, rtol=0, atol=EXACT)
 
 
 def test_random_guesses_are_chosen_by_their_penalty(
@@ -73,7 +73,7 @@ def test_random_guesses_are_chosen_by_their_penalty(
     """On the whole they touch less than lines through any random configuration."""
     low, high = np.maximum(problem.robot.lower, -np.pi), np.minimum(problem.robot.upper, np.pi)
     drawn = np.random.default_rng(4).uniform(low, high, (COUNT, problem.robot.n))
-    blind = [penalties(problem, through(problem, [via])).mean() for via in drawn]
+    blind = [penalties(problem, problem.polyline([via])).mean() for via in drawn]
     chosen = [penalties(problem, guess).mean() for guess in first(problem, 4)[1:]]
     assert np.mean(chosen) < np.mean(blind)
 
