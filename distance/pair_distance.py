@@ -87,7 +87,7 @@ class CompiledDistance:
             tables.append(array.reshape(count, width))
             rows.append(np.broadcast_to(np.arange(count).reshape(axes), shape).ravel())
         results = self.function(order)(tables, rows)
-        return [results[0].reshape(shape), results[1].reshape(shape)] + [r.reshape(*shape, -1) for r in results[2:]]
+        return [results[0].reshape(shape), results[1].reshape(shape)] + [r.reshape(*shape, r.shape[-1]) for r in results[2:]]
 
 
 def hdsdf_compiled(
