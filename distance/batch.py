@@ -182,10 +182,10 @@ def _checked(name: str, poses: ArrayLike) -> Array:
 
     if poses.dtype.kind == "c":
         return check_poses(name, np.asarray(poses))
-    poses = poses.astype(np.float64)  # differences of narrower numbers round, those of small integers wrap around
-    if poses.shape[-2:] != (4, 4) or not all_rigid(poses):
-        check_poses(name, np.asarray(poses))  # says what is wrong
-    return poses
+    array = poses.astype(np.float64)  # differences of narrower numbers round, those of small integers wrap around
+    if array.shape[-2:] != (4, 4) or not all_rigid(array):
+        check_poses(name, np.asarray(array))  # says what is wrong
+    return array
 
 
 def _in_blocks(run: Callable[..., Any], rows: list[Array], lanes: int, numpy: Any) -> list[Array]:

@@ -136,8 +136,10 @@ def _rigid(poses: Array) -> Array:
     amiss = jnp.maximum(amiss, jnp.abs(jnp.sum(x * y, -1)))
     amiss = jnp.maximum(amiss, jnp.max(jnp.abs(jnp.cross(x, y) - z), -1))
     amiss = jnp.maximum(amiss, jnp.max(jnp.abs(last - jnp.array([0, 0, 0, 1], poses.dtype)), -1))
-    farthest = min(FAR, float(jnp.finfo(poses.dtype).max))  # infinity is farther
-    return (amiss <= RIGID) & jnp.all(jnp.abs(far) <= farthest, -1)
+    within = jnp.isfinite(far)
+    if poses.dtype == np.float64:  # the others hold nothing so far away
+        within &= jnp.abs(far) <= FAR
+    return (amiss <= RIGID) & jnp.all(within, -1)
 
 
 def _pose(name: str, pose: Any) -> Array:
