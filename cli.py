@@ -24,8 +24,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.text import Text
 
-from hdplan.planner.console import measuring, printing, progress, say, waiting
-from hdplan.planner.printed import (
+from hdplan.planner.terminal.console import measuring, printing, progress, say, waiting
+from hdplan.planner.terminal.tables import (
     closest_rows,
     columns,
     limit_rows,
@@ -40,7 +40,7 @@ from hdplan.scenes.deadline import time_limit as limited
 from hdplan.scenes.errors import HdplanError, InputError, OutOfTime, naming
 
 if TYPE_CHECKING:
-    from hdplan.planner.report import Report
+    from hdplan.planner.studies.report import Report
     from hdplan.scenes.model import Scene
 
 SEARCH = 30.0  # [s] for solving and certifying, where no time limit is given
@@ -186,14 +186,14 @@ def plan(
 
     Ctrl-C ends with the best motion found so far.
     """
-    from hdplan.planner.lay_out import check_distance
-    from hdplan.planner.output import check_writable
+    from hdplan.planner.motion.trajectory import FORMATS
+    from hdplan.planner.pictures.plot import Subject, check_picture
+    from hdplan.planner.pictures.plot import plot as draw
     from hdplan.planner.plan import plan as find
-    from hdplan.planner.plot import Subject, check_picture
-    from hdplan.planner.plot import plot as draw
-    from hdplan.planner.scene_robot import load_scene_robot
+    from hdplan.planner.problem.lay_out import check_distance
+    from hdplan.planner.robot.scene_robot import load_scene_robot
     from hdplan.planner.solvers import solver_named
-    from hdplan.planner.trajectory import FORMATS
+    from hdplan.scenes.output import check_writable
 
     solver_named(solver)
     if distance is not None:
@@ -237,10 +237,10 @@ def check(
     straight lines between the waypoints, or the curve that the file's velocities say. Its ends must be the scene's
     start and goal; its joints are found by name.
     """
-    from hdplan.planner.certificate import Certifier
+    from hdplan.planner.certificate.certifier import Certifier
+    from hdplan.planner.motion.trajectory import Trajectory
     from hdplan.planner.result import how_long, verdict
-    from hdplan.planner.scene_robot import load_scene_robot, notes_on
-    from hdplan.planner.trajectory import Trajectory
+    from hdplan.planner.robot.scene_robot import load_scene_robot, notes_on
 
     problem = _load(scene, request, robot)
     motion = Trajectory.load(trajectory)
@@ -295,11 +295,11 @@ def follow(
 
     Exit code 1 where the robot does not arrive, or is not proven free all the way.
     """
-    from hdplan.planner.follow import follow as run
-    from hdplan.planner.output import check_writable
+    from hdplan.planner.control.follow import follow as run
+    from hdplan.planner.motion.trajectory import FORMATS, Trajectory
     from hdplan.planner.result import verdict
-    from hdplan.planner.scene_robot import load_scene_robot, notes_on
-    from hdplan.planner.trajectory import FORMATS, Trajectory
+    from hdplan.planner.robot.scene_robot import load_scene_robot, notes_on
+    from hdplan.scenes.output import check_writable
 
     if output is not None:
         check_writable(output, FORMATS)
@@ -342,11 +342,11 @@ def simulate(
 
     Exit code 1 where tracking is lost, a limit is exceeded, or something touches.
     """
-    from hdplan.planner.plot import check_picture, plot_simulation
-    from hdplan.planner.scene_robot import load_scene_robot, notes_on
-    from hdplan.planner.simulate import fitting
-    from hdplan.planner.simulate import simulate as replay
-    from hdplan.planner.trajectory import Trajectory
+    from hdplan.planner.control.replay import fitting
+    from hdplan.planner.control.replay import simulate as replay
+    from hdplan.planner.motion.trajectory import Trajectory
+    from hdplan.planner.pictures.plot import check_picture, plot_simulation
+    from hdplan.planner.robot.scene_robot import load_scene_robot, notes_on
 
     if plot is not None:
         check_picture(plot)
@@ -391,12 +391,12 @@ def plot(
     clearance along the motion with what is proven of it, the solver's progress where the file holds it, and the scene
     from two sides. The exit code is 0 whatever the verdict.
     """
-    from hdplan.planner.certificate import Certifier
-    from hdplan.planner.plot import Subject, check_picture
-    from hdplan.planner.plot import plot as draw
+    from hdplan.planner.certificate.certifier import Certifier
+    from hdplan.planner.motion.trajectory import Trajectory
+    from hdplan.planner.pictures.plot import Subject, check_picture
+    from hdplan.planner.pictures.plot import plot as draw
     from hdplan.planner.result import read_steps
-    from hdplan.planner.scene_robot import load_scene_robot
-    from hdplan.planner.trajectory import Trajectory
+    from hdplan.planner.robot.scene_robot import load_scene_robot
 
     check_picture(output)
     problem = _load(scene, request, robot)
@@ -439,8 +439,8 @@ def view(
 
     Ctrl-C ends it.
     """
-    from hdplan.planner.scene_robot import load_scene_robot
-    from hdplan.planner.trajectory import Trajectory
+    from hdplan.planner.motion.trajectory import Trajectory
+    from hdplan.planner.robot.scene_robot import load_scene_robot
     from hdplan.planner.view.front import check_installed, check_recording, motion_names
 
     files = trajectories or []
@@ -474,7 +474,7 @@ def explain(scene: SceneFile, request: Request = None, robot: RobotFile = None, 
     are kept and left out; unknowns; settings, with the defaults in force.
     """
     from hdplan.planner.build import build
-    from hdplan.planner.explain import explain as sections_of
+    from hdplan.planner.terminal.explain import explain as sections_of
 
     problem = _load(scene, request, robot)
     with waiting("building the problem"):
@@ -499,7 +499,7 @@ def robots(
     Of one robot: joints with limits, joints held, named states, and how tightly its outer bodies fit. The bodies are
     fitted once and kept, which takes up to a few minutes the first time.
     """
-    from hdplan.planner.robot_listing import describe, listing
+    from hdplan.planner.terminal.robots import describe, listing
 
     with waiting("loading every robot" if name is None else f"loading {name}"):
         tables = listing() if name is None else describe(name)
@@ -521,7 +521,7 @@ def distance(output: Folder = OUT, quick: Quick = False) -> None:
     against the exact distance, and the time per value, gradient and Hessian. Writes distance_study.csv, .md and .png,
     and says which setting to take. Takes a good while; Ctrl-C ends with what was found so far.
     """
-    from hdplan.planner.study import study_distance
+    from hdplan.planner.studies.distance import study_distance
 
     with measuring() as (report, stop):
         found = study_distance(output, quick, report, stop)
@@ -551,7 +551,7 @@ def planning(
     conservativeness, smoothness and time. Writes planning_study.csv, .md and .png. Takes a quarter of an hour; Ctrl-C
     ends with what was found so far.
     """
-    from hdplan.planner.study_planning import study_planning
+    from hdplan.planner.studies.planning import study_planning
 
     scenes = [*_shipped(quick), *(_problems(problems, every) if problems else [])]
     with measuring() as (report, stop):
@@ -566,7 +566,7 @@ def time(output: Folder = OUT, quick: Quick = False) -> None:
     Over all pairs of Platonic solids: exact by FCL and by coal; the HD-SDF by the interpreter, compiled, and in
     batches. Writes time.csv and time.png.
     """
-    from hdplan.planner.reproduce import reproduce_time
+    from hdplan.planner.studies.paper_figures import reproduce_time
 
     with measuring() as (report, stop):
         found = reproduce_time(output, quick, report, stop)
@@ -580,7 +580,7 @@ def conservativeness(output: Folder = OUT, quick: Quick = False) -> None:
     Over 500,000 random configurations of Platonic solids, for the paper's set of normals and all the others. Writes
     conservativeness.csv and conservativeness.png.
     """
-    from hdplan.planner.reproduce import reproduce_conservativeness
+    from hdplan.planner.studies.paper_figures import reproduce_conservativeness
 
     with measuring() as (report, stop):
         found = reproduce_conservativeness(output, quick, report, stop)
@@ -596,7 +596,7 @@ def corridor(output: Folder = OUT, quick: Quick = False) -> None:
     corridor.csv, corridor_commands.csv, corridor_settings.csv and corridor.png. Takes some minutes; Ctrl-C ends with
     what was found so far.
     """
-    from hdplan.planner.reproduce_corridor import reproduce_corridor
+    from hdplan.planner.studies.paper_corridor import reproduce_corridor
 
     with measuring() as (report, stop):
         found = reproduce_corridor(output, quick, report, stop)
@@ -610,7 +610,7 @@ def kinks(output: Folder = OUT) -> None:
     The Euclidean distance has kinks there and the HD-SDF has none. Writes kinks.csv and kinks.png: both over time with
     their derivatives.
     """
-    from hdplan.planner.reproduce import reproduce_kinks
+    from hdplan.planner.studies.paper_figures import reproduce_kinks
 
     with waiting("following the squares"):
         found = reproduce_kinks(output)
@@ -664,14 +664,14 @@ def _fault(error: Exception) -> str:
 
 
 def _load(scene: str, request: Path | None, robot: str | None) -> Scene:
-    from hdplan.scenes.reader import load_scene
+    from hdplan.scenes.yaml_format.reader import load_scene
 
     return load_scene(scene, request=request, robot=robot)
 
 
 def _shipped(only_panda: bool) -> list[Scene]:
     """The shipped scenes that have obstacles."""
-    from hdplan.scenes.reader import load_scene, shipped_scenes
+    from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 
     scenes = [load_scene(file) for file in shipped_scenes().values()]
     return [scene for scene in scenes if scene.obstacles and (not only_panda or scene.robot.name == "panda")]
@@ -679,7 +679,7 @@ def _shipped(only_panda: bool) -> list[Scene]:
 
 def _problems(folder: Path, every: int) -> list[Scene]:
     """Every K-th MoveIt problem below a folder, named by its path in it."""
-    from hdplan.scenes.reader import load_scene
+    from hdplan.scenes.yaml_format.reader import load_scene
 
     if every < 1:
         raise InputError(f"--every: found {every}, allowed is a whole number of at least 1")

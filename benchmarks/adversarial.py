@@ -21,11 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.progress import track
 
-from hdplan.distance.batch import hdsdf_batch
+from hdplan.distance.batch.distance import hdsdf_batch
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.pair_distance import hdsdf_compiled
-from hdplan.distance.random_poses import touching_poses
-from hdplan.distance.reference import hdsdf_derivatives, separation
+from hdplan.distance.numpy_reference.hdsdf import hdsdf_derivatives, separation
+from hdplan.distance.studies.random_poses import touching_poses
+from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled
 
 Array = NDArray[np.float64]
 Evaluate = Callable[[Array, Array], tuple[Array, ...]]  # poses -> D, D-tilde, gradient, Hessian

@@ -15,8 +15,8 @@ import coal
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.distance.baselines.surface import triangles
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.surface import triangles
 
 Array = NDArray[np.float64]
 

@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.control import BarrierSettings, Controller, ControlSettings, PoseTask, simulate, standing
-from hdplan.planner.certificate import Certifier
-from hdplan.planner.robot import Robot
-from hdplan.planner.scene_robot import load_scene_robot
-from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.model import (
     Box,
     Capsule,

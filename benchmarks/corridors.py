@@ -3,7 +3,7 @@
     python benchmarks/corridors.py [--corridors 20]
 
 In half of the corridors walls and roof are parallel, in the other half each is turned by up to 0.15 rad about each
-axis. The paper's Panda of boxes enters under the paper's own controller (`planner/corridor.py`), fitted bodies under
+axis. The paper's Panda of boxes enters under the paper's own controller (`corridor_experiment.py`), fitted bodies under
 ours, with its defaults, and with the margin kept in the distance itself instead of in
 grown obstacles. The exact distance then gets the margin with which it keeps the same least exact clearance (5 s, looked
 at 50 times a second). What is told is the HD-SDF's total variation and energy above 5 Hz over the exact distance's, of
@@ -21,8 +21,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hdplan.control import Barriers, BarrierSettings, Controller, ControlSettings, Step, scene_barriers, simulate
-from hdplan.planner.control_run import fast_energy, total_variation
-from hdplan.planner.corridor import (
+from hdplan.planner.collision.halfspace_bodies import from_obstacle
+from hdplan.planner.control.rollout import fast_energy, total_variation
+from hdplan.planner.kinematics.forward import kinematics_of
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.studies.corridor_experiment import (
     AS_SAFE,
     CRITICAL,
     EXACT_EVERY,
@@ -35,10 +39,6 @@ from hdplan.planner.corridor import (
     link_boxes,
     tool_task,
 )
-from hdplan.planner.kinematics import kinematics_of
-from hdplan.planner.plane_bodies import from_obstacle
-from hdplan.planner.robot import Robot
-from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.scenes.model import Box, Obstacle, Pose, Scene
 
 Array = NDArray[np.float64]

@@ -23,13 +23,13 @@ import numpy as np
 from coal_loop import CoalLoop, build
 from numpy.typing import NDArray
 
+from hdplan.distance.baselines.coal import CoalPair, signed_distances
+from hdplan.distance.baselines.fcl import FclPair
 from hdplan.distance.bodies import PLATONIC, ConvexBody
-from hdplan.distance.compiled import RowFunction
-from hdplan.distance.conservativeness import conservativeness
-from hdplan.distance.fcl import FclPair
-from hdplan.distance.oracle import CoalPair, signed_distances
-from hdplan.distance.pair_distance import hdsdf_compiled, twist_function
-from hdplan.distance.random_poses import paper_poses
+from hdplan.distance.studies.conservativeness import conservativeness
+from hdplan.distance.studies.random_poses import paper_poses
+from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled, twist_function
+from hdplan.distance.symbolic.row_function import RowFunction
 
 Array = NDArray[np.float64]
 Way = Callable[[], float]  # -> processor time of a query [s]
@@ -132,7 +132,7 @@ def exact(options: argparse.Namespace) -> None:
 
 
 def batch(options: argparse.Namespace) -> None:
-    from hdplan.distance.batch import hdsdf_batch
+    from hdplan.distance.batch.distance import hdsdf_batch
 
     print("\n## Tables of 8,100 poses: generated C and JAX on one core [us per query]\n")
     print("| pair | order | compiled | JAX float64 | JAX float32 | float64/compiled |")

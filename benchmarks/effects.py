@@ -22,9 +22,9 @@ from pathlib import Path
 import numpy as np
 
 import hdplan
-from hdplan.planner.scene_robot import load_scene_robot
+from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.model import Limits, PathConstraints, Scene, SelfCollision
-from hdplan.scenes.reader import load_scene
+from hdplan.scenes.yaml_format.reader import load_scene
 
 WEIGHT = 1e5  # [1/m²] of the penalty in an evaluation
 LOOKS = 5  # evaluations in a run
@@ -141,7 +141,7 @@ def draw(costs: list[tuple[Effect, Cost, Cost]], file: Path) -> None:
     import matplotlib.pyplot as plt
     from matplotlib.ticker import LogLocator, NullLocator
 
-    from hdplan.planner.plot_style import FRAME, GOAL, RC, START
+    from hdplan.planner.pictures.style import FRAME, GOAL, RC, START
 
     names = [f"{effect.section}\n{effect.scene}" for effect, _, _ in costs]
     with plt.rc_context(RC):

@@ -20,10 +20,10 @@ import numpy as np
 import uaibot
 from uaibot.utils.utils import Utils
 
+from hdplan.distance.baselines.coal import signed_distances
+from hdplan.distance.baselines.gdf import gdf
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.gdf import gdf
-from hdplan.distance.oracle import signed_distances
-from hdplan.distance.random_poses import PLATONIC_PAIRS, paper_poses
+from hdplan.distance.studies.random_poses import PLATONIC_PAIRS, paper_poses
 
 H, EPS = 0.1, 0.01  # smoothing and bulging
 LEAST_GAP = 0.01  # [m]

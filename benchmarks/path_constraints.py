@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 import hdplan
 from hdplan.planner.build import build
-from hdplan.planner.certificate import Certifier
-from hdplan.planner.problem import Problem
-from hdplan.planner.scene_robot import load_scene_robot
-from hdplan.planner.seeds import onto_path
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.problem.problem import Problem
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.search.roadmap import onto_path
 from hdplan.scenes.model import Box, JointTarget, Obstacle, PathConstraints, Pose, Scene, Upright, Within
 
 Array = NDArray[np.float64]

@@ -10,10 +10,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from hdplan.planner.certificate import Certifier
-from hdplan.planner.proximity import Piece, link_pieces, obstacle_pieces
-from hdplan.planner.robot import Robot
-from hdplan.planner.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.exact_proximity import Piece, link_pieces, obstacle_pieces
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
 from hdplan.scenes.model import Scene
 
 Array = NDArray[np.float64]

@@ -41,7 +41,7 @@ from problems import real_problems
 from threadpoolctl import threadpool_limits
 
 import hdplan
-from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.motion.trajectory import Trajectory
 
 SEED = 1  # OMPL takes no 0
 FINE = 0.02  # [rad] joint-space step at which an edge is checked

@@ -40,14 +40,14 @@ from problems import real_problems
 from threadpoolctl import threadpool_limits
 
 import hdplan
-from hdplan.planner.fcl_pairs import FclPairs
-from hdplan.planner.hdsdf_pairs import HdsdfPairs
-from hdplan.planner.problem import Problem
-from hdplan.planner.search import Event
+from hdplan.planner.collision.euclidean import FclPairs
+from hdplan.planner.collision.hdsdf import HdsdfPairs
+from hdplan.planner.problem.problem import Problem
+from hdplan.planner.search.search import Event
 from hdplan.planner.solvers import SOLVERS
 from hdplan.planner.solvers.solution import Step
 from hdplan.scenes.model import Scene
-from hdplan.scenes.reader import shipped_scenes
+from hdplan.scenes.yaml_format.reader import shipped_scenes
 
 SHIPPED = "shipped scenes"
 

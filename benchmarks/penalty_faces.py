@@ -14,15 +14,15 @@ from penalty_variants import VARIANTS, varied
 
 import hdplan
 from hdplan.distance.bodies import ConvexBody
-from hdplan.planner.fcl_pairs import FclPairs
-from hdplan.planner.hdsdf_pairs import HdsdfPairs
-from hdplan.planner.kinematics import KinematicsBatch
-from hdplan.planner.link_bodies import LinkBody
-from hdplan.planner.pair_distance import PairDistance
-from hdplan.planner.pairs import body_pairs
-from hdplan.planner.plane_bodies import from_shape
-from hdplan.planner.problem import Problem
-from hdplan.planner.seeds import seeds
+from hdplan.planner.collision.broad_phase import body_pairs
+from hdplan.planner.collision.euclidean import FclPairs
+from hdplan.planner.collision.halfspace_bodies import from_shape
+from hdplan.planner.collision.hdsdf import HdsdfPairs
+from hdplan.planner.collision.link_bodies import LinkBody
+from hdplan.planner.collision.pair_distance import PairDistance
+from hdplan.planner.kinematics.forward import KinematicsBatch
+from hdplan.planner.problem.problem import Problem
+from hdplan.planner.search.roadmap import seeds
 from hdplan.scenes.model import Box, PlannerSettings
 
 Array = NDArray[np.float64]

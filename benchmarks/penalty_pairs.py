@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from hdplan.planner.fcl_pairs import REQUEST, FclPairs
-from hdplan.planner.hdsdf_pairs import HdsdfPairs
-from hdplan.planner.kinematics import KinematicsBatch
-from hdplan.planner.pairs import Rows
-from hdplan.planner.problem import Problem
-from hdplan.planner.seeds import seeds
+from hdplan.planner.collision.broad_phase import Rows
+from hdplan.planner.collision.euclidean import REQUEST, FclPairs
+from hdplan.planner.collision.hdsdf import HdsdfPairs
+from hdplan.planner.kinematics.forward import KinematicsBatch
+from hdplan.planner.problem.problem import Problem
+from hdplan.planner.search.roadmap import seeds
 
 REPEATS = 5  # the quickest counts
 LEAST = 50  # pairs: fewer say little of a batch

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from penalty_faces import EDGE, GAP, Tilted
 
-from hdplan.planner.plot_style import GOAL, INK, RC, START
+from hdplan.planner.pictures.style import GOAL, INK, RC, START
 from hdplan.planner.solvers.solution import Step
 
 Array = NDArray[np.float64]

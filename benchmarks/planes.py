@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from hdplan.distance.baselines.coal import signed_distances
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.compiled import RowFunction
-from hdplan.distance.halfspaces import box_directions, halfspace_distance
 from hdplan.distance.normals import sphere_directions
-from hdplan.distance.oracle import signed_distances
-from hdplan.distance.timing import seconds_per_query
-from hdplan.planner.link_bodies import link_bodies
-from hdplan.planner.robot import load_robot
+from hdplan.distance.studies.stopwatch import seconds_per_query
+from hdplan.distance.symbolic.halfspaces import box_directions, halfspace_distance
+from hdplan.distance.symbolic.row_function import RowFunction
+from hdplan.planner.collision.link_bodies import link_bodies
+from hdplan.planner.robot.robot import load_robot
 from hdplan.scenes.model import RobotSpec
 
 Array = NDArray[np.float64]

@@ -25,13 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.progress import track
 
+from hdplan.distance.baselines.coal import signed_distances
 from hdplan.distance.bodies import PLATONIC, ConvexBody
 from hdplan.distance.normals import RUNGS
-from hdplan.distance.oracle import signed_distances
-from hdplan.distance.pair_distance import CompiledDistance, hdsdf_compiled
-from hdplan.distance.random_poses import touching_poses
-from hdplan.planner.link_bodies import link_bodies
-from hdplan.planner.robot import load_robot
+from hdplan.distance.studies.random_poses import touching_poses
+from hdplan.distance.symbolic.compiled_pair import CompiledDistance, hdsdf_compiled
+from hdplan.planner.collision.link_bodies import link_bodies
+from hdplan.planner.robot.robot import load_robot
 from hdplan.scenes.model import RobotSpec
 
 Array = NDArray[np.float64]

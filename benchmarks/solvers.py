@@ -12,7 +12,7 @@ import argparse
 import hdplan
 from hdplan.planner.solvers import SOLVERS
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.reader import shipped_scenes
+from hdplan.scenes.yaml_format.reader import shipped_scenes
 
 
 def main() -> None:

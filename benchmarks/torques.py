@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import hdplan
-from hdplan.planner.certificate import Certifier
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.control.replay import simulate
 from hdplan.planner.plan import plan
-from hdplan.planner.robot import Robot
-from hdplan.planner.scene_robot import load_scene_robot
-from hdplan.planner.simulate import simulate
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.model import JointTarget, Payload, Scene
 
 SCENES = {"panda_heavy": "panda_hand", "ur5_payload": "tool0"}  # and the link that bears the load

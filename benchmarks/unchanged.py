@@ -20,7 +20,7 @@ from pathlib import Path
 from problems import real_problems
 
 import hdplan
-from hdplan.scenes.reader import shipped_scenes
+from hdplan.scenes.yaml_format.reader import shipped_scenes
 
 TIME_LIMIT = 120.0  # [s] generous: what is cut short by a slow machine would differ by chance
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from hdplan.planner.plan import plan
 from hdplan.planner.view.server import open_viewer
-from hdplan.scenes.reader import load_scene
+from hdplan.scenes.yaml_format.reader import load_scene
 
 FRAMES = 200
 

@@ -10,18 +10,18 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from hdplan.distance.baselines.ground_truth import Proximity
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.holder import holder_maximum, holder_minimum, shaping
 from hdplan.distance.normals import RUNGS
-from hdplan.distance.reference import hdsdf, hdsdf_derivatives, separating_axis_distance, separation
-from hdplan.distance.sat import Proximity
+from hdplan.distance.numpy_reference.hdsdf import hdsdf, hdsdf_derivatives, separating_axis_distance, separation
 
 if TYPE_CHECKING:
-    from hdplan.distance.batch import hdsdf_batch
-    from hdplan.distance.fcl import fcl_distances
-    from hdplan.distance.graph_distance import hdsdf_function
-    from hdplan.distance.oracle import signed_distance, signed_distances
-    from hdplan.distance.pair_distance import hdsdf_compiled
+    from hdplan.distance.baselines.coal import signed_distance, signed_distances
+    from hdplan.distance.baselines.fcl import fcl_distances
+    from hdplan.distance.batch.distance import hdsdf_batch
+    from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled
+    from hdplan.distance.symbolic.graph_distance import hdsdf_function
 
 __all__ = [
     "RUNGS",
@@ -43,12 +43,12 @@ __all__ = [
 ]
 
 _HEAVY = {
-    "hdsdf_batch": "batch",
-    "hdsdf_compiled": "pair_distance",
-    "hdsdf_function": "graph_distance",
-    "fcl_distances": "fcl",
-    "signed_distance": "oracle",
-    "signed_distances": "oracle",
+    "hdsdf_batch": "batch.distance",
+    "hdsdf_compiled": "symbolic.compiled_pair",
+    "hdsdf_function": "symbolic.graph_distance",
+    "fcl_distances": "baselines.fcl",
+    "signed_distance": "baselines.coal",
+    "signed_distances": "baselines.coal",
 }
 
 

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix, triu
 from scipy.spatial import ConvexHull
 
-from hdplan.distance.once import read_only
 from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.once import read_only
 from hdplan.scenes.values import Whole, checked, instance
 
 Array = NDArray[np.float64]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from hdplan.planner.lay_out import lay_out
-from hdplan.planner.problem import Problem
-from hdplan.planner.robot import Robot
-from hdplan.planner.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.problem.lay_out import lay_out
+from hdplan.planner.problem.problem import Problem
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
 from hdplan.scenes.errors import naming
 from hdplan.scenes.model import JointTarget, Scene
 from hdplan.scenes.values import instance
@@ -33,6 +33,6 @@ def _settled(scene: Scene, robot: Robot) -> Scene:
     """Return the scene with one configuration as its goal."""
     if isinstance(scene.goal, JointTarget):
         return scene
-    from hdplan.planner.goal_search import settled
+    from hdplan.planner.search.goals import settled
 
     return settled(scene, robot)

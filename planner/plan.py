@@ -9,12 +9,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from hdplan.planner.build import build
-from hdplan.planner.certificate import Certifier
-from hdplan.planner.ends import reachable_clearance
+from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.result import PlanResult, Times
-from hdplan.planner.robot import Robot
-from hdplan.planner.scene_robot import load_scene_robot
-from hdplan.planner.search import Event, Search, search_in_turn
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.search.end_clearance import reachable_clearance
+from hdplan.planner.search.search import Event, Search, search_in_turn
 from hdplan.planner.solvers import solver_named
 from hdplan.scenes.deadline import check_time, seconds_left
 from hdplan.scenes.errors import InputError, naming
@@ -25,7 +25,7 @@ FOR_MESHES = 0.5  # share of what is left of a limit to all, for taking meshes a
 RESERVED, MOST_RESERVED = 0.2, 1.0  # share of what is left, at most [s], that is kept for the certificate
 
 if TYPE_CHECKING:
-    from hdplan.planner.timing import Timekeeper
+    from hdplan.planner.timing.retiming import Timekeeper
 
 
 def plan(
@@ -128,7 +128,7 @@ def _goals(
     """Return the configurations to plan to, and words on how they were found, where the scene leaves a choice."""
     if isinstance(scene.goal, JointTarget):
         return (scene.goal,), ()
-    from hdplan.planner.goal_search import goal_choice
+    from hdplan.planner.search.goals import goal_choice
 
     return goal_choice(scene, robot, certifier, seed)
 
@@ -137,7 +137,7 @@ def _timekeeper(scene: Scene, robot: Robot) -> Timekeeper | None:
     """Return what gives motions their times, where the scene asks for them."""
     if not scene.timed:
         return None
-    from hdplan.planner.timing import Timekeeper
+    from hdplan.planner.timing.retiming import Timekeeper
 
     return Timekeeper(scene, robot)
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from hdplan.planner.certificate.verdict import Certificate
+from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.solvers.solution import Step
-from hdplan.planner.trajectory import Trajectory
-from hdplan.planner.verdict import Certificate
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.files import read_file
 from hdplan.scenes.model import JointTarget

@@ -22,8 +22,8 @@ import trimesh
 import yaml
 
 from hdplan import cli
-from hdplan.planner.trajectory import Trajectory
-from hdplan.scenes.reader import shipped_scenes
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.scenes.yaml_format.reader import shipped_scenes
 
 ARM = Path(shipped_scenes()["planar_arm"]).parent
 COMMAND = [sys.executable, "-m", "hdplan.cli"]

@@ -18,8 +18,9 @@ from pathlib import Path
 import pytest
 
 from hdplan import cli
-from hdplan.distance import conservativeness, query_time, study
-from hdplan.planner import planning_runs, reproduce
+from hdplan.distance.studies import accuracy as study
+from hdplan.distance.studies import conservativeness, query_time
+from hdplan.planner.studies import paper_figures, planning_runs
 
 pytest.importorskip("matplotlib")
 
@@ -42,8 +43,8 @@ def hdplan(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.setattr(conservativeness, "PLATONIC_PAIRS", LIGHT)
-    monkeypatch.setattr(reproduce, "QUICK_CONFIGURATIONS", 3000)
-    monkeypatch.setattr(reproduce, "QUICK_PAIRS", LIGHT)
+    monkeypatch.setattr(paper_figures, "QUICK_CONFIGURATIONS", 3000)
+    monkeypatch.setattr(paper_figures, "QUICK_PAIRS", LIGHT)
     kernels = (("paper", 2, "float64"), ("paper+centre", 2, "float64"))
     monkeypatch.setattr(study, "QUICK", replace(study.QUICK, kernels=kernels, random=study.BLOCK))
     methods = {name: query_time.METHODS[name] for name in ("coal", "interpreter", "compiled")}

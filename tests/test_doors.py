@@ -18,11 +18,11 @@ import numpy as np
 import pytest
 
 from hdplan import cli
-from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.scenes.deadline import check_time, seconds_left, time_limit
 from hdplan.scenes.errors import InputError, OutOfTime
 from hdplan.scenes.model import MOST_ROWS
-from hdplan.scenes.reader import load_scene, shipped_scenes
+from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 
 ARM = shipped_scenes()["planar_arm"]
 HEAD = "hdplan: 1\nrobot: {name: panda}\nstart: {state: default}\ngoal: {state: default}\n"
@@ -253,7 +253,7 @@ def test_a_disk_that_is_full_leaves_what_was_there(tmp_path: Path) -> None:
     before = file.read_bytes()
     code = (
         "import resource, signal, sys, numpy as np\n"
-        "from hdplan.planner.trajectory import Trajectory\n"
+        "from hdplan.planner.motion.trajectory import Trajectory\n"
         "from hdplan.scenes.errors import InputError\n"
         "motion = Trajectory(('a',), np.zeros((5000, 1)))\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
@@ -272,7 +272,7 @@ def test_a_fault_of_ours_is_one_line_and_exit_code_3(
     def broken(*_: object, **__: object) -> None:
         raise ZeroDivisionError("by\nzero")
 
-    monkeypatch.setattr("hdplan.scenes.reader.read_document", broken)
+    monkeypatch.setattr("hdplan.scenes.yaml_format.reader.read_document", broken)
     monkeypatch.setattr(sys, "argv", ["hdplan", "plan", "planar_arm"])
     with pytest.raises(SystemExit) as end:
         cli.main()
@@ -330,8 +330,8 @@ def test_a_plan_without_time_ends_with_one_line_and_exit_code_1(
 
 def test_a_certificate_without_time_claims_no_more() -> None:
     import hdplan
-    from hdplan.planner.certificate import Certifier
-    from hdplan.planner.scene_robot import load_scene_robot
+    from hdplan.planner.certificate.certifier import Certifier
+    from hdplan.planner.robot.scene_robot import load_scene_robot
 
     scene = load_scene(ARM)
     certifier = Certifier(scene, load_scene_robot(scene))

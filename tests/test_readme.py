@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from hdplan import cli
-from hdplan.scenes.reader import shipped_scenes
+from hdplan.scenes.yaml_format.reader import shipped_scenes
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")

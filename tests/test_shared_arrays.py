@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 import hdplan
-from hdplan.distance.halfspaces import box_directions
-from hdplan.planner.certificate import Certifier
-from hdplan.planner.corridor import link_boxes
-from hdplan.planner.dynamics import dynamics_of
-from hdplan.planner.kinematics import kinematics_of
-from hdplan.planner.outline import outline_of
-from hdplan.planner.scene_robot import load_scene_robot
-from hdplan.scenes.reader import load_scene
+from hdplan.distance.symbolic.halfspaces import box_directions
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.collision.collision_model import outline_of
+from hdplan.planner.kinematics.forward import kinematics_of
+from hdplan.planner.kinematics.inverse_dynamics import dynamics_of
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.studies.corridor_experiment import link_boxes
+from hdplan.scenes.yaml_format.reader import load_scene
 
 
 def writable(value: object, path: str, seen: dict[int, object]) -> Iterator[str]:
@@ -83,7 +83,7 @@ def test_what_is_kept_of_a_scene_and_its_robot_is_read_only(name: str) -> None:
 
 
 def test_skins_are_read_only() -> None:
-    skins = pytest.importorskip("hdplan.planner.view.skins", reason="the viewer is optional")
+    skins = pytest.importorskip("hdplan.planner.view.drawing.skins", reason="the viewer is optional")
     scene = load_scene("planar_arm")
     robot = load_scene_robot(scene)
     drawn = skins.collision_skins(robot), skins.outer_skins(robot, "fitted"), skins.visual_skins(robot, scene.robot)

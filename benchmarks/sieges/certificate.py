@@ -34,11 +34,11 @@ def attack(rng: np.random.Generator, folder: Path) -> Outcome:
 
 def _more(rng: np.random.Generator, folder: Path, base: rows.Rows, timed: bool) -> tuple[Counter[str], str]:
     """Certify more motions in the folder's scene; return how often each verdict came, and what is wrong with one."""
-    from hdplan.planner.certificate import Certifier
-    from hdplan.planner.scene_robot import load_scene_robot
-    from hdplan.planner.trajectory import Trajectory
+    from hdplan.planner.certificate.certifier import Certifier
+    from hdplan.planner.motion.trajectory import Trajectory
+    from hdplan.planner.robot.scene_robot import load_scene_robot
     from hdplan.scenes.errors import InputError
-    from hdplan.scenes.reader import load_scene
+    from hdplan.scenes.yaml_format.reader import load_scene
 
     scene, names = load_scene(folder / "scene.yaml"), base.names
     robot = load_scene_robot(scene)
@@ -74,8 +74,8 @@ def check(folder: Path) -> Outcome:
         return Outcome("refused", "" if len(said) <= 2 else f"refused in {len(said)} lines: {short}")
     if done.code not in (0, 1):
         return Outcome("code", f"exit code {done.code}: {done.err.strip()[:200]}")
-    from hdplan.planner.scene_robot import load_scene_robot
-    from hdplan.scenes.reader import load_scene
+    from hdplan.planner.robot.scene_robot import load_scene_robot
+    from hdplan.scenes.yaml_format.reader import load_scene
 
     said = json.loads(done.out)
     motion = rows.read(folder / file)

@@ -30,7 +30,7 @@ def attack(rng: np.random.Generator, folder: Path, steps: int = STEPS) -> Outcom
     """Steer one robot; return what was broken."""
     from hdplan import control
     from hdplan.scenes.errors import InputError
-    from hdplan.scenes.reader import load_scene
+    from hdplan.scenes.yaml_format.reader import load_scene
 
     content, names, world = _scene(rng, folder)
     machine = world.machine

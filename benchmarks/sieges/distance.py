@@ -80,7 +80,7 @@ def attack(rng: np.random.Generator, folder: Path, count: int = POSES, witnesses
         if not witnesses or word in witnesses:
             compare(word, *evaluate(setting, pose_a, pose_b))
     if not witnesses or "signed_distance" in witnesses:
-        from hdplan.distance.oracle import signed_distances
+        from hdplan.distance.baselines.coal import signed_distances
 
         found = signed_distances(_body(a), pose_a, _body(b), pose_b)
         notes["poses of signed_distance"] = len(found)
@@ -299,7 +299,7 @@ def _halfspaces(
     """Compare the planner's distance: B by 26 planes with exact supports, A standing and swept."""
     import casadi as ca
 
-    from hdplan.distance.halfspaces import halfspace_distance, swept_halfspace_distance
+    from hdplan.distance.symbolic.halfspaces import halfspace_distance, swept_halfspace_distance
 
     ways = np.array([w for w in np.ndindex(3, 3, 3) if w != (1, 1, 1)]) - 1.0
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)

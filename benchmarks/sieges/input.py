@@ -77,7 +77,7 @@ def _own(rng: np.random.Generator, folder: Path, what: str) -> list[str]:
 
 def _planar(rng: np.random.Generator, folder: Path, what: str) -> list[str]:
     """Write the shipped planar arm's scene: its bodies are fitted once."""
-    from hdplan.scenes.reader import shipped_scenes
+    from hdplan.scenes.yaml_format.reader import shipped_scenes
 
     source = shipped_scenes()[PLANAR]
     content = yaml.safe_load(source.read_text())

@@ -27,7 +27,7 @@ TURNED = 1e-4  # the same downwards, where the directions that coal finds for cu
 def attack(rng: np.random.Generator, folder: Path) -> Outcome:
     """Read one scene in every way and compare."""
     from hdplan.scenes.errors import InputError
-    from hdplan.scenes.reader import load_scene
+    from hdplan.scenes.yaml_format.reader import load_scene
 
     content, motion, _ = scenes.random_case(rng, folder)
     try:
@@ -41,8 +41,8 @@ def attack(rng: np.random.Generator, folder: Path) -> Outcome:
 
 def _distances(scene: Any, folder: Path, motion: Any) -> str:
     """Compare the closest places and the contacts of the motion's first rows; return what differs."""
-    from hdplan.planner.certificate import Certifier
-    from hdplan.planner.scene_robot import load_scene_robot
+    from hdplan.planner.certificate.certifier import Certifier
+    from hdplan.planner.robot.scene_robot import load_scene_robot
 
     robot = load_scene_robot(scene)
     certifier = Certifier(scene, robot)
@@ -116,8 +116,8 @@ def _names(world: World, pair: tuple[int, int]) -> str:
 
 def _again(scene: Any, folder: Path) -> str:
     """Write the scene, read it, and compare everything but where it came from."""
-    from hdplan.scenes.reader import load_scene
-    from hdplan.scenes.writer import scene_text
+    from hdplan.scenes.yaml_format.reader import load_scene
+    from hdplan.scenes.yaml_format.writer import scene_text
 
     text = scene_text(scene)
     (folder / "again.yaml").write_text(text)
@@ -146,9 +146,9 @@ def _plain(value: Any) -> Any:
 
 def _as_moveit(rng: np.random.Generator, content: dict[str, Any], folder: Path, motion: Any) -> str:
     """Write boxes, balls and cylinders of the scene in MoveIt's words; the closest must be as far as before."""
-    from hdplan.planner.certificate import Certifier
-    from hdplan.planner.scene_robot import load_scene_robot
-    from hdplan.scenes.reader import load_scene
+    from hdplan.planner.certificate.certifier import Certifier
+    from hdplan.planner.robot.scene_robot import load_scene_robot
+    from hdplan.scenes.yaml_format.reader import load_scene
 
     known = {"box", "sphere", "cylinder"}
     things = [item for item in content["obstacles"] if item["shape"]["type"] in known and "motion" not in item]

@@ -60,10 +60,10 @@ def _witness(word: str, setting: int, poses: tuple[Any, Any]) -> str:
 
 
 def _check(folder: Path, file: str) -> str:
-    from hdplan.planner.certificate import certify
-    from hdplan.planner.trajectory import Trajectory
+    from hdplan.planner.certificate.certifier import certify
+    from hdplan.planner.motion.trajectory import Trajectory
     from hdplan.scenes.errors import InputError
-    from hdplan.scenes.reader import load_scene
+    from hdplan.scenes.yaml_format.reader import load_scene
 
     try:
         found = certify(load_scene(folder / "scene.yaml"), Trajectory.load(folder / file))
@@ -75,14 +75,14 @@ def _check(folder: Path, file: str) -> str:
 @functools.cache
 def _cage() -> Any:
     from hdplan import control
-    from hdplan.scenes.reader import load_scene
+    from hdplan.scenes.yaml_format.reader import load_scene
 
     return control.Controller.of(load_scene("panda_cage"))
 
 
 def _steps(moves: Any) -> str:
     from hdplan import control
-    from hdplan.scenes.reader import load_scene
+    from hdplan.scenes.yaml_format.reader import load_scene
 
     controller = _cage()
     q = controller.robot.configuration(load_scene("panda_cage").start)
@@ -91,9 +91,9 @@ def _steps(moves: Any) -> str:
 
 @functools.cache
 def _certifier() -> Any:
-    from hdplan.planner.certificate import Certifier
-    from hdplan.planner.scene_robot import load_scene_robot
-    from hdplan.scenes.reader import load_scene
+    from hdplan.planner.certificate.certifier import Certifier
+    from hdplan.planner.robot.scene_robot import load_scene_robot
+    from hdplan.scenes.yaml_format.reader import load_scene
 
     scene = load_scene("panda_bookshelf")
     return Certifier(scene, load_scene_robot(scene))

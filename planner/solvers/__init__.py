@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hdplan.planner.problem import Floats, Problem
+from hdplan.planner.problem.problem import Floats, Problem
 from hdplan.planner.solvers import chomp, gauss_newton, ipopt
 from hdplan.planner.solvers.solution import Budget, Solution
 from hdplan.scenes.errors import InputError, nearest

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from hdplan.planner.problem import Problem
+from hdplan.planner.problem.problem import Problem
 from hdplan.planner.solvers.solution import Budget, Progress, Solution
 
 Floats = NDArray[np.float64]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
-from hdplan.planner.problem import Evaluation, Problem
+from hdplan.planner.problem.problem import Evaluation, Problem
 from hdplan.planner.solvers.solution import SAME, Budget, Progress, Solution, Status
 
 Floats = NDArray[np.float64]

@@ -16,8 +16,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.planner.nlp import nlp
-from hdplan.planner.problem import Problem
+from hdplan.planner.problem.problem import Problem
+from hdplan.planner.solvers.nlp import nlp
 from hdplan.planner.solvers.solution import SAME, Budget, Progress, Solution
 
 Floats = NDArray[np.float64]

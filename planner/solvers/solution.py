@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.planner.problem import Evaluation, Problem
-from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.problem.problem import Evaluation, Problem
 
 Floats = NDArray[np.float64]
 

@@ -6,8 +6,8 @@ import importlib.util
 from collections.abc import Sequence
 from pathlib import Path
 
-from hdplan.planner.output import check_writable
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.output import check_writable
 
 PAGES = (".html",)
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
-from hdplan.planner.view.goal import follow
-from hdplan.planner.view.nodes import pose_of, wxyz_of
+from hdplan.planner.view.drawing.goal import follow
+from hdplan.planner.view.drawing.nodes import pose_of, wxyz_of
 from hdplan.scenes.model import JointTarget, Obstacle, Pose, Scene, TimedPoses
 
 if TYPE_CHECKING:

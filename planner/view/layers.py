@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.planner.view.colors import COLLISION, OUTER
-from hdplan.planner.view.nodes import RobotNodes
-from hdplan.planner.view.skins import collision_skins, outer_skins
+from hdplan.planner.view.drawing.colors import COLLISION, OUTER
+from hdplan.planner.view.drawing.nodes import RobotNodes
+from hdplan.planner.view.drawing.skins import collision_skins, outer_skins
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer

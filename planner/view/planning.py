@@ -19,20 +19,20 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from hdplan.planner.certificate import Certifier
-from hdplan.planner.curve import Curve
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.motion.curve import Curve
 from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
-from hdplan.planner.scene_robot import load_scene_robot, resolve_query
-from hdplan.planner.search import Event
-from hdplan.planner.time_laws import MinimumJerk
-from hdplan.planner.view.colors import ITERATE
+from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.search.search import Event
+from hdplan.planner.timing.time_laws import MinimumJerk
+from hdplan.planner.view.drawing.colors import ITERATE
+from hdplan.planner.view.drawing.motion import sample_parameters
+from hdplan.planner.view.drawing.nodes import draw_path
 from hdplan.planner.view.handles import Handles
-from hdplan.planner.view.motion import sample_parameters
-from hdplan.planner.view.nodes import draw_path
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.model import JointTarget, Scene
-from hdplan.scenes.writer import scene_text
+from hdplan.scenes.yaml_format.writer import scene_text
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer

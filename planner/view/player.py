@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import viser
 
-from hdplan.planner.view.timeline import PATH_DURATION, Timeline
+from hdplan.planner.view.drawing.timeline import PATH_DURATION, Timeline
 from hdplan.planner.view.worker import Worker
 
 FRAME = 1.0 / 30.0  # [s] between frames while playing

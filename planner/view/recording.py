@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hdplan.planner.output import write_output
+from hdplan.scenes.output import write_output
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer

@@ -11,9 +11,9 @@ from collections.abc import Callable, Sequence
 
 import viser
 
-from hdplan.planner.robot import Robot
-from hdplan.planner.scene_robot import load_scene_robot
-from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.view.quiet import quiet
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.errors import InputError

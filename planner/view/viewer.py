@@ -16,28 +16,35 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from hdplan.distance.once import read_only
-from hdplan.planner.certificate import Certifier
-from hdplan.planner.curve import Curve
-from hdplan.planner.goal_search import settled
-from hdplan.planner.robot import Robot
-from hdplan.planner.scene_robot import resolve_query
-from hdplan.planner.trajectory import Trajectory
-from hdplan.planner.verdict import Certificate, Contact
-from hdplan.planner.view.colors import CONTACT, GOAL, OTHERS, START, clearance_colors, hex_of, legend
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.verdict import Certificate, Contact
+from hdplan.planner.motion.curve import Curve
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import resolve_query
+from hdplan.planner.search.goals import settled
+from hdplan.planner.view.drawing.colors import CONTACT, GOAL, OTHERS, START, clearance_colors, hex_of, legend
+from hdplan.planner.view.drawing.motion import Motion, Tip
+from hdplan.planner.view.drawing.nodes import (
+    ClosestNodes,
+    ObstacleNode,
+    RobotNodes,
+    draw_path,
+    draw_region,
+    millimetres,
+)
+from hdplan.planner.view.drawing.plots import MotionPlots, joint_table
+from hdplan.planner.view.drawing.skins import Color, Skin, collision_skins, visual_skins
+from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.layers import Layers
-from hdplan.planner.view.motion import Motion, Tip
-from hdplan.planner.view.nodes import ClosestNodes, ObstacleNode, RobotNodes, draw_path, draw_region, millimetres
 from hdplan.planner.view.planning import Planning
 from hdplan.planner.view.player import Player
-from hdplan.planner.view.plots import MotionPlots, joint_table
 from hdplan.planner.view.quiet import quiet
 from hdplan.planner.view.recording import record
-from hdplan.planner.view.skins import Color, Skin, collision_skins, visual_skins
-from hdplan.planner.view.timeline import Timeline
 from hdplan.planner.view.worker import Worker
 from hdplan.scenes.errors import HdplanError, InputError, naming
 from hdplan.scenes.model import Scene
+from hdplan.scenes.once import read_only
 
 Array = NDArray[np.float64]
 

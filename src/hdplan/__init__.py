@@ -19,37 +19,37 @@ if TYPE_CHECKING:
     from hdplan import control
     from hdplan.distance.bodies import ConvexBody
     from hdplan.planner.build import build
-    from hdplan.planner.certificate import certify, check_configuration
+    from hdplan.planner.certificate.certifier import certify, check_configuration
+    from hdplan.planner.certificate.verdict import Certificate
+    from hdplan.planner.motion.trajectory import Trajectory
     from hdplan.planner.plan import plan
-    from hdplan.planner.problem import Problem
+    from hdplan.planner.problem.problem import Problem
     from hdplan.planner.result import PlanResult
-    from hdplan.planner.robot import Robot, load_robot
+    from hdplan.planner.robot.robot import Robot, load_robot
     from hdplan.planner.solvers import solve
     from hdplan.planner.solvers.solution import Solution
-    from hdplan.planner.trajectory import Trajectory
-    from hdplan.planner.verdict import Certificate
     from hdplan.scenes.errors import HdplanError, InputError
     from hdplan.scenes.model import Scene
-    from hdplan.scenes.reader import load_scene
+    from hdplan.scenes.yaml_format.reader import load_scene
 
 __version__ = "0.1.0"
 
 _HOMES = {
-    "Certificate": "hdplan.planner.verdict",
+    "Certificate": "hdplan.planner.certificate.verdict",
     "ConvexBody": "hdplan.distance.bodies",
     "HdplanError": "hdplan.scenes.errors",
     "InputError": "hdplan.scenes.errors",
     "PlanResult": "hdplan.planner.result",
-    "Problem": "hdplan.planner.problem",
-    "Robot": "hdplan.planner.robot",
+    "Problem": "hdplan.planner.problem.problem",
+    "Robot": "hdplan.planner.robot.robot",
     "Scene": "hdplan.scenes.model",
     "Solution": "hdplan.planner.solvers.solution",
-    "Trajectory": "hdplan.planner.trajectory",
+    "Trajectory": "hdplan.planner.motion.trajectory",
     "build": "hdplan.planner.build",
-    "certify": "hdplan.planner.certificate",
-    "check_configuration": "hdplan.planner.certificate",
-    "load_robot": "hdplan.planner.robot",
-    "load_scene": "hdplan.scenes.reader",
+    "certify": "hdplan.planner.certificate.certifier",
+    "check_configuration": "hdplan.planner.certificate.certifier",
+    "load_robot": "hdplan.planner.robot.robot",
+    "load_scene": "hdplan.scenes.yaml_format.reader",
     "plan": "hdplan.planner.plan",
     "solve": "hdplan.planner.solvers",
 }

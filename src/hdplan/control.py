@@ -4,16 +4,17 @@
     controller = control.Controller.of(hdplan.load_scene("panda_cage"))
     step = controller.step(q, control.PoseTask(controller.robot, target))
 
-See `hdplan.planner.control` for the equations, and `hdplan.planner.barrier_rules` for which settings are safe.
+See `hdplan.planner.control.controller` for the equations, and `hdplan.planner.control.barrier_safety` for which
+settings are safe.
 """
 
 from __future__ import annotations
 
-from hdplan.planner.barriers import Barriers, BarrierSettings, scene_barriers
-from hdplan.planner.control import Controller, Mode, Step
-from hdplan.planner.control_run import Run, simulate
-from hdplan.planner.control_settings import ControlSettings
-from hdplan.planner.control_tasks import PoseTask, Task, TrackTask, standing
+from hdplan.planner.control.barriers import Barriers, BarrierSettings, scene_barriers
+from hdplan.planner.control.controller import Controller, Mode, Step
+from hdplan.planner.control.rollout import Run, simulate
+from hdplan.planner.control.settings import ControlSettings
+from hdplan.planner.control.tasks import PoseTask, Task, TrackTask, standing
 
 __all__ = [
     "BarrierSettings",

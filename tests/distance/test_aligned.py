@@ -13,9 +13,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.boxes import box_distance
-from hdplan.distance.halfspaces import box_directions, halfspace_distance, swept_halfspace_distance
-from hdplan.distance.random_poses import AXIS_TURNS
+from hdplan.distance.studies.random_poses import AXIS_TURNS
+from hdplan.distance.symbolic.boxes import box_distance
+from hdplan.distance.symbolic.halfspaces import box_directions, halfspace_distance, swept_halfspace_distance
 from tests.distance import extended
 from tests.distance.conftest import BODIES
 from tests.distance.witnesses import evaluator
@@ -191,7 +191,7 @@ def test_boxes_have_the_true_wrenches():
 
 def test_a_third_derivative_is_refused():
     """There is no closed form of it, and CasADi's own would be wrong."""
-    from hdplan.distance.graph_distance import hdsdf_function
+    from hdplan.distance.symbolic.graph_distance import hdsdf_function
 
     function = hdsdf_function(CUBE, CUBE)
     shift = ca.MX.sym("shift", 3)

@@ -13,9 +13,9 @@ import mpmath
 import numpy as np
 import pytest
 
+from hdplan.distance.baselines.coal import signed_distance
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.oracle import signed_distance
-from hdplan.distance.reference import separation
+from hdplan.distance.numpy_reference.hdsdf import separation
 from tests.distance.extended import truth
 from tests.distance.hard_cases import HARD, place
 from tests.distance.witnesses import evaluator

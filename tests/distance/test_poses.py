@@ -18,11 +18,11 @@ from hdplan.distance import (
     signed_distance,
     signed_distances,
 )
-from hdplan.distance.boxes import box_distance
-from hdplan.distance.gdf import gdf
-from hdplan.distance.halfspaces import halfspace_distance, swept_halfspace_distance
+from hdplan.distance.baselines.gdf import gdf
 from hdplan.distance.poses import check_poses
-from hdplan.distance.random_poses import touching_poses
+from hdplan.distance.studies.random_poses import touching_poses
+from hdplan.distance.symbolic.boxes import box_distance
+from hdplan.distance.symbolic.halfspaces import halfspace_distance, swept_halfspace_distance
 from hdplan.scenes.errors import InputError
 from tests.distance.conftest import BODIES
 

@@ -12,13 +12,13 @@ from hypothesis import settings as trials
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from hdplan.distance.baselines.coal import signed_distance, signed_distances
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.normals import RUNGS
-from hdplan.distance.oracle import signed_distance, signed_distances
-from hdplan.distance.random_poses import touching_poses
-from hdplan.distance.reference import hdsdf, separating_axis_distance, separation
-from hdplan.planner.link_bodies import link_bodies
-from hdplan.planner.robot import load_robot
+from hdplan.distance.numpy_reference.hdsdf import hdsdf, separating_axis_distance, separation
+from hdplan.distance.studies.random_poses import touching_poses
+from hdplan.planner.collision.link_bodies import link_bodies
+from hdplan.planner.robot.robot import load_robot
 from hdplan.scenes.model import RobotSpec
 from tests.distance.hard_cases import place
 from tests.distance.witnesses import agree, evaluator

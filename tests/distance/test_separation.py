@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from hdplan.distance.baselines.coal import signed_distances
 from hdplan.distance.normals import RUNGS
-from hdplan.distance.oracle import signed_distances
-from hdplan.distance.pair_distance import hdsdf_compiled
-from hdplan.distance.random_poses import touching_poses
-from hdplan.distance.reference import separation
+from hdplan.distance.numpy_reference.hdsdf import separation
+from hdplan.distance.studies.random_poses import touching_poses
+from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled
 from tests.distance.conftest import BODIES
 
 ULP = float(np.finfo(float).eps)

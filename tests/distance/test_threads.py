@@ -28,14 +28,14 @@ from hdplan.distance import (
     signed_distance,
     signed_distances,
 )
-from hdplan.distance.boxes import box_distance
-from hdplan.distance.compiled import RowFunction, compiler
-from hdplan.distance.gdf import gdf
-from hdplan.distance.gdf_batch import gdf_boxes
-from hdplan.distance.halfspaces import halfspace_distance, swept_halfspace_distance
-from hdplan.distance.once import made_once
-from hdplan.distance.oracle import CoalPair
-from hdplan.distance.random_poses import paper_poses
+from hdplan.distance.baselines.coal import CoalPair
+from hdplan.distance.baselines.gdf import gdf
+from hdplan.distance.baselines.gdf_batch import gdf_boxes
+from hdplan.distance.studies.random_poses import paper_poses
+from hdplan.distance.symbolic.boxes import box_distance
+from hdplan.distance.symbolic.halfspaces import halfspace_distance, swept_halfspace_distance
+from hdplan.distance.symbolic.row_function import RowFunction, compiler
+from hdplan.scenes.once import made_once
 from tests.threads import THREADS, together
 
 Array = NDArray[np.float64]
@@ -98,7 +98,7 @@ def batch(order: str, dtype: str) -> Asked:
 
 def fcl_children(rows: Array) -> list[Array]:
     pytest.importorskip("fcl")
-    from hdplan.distance.fcl import fcl_distances
+    from hdplan.distance.baselines.fcl import fcl_distances
 
     found = fcl_distances(A, POSE_A[rows], B, POSE_B[rows])
     return [found.distances, found.points_a, found.points_b, found.normals]
@@ -106,7 +106,7 @@ def fcl_children(rows: Array) -> list[Array]:
 
 def fcl_pair() -> Asked:
     pytest.importorskip("fcl")
-    from hdplan.distance.fcl import FclPair
+    from hdplan.distance.baselines.fcl import FclPair
 
     return each(FclPair(A, B).distance)
 
@@ -278,7 +278,7 @@ def test_a_failure_is_not_kept() -> None:
 
 FORKED = """
 import os, signal, threading, warnings
-from hdplan.distance.once import Turn, made_once
+from hdplan.scenes.once import Turn, made_once
 
 inside, leave, turn = threading.Event(), threading.Event(), Turn()
 

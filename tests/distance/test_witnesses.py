@@ -14,7 +14,7 @@ import pytest
 import hdplan.distance
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.normals import RUNGS
-from hdplan.distance.random_poses import touching_poses
+from hdplan.distance.studies.random_poses import touching_poses
 from tests.distance.conftest import BODIES, PAIRS
 from tests.distance.hard_cases import HARD
 from tests.distance.witnesses import agree, evaluator
@@ -100,10 +100,10 @@ def test_compiled_agrees_with_interpreted_at_hard_poses():
 @pytest.mark.parametrize("name", ["compiled", "jax"])
 def test_value_and_gradient_are_those_that_come_with_the_hessian(name, random_poses):
     if name == "compiled":
-        from hdplan.distance.pair_distance import hdsdf_compiled as build
+        from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled as build
     else:
         pytest.importorskip("jax")
-        build = pytest.importorskip("hdplan.distance.batch").hdsdf_batch
+        build = pytest.importorskip("hdplan.distance.batch.distance").hdsdf_batch
     distance = build(BODIES["segment"], BODIES["swept triangle"], gamma=1, shaping_length=0.1)
     poses = random_poses(7, COUNT, 0.7), random_poses(8, COUNT, 0.7)
     whole = distance.hessian(*poses)

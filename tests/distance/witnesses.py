@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hdplan.distance.graph_distance import hdsdf_function
 from hdplan.distance.normals import check_witnesses
-from hdplan.distance.pair_distance import hdsdf_compiled, twist_function
-from hdplan.distance.reference import hdsdf_derivatives, separation
+from hdplan.distance.numpy_reference.hdsdf import hdsdf_derivatives, separation
+from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled, twist_function
+from hdplan.distance.symbolic.graph_distance import hdsdf_function
 
 Array = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ def evaluator(
     if name == "compiled":
         return _at_once(hdsdf_compiled(body_a, body_b, **settings))
     pytest.importorskip("jax")
-    batch = pytest.importorskip("hdplan.distance.batch")
+    batch = pytest.importorskip("hdplan.distance.batch.distance")
     distance = batch.hdsdf_batch(body_a, body_b, dtype=dtype, **settings)
     return _differentiated_by_jax(distance) if name == "grad" else _at_once(distance)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hdplan.planner.problem import Problem
+from hdplan.planner.problem.problem import Problem
 from hdplan.scenes.model import JointTarget, Obstacle, RobotSpec, Scene
 
 

@@ -16,26 +16,33 @@ from typing import Any
 import pytest
 
 from hdplan.planner.build import build
-from hdplan.planner.explain import explain
-from hdplan.planner.problem import Problem
+from hdplan.planner.problem.problem import Problem
+from hdplan.planner.terminal.explain import explain
 from hdplan.scenes.model import Limits, PathConstraints, Scene, SelfCollision
-from hdplan.scenes.reader import load_scene
+from hdplan.scenes.yaml_format.reader import load_scene
 
 # Effect -> its modules, and a shipped scene that calls for it.
 EFFECTS = {
-    "moving obstacles": (["planner.moving_clearance", "planner.pace", "scenes.moving"], "panda_conveyor"),
-    "times": (["planner.timing", "planner.rate_check"], "ur5_pallet"),
+    "moving obstacles": (
+        ["planner.problem.moving_clearance", "planner.problem.velocity_penalty", "scenes.moving"],
+        "panda_conveyor",
+    ),
+    "times": (["planner.timing.retiming", "planner.certificate.rate_check"], "ur5_pallet"),
     "torques and loads": (
         [
-            *("planner.dynamics", "planner.loads", "planner.static_torque"),
-            *("planner.torque_check", "planner.torque_bounds", "planner.torque_timing"),
+            *("planner.kinematics.inverse_dynamics", "planner.robot.loads", "planner.problem.gravity_torque"),
+            *(
+                "planner.certificate.torque_check",
+                "planner.certificate.torque_bounds",
+                "planner.timing.torque_constraint",
+            ),
         ],
         "ur5_payload",
     ),
-    "path constraints": (["planner.path_terms", "planner.path_check"], "panda_cup"),
-    "held objects": (["planner.attached"], "panda_carry"),
-    "choice of goals": (["planner.goal_search", "planner.pose_goals"], "panda_grasp"),
-    "self-collision": (["planner.separation"], "panda_cage"),
+    "path constraints": (["planner.problem.path_terms", "planner.certificate.path_check"], "panda_cup"),
+    "held objects": (["planner.robot.attached"], "panda_carry"),
+    "choice of goals": (["planner.search.goals", "planner.certificate.pose_goals"], "panda_grasp"),
+    "self-collision": (["planner.collision.separation_bounds"], "panda_cage"),
 }
 ALSO = {  # what else these scenes call for; a path constraint finds its link as a goal's pose does
     "panda_conveyor": {"times"},

@@ -10,12 +10,12 @@ from dataclasses import replace
 import pytest
 
 from hdplan.planner.build import build
-from hdplan.planner.certificate import Status, certify
-from hdplan.planner.explain import explain
+from hdplan.planner.certificate.certifier import Status, certify
 from hdplan.planner.plan import plan
 from hdplan.planner.result import verdict
+from hdplan.planner.terminal.explain import explain
 from hdplan.scenes.model import PathConstraints, Pose, Scene, SelfCollision
-from hdplan.scenes.reader import load_scene
+from hdplan.scenes.yaml_format.reader import load_scene
 
 Change = Callable[[Scene], Scene]
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import hdplan
-from hdplan.planner.certificate import Certifier
-from hdplan.planner.robot import Robot, load_robot
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import JointTarget, Obstacle, Pose, RobotSpec, Scene, Sphere
-from hdplan.scenes.robot_library import robot_names
+from hdplan.scenes.robot_files.library import robot_names
 
 QUICK = ("TwoDofs", "double_pendulum", "double_pendulum_continuous", "quadruped", "simple_humanoid")
 WITHOUT = {  # robots that nothing can be planned for

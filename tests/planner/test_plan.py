@@ -11,19 +11,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hdplan.planner.certificate import ENDS_KEEP, Certifier, certify
+from hdplan.planner.certificate.certifier import ENDS_KEEP, Certifier, certify
+from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
-from hdplan.planner.problem import Problem, build
+from hdplan.planner.problem.problem import Problem, build
 from hdplan.planner.result import PlanResult
-from hdplan.planner.scene_robot import load_scene_robot
-from hdplan.planner.search import Event, Search
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.search.search import Event, Search
 from hdplan.planner.solvers.solution import Budget, Solution
 from hdplan.planner.solvers.solution import Status as SolverStatus
-from hdplan.planner.trajectory import Trajectory
-from hdplan.planner.verdict import Status
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Box, Goals, JointTarget, Obstacle, PathConstraints, Pose, Scene, Sphere
-from hdplan.scenes.reader import load_scene, shipped_scenes
+from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 
 EXACT = 1e-9  # [m] of a distance known in closed form: the certificate's own bound is 1e-9 of the sizes
 KEYS = {  # of the summary, as promised to whoever reads the JSON
@@ -211,7 +211,7 @@ def test_an_interrupt_before_anything_is_an_interrupt(monkeypatch: pytest.Monkey
     def certify_never(self: object, *args: object, **kwargs: object) -> object:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("hdplan.planner.certificate.Certifier.certify", certify_never)
+    monkeypatch.setattr("hdplan.planner.certificate.certifier.Certifier.certify", certify_never)
     with pytest.raises(KeyboardInterrupt):
         plan(planar())
 

@@ -10,24 +10,24 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hdplan.planner import convex_pieces, link_bodies, scene_robot
-from hdplan.planner.barriers import BarrierSettings
 from hdplan.planner.build import build
-from hdplan.planner.certificate import Certifier, certify
-from hdplan.planner.control import Controller, ControlSettings, Step
-from hdplan.planner.control_tasks import standing
-from hdplan.planner.dynamics import dynamics_of
-from hdplan.planner.meshes import TriangleMesh, load_mesh
+from hdplan.planner.certificate.certifier import Certifier, certify
+from hdplan.planner.certificate.verdict import Certificate
+from hdplan.planner.collision import convex_pieces, link_bodies
+from hdplan.planner.control.barriers import BarrierSettings
+from hdplan.planner.control.controller import Controller, ControlSettings, Step
+from hdplan.planner.control.replay import simulate
+from hdplan.planner.control.tasks import standing
+from hdplan.planner.geometry.meshes import TriangleMesh, load_mesh
+from hdplan.planner.kinematics.inverse_dynamics import dynamics_of
+from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
-from hdplan.planner.robot import Robot
-from hdplan.planner.scene_robot import load_scene_robot, resolve_query
-from hdplan.planner.seeds import seeds
-from hdplan.planner.simulate import simulate
-from hdplan.planner.trajectory import Trajectory
-from hdplan.planner.verdict import Certificate
+from hdplan.planner.robot.robot import Robot, scene_robot
+from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.search.roadmap import seeds
 from hdplan.scenes.model import Mesh
-from hdplan.scenes.reader import load_scene
+from hdplan.scenes.yaml_format.reader import load_scene
 from tests.threads import THREADS, together
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ def motions(name: str, count: int = 4) -> list[Trajectory]:
     for guess, _ in zip(seeds(problem, 1), range(count), strict=False):
         trajectory = Trajectory(problem.robot.joint_names, guess, problem.robot.locked)
         if scene.timed or scene.moving:
-            from hdplan.planner.timing import Timekeeper
+            from hdplan.planner.timing.retiming import Timekeeper
 
             trajectory = Timekeeper(scene, problem.robot)(trajectory).trajectory
         found.append(trajectory)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.reader import load_scene
+from hdplan.scenes.yaml_format.reader import load_scene
 
 HEAD = "hdplan: 1\nrobot: {name: panda}\n"
 BALL = "shape: {type: sphere, radius: 1}"

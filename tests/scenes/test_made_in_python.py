@@ -39,8 +39,8 @@ from hdplan.scenes.model import (
     Upright,
     Within,
 )
-from hdplan.scenes.reader import load_scene
-from hdplan.scenes.writer import scene_text
+from hdplan.scenes.yaml_format.reader import load_scene
+from hdplan.scenes.yaml_format.writer import scene_text
 
 NAN, INF = math.nan, math.inf
 NUMBERS: tuple[Any, ...] = (NAN, INF, -INF, 1e7, -1e7, "1", "a", "", True, [1.0], {"a": 1})

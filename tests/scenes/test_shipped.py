@@ -8,7 +8,7 @@ import pytest
 
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Mesh
-from hdplan.scenes.reader import load_scene, shipped_scenes
+from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 
 NAMES = {
     "empty",

@@ -8,12 +8,12 @@ import pytest
 
 pytest.importorskip("viser", reason="the viewer is optional: pip install hdplan[view]")
 
+from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
-from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.model import Scene
-from hdplan.scenes.reader import load_scene
+from hdplan.scenes.yaml_format.reader import load_scene
 
 Opener = Callable[..., Viewer]
 

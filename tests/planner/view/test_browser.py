@@ -16,7 +16,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.handles import SIZE as SIZE_OF_HANDLE
 from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.server import open_viewer

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from hdplan import cli
-from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.front import motion_names
 
 

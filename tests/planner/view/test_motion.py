@@ -8,20 +8,20 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hdplan.planner.certificate import Certifier
-from hdplan.planner.curve import Curve
-from hdplan.planner.robot import Robot
-from hdplan.planner.scene_robot import load_scene_robot, resolve_query
-from hdplan.planner.trajectory import Trajectory
-from hdplan.planner.view.colors import FAR, SCALE, clearance_colors
-from hdplan.planner.view.goal import follow
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.motion.curve import Curve
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.view.drawing.colors import FAR, SCALE, clearance_colors
+from hdplan.planner.view.drawing.goal import follow
+from hdplan.planner.view.drawing.motion import SAMPLES, Motion, Tip, sample_parameters
+from hdplan.planner.view.drawing.plots import joint_table, with_bar
+from hdplan.planner.view.drawing.timeline import PATH_DURATION, Timeline
 from hdplan.planner.view.handles import moved
-from hdplan.planner.view.motion import SAMPLES, Motion, Tip, sample_parameters
-from hdplan.planner.view.plots import joint_table, with_bar
-from hdplan.planner.view.timeline import PATH_DURATION, Timeline
 from hdplan.scenes.model import Obstacle, Pose, Sphere, SteadyMotion, TimedPoses, Timing
 from hdplan.scenes.moving import Passages
-from hdplan.scenes.reader import load_scene
+from hdplan.scenes.yaml_format.reader import load_scene
 
 
 @pytest.fixture(scope="module")

@@ -16,12 +16,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hdplan.planner.certificate import certify
-from hdplan.planner.scene_robot import load_scene_robot
-from hdplan.planner.timing import Timekeeper
-from hdplan.planner.trajectory import Trajectory
+from hdplan.planner.certificate.certifier import certify
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.timing.retiming import Timekeeper
+from hdplan.planner.view.drawing.nodes import ENDLESS, RobotNodes, pose_of
 from hdplan.planner.view.handles import GOAL, Handles
-from hdplan.planner.view.nodes import ENDLESS, RobotNodes, pose_of
 from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.viewer import OUTDATED, Viewer
@@ -40,7 +40,7 @@ from hdplan.scenes.model import (
     Within,
 )
 from hdplan.scenes.moving import Passages
-from hdplan.scenes.reader import load_scene
+from hdplan.scenes.yaml_format.reader import load_scene
 from tests.threads import together
 
 Opener = Callable[..., Viewer]

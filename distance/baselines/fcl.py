@@ -1,0 +1,177 @@
+"""The FCL baseline: its exact signed distance, in a process of its own because it may take that process down.
+
+In: two bodies and their poses, world from body [m]. Out: what python-fcl answers, positive = separated, nothing
+repaired. It is right to rounding at random poses. Where bodies just touch, it calls std::terminate in 0.1 % of poses
+(Platonic solids; 2 % with thin plates), which no Python can catch, and in 0.2 % it is wrong, by up to metres.
+``fcl_distances`` marks the former and goes on; ``FclPair`` is for timing. The package is optional (``hdplan[bench]``)
+and loaded where it is used.
+
+Every body is a ``fcl.Convex`` of its vertices, and the radii come off the distance, as in ``signed_distance``. FCL's
+own round shapes are no match: with Sphere and Capsule its iteration stops up to 0.6 mm away from the distance. Nor is a
+box any faster as ``fcl.Box``.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import traceback
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hdplan.distance.baselines.surface import triangles
+from hdplan.distance.bodies import ConvexBody, check_bodies
+from hdplan.distance.poses import check_pose_lists
+from hdplan.scenes.errors import InputError
+
+Array = NDArray[np.float64]
+
+ANSWER = np.dtype([("done", "?"), ("distance", "f8"), ("point_a", "f8", 3), ("point_b", "f8", 3)])  # of the polytopes
+DEADLY = (signal.SIGABRT, signal.SIGSEGV)  # how FCL ends its process
+CHILD = "import sys; from hdplan.distance.baselines.fcl import _answer_all; _answer_all(sys.argv[1])"
+
+
+@dataclass(frozen=True, eq=False)
+class FclAnswers:
+    """What FCL says of N poses; NaN where it says nothing."""
+
+    distances: Array  # (N,) [m] positive = separated, negative = penetration depth
+    points_a: Array  # (N, 3) [m] closest points on A, in the world; for swept bodies NaN where the normal is
+    points_b: Array  # (N, 3) [m] and on B
+    normals: Array  # (N, 3) unit, from B to A; NaN also where FCL's two points on the polytopes are one
+    aborted: NDArray[np.bool_]  # (N,) FCL ended its process there
+
+
+class FclPair(threading.local):
+    """Two bodies for FCL's signed distance in this process, as fast as Python reaches it. For timing only.
+
+    Threads may share it, as each has FCL's objects of its own.
+    Beware: FCL ends the whole process, uncatchably, in some poses with a gap below about 1e-6 m.
+    Raises InputError if python-fcl is not installed.
+    """
+
+    def __init__(self, body_a: ConvexBody, body_b: ConvexBody) -> None:
+        """Build FCL's objects once."""
+        self._fcl = fcl = _library()
+        self._placed = tuple(fcl.CollisionObject(_shape(body), fcl.Transform()) for body in (body_a, body_b))
+        self._request = fcl.DistanceRequest(enable_nearest_points=True, enable_signed_distance=True)
+        self._radii = body_a.radius + body_b.radius
+        self._unfilled = fcl.DistanceResult(-np.inf)  # a result that is nearer already: nothing is copied into it
+
+    def distance(self, pose_a: Array, pose_b: Array) -> float:
+        """Return FCL's signed distance [m] at poses (4, 4), world from body [m]."""
+        a, b = self._at(pose_a, pose_b)
+        return float(self._fcl.distance(a, b, self._request, self._unfilled)) - self._radii
+
+    def polytopes(self, pose_a: Array, pose_b: Array) -> tuple[float, Array, Array]:
+        """Return FCL's signed distance of the polytopes, radii left on, and its closest points (3,) on A and B [m]."""
+        a, b = self._at(pose_a, pose_b)
+        result = self._fcl.DistanceResult()
+        distance = self._fcl.distance(a, b, self._request, result)
+        return distance, *result.nearest_points
+
+    def _at(self, pose_a: Array, pose_b: Array) -> tuple[Any, Any]:
+        a, b = self._placed
+        a.setRotation(pose_a[:3, :3])
+        a.setTranslation(pose_a[:3, 3])
+        b.setRotation(pose_b[:3, :3])
+        b.setTranslation(pose_b[:3, 3])
+        return a, b
+
+
+def fcl_distances(body_a: ConvexBody, poses_a: ArrayLike, body_b: ConvexBody, poses_b: ArrayLike) -> FclAnswers:
+    """Return FCL's signed distances of A and B at N poses (N, 4, 4) each, world from body [m]; as exact as FCL is.
+
+    They are computed in a process of its own. That one forks workers, each of which goes on after the pose that killed
+    the one before (so it needs os.fork: Linux, macOS).
+
+    Raises InputError if python-fcl is not installed, for poses of another shape, not finite or not rigid, and for lists
+    of unequal length; RuntimeError if the process fails in another way than FCL's.
+    """
+    _library()
+    check_bodies(body_a, body_b)
+    world_a, world_b = check_pose_lists(poses_a, poses_b)
+    answers = np.zeros(len(world_a), ANSWER)
+    for name in ("distance", "point_a", "point_b"):
+        answers[name] = np.nan
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "task").write_bytes(pickle.dumps((body_a, world_a, body_b, world_b)))
+        np.save(Path(folder, "answers.npy"), answers)
+        one_thread = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}  # a process with threads must not fork
+        command = [sys.executable, "-P", "-c", CHILD, folder]
+        child = subprocess.run(
+            command, env=os.environ | one_thread, capture_output=True, text=True, check=False,
+            start_new_session=True,  # Ctrl-C is the caller's to hear: it may want to end with what it has
+        )  # fmt: skip
+        if child.returncode != 0:
+            raise RuntimeError(f"FCL's process ended with {child.returncode}: {child.stderr.strip()}")
+        answers = np.load(Path(folder, "answers.npy"))
+    from_b = answers["point_a"] - answers["point_b"]
+    with np.errstate(invalid="ignore"):  # 0/0 where the points are one
+        normals = from_b * np.sign(answers["distance"])[:, None] / np.linalg.norm(from_b, axis=1, keepdims=True)
+    return FclAnswers(
+        answers["distance"] - (body_a.radius + body_b.radius),
+        answers["point_a"] - body_a.radius * normals if body_a.radius else answers["point_a"],
+        answers["point_b"] + body_b.radius * normals if body_b.radius else answers["point_b"],
+        normals,
+        ~answers["done"],
+    )
+
+
+def _answer_all(folder: str) -> None:
+    """Answer the task in ``folder``; every pose without an answer at the end killed a worker."""
+    import resource  # like fork, not everywhere
+
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # no file of memory for each that dies
+    task = pickle.loads(Path(folder, "task").read_bytes())
+    answers = np.load(Path(folder, "answers.npy"), mmap_mode="r+")  # what a worker wrote outlives it
+    start = 0
+    while start < len(answers):
+        worker = os.fork()
+        if worker == 0:
+            _work(task, answers, start)
+        code = os.waitstatus_to_exitcode(os.waitpid(worker, 0)[1])
+        if code == 0:
+            return
+        if -code not in DEADLY:
+            sys.exit(f"a worker ended with {code}")
+        start += int(np.argmin(answers["done"][start:])) + 1
+
+
+def _work(task: tuple[ConvexBody, Array, ConvexBody, Array], answers: NDArray[np.void], start: int) -> None:
+    """Answer the poses from ``start`` on, and end this process."""
+    code = 1
+    try:
+        body_a, poses_a, body_b, poses_b = task
+        pair = FclPair(body_a, body_b)
+        for k in range(start, len(answers)):
+            distance, point_a, point_b = pair.polytopes(poses_a[k], poses_b[k])
+            answers[k] = True, distance, point_a, point_b
+        code = 0
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        os._exit(code)
+
+
+def _shape(body: ConvexBody) -> Any:
+    corners = triangles(body)
+    faces = np.column_stack([np.full(len(corners), 3), corners])  # FCL wants the number of corners before them
+    return _library().Convex(body.vertices, len(corners), faces.ravel())
+
+
+def _library() -> Any:
+    try:
+        import fcl
+    except ImportError:
+        raise InputError("needs python-fcl, which is not installed: pip install hdplan[bench]") from None
+    return fcl

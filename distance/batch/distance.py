@@ -1,0 +1,210 @@
+"""The HD-SDF of two bodies for thousands of poses at once, in JAX: value, gradient and Hessian by both bodies' twists.
+
+Runs on whatever device JAX finds. JAX is optional: it is imported when a distance is asked for.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import prod
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hdplan.distance.batch.tables import Pair, pair_tables
+from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.holder import check_gamma, resolve_shaping_length
+from hdplan.distance.normals import check_witness_count, check_witnesses
+from hdplan.distance.poses import check_poses
+from hdplan.scenes.errors import InputError, nearest
+
+Array = Any  # NumPy's or JAX's
+
+DTYPES = ("float64", "float32")
+SIZES = (2, 2, 1, 2)  # axes of one rotation of A and of B, an offset, and witnesses
+
+# How many poses are worked on at once, powers of two because every number is compiled for anew.
+FEWEST, MOST = 8, 8192  # in one call of the compiled function; fewer are filled up, more go block by block
+CPU_LANES = 128  # in its innermost loops: enough to vectorize, ...
+CPU_NUMBERS = 2**16  # ... few enough that so many numbers stay in the cache
+GPU_NUMBERS = 2**25  # a GPU wants many; this takes about 1 GB
+
+
+@dataclass(frozen=True, eq=False)
+class BatchDistance:
+    """D of two bodies (Definition ``def:set2set-signed-distance``) at poses (..., 4, 4); leading axes broadcast.
+
+    A lower bound of the signed distance in sign; ``separation`` D̃ (eq. ``eq:Dtilde``) is one in value, and has the sign
+    of D where D itself is too small for a number. Made by ``hdsdf_batch``.
+
+    NumPy arrays in give NumPy arrays out; if a pose is a JAX array, JAX arrays that stay on the device come out. For
+    them to be of use in float64, JAX must be told to allow it (``jax.enable_x64``); in here it is told, and outside
+    nothing is changed. Positions are subtracted from each other before they are cast to ``dtype``: in float32 a touch
+    may read as a gap of up to 4 units in the last place of the bodies' extents and distance, wherever the origin is.
+
+    Within JAX's transformations (``grad``, ``hessian``, ``jit``, ``vmap``, ``scan``, in any order) it is a function of
+    the poses with derivatives in closed form to the second order; a third is refused. They are right at every pose
+    along rigid motions, aligned and touching ones included. D̃ has kinks and its gradient is a mean of theirs; its
+    second derivatives are left out (0), and so are those by witnesses, which are held fixed. What comes out is then of
+    the poses' own precision, computed in ``dtype`` all the same; and as nothing can be refused there, poses that are
+    not rigid or not finite read NaN.
+
+    The first call for an order of derivatives compiles for seconds, and so do the first ones for
+    numbers of poses within another power of two, up to 8192; distances of pairs with equal numbers of vertices and
+    normals share what is compiled, whatever their shaping lengths.
+
+    Raises InputError for poses and witnesses of another shape or number, not finite or, of poses, not rigid.
+    """
+
+    pair: Pair  # the bodies, on the device
+    gamma: int
+    shaping_length: float  # [m]
+    witness_count: int
+    dtype: str  # "float64" or "float32"
+
+    @property
+    def device(self) -> str:
+        """What the distance runs on, e.g. ``cpu`` or ``gpu: NVIDIA H100``."""
+        (device,) = self.pair.radii.devices()
+        return device.platform if device.platform == "cpu" else f"{device.platform}: {device.device_kind}"
+
+    def value(self, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None = None) -> tuple[Array, Array]:
+        """Return D and D̃ (...,) [m]. ``witnesses``: (..., W, 3) axes in B's frame, as many as the distance has."""
+        distance, separation = self._run(0, pose_a, pose_b, witnesses)
+        return distance, separation
+
+    def gradient(
+        self, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None = None
+    ) -> tuple[Array, Array, Array]:
+        """Return D, D̃ and the gradient of D (..., 12) by [v_a, ω_a, v_b, ω_b], each in the body's own frame."""
+        distance, separation, gradient = self._run(1, pose_a, pose_b, witnesses)
+        return distance, separation, gradient
+
+    def hessian(
+        self, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None = None
+    ) -> tuple[Array, Array, Array, Array]:
+        """Return D, D̃, the gradient of D and its Hessian (..., 12, 12) by the same twists ξ: D(pose·exp(ξ)).
+
+        For gamma = 1 the Hessian has jumps; it is one of its one-sided values there.
+        """
+        distance, separation, gradient, hessian = self._run(2, pose_a, pose_b, witnesses)
+        return distance, separation, gradient, hessian
+
+    def _run(self, order: int, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None) -> list[Array]:
+        import jax
+
+        from hdplan.distance.batch.kernel import Places, evaluate
+        from hdplan.distance.batch.traced import Settings, traced
+
+        given = pose_a, pose_b, witnesses
+        lanes = self._lanes(jax.default_backend())
+        if any(isinstance(part, jax.core.Tracer) for part in given):
+            settings = Settings(self.gamma, self.dtype, lanes, order)
+            return traced(self.pair, self.shaping_length, *given, self.witness_count, settings)
+        units = check_witnesses(witnesses)
+        check_witness_count(units.shape, self.witness_count)
+        on_device = isinstance(pose_a, jax.Array) or isinstance(pose_b, jax.Array)
+        numpy = jax.numpy if on_device else np
+        with jax.enable_x64(True), np.errstate(over="ignore"):
+            a, b = (_checked(*named) for named in (("pose_a", pose_a), ("pose_b", pose_b)))
+            offset = numpy.asarray(b[..., :3, 3]) - numpy.asarray(a[..., :3, 3])  # before digits are cut
+            parts = [a[..., :3, :3], b[..., :3, :3], offset, units]
+            parts = [numpy.asarray(part, dtype=self.dtype) for part in parts]
+        if self.dtype == "float32" and not bool(numpy.isfinite(parts[2]).all()):
+            raise InputError("pose_b: found a body too far from the other, allowed is what float32 holds: 3.4e+38 m")
+        with jax.enable_x64(self.dtype == "float64"):
+            shape = np.broadcast_shapes(*(part.shape[:-size] for part, size in zip(parts, SIZES, strict=True)))
+            rows = [
+                numpy.broadcast_to(part, shape + part.shape[-size:]).reshape(prod(shape), *part.shape[-size:])
+                for part, size in zip(parts, SIZES, strict=True)
+            ]
+            length = np.asarray(self.shaping_length, dtype=self.dtype)
+
+            def run(turn_a: Array, turn_b: Array, apart: Array, axes: Array, lanes: int) -> Any:
+                places = Places(turn_a, turn_b, apart)
+                return evaluate(self.pair, length, places, axes, gamma=self.gamma, order=order, lanes=lanes)
+
+            results = _in_blocks(run, rows, lanes, numpy)
+            return [part.reshape(shape + part.shape[1:]) for part in results]
+
+    def _lanes(self, backend: str) -> int:
+        """Return how many poses to work on at once, a power of two."""
+        numbers = self.pair.numbers(self.witness_count)
+        if backend == "cpu":
+            return min(CPU_LANES, _power_of_two(CPU_NUMBERS // numbers))
+        return _power_of_two(GPU_NUMBERS // numbers)
+
+
+def hdsdf_batch(
+    body_a: ConvexBody,
+    body_b: ConvexBody,
+    *,
+    gamma: int = 2,
+    shaping_length: float = 1e-3,
+    epsilon: float | None = None,
+    normals: str = "paper",
+    witness_count: int = 0,
+    dtype: str = "float64",
+) -> BatchDistance:
+    """Return the distance of ``reference.hdsdf`` for these bodies, for thousands of poses at once.
+
+    Args:
+        witness_count: how many witness normals will be given with each pose.
+        dtype: of the computation, ``float64`` or ``float32``; the latter is twice as fast on a CPU and resolves gaps
+            down to about 1e-6 of the bodies' extents and their distance from each other.
+
+    Other arguments and errors as ``reference.hdsdf``; InputError too where JAX is not installed.
+    """
+    length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
+    if dtype not in DTYPES:
+        raise InputError(f"dtype: unknown '{dtype}'{nearest(dtype, DTYPES)}, allowed are {', '.join(DTYPES)}")
+    if not isinstance(witness_count, int) or witness_count < 0:
+        raise InputError(f"witness_count: found {witness_count!r}, allowed is an integer >= 0")
+    tables = pair_tables(normals, body_a, body_b)
+    try:
+        jax = importlib.import_module("jax")
+    except ModuleNotFoundError:
+        raise InputError("hdsdf_batch: needs jax, which is not installed: pip install hdplan[jax]") from None
+    with jax.enable_x64(dtype == "float64"):
+        pair = jax.tree.map(lambda part: jax.numpy.asarray(part, dtype=dtype), tables)
+    return BatchDistance(pair, int(gamma), length, witness_count, dtype)
+
+
+def _checked(name: str, poses: ArrayLike) -> Array:
+    """Return poses (..., 4, 4) that ``check_poses`` accepts, in float64: JAX's on their device, others as NumPy's."""
+    jax = importlib.import_module("jax")
+    if not isinstance(poses, jax.Array):
+        return check_poses(name, poses)
+    from hdplan.distance.batch.traced import all_rigid
+
+    if poses.dtype.kind == "c":
+        return check_poses(name, np.asarray(poses))
+    array = poses.astype(np.float64)  # differences of narrower numbers round, those of small integers wrap around
+    if array.shape[-2:] != (4, 4) or not all_rigid(array):
+        check_poses(name, np.asarray(array))  # says what is wrong
+    return array
+
+
+def _in_blocks(run: Callable[..., Any], rows: list[Array], lanes: int, numpy: Any) -> list[Array]:
+    """Return the results of ``run`` for all rows, called for blocks of few different lengths."""
+    count, most = len(rows[0]), max(MOST, lanes)
+    found = []
+    for start in range(0, max(count, 1), most):
+        block = [part[start : start + most] for part in rows]
+        missing = max(FEWEST, 1 << (len(block[0]) - 1).bit_length()) - len(block[0])
+        if missing:
+            fills = (np.eye(*x.shape[1:]) if x.ndim > 2 else np.ones(x.shape[1:]) for x in block)
+            block = [
+                numpy.concatenate([x, numpy.broadcast_to(fill.astype(x.dtype), (missing, *fill.shape))])
+                for x, fill in zip(block, fills, strict=True)
+            ]
+        found.append(run(*block, lanes=min(lanes, len(block[0]))))
+    return [numpy.concatenate([numpy.asarray(part) for part in parts])[:count] for parts in zip(*found, strict=True)]
+
+
+def _power_of_two(number: int) -> int:
+    """Return the largest power of two that is not larger, at least ``FEWEST``."""
+    return max(FEWEST, 1 << (number.bit_length() - 1))

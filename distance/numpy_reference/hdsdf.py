@@ -1,0 +1,172 @@
+"""The HD-SDF in NumPy, equation by equation: the witness that the fast versions are held against.
+
+In: two bodies and their poses (world from body). Out: numbers in [m], positive = separated. ``hdsdf`` is a lower bound
+of the signed distance in sign, not in value; ``separation`` a lower bound in value; ``separating_axis_distance`` is
+exact where the bodies touch or overlap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.holder import (
+    check_gamma,
+    holder_maximum,
+    holder_minimum,
+    resolve_shaping_length,
+    shaped_minimum,
+    shaping,
+)
+from hdplan.distance.normals import candidate_normals, check_witnesses, separating_axes
+from hdplan.distance.numpy_reference.jets import Jet, fixed, moving, stack
+from hdplan.distance.numpy_reference.projections import Along, separations
+from hdplan.distance.poses import check_pose, check_poses
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Derivatives:
+    """D with its derivatives by the twists ξ = [v_a, ω_a, v_b, ω_b], each in the body's own frame: pose·exp(ξ)."""
+
+    value: Array  # (...,) [m]
+    gradient: Array  # (..., 12) by translations [-] and rotations [m/rad]
+    hessian: Array  # (..., 12, 12) symmetric
+
+
+def hdsdf(
+    body_a: ConvexBody,
+    pose_a: ArrayLike,
+    body_b: ConvexBody,
+    pose_b: ArrayLike,
+    *,
+    gamma: int = 2,
+    shaping_length: float = 1e-3,
+    epsilon: float | None = None,
+    normals: str = "paper",
+    witnesses: ArrayLike | None = None,
+) -> Array:
+    """Return the Hölder differentiable signed distance D of A and B [m].
+
+    D = Phi( ⊞_w Phi( ⊕_ij w·(a_i - b_j) - r_A - r_B - f_w ) )     (paper: Definition ``def:set2set-signed-distance``)
+
+    with ⊕, ⊞ the Hölder minimum and maximum over the vertices and over the axes w and -w, Phi the shaping function,
+    f_w = 0 but for faded axes. A lower bound in sign: D > 0 proves that the bodies are apart. A clearance is asked for
+    by ``ConvexBody.inflated``. In floating point, to rounding: a touch may read as a gap of up to 4 units in the last
+    place of the size, that is the bodies' extents and their distance from the origin (2.8 is the most that was found).
+
+    Args:
+        body_a, body_b: the bodies, each in its own frame.
+        pose_a, pose_b: (..., 4, 4) rigid transforms from body to world [m]; leading axes broadcast.
+        gamma: order of differentiability, an integer >= 1.
+        shaping_length: half-height of the shaping function [m]; near contact D is flat within it.
+        epsilon: the paper's parameter, [m^gamma], instead of the shaping length: epsilon = shaping_length^gamma.
+        normals: the name of a set, see ``normals.candidate_normals``.
+        witnesses: (..., W, 3) more axes, fixed in B's frame, of any length but zero: the normal of the exact distance
+            at a pose makes D tight there and smooth around it.
+
+    Returns: (...,).
+
+    Raises InputError, naming the pose, for poses of another shape, not finite or not rigid (to ``poses.RIGID``), and
+    for parameters out of range.
+    """
+    length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
+    shaped, counts = [], []
+    for along in _separations(body_a, pose_a, body_b, pose_b, normals, witnesses):
+        shaped.append(shaping(holder_minimum(along.x.value, gamma), gamma, length))
+        counts.append(along.count)
+    return shaping(holder_maximum(np.stack(shaped, axis=-1), gamma, counts), gamma, length)
+
+
+def separation(
+    body_a: ConvexBody,
+    pose_a: ArrayLike,
+    body_b: ConvexBody,
+    pose_b: ArrayLike,
+    *,
+    normals: str = "paper",
+    witnesses: ArrayLike | None = None,
+) -> Array:
+    """Return D̃, the largest gap along the candidate normals [m] (paper: eq. ``eq:Dtilde``), shape (...,).
+
+    A lower bound of the signed distance for every set of normals, apart and in overlap (proof in ``normals``), to
+    rounding: 4 ulp of the size. Of the sign of D even where D is too small for a floating-point number.
+    Continuous in the pose, but for an axis across edges that are exactly parallel. Arguments and errors as ``hdsdf``.
+    """
+    rows = _separations(body_a, pose_a, body_b, pose_b, normals, witnesses)
+    return np.asarray(reduce(np.maximum, (along.bound for along in rows)))
+
+
+def hdsdf_derivatives(
+    body_a: ConvexBody,
+    pose_a: ArrayLike,
+    body_b: ConvexBody,
+    pose_b: ArrayLike,
+    *,
+    gamma: int = 2,
+    shaping_length: float = 1e-3,
+    epsilon: float | None = None,
+    normals: str = "paper",
+    witnesses: ArrayLike | None = None,
+) -> Derivatives:
+    """Return D, its gradient and its Hessian by the twists of both bodies, by the chain rule in closed form.
+
+    D is gamma times differentiable, so for gamma >= 2 both exist at every pose, also where vertices or axes tie and
+    where the bodies touch (all derivatives are 0 there). For gamma = 1 the Hessian jumps where D is 0 and, in overlap,
+    where the separation of a pair of vertices or the minimum along an axis passes 0; it is one of its one-sided values
+    there. Arguments and errors as ``hdsdf``.
+    """
+    length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
+    shaped, counts = [], []
+    for along in _separations(body_a, pose_a, body_b, pose_b, normals, witnesses, moved=True):
+        shaped.append(_shaped(along.x, gamma, length, None))
+        counts.append(along.count)
+    d = _shaped(stack(shaped) * -1.0, gamma, length, counts) * -1.0  # a maximum is a minimum of the opposites
+    return Derivatives(d.value, d.first, d.second)
+
+
+def separating_axis_distance(body_a: ConvexBody, pose_a: ArrayLike, body_b: ConvexBody, pose_b: ArrayLike) -> float:
+    """Return the separating-axis distance D of A and B at one pose each, (4, 4) [m] (paper: eq. ``eq:Dfinal``).
+
+    D = max over n in N(A, B) of min n·(a - b) - r_A - r_B. Where the polytopes touch or overlap it is the exact signed
+    distance; where they are apart a lower bound of it, positive before the radii are taken off.
+    """
+    a, b = check_pose("pose_a", pose_a), check_pose("pose_b", pose_b)
+    axes = separating_axes(body_a, a[:3, :3], body_b, b[:3, :3])
+    along_a = axes @ (body_a.vertices @ a[:3, :3].T + (a[:3, 3] - b[:3, 3])).T
+    along_b = axes @ (body_b.vertices @ b[:3, :3].T).T
+    gaps = np.maximum(along_a.min(1) - along_b.max(1), along_b.min(1) - along_a.max(1))
+    return float(gaps.max()) - body_a.radius - body_b.radius
+
+
+def _separations(
+    body_a: ConvexBody,
+    pose_a: ArrayLike,
+    body_b: ConvexBody,
+    pose_b: ArrayLike,
+    normals: str,
+    witnesses: ArrayLike | None,
+    moved: bool = False,
+) -> Iterator[Along]:
+    """Yield the separations along every axis and sign, with derivatives by the twists if ``moved``."""
+    a, b = np.broadcast_arrays(check_poses("pose_a", pose_a), check_poses("pose_b", pose_b))
+    jets = (moving(a, 0), moving(b, 6)) if moved else (fixed(a), fixed(b))
+    axes = candidate_normals(normals, body_a, body_b)
+    return separations(axes, body_a, jets[0], body_b, jets[1], check_witnesses(witnesses))
+
+
+def _shaped(x: Jet, gamma: int, length: float, counts: list[float] | None) -> Jet:
+    """Return Phi of the Hölder minimum of x (..., n), by the chain rule."""
+    value, by_x, by_xx = shaped_minimum(x.value, gamma, length, counts)
+    return Jet(
+        value,
+        np.einsum("...i,...iP->...P", by_x, x.first),
+        np.einsum("...i,...iPQ->...PQ", by_x, x.second)
+        + np.einsum("...iP,...ij,...jQ->...PQ", x.first, by_xx, x.first, optimize=True),
+    )

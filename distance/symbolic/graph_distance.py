@@ -1,0 +1,91 @@
+"""The HD-SDF of two bodies as one CasADi Function for graphs, its first and second derivatives in closed form.
+
+CasADi's own derivatives would be wrong where vertices or axes tie (boxes along each other): they differentiate the
+branch that was taken, and only the sum over all is smooth. So each order is a Function that brings the next one along.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+
+from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.holder import check_gamma, resolve_shaping_length
+from hdplan.distance.symbolic.compiled_pair import twist_function
+from hdplan.distance.symbolic.graph_poses import rigid_or_nan
+
+# CasADi takes a custom Jacobian only where it cannot inline the Function and has no derivative of its own.
+CLOSED: dict[str, Any] = {"jac_penalty": 0, "never_inline": True, "enable_forward": False, "enable_reverse": False}
+
+
+def hdsdf_function(
+    body_a: ConvexBody,
+    body_b: ConvexBody,
+    *,
+    gamma: int = 2,
+    shaping_length: float = 1e-3,
+    epsilon: float | None = None,
+    normals: str = "paper",
+) -> ca.Function:
+    """Return D of ``reference.hdsdf`` as a CasADi Function ``(pose_a (4,4), pose_b (4,4)) -> distance`` [m].
+
+    A lower bound of the signed distance in sign (paper: Definition ``def:set2set-signed-distance``). Usable in any SX
+    or MX graph, and with ``factory``. Gradient and Hessian are closed forms, right at every pose, aligned and touching
+    ones included; for gamma = 1 the Hessian has jumps and is one of its one-sided values there. A third derivative does
+    not exist: CasADi says so. Derivatives mean something along rigid motions only: compose the Function with a
+    kinematics or another parametrization of the pose. A graph cannot refuse: at poses that are not rigid D is NaN.
+
+    Arguments and errors as ``reference.hdsdf``.
+    """
+    length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
+    pose_a, pose_b = ca.MX.sym("pose_a", 4, 4), ca.MX.sym("pose_b", 4, 4)
+    ignored = ca.MX.sym("distance"), ca.MX.sym("by_a", 1, 16), ca.MX.sym("by_b", 1, 16)  # what is differentiated
+    lifts = [_lift()(pose, ca.MX.zeros(6)) for pose in (pose_a, pose_b)]
+
+    def twisted(order: int) -> list[ca.MX]:
+        function = twist_function(body_a, body_b, int(gamma), normals, 0, order)
+        return list(function(ca.vec(pose_a.T), ca.vec(pose_b.T), length, ca.MX(0, 1)))
+
+    gradient = ca.vertsplit(twisted(1)[2], 6)
+    slopes = [_lift()(pose, part)[0].T for pose, part in zip((pose_a, pose_b), gradient, strict=True)]
+
+    *_, gradients, hessian = twisted(2)
+    blocks = []
+    for i, part in enumerate(ca.vertsplit(gradients, 6)):
+        _, up, turned = _lift()((pose_a, pose_b)[i], part)
+        for j in range(2):
+            block = hessian[6 * i : 6 * i + 6, 6 * j : 6 * j + 6]
+            own = (turned, _bracket(part)) if i == j else (0, 0)
+            blocks.append(up @ (block + own[1]) @ lifts[j][1].T + own[0])
+    second = ca.Function(
+        "jac_jac_hdsdf",
+        [pose_a, pose_b, *ignored],
+        [blocks[0], blocks[1], ca.MX(16, 1), blocks[2], blocks[3], ca.MX(16, 1)],
+        CLOSED | {"enable_jacobian": False},
+    )
+    first = ca.Function("jac_hdsdf", [pose_a, pose_b, ignored[0]], slopes, CLOSED | {"custom_jacobian": second})
+    value = twisted(0)[0] + rigid_or_nan(pose_a, pose_b)
+    closed = ca.Function("hdsdf", [pose_a, pose_b], [value], CLOSED | {"custom_jacobian": first})
+    names = ["pose_a", "pose_b"], ["distance"]
+    return ca.Function("hdsdf", [pose_a, pose_b], [closed(pose_a, pose_b)], *names, {"always_inline": True})
+
+
+def _lift() -> ca.Function:
+    """Return how a gradient (6) by a pose's own twist (v, ω) is one by the pose's entries, column by column.
+
+    With dR = R[ω], dp = R v: f·v + t·ω is the product of (dR, dp) with (R[t]/2, R f). Outputs: those entries (16, 1),
+    their derivatives by the gradient (16, 6) and by the pose (16, 16).
+    """
+    pose, gradient = ca.SX.sym("pose", 4, 4), ca.SX.sym("gradient", 6)
+    turn = pose[:3, :3]
+    entries = ca.vertcat(ca.horzcat(turn @ ca.skew(gradient[3:]) / 2, turn @ gradient[:3]), ca.SX(1, 4))
+    flat = ca.densify(ca.vec(entries))
+    by_gradient, by_pose = (ca.densify(ca.jacobian(flat, part)) for part in (gradient, ca.vec(pose)))
+    return ca.Function("lift", [pose, gradient], [flat, by_gradient, by_pose])
+
+
+def _bracket(gradient: ca.MX) -> ca.MX:
+    """Return what the gradient's change along a twist has beside the Hessian, as twists do not commute: ½ g·[η, ·]."""
+    force, torque = ca.skew(gradient[:3]), ca.skew(gradient[3:])
+    return ca.blockcat([[ca.MX(3, 3), force], [force, torque]]) / 2

@@ -1,0 +1,147 @@
+"""The HD-SDF between a swept body and a body given by its planes: the planner's distance.
+
+In: vertices of A (swept by a ball), unit normals n_k fixed in B's frame with B's exact support h_B(n_k) along each.
+Out: D and its derivative as a wrench. Equation (Definition III.5 of the paper, with the normals of B's side and B's
+minimum taken exactly):
+
+    D = Phi( ⊞_k Phi( ⊕_i (n_k · a_i − r_A − h_B(n_k)) ) )
+
+Why exact: along a normal that is fixed in B, B's projections are constants, so their hard minimum −h_B(n_k) is as
+smooth as the Hölder one, tighter, and any convex B with a known support function (a true cylinder, a ball, a mesh's
+hull) enters without vertices.
+
+A lower bound in sign, an approximation in value. Sign safety: if A and B share a point y, then n_k·y ≤ h_B(n_k) and
+min_i n_k·a_i − r_A ≤ n_k·y for every k, so every inner minimum is ≤ 0; ⊕, ⊞ and Phi preserve signs, hence D ≤ 0.
+Positive D means separated; clearance c is asked for by enlarging h_B by c.
+
+A may also be swept: the hull of its vertices at two placements, D depending on both. Every law above holds for that
+hull; it holds A at the two placements and whatever moves between them in a straight line.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.distance.symbolic.all_axes import Axes, combined
+from hdplan.distance.symbolic.axis_wrenches import fixed_in_a
+from hdplan.distance.symbolic.graph_poses import rigid_or_nan
+from hdplan.scenes.once import read_only
+
+Floats = NDArray[np.float64]
+
+FAR = 1e3  # [m] offset of an unused plane: its term, about −FAR, weighs (depth/FAR)^(gamma+1) in the maximum
+
+
+@functools.cache
+def box_directions() -> Floats:
+    """The 26 unit directions (26, 3) of a cube's faces, edges and corners: Ñ of a box, widened to 13 axes."""
+    grid = np.array(
+        [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)], dtype=float
+    )
+    return read_only(grid / np.linalg.norm(grid, axis=1, keepdims=True))
+
+
+@functools.cache
+def halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: float, order: int = 1) -> ca.Function:
+    """Build D(A, B) as a CasADi function for A of `vertices` vertices and B of `planes` planes; the numbers are
+    arguments.
+
+    Inputs (flat, row-major): placement_a (12) and placement_b (12), each [R (9) | t (3)] from body to world [m];
+    body (4·vertices + 1) = [a_i (3 each) | weight_i | r_A] in A's frame, weight 1, or 0 for a slot that repeats a
+    vertex; body_planes (4·planes) = [n_k (3 each) | h_B(n_k)] in B's frame.
+
+    Outputs: distance () [m]; wrench (6) = [F | T], the derivative of D under a motion of A: dD = F·v + T·ω for the
+    velocity v of the point of A at the world's origin and angular velocity ω (D depends on the relative pose only, so
+    B's wrench is −[F | T]); separation () [m], D̃ of eq. Dtilde with the plain minimum and maximum: of D's sign even
+    where D underflows, and never more than the true signed distance, which D in the negative may be. With order 2
+    also hessian (6, 6) of D by the twist ξ = (v, ω) of A in the world: D of exp(ξ)·A to second order.
+
+    Wrench and Hessian are closed forms, right at every pose. CasADi's own derivatives of D and of the wrench are not,
+    where bodies that are apart have several least projections along a normal, as aligned boxes do.
+    """
+    placement_a, placement_b = ca.MX.sym("placement_a", 12), ca.MX.sym("placement_b", 12)
+    body, body_planes = ca.MX.sym("body", 4 * vertices + 1), ca.MX.sym("body_planes", 4 * planes)
+    rotation_a, rotation_b = ca.reshape(placement_a[:9], 3, 3).T, ca.reshape(placement_b[:9], 3, 3).T
+    world = rotation_a @ ca.reshape(body[: 3 * vertices], 3, vertices)
+    points = rotation_b.T @ (world + ca.repmat(placement_a[9:] - placement_b[9:], 1, vertices))  # A's, in B's frame
+    axes = _axes(points, body[3 * vertices : 4 * vertices], body[4 * vertices], body_planes)
+    distance, separation, gradient, *second = combined([axes], gamma, order, ca.MX(shaping_length))
+    mark = rigid_or_nan(rotation_a, rotation_b)
+    return ca.Function(
+        f"hdsdf_halfspaces_{vertices}_{planes}_{gamma}",
+        [placement_a, placement_b, body, body_planes],
+        [
+            distance + mark,
+            _wrench(rotation_b, placement_b[9:], gradient),
+            separation + mark,
+            *(_turned(rotation_b, placement_b[9:], hessian) for hessian in second),
+        ],
+        ["placement_a", "placement_b", "body", "body_planes"],
+        ["distance", "wrench", "separation", "hessian"][: order + 2],
+    )
+
+
+@functools.cache
+def swept_halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: float) -> ca.Function:
+    """The same for the hull of A at two placements: D of its 2·vertices points, with a wrench for each placement.
+
+    Inputs: first (12) and second (12), A's placements; placement_b, body and body_planes as in `halfspace_distance`.
+    Outputs: distance [m]; first_wrench and second_wrench (6), dD = F·v + T·ω under a motion of A at that placement
+    alone; separation [m].
+    """
+    first, second, placement_b = (ca.MX.sym(name, 12) for name in ("first", "second", "placement_b"))
+    body, body_planes = ca.MX.sym("body", 4 * vertices + 1), ca.MX.sym("body_planes", 4 * planes)
+    turns = [ca.reshape(placement[:9], 3, 3).T for placement in (first, second, placement_b)]
+    corners, rotation_b = ca.reshape(body[: 3 * vertices], 3, vertices), turns[2]
+    placed = [
+        turn @ corners + ca.repmat(placement[9:] - placement_b[9:], 1, vertices)
+        for turn, placement in zip(turns, (first, second), strict=False)
+    ]
+    weights = body[3 * vertices : 4 * vertices]
+    points = rotation_b.T @ ca.horzcat(*placed)  # A's, in B's frame
+    axes = _axes(points, ca.vertcat(weights, weights), body[4 * vertices], body_planes, placements=2)
+    distance, separation, gradient = combined([axes], gamma, 1, ca.MX(shaping_length))
+    wrenches = [_wrench(rotation_b, placement_b[9:], part) for part in ca.vertsplit(gradient, 6)]
+    mark = rigid_or_nan(*turns)
+    return ca.Function(
+        f"hdsdf_swept_halfspaces_{vertices}_{planes}_{gamma}",
+        [first, second, placement_b, body, body_planes],
+        [distance + mark, *wrenches, separation + mark],
+        ["first", "second", "placement_b", "body", "body_planes"],
+        ["distance", "first_wrench", "second_wrench", "separation"],
+    )
+
+
+def _axes(points: ca.MX, weights: ca.MX, radius: ca.MX, body_planes: ca.MX, placements: int = 1) -> Axes:
+    """The planes' normals as axes, for A's points (3, m) in B's frame, which stands still."""
+    planes = body_planes.numel() // 4
+    normals = ca.reshape(body_planes[: 3 * planes], 3, planes)
+    return Axes(
+        fixed_in_a,  # seen from B
+        [normals],
+        levels=body_planes[3 * planes :].T,
+        level_counts=ca.MX.ones(1, planes),
+        along=points.T @ normals,
+        along_counts=ca.repmat(weights, 1, planes),
+        drop=ca.repmat(radius, 1, planes),
+        counts=np.ones(planes),
+        points_b=ca.repmat(points, 1, planes),
+        signs=(-1,),  # x = n·a - h - r_A
+        placements=placements,
+    )
+
+
+def _wrench(rotation_b: ca.MX, origin_b: ca.MX, gradient: ca.MX) -> ca.MX:
+    """The derivative by a motion (6) as B sees it, as a wrench about the world's origin."""
+    force = rotation_b @ gradient[:3]
+    return ca.vertcat(force, rotation_b @ gradient[3:] + ca.cross(origin_b, force))
+
+
+def _turned(rotation_b: ca.MX, origin_b: ca.MX, hessian: ca.MX) -> ca.MX:
+    """The Hessian by a motion (6, 6) as B sees it, by the same motion about the world's origin."""
+    adjoint = ca.blockcat([[rotation_b.T, -rotation_b.T @ ca.skew(origin_b)], [ca.MX.zeros(3, 3), rotation_b.T]])
+    return ca.densify(adjoint.T @ hessian @ adjoint)

@@ -1,0 +1,350 @@
+"""The certificate: a proof that a whole continuous motion is free, from the scene and the trajectory alone.
+
+It shares nothing with the planner that made the trajectory: Pinocchio's own kinematics, the robot's real collision
+geometry, the scene's own shapes (`proximity`), and bounds on the executed curve between samples (`curve`,
+`motion_bounds`, `sweep`). Where the scene says so, it covers moving obstacles, limits of the joints (`rate_check`) and
+what is to hold all along the way (`path_check`).
+Distances are proven *lower bounds* in metres, positive = separated. Two bodies that do not move against each other (a
+robot's base and the floor on which it stands) are no part of a motion and are not compared.
+"""
+
+from __future__ import annotations
+
+import time
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hdplan.planner.certificate.collision_proof import Proof, Spot, Sweep
+from hdplan.planner.certificate.end_check import EndCheck
+from hdplan.planner.certificate.exact_proximity import link_pieces, obstacle_pieces
+from hdplan.planner.certificate.intervals import Bodies, Body, Pairs
+from hdplan.planner.certificate.rounding import refuse_far_bodies, refuse_what_drowns
+from hdplan.planner.certificate.verdict import (
+    Certificate,
+    Closest,
+    Contact,
+    Findings,
+    Place,
+    Status,
+    complaints,
+    proven,
+)
+from hdplan.planner.motion.curve import Curve
+from hdplan.planner.motion.motion_bounds import Chain
+from hdplan.planner.motion.robot_curve import beyond_limits, curve_of
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.scenes.arrays import joint_numbers
+from hdplan.scenes.deadline import check_time
+from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.model import Obstacle, PathConstraints, Scene
+from hdplan.scenes.once import made_once
+from hdplan.scenes.values import Number, checked, instance
+
+if TYPE_CHECKING:
+    from hdplan.planner.certificate.path_check import Departure, PathCheck
+    from hdplan.planner.certificate.rate_check import Use
+    from hdplan.planner.certificate.torque_check import Overload, TorqueLimits
+    from hdplan.scenes.moving import Passages
+
+Array = NDArray[np.float64]
+
+ENDS_KEEP = 0.75  # share of an end's distance that is asked for where it is below planner.clearance
+NEAR = 0.15  # [m] within which the closest pair is looked for first
+
+
+def certify(
+    scene: Scene,
+    trajectory: Trajectory,
+    robot: Robot | None = None,
+    *,
+    required: float | None = None,
+    check_ends: bool = True,
+) -> Certificate:
+    """Certify `trajectory` in `scene`: the verdict over the whole curve that it says (`Trajectory.curve`).
+
+    Args:
+        scene: the scene; its own shapes count, not the planner's bodies.
+        trajectory: joints by name, in any order.
+        robot: the scene's robot, if it is loaded already.
+        required: clearance [m] that must be proven between robot and obstacles that have no own; 0 means free; None
+            means what the scene asks for, `Certifier.asked`.
+        check_ends: whether the first and last waypoint must be the scene's start and goal.
+
+    Raises:
+        InputError: joints of the trajectory do not fit the robot; a mesh of the scene cannot be used.
+    """
+    instance(scene, Scene, "scene")
+    return Certifier(scene, robot or load_scene_robot(scene)).certify(
+        trajectory, required=required, check_ends=check_ends
+    )
+
+
+def check_configuration(scene: Scene, robot: Robot, q: ArrayLike) -> tuple[Contact, ...]:
+    """Return the contacts of configuration `q` (n,), the deepest first: exact, robot with obstacles and with itself.
+
+    Raises InputError for what is no configuration of the robot: another number of values, or one that is not finite.
+    """
+    return Certifier(scene, robot).contacts(q)
+
+
+class Certifier:
+    """A scene and its robot made ready once, to certify many trajectories."""
+
+    def __init__(self, scene: Scene, robot: Robot) -> None:
+        """Gather links, obstacles and the pairs to be kept apart. The robot holds what the scene attaches to it."""
+        instance(scene, Scene, "scene")
+        instance(robot, Robot, "robot")
+        if robot.attached != scene.attached:
+            raise InputError("the robot does not hold what the scene attaches: take the scene's own (load_scene_robot)")
+        if scene.self_collision.checked and not robot.self_pairs and load_scene_robot(scene).self_pairs:
+            raise InputError(
+                "the robot's links are not checked against each other, the scene's are: take the scene's own"
+            )
+        self.scene, self.robot = scene, robot
+        bodies = list(_link_bodies(robot))
+        links: dict[str, list[int]] = {link: [] for link in robot.links}
+        for row, body in enumerate(bodies):
+            links[body.name].append(row)
+        count = len(bodies)
+        for obstacle in scene.obstacles:
+            check_time("reading the scene's shapes for the certificate")
+            with naming(scene.source):
+                pieces = obstacle_pieces(obstacle)
+            passages = _passages(obstacle)
+            bodies.extend(Body(obstacle.name, piece, 0, obstacle.pose.matrix, passages) for piece in pieces)
+        rows = [(a, b, 0) for a in range(count) for b in range(count, len(bodies))]
+        rows += [(a, b, 1) for first, second in robot.self_pairs for a in links[first] for b in links[second]]
+        gathered = Bodies(_chain(robot), bodies, robot.pin_q)
+        self._fields = [f"robot: '{body.name}'" for body in bodies[:count]]
+        self._fields += [f"obstacles.{body.name}" for body in bodies[count:]]
+        with naming(scene.source):
+            refuse_far_bodies(gathered, self._fields)
+        self.sweep = Sweep(gathered, Pairs.of(gathered, rows))
+        self.ends = EndCheck(scene, robot)
+        self.path = None if scene.path == PathConstraints() else _path_check(scene, robot, gathered.chain)
+        self.torques = None if scene.limits.torque is None else _torque_limits(scene, robot)
+        self._lenient = {obstacle.name for obstacle in scene.obstacles if obstacle.clearance is None}
+
+    @cached_property
+    def holes(self) -> tuple[str, ...]:
+        """A word on bodies whose mesh has holes; empty where there are none."""
+        surfaces = [(body.name, body.piece.surface) for body in self.sweep.bodies.bodies]
+        names = dict.fromkeys(name for name, surface in surfaces if surface is not None and surface.solid.open)
+        if not names:
+            return ()
+        return (f"meshes with holes: {', '.join(names)}: inside is what they surround by more than half",)
+
+    def certify(
+        self,
+        trajectory: Trajectory,
+        *,
+        required: float | None = None,
+        check_ends: bool = True,
+        stop_at_contact: bool = False,
+    ) -> Certificate:
+        """Certify one trajectory; see `certify`. With `stop_at_contact` the first contact found ends the search, and
+        there may be more than the failures tell."""
+        began = time.perf_counter()
+        instance(trajectory, Trajectory, "trajectory")
+        if required is not None:
+            required = checked(Number(low=0.0, unit="m"), required, "required")
+        curve = curve_of(self.robot, trajectory)
+        beyond = beyond_limits(curve, self.robot)  # nothing else is looked at then: it could be anywhere
+        if not beyond:
+            refuse_what_drowns(self.sweep.bodies, self._fields, curve, self.robot.joint_names)
+        uses = self._uses(curve)
+        torques = None if self.torques is None or beyond else self.torques.check(curve)
+        required, lessened = self.asked(curve) if required is None else (required, ())
+        floor = self._floor(required)
+        proof = Proof() if beyond else self.sweep.prove(curve, floor, stop_at_contact)
+        path = None if self.path is None or beyond else self.path.prove(curve)
+        kept, departures = (path.kept, path.departures) if path else ((), ())
+        failures = tuple(self._place(spot, curve) for spot in proof.failures)
+        worst, self_worst = (self._place(spot, curve) if spot else None for spot in proof.closest)
+        unproven = {int(self.sweep.pairs.group[spot.pair]) for spot in proof.failures}
+        clearance, self_clearance = (
+            None if group in unproven or not np.isfinite(bound) else bound
+            for group, bound in enumerate(proof.clearance)
+        )
+        found = Findings(
+            curve,
+            self.ends.wrong(curve) if check_ends else None,
+            beyond,
+            failures,
+            tuple(spot.touching for spot in proof.failures),
+            tuple(float(floor[spot.pair]) for spot in proof.failures),
+            departures,
+            uses,
+            torques,
+        )
+        certified = Status.CERTIFIED, proven(clearance, self_clearance, uses, kept, torques)
+        status, words = next(complaints(found), certified)
+        remedy = "" if status is Status.CERTIFIED else f" ({status.remedy})"
+        return Certificate(
+            status,
+            f"{status.value.replace('_', ' ')}: {words}{remedy}",
+            clearance,
+            self_clearance,
+            worst,
+            self_worst,
+            failures,
+            uses if torques is None else (*uses, torques.use(curve)),
+            kept,
+            departures,
+            torques.overloaded if torques and torques.exceeded else (),
+            proof.configurations + (path.configurations if path else 0),
+            proof.exact_calls,
+            time.perf_counter() - began,
+            (*lessened, *self.holes),
+        )
+
+    def asked(self, curve: Curve) -> tuple[float, tuple[str, ...]]:
+        """Return what a motion must keep from obstacles without a clearance of their own [m], by the scene:
+        planner.clearance, or less, with a word, where the scene's own ends are closer. Of several goals the one that
+        the motion reaches counts."""
+        required, words = self.scene.planner.clearance, []
+        for field, q, seconds in self.ends.placed(curve) if required > 0.0 else ():
+            required, word = self.allowed(field, q, required, seconds)
+            words += [word] if word else []
+        return required, tuple(words)
+
+    def allowed(self, field: str, q: Array, required: float, time: float = 0.0) -> tuple[float, str]:
+        """Return the clearance that can be asked for [m] where an end of the scene is q (n,), at a time [s]:
+        `required`, or, with a word, a share of the end's own where it is closer than that to an obstacle that has no
+        clearance of its own."""
+        for place, _ in self.too_close(q, required, time):
+            if place.other in self._lenient:
+                less, asked = ENDS_KEEP * max(place.distance, 0.0), self.scene.planner.clearance
+                return less, (
+                    f"{field} is {place.distance * 1e3:.3g} mm from {place.other}: over the whole motion "
+                    f"{less * 1e3:.3g} mm are asked for instead of the {asked * 1e3:g} mm of planner.clearance"
+                )
+        return required, ""
+
+    def _uses(self, curve: Curve) -> tuple[Use, ...]:
+        """Look at the rates, where the scene limits any. Raises InputError where the scene needs times and there are
+        none."""
+        moving = self.scene.moving
+        if curve.times is None and (moving or self.scene.timed):
+            why = f"obstacle '{moving[0].name}' moves" if moving else "the scene limits rates (limits, timing)"
+            raise InputError(f"trajectory: has no times, and {why}")
+        if not self.scene.timed:
+            return ()
+        from hdplan.planner.certificate.rate_check import rates
+
+        return rates(curve, self.scene, self.robot)
+
+    def _floor(self, required: float) -> Array:
+        """Return what each pair must keep (P,) [m]."""
+        own = {obstacle.name: obstacle.clearance for obstacle in self.scene.obstacles if obstacle.clearance is not None}
+        between_links, pairs = self.scene.self_collision.clearance, self.sweep.pairs
+        asked = [own.get(self.sweep.bodies.names[b], required) for b in pairs.b.tolist()]
+        return np.where(pairs.group == 0, asked, between_links)
+
+    def contacts(self, q: ArrayLike, time: float = 0.0) -> tuple[Contact, ...]:
+        """Return the contacts of one configuration at a time [s]; see `check_configuration`."""
+        depths: dict[tuple[str, str], float] = {}
+        for spot in self.sweep.distances(self._configuration(q), 0.0, time):
+            if spot.touching:
+                names = self._names(spot.pair)
+                depths[names] = max(depths.get(names, 0.0), -spot.distance)
+        return tuple(Contact(*names, depths[names]) for names in sorted(depths, key=lambda names: -depths[names]))
+
+    def _configuration(self, q: ArrayLike) -> Array:
+        """Return a configuration (n,) that is one: a NaN would be far from everything. Raises InputError."""
+        return joint_numbers("q", q, self.robot.joint_names)
+
+    def off_path(self, q: Array) -> tuple[Departure, ...]:
+        """Return the path constraints that configuration q (n,) breaks; exact to rounding."""
+        return () if self.path is None else self.path.at(q)
+
+    def overload(self, q: ArrayLike) -> Overload | None:
+        """Return the joint that gravity overloads in one configuration; None if there is none, or no torque limit."""
+        return None if self.torques is None else self.torques.overload(np.asarray(q, dtype=np.float64))
+
+    def too_close(self, q: ArrayLike, required: float, time: float = 0.0) -> tuple[tuple[Place, float], ...]:
+        """Return where one configuration, at a time [s], falls short of what its obstacles and links must keep, with
+        that [m]; the closest first."""
+        floor = self._floor(required)
+        found = []
+        within = float(floor.max(initial=0.0))
+        for spot in self.sweep.distances(self._configuration(q), within, time, surfaces=True):
+            if spot.touching or spot.distance < floor[spot.pair]:
+                found.append((self._standing(spot), float(floor[spot.pair])))
+        return tuple(sorted(found, key=lambda each: each[0].distance))
+
+    def nearest(self, q: ArrayLike, within: float = np.inf, time: float = 0.0) -> tuple[Place | None, Place | None]:
+        """Return the closest places in one configuration at a time [s], with exact distances: to an obstacle, between
+        links; None where nothing is `within` [m]."""
+        spots = self.sweep.nearest(self._configuration(q), within, time)
+        to_obstacle, between_links = (self._standing(spot) if spot else None for spot in spots)
+        return to_obstacle, between_links
+
+    def closest(self, q: ArrayLike, time: float = 0.0) -> tuple[Closest | None, Closest | None]:
+        """Return what is `nearest` in one configuration at a time [s] with the points between which it is."""
+        configuration = self._configuration(q)
+        spots = self.sweep.nearest(configuration, NEAR, time)  # most often there is something, and little to compare
+        if None in spots:
+            spots = self.sweep.nearest(configuration, time=time)
+        to_obstacle, between_links = (
+            Closest(*self._names(spot.pair), spot.distance, self.sweep.witnesses(configuration, spot.pair, time))
+            if spot
+            else None
+            for spot in spots
+        )
+        return to_obstacle, between_links
+
+    def _names(self, pair: int) -> tuple[str, str]:
+        pairs, names = self.sweep.pairs, self.sweep.bodies.names
+        return names[pairs.a[pair]], names[pairs.b[pair]]
+
+    def _place(self, spot: Spot, curve: Curve) -> Place:
+        parameter = (spot.interval + spot.fraction) / (len(curve) - 1)
+        seconds = None if curve.times is None else float(curve.time_of(parameter))
+        return Place(spot.interval, spot.fraction, parameter, seconds, *self._names(spot.pair), spot.distance)
+
+    def _standing(self, spot: Spot) -> Place:
+        """Name a place of a configuration that is no part of a motion."""
+        return Place(0, spot.fraction, spot.fraction, None, *self._names(spot.pair), spot.distance)
+
+
+@made_once(8)
+def _chain(robot: Robot) -> Chain:
+    return Chain.of(robot.model)
+
+
+@made_once(8)
+def _link_bodies(robot: Robot) -> tuple[Body, ...]:
+    """Return the pieces of the links' collision geometry; once per robot, as meshes take their time."""
+    items = [(link, robot.collision.geometryObjects[i]) for link, own in robot.link_geometry.items() for i in own]
+    return tuple(
+        Body(link, piece, int(item.parentJoint), item.placement.homogeneous)
+        for link, item in items
+        for piece in link_pieces(item.geometry, item.name)
+    )
+
+
+def _path_check(scene: Scene, robot: Robot, chain: Chain) -> PathCheck:
+    from hdplan.planner.certificate.path_check import PathCheck
+
+    return PathCheck(scene, robot, chain)
+
+
+def _torque_limits(scene: Scene, robot: Robot) -> TorqueLimits | None:
+    from hdplan.planner.certificate.torque_check import TorqueLimits
+
+    return TorqueLimits.of(scene, robot)
+
+
+def _passages(obstacle: Obstacle) -> Passages | None:
+    """Return how an obstacle moves; None if it stands."""
+    if obstacle.motion is None:
+        return None
+    from hdplan.scenes.moving import Passages
+
+    return Passages.of(obstacle)

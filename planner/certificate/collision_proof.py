@@ -1,0 +1,352 @@
+"""The proof itself: lower bounds on the distance of moving bodies over a whole continuous motion.
+
+A curve and pairs of bodies → a proven lower bound, the closest place found, and every place where the proof fails.
+Each pair on each interval between waypoints is bounded, the most pressing first, by ever closer looks
+(`interval_bounds`); an interval whose bound does not suffice is halved.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hdplan.planner.certificate.containment import Containment
+from hdplan.planner.certificate.exact_proximity import Piece, surface_distance, witness_points
+from hdplan.planner.certificate.interval_bounds import Bounds, Items, travel_of
+from hdplan.planner.certificate.intervals import Bodies, Index, Intervals, Pairs
+from hdplan.planner.certificate.rounding import ROUNDING
+from hdplan.planner.motion.curve import Curve
+from hdplan.planner.motion.motion_bounds import Array
+from hdplan.scenes.deadline import seconds_left
+
+SHORTEST = 2.0**-17  # of a waypoint interval: below it, the answer is "not proven"
+STILL = 1e-6  # [m] motion below which halving is of no use
+TOLERANCE = 5e-4  # [m] by which the proven clearance may fall short of the closest place found,
+RELATIVE_TOLERANCE = 0.05  # or by this part of it, whichever is larger; never by more than half
+FIRST_CHUNK = 64  # pairs looked at before the closest distance is known; later ones are looked at in larger chunks
+WAYPOINTS_AT_ONCE = 256  # asked of open meshes
+MOST_ITEMS = 30_000  # pairs on intervals looked at together: more would only fill the memory
+MOST_EXACT_CALLS = 300_000  # exact distances computed in one proof, then the rest is "not proven"
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A place on the motion and the distance there."""
+
+    interval: int  # between two rows of the curve
+    fraction: float  # within it, 0 to 1
+    pair: int  # row of the pairs
+    distance: float  # [m] computed there: negative in contact (then minus the depth, where it is known)
+    touching: bool = False  # the distance there falls short; otherwise it could not be proven to suffice
+
+
+@dataclass(frozen=True)
+class Proof:
+    """What was found out about the whole motion; by default nothing."""
+
+    clearance: tuple[float, float] = (np.inf, np.inf)  # [m] proven lower bound for each group, inf without pairs
+    closest: tuple[Spot | None, Spot | None] = (None, None)  # the least distance met, for each group
+    failures: tuple[Spot, ...] = ()  # every waypoint interval and pair without proof, the worst place met there
+    configurations: int = 0  # at which distances were computed
+    exact_calls: int = 0  # of the exact distance
+
+
+class Sweep:
+    """Bodies and pairs made ready for many motions."""
+
+    def __init__(self, bodies: Bodies, pairs: Pairs) -> None:
+        """Note which pairs are not told by their hulls alone."""
+        self.bodies, self.pairs = bodies, pairs
+        self.hollow = bodies.hollow[pairs.a] | bodies.hollow[pairs.b]  # (P,)
+        self.containment = Containment(bodies, pairs)
+
+    def distances(
+        self, q: Array, within: float = np.inf, time: float = 0.0, surfaces: bool = False
+    ) -> tuple[Spot, ...]:
+        """Return the signed distance of every pair at one configuration q (n,) at a time [s]: negative in contact.
+
+        Pairs that are certainly farther apart than `within` [m] are left out. Hulls are told apart by themselves, or,
+        with `surfaces`, by what they are hulls of.
+        """
+        return self._standing(q, time).at_start(within=within, surfaces=surfaces)
+
+    def nearest(self, q: Array, within: float = np.inf, time: float = 0.0) -> tuple[Spot | None, Spot | None]:
+        """Return the closest pair of each group at one configuration q (n,) at a time [s], exactly: by surfaces, not
+        their hulls.
+
+        None for a group of which no pair is `within` [m], or none at all.
+        """
+        return self._standing(q, time).nearest_at_start(within)
+
+    def witnesses(self, q: Array, pair: int, time: float = 0.0) -> Array:
+        """Return the points (2, 3) [m] at which two bodies are closest at one configuration q (n,) at a time [s], for
+        pictures."""
+        return self._standing(q, time).witnesses_at_start(pair)
+
+    def prove(self, curve: Curve, required: Array | float = 0.0, stop_at_contact: bool = False) -> Proof:
+        """Prove a motion, or find where it cannot be proven.
+
+        `required` [m], one for each pair (P,) or one for all, is what pairs must keep; at 0 they must not touch. With
+        `stop_at_contact` the first places found too close end the search: failures are then not complete.
+        """
+        floor = np.broadcast_to(np.asarray(required, dtype=np.float64), self.pairs.a.shape)
+        return _Run(self, curve, floor, stop_at_contact).prove()
+
+    def _standing(self, q: Array, time: float) -> _Run:
+        """Look at one configuration, at one time."""
+        return _Run(self, Curve.through(np.stack([q, q]), np.array([time, time])), np.zeros(len(self.pairs.a)))
+
+
+class _Run:
+    """One motion's proof under way."""
+
+    def __init__(self, sweep: Sweep, curve: Curve, floor: Array, stop_at_contact: bool = False) -> None:
+        self.bodies, self.pairs, self.hollow = sweep.bodies, sweep.pairs, sweep.hollow
+        self.bounds, self.containment = Bounds(sweep.bodies, sweep.pairs), sweep.containment
+        self.curve, self.floor, self.rho = curve, floor, sweep.bodies.reach(curve)
+        self.stop_at_contact = stop_at_contact
+        self.clearance = [np.inf, np.inf]
+        self.closest: list[Spot | None] = [None, None]
+        self.failures: dict[tuple[int, int], Spot] = {}
+        self.failed = np.zeros((len(curve) - 1, len(self.pairs.a)), dtype=bool)
+        self.configurations = self.exact_calls = 0
+
+    def prove(self) -> Proof:
+        for spot in self._inside():
+            self._met(spot)
+        if len(self.pairs.a) and not self._settled():
+            self._prove_all()
+        return Proof(
+            (self.clearance[0], self.clearance[1]),
+            (self.closest[0], self.closest[1]),
+            tuple(sorted(self.failures.values(), key=lambda spot: (spot.interval, spot.distance))),
+            self.configurations,
+            self.exact_calls,
+        )
+
+    def _prove_all(self) -> None:
+        """Prove the pairs in the order of how close they come, as a ball around the whole motion tells: what is far
+        away is done with once it is known how close the closest come."""
+        count = len(self.curve) - 1
+        roots = self._place(np.arange(count), np.zeros(count), np.ones(count))
+        far = self.bounds.over_all(roots)  # (P,)
+        order, size = np.argsort(far, kind="stable"), max(MOST_ITEMS // count, 1)
+        for first in range(0, len(order), size):
+            pairs = order[first : first + size]
+            group = self.pairs.group[pairs]
+            done = far[pairs] >= self._enough(pairs)
+            for which in (0, 1):
+                self.clearance[which] = min(
+                    self.clearance[which], float(far[pairs[done & (group == which)]].min(initial=np.inf))
+                )
+            nodes, items = roots, Items.all(count, pairs[~done]) if not done.all() else None
+            while items:
+                items = self._examine(nodes, items)
+                if self._settled():
+                    return
+                if items:
+                    nodes, items = self._halve(nodes, items)
+
+    def at_start(self, within: float = np.inf, surfaces: bool = False) -> tuple[Spot, ...]:
+        """Return the signed distances of all pairs at the first waypoint, but for those that balls tell to be farther
+        apart than `within`."""
+        nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
+        spots = self._contained(nodes, self.containment.found(nodes))
+        items = Items.all(1, np.arange(len(self.pairs.a)))
+        if within < np.inf:
+            bound, _ = self.bounds.by_ball(nodes, items)
+            items = items[bound <= within + ROUNDING]
+        if not len(items):
+            return tuple(spots)
+        values, _, _ = self._exact(nodes, self.bounds.with_motion(nodes, items))
+        for value, pair in zip(values.tolist(), items.pair.tolist(), strict=True):
+            if value <= 0.0 and self.hollow[pair]:
+                value = self._surface(nodes, 0, pair)
+            elif surfaces and self.hollow[pair] and value <= within:
+                value = max(value, self._surface(nodes, 0, pair))
+            spots.append(Spot(0, 0.0, pair, value, value <= 0.0))
+        return tuple(spots)
+
+    def nearest_at_start(self, within: float) -> tuple[Spot | None, Spot | None]:
+        """Return the closest pair of each group at the first waypoint, if it is `within`."""
+        nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
+        best: list[Spot | None] = [None, None]
+        for spot in sorted(
+            self.at_start(within=within), key=lambda spot: spot.distance
+        ):  # a surface is no closer than its hull
+            group = int(self.pairs.group[spot.pair])
+            least = best[group]
+            if least is not None and least.distance <= spot.distance:
+                continue
+            if self.hollow[spot.pair] and not spot.touching:
+                spot = replace(spot, distance=max(spot.distance, self._surface(nodes, 0, spot.pair)))
+            if spot.distance <= within and (least is None or spot.distance < least.distance):
+                best[group] = spot
+        return best[0], best[1]
+
+    def witnesses_at_start(self, pair: int) -> Array:
+        """Return the points (2, 3) at which two bodies are closest at the first waypoint."""
+        nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
+        return witness_points(*self._posed(nodes, 0, pair))
+
+    # --- one inside the other ----------------------------------------------------------------------------------------
+
+    def _inside(self) -> list[Spot]:
+        """Return the bodies that lie inside others at the start of the motion, or in open meshes at a waypoint, the
+        first."""
+        nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
+        spots = self._contained(nodes, self.containment.found(nodes))
+        rows = np.arange(1, len(self.curve)) if self.containment.open.any() else np.arange(0)
+        for first in range(0, len(rows), WAYPOINTS_AT_ONCE):
+            nodes, known = self._at_waypoints(rows[first : first + WAYPOINTS_AT_ONCE]), {spot.pair for spot in spots}
+            earliest = {pairs: (node, pairs) for node, pairs in reversed(self.containment.found_in_open(nodes))}
+            spots += self._contained(nodes, [each for pairs, each in earliest.items() if pairs[0] not in known])
+        return spots
+
+    def _contained(self, nodes: Intervals, found: list[tuple[int, tuple[int, ...]]]) -> list[Spot]:
+        """Return a place for each, as deep as the surfaces are apart: at least so far one of the two has to move."""
+        return [
+            self._spot(nodes, node, pairs[0], -max(min(self._surface(nodes, node, p) for p in pairs), ROUNDING), True)
+            for node, pairs in found
+        ]
+
+    # --- one round ----------------------------------------------------------------------------------------------------
+
+    def _examine(self, nodes: Intervals, items: Items) -> Items | None:
+        """Raise the items' bounds, the most pressing first, and return those that have to be halved."""
+        bound, normal = self.bounds.by_ball(nodes, items)
+        known = np.any(items.normal != 0.0, axis=1, keepdims=True)
+        items = replace(items, bound=np.maximum(items.bound, bound), normal=np.where(known, items.normal, normal))
+        order, first, size, left = np.argsort(items.bound), 0, FIRST_CHUNK, []
+        while first < len(order):
+            chunk = self._open(nodes, items[order[first : first + size]])
+            first, size = first + size, 4 * size
+            if len(chunk):
+                chunk = self.bounds.with_motion(nodes, chunk)
+                _, bound = self.bounds.by_plane(nodes, chunk, chunk.normal)
+                chunk = self._open(nodes, replace(chunk, bound=np.maximum(chunk.bound, bound)))
+            if len(chunk):
+                chunk = self._open(nodes, self._exactly(nodes, chunk))
+            if self._settled():
+                return None
+            if len(chunk):
+                left.append(chunk)
+        if not left:
+            return None
+        items = Items(
+            np.concatenate([part.node for part in left]),
+            np.concatenate([part.pair for part in left]),
+            np.concatenate([part.bound for part in left]),
+            np.concatenate([part.normal for part in left]),
+        )
+        items = self._open(nodes, items)  # the closest distance has come down since
+        return items if len(items) else None
+
+    def _settled(self) -> bool:
+        """Whether a place found too close ends the search."""
+        return self.stop_at_contact and any(spot.touching for spot in self.failures.values())
+
+    def _open(self, nodes: Intervals, items: Items) -> Items:
+        """Drop the items that are proven as far as need be, or failed; what the former prove counts."""
+        group, enough = self.pairs.group[items.pair], self._enough(items.pair)
+        failed = self.failed[nodes.interval[items.node], items.pair]
+        closed = (items.bound >= enough) & (items.bound > 0.0) & ~failed
+        for which in (0, 1):
+            proven = items.bound[closed & (group == which)]
+            if len(proven):
+                self.clearance[which] = min(self.clearance[which], float(proven.min()))
+        return items[~closed & ~failed]
+
+    def _enough(self, pairs: Index) -> Array:
+        """Return the bounds [m] at which pairs (i,) need no closer look."""
+        goals = np.array([self._goal(0), self._goal(1)])
+        return np.asarray(np.maximum(self.floor[pairs], goals[self.pairs.group[pairs]]))
+
+    def _goal(self, group: int) -> float:
+        """Return what a group can be proven to keep [m], at most and but for a tolerance."""
+        spot = self.closest[group]
+        if spot is None:
+            return np.inf
+        tolerance = min(max(TOLERANCE, RELATIVE_TOLERANCE * spot.distance), 0.5 * spot.distance)
+        return spot.distance - tolerance
+
+    def _exactly(self, nodes: Intervals, items: Items) -> Items:
+        """Raise the items' bounds by exact distances at the midpoints, and note the closest places and the contacts."""
+        values, bound, normals = self._exact(nodes, items)
+        bound = np.maximum(items.bound, bound)
+        goal = self._enough(items.pair)
+        hollow, travel = self.hollow[items.pair], travel_of(items)
+        for i in np.flatnonzero(hollow & (values < goal) & (bound < goal)).tolist():
+            # where coal is in doubt, a surface's distance is 0: it is no less than the hulls'
+            values[i] = max(values[i], self._surface(nodes, int(items.node[i]), int(items.pair[i])))
+            bound[i] = max(bound[i], values[i] - travel[i] - ROUNDING)
+        for i in np.argsort(values).tolist():
+            node, pair, value = int(items.node[i]), int(items.pair[i]), float(values[i])
+            self._met(self._spot(nodes, node, pair, value, value <= self.floor[pair]))
+        return replace(items, bound=bound, normal=normals)
+
+    def _halve(self, nodes: Intervals, items: Items) -> tuple[Intervals, Items]:
+        """Cut the intervals of the open items in two; give up those that are as short as they may become."""
+        moved = nodes.moved
+        still = moved[items.node, self.pairs.a[items.pair]] + moved[items.node, self.pairs.b[items.pair]] <= STILL
+        over = self.exact_calls > MOST_EXACT_CALLS or seconds_left() == 0.0
+        hopeless = still | (nodes.width[items.node] <= SHORTEST) | over
+        for node, pair, bound in zip(
+            items.node[hopeless], items.pair[hopeless], items.bound[hopeless].tolist(), strict=True
+        ):
+            self._fail(self._spot(nodes, int(node), int(pair), bound, False))
+        items = items[~hopeless]
+        used, row = np.unique(items.node, return_inverse=True)
+        width = 0.5 * np.repeat(nodes.width[used], 2)
+        start = np.repeat(nodes.start[used], 2) + width * np.tile([0.0, 1.0], len(used))
+        halves = Items(
+            np.concatenate([2 * row, 2 * row + 1]),
+            np.tile(items.pair, 2),
+            np.tile(items.bound, 2),
+            np.tile(items.normal, (2, 1)),
+        )
+        return self._place(np.repeat(nodes.interval[used], 2), start, width), halves
+
+    def _met(self, spot: Spot) -> None:
+        """Note a distance that was met."""
+        group = int(self.pairs.group[spot.pair])
+        best = self.closest[group]
+        if best is None or spot.distance < best.distance:
+            self.closest[group] = spot
+        if spot.touching:
+            self._fail(spot)
+
+    def _fail(self, spot: Spot) -> None:
+        key = (spot.interval, spot.pair)
+        self.failed[key] = True
+        worst = self.failures.get(key)
+        if worst is None or spot.distance < worst.distance:
+            self.failures[key] = spot
+
+    # --- small parts --------------------------------------------------------------------------------------------------
+
+    def _place(self, interval: Index, start: Array, width: Array) -> Intervals:
+        self.configurations += len(interval)
+        return Intervals.of(self.bodies, self.curve, self.rho, interval, start, width)
+
+    def _at_waypoints(self, rows: Index) -> Intervals:
+        """Place the bodies at waypoints (k,)."""
+        interval = np.minimum(rows, len(self.curve) - 2)
+        return self._place(interval, (rows - interval).astype(np.float64), np.zeros(len(rows)))
+
+    def _surface(self, nodes: Intervals, node: int, pair: int) -> float:
+        self.exact_calls += 1
+        return surface_distance(*self._posed(nodes, node, pair))
+
+    def _exact(self, nodes: Intervals, items: Items) -> tuple[Array, Array, Array]:
+        self.exact_calls += len(items)
+        return self.bounds.by_best_plane(nodes, items)
+
+    def _posed(self, nodes: Intervals, node: int, pair: int) -> tuple[Piece, Array, Piece, Array]:
+        a, b = int(self.pairs.a[pair]), int(self.pairs.b[pair])
+        return self.bodies.pieces[a], nodes.pose(node, a), self.bodies.pieces[b], nodes.pose(node, b)
+
+    def _spot(self, nodes: Intervals, node: int, pair: int, distance: float, touching: bool) -> Spot:
+        fraction = float(nodes.start[node] + 0.5 * nodes.width[node])
+        return Spot(int(nodes.interval[node]), fraction, pair, distance, touching)

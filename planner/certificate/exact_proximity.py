@@ -1,0 +1,323 @@
+"""Exact proximity of link and obstacle pieces, for the certificate: closed-form supports, coal's directions, triangles.
+
+A piece is a convex hull, exact for everything convex, and for a mesh that is not convex also its triangles. Between
+convex pieces coal proposes only a *direction* n; the number is computed here from the support functions,
+
+    gap(n) = min_{a ∈ A} n·a − max_{b ∈ B} n·b  ≤  d(A, B)   for every unit n (separating plane),
+
+so no fault of an iterative solver (coal answers O(1) garbage in about 0.1 % of exactly parallel contacts) can make it
+too large. Between triangles coal's distance itself is taken, after tests of plausibility. Positive = separated, lengths
+in [m].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import coal
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.geometry.coal_shapes import convex_hull, triangle_tree
+from hdplan.planner.geometry.meshes import TriangleMesh, below, load_mesh
+from hdplan.planner.geometry.solids import Solid
+from hdplan.scenes.errors import HdplanError
+from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, Sphere
+from hdplan.scenes.once import freeze
+
+Array = NDArray[np.float64]
+
+MOST_PIECES = 12  # a mesh of more loose parts than this is treated whole, nor is it cut into more: pairs cost time
+WORTH_CUTTING = 0.85  # of a hull's volume: where two halves' hulls have more together, triangles stay together
+FEW = 250  # corners of a hull that stands in for one that coal cannot hold
+THIN = 1e-11  # of a mesh's size: a triangle that is no wider is none
+DOUBTFUL = 1e-5  # coal's distance and the gap along its own normal differ by more [m] only where coal is wrong
+NUDGES = 3  # slightly turned poses that are tried where coal is in doubt
+NUDGE = 1e-5  # [rad] by which they are turned: enough to end an exactly parallel contact
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A convex set: the hull of `vertices`, swept by a ball and a disc across z. With `surface`, the hull of that."""
+
+    vertices: Array  # (m, 3) [m] in the piece's frame
+    shape: Any  # the same for coal, which only proposes directions
+    ball: float = 0.0  # [m] radius that sweeps in all directions: sphere, capsule
+    disc: float = 0.0  # [m] radius that sweeps across z: cylinder
+    surface: Surface | None = None  # the triangles, where they are not convex
+    low: Array = field(init=False)  # (3,) corners of the bounding box
+    high: Array = field(init=False)
+    center: Array = field(init=False)  # (3,) of the bounding ball
+    radius: float = field(init=False)  # [m] of the bounding ball
+
+    def __post_init__(self) -> None:
+        """Enclose the piece in a box and a ball."""
+        reach = np.array([self.disc, self.disc, 0.0]) + self.ball
+        low, high = self.vertices.min(axis=0) - reach, self.vertices.max(axis=0) + reach
+        center = 0.5 * (low + high)
+        farthest = float(np.linalg.norm(self.vertices - center, axis=1).max()) + self.ball
+        if self.disc:
+            farthest = float(np.linalg.norm(high - center))
+        for name, value in (("low", low), ("high", high), ("center", center), ("radius", farthest)):
+            object.__setattr__(self, name, value)
+        freeze(self)
+
+    def support(self, directions: Array) -> Array:
+        """Return h(d) = max_{x in the piece} d·x for directions (k, 3) of any length, in the piece's frame."""
+        values = (directions @ self.vertices.T).max(axis=1)
+        if self.ball:
+            values = values + self.ball * np.linalg.norm(directions, axis=1)
+        if self.disc:
+            values = values + self.disc * np.hypot(directions[:, 0], directions[:, 1])
+        return np.asarray(values)
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Triangles that are not convex."""
+
+    mesh: TriangleMesh
+    solid: Solid  # that they bound, alone or with others
+
+    @cached_property
+    def tree(self) -> Any:
+        """Coal's tree of bounding volumes over them, built when it is first asked for.
+
+        Without triangles that have no width: coal finds them in contact with anything far away, and what they hold lies
+        on the edges of others, to less than ROUNDING.
+        """
+        a, b, c = self.mesh.vertices[self.mesh.triangles].transpose(1, 0, 2)
+        longest = np.max([np.linalg.norm(side, axis=1) for side in (b - a, c - b, a - c)], axis=0)
+        wide = (
+            np.linalg.norm(np.cross(b - a, c - a), axis=1) > THIN * np.ptp(self.mesh.vertices, axis=0).max() * longest
+        )
+        return triangle_tree(TriangleMesh(self.mesh.vertices, self.mesh.triangles[wide]) if wide.any() else self.mesh)
+
+
+def obstacle_pieces(obstacle: Obstacle) -> tuple[Piece, ...]:
+    """Return the obstacle's true shape, in its frame. Raises InputError for a mesh file that cannot be used."""
+    match obstacle.shape:
+        case Box(size):
+            return (_box(np.array(size)),)
+        case Sphere(radius):
+            return (_capsule(radius, 0.0),)
+        case Cylinder(radius, length):
+            return (_cylinder(radius, length),)
+        case Capsule(radius, length):
+            return (_capsule(radius, length),)
+        case Points(points):
+            return (_hull(np.array(points, dtype=np.float64)),)
+        case Mesh() as shape:
+            return mesh_pieces(load_mesh(shape, f"obstacles.{obstacle.name}"))
+
+
+def link_pieces(geometry: Any, name: str) -> tuple[Piece, ...]:
+    """Return a link's collision geometry (coal's) as pieces, in its frame. Raises HdplanError for unknown kinds."""
+    match geometry:
+        case coal.Box():
+            return (_box(2.0 * geometry.halfSide),)
+        case coal.Sphere():
+            return (_capsule(geometry.radius, 0.0),)
+        case coal.Cylinder():
+            return (_cylinder(geometry.radius, 2.0 * geometry.halfLength),)
+        case coal.Capsule():
+            return (_capsule(geometry.radius, 2.0 * geometry.halfLength),)
+        case coal.ConvexBase():
+            return (_hull(np.array(geometry.points())),)
+        case coal.BVHModelBase():
+            corners = np.array([[t[0], t[1], t[2]] for t in map(geometry.tri_indices, range(geometry.num_tris))])
+            return mesh_pieces(TriangleMesh.merged(geometry.vertices(), corners).trimmed())
+    raise HdplanError(f"link geometry '{name}': shape {type(geometry).__name__} is not supported by the certificate")
+
+
+def mesh_pieces(mesh: TriangleMesh) -> tuple[Piece, ...]:
+    """Take a mesh apart into its loose parts; a convex part is its hull, any other keeps its triangles.
+
+    Parts that are open or turned inside out (the wall of a cavity) mean something only together: then they are not
+    taken apart. Triangles that are not convex are cut where that makes their hulls much smaller.
+    """
+    parts = mesh.components()
+    if len(parts) > MOST_PIECES or not all(part.closed and part.volume > 0 for part in parts):
+        if mesh.convex:
+            return (_hull(mesh.vertices),)
+        return _cut(mesh, Solid(mesh))
+    return tuple(
+        piece for part in parts for piece in ((_hull(part.vertices),) if part.convex else _cut(part, Solid(part)))
+    )
+
+
+def _cut(mesh: TriangleMesh, solid: Solid) -> tuple[Piece, ...]:
+    """Cut triangles into parts, the one with the largest hull first, as long as the hulls of two halves leave out much
+    of the whole's: the tighter the hulls, the less often the triangles themselves are asked.
+
+    A shell's parts could be cut for ever, each smaller by more than what is worth it: MOST_PIECES end that.
+    """
+    parts, whole = [(mesh.hull_volume, mesh)], list[TriangleMesh]()
+    while parts:
+        volume, part = parts.pop(max(range(len(parts)), key=lambda i: parts[i][0]))
+        halves = _halves(part) if volume > 0.0 and len(parts) + len(whole) + 2 <= MOST_PIECES else ()
+        volumes = [half.hull_volume for half in halves]
+        if halves and sum(volumes) <= WORTH_CUTTING * volume:
+            parts.extend(zip(volumes, halves, strict=True))
+        else:
+            whole.append(part)
+    return tuple(_hull(part.vertices, Surface(part, solid)) for part in whole)
+
+
+def _halves(mesh: TriangleMesh) -> tuple[TriangleMesh, ...]:
+    """Cut triangles across their longest side; empty where all of them lie on one side of the cut."""
+    middle = mesh.vertices.mean(axis=0)
+    axis = np.linalg.svd(mesh.vertices - middle, full_matrices=False)[2][0]
+    heights = (mesh.vertices - middle) @ axis
+    offset, corners = middle @ axis + 0.5 * (heights.min() + heights.max()), mesh.vertices[mesh.triangles]
+    cut = (below(corners, side * axis, side * offset).reshape(-1, 3) for side in (1, -1))
+    halves = tuple(TriangleMesh.merged(points, np.arange(len(points)).reshape(-1, 3)).trimmed() for points in cut)
+    return halves if all(len(half.triangles) for half in halves) else ()
+
+
+@dataclass(frozen=True)
+class Direction:
+    """What coal says of two convex pieces."""
+
+    normal: Array  # (3,) unit, from B to A, world frame
+    distance: float  # coal's signed distance [m]: not to be trusted by itself
+
+
+def direction(a: Any, pose_a: Any, b: Any, pose_b: Any) -> Direction:
+    """Ask coal for the separating direction of two shapes (of least penetration, if in contact)."""
+    result = coal.DistanceResult()
+    distance = coal.distance(a, pose_a, b, pose_b, _REQUEST, result)
+    normal = -np.array(result.normal)
+    length = float(np.linalg.norm(normal))
+    if not np.isfinite(length) or length < 0.5:
+        return Direction(np.array([0.0, 0.0, 1.0]), float("nan"))
+    return Direction(normal / length, float(distance))
+
+
+def gap(a: Piece, rotation_a: Array, origin_a: Array, b: Piece, rotation_b: Array, origin_b: Array, n: Array) -> float:
+    """Return gap(n) above for one pair: a lower bound of the signed distance, exact for the best unit n."""
+    nearest_a = n @ origin_a - a.support(-(n @ rotation_a)[None])[0]
+    farthest_b = n @ origin_b + b.support((n @ rotation_b)[None])[0]
+    return float(nearest_a - farthest_b)
+
+
+def best_direction(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> tuple[Array, float]:
+    """Return the direction of the largest gap among coal's answers here and at slightly turned poses, and the gap.
+
+    For the few places where one answer is not to be believed. Poses are (4, 4).
+    """
+    rotation_a, origin_a, rotation_b, origin_b = pose_a[:3, :3], pose_a[:3, 3], pose_b[:3, :3], pose_b[:3, 3]
+    best, largest = np.array([0.0, 0.0, 1.0]), -np.inf
+    for turn in _TURNS:
+        found = direction(a.shape, transform(rotation_a @ turn, origin_a), b.shape, transform(rotation_b, origin_b))
+        value = gap(a, rotation_a, origin_a, b, rotation_b, origin_b, found.normal)
+        if value > largest:
+            best, largest = found.normal, value
+    return best, largest
+
+
+def surface_distance(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> float:
+    """Return the distance [m] of two pieces' real surfaces, 0 if they touch or if coal's answer is not plausible.
+
+    Unsigned, and blind to one lying wholly inside the other: see `containment`. The answer is taken only if it is
+    finite and equals the distance of its own witness points, and from two poses, the second slightly turned: the
+    smaller one counts, less what the turn may have added. Poses are (4, 4).
+    """
+    rotation_b, center = pose_b[:3, :3], pose_b[:3, :3] @ b.center + pose_b[:3, 3]
+    smallest = np.inf
+    for turn, error in ((np.eye(3), 0.0), (_TURNS[1], NUDGE * b.radius)):
+        rotation = turn @ rotation_b  # about the centre of b: no point of b moves by more than `error`
+        result = coal.DistanceResult()
+        value = coal.distance(
+            a.surface.tree if a.surface else a.shape,
+            transform(pose_a[:3, :3], pose_a[:3, 3]),
+            b.surface.tree if b.surface else b.shape,
+            transform(rotation, center - rotation @ b.center),
+            _REQUEST,
+            result,
+        )
+        witness = float(np.linalg.norm(result.getNearestPoint1() - result.getNearestPoint2()))
+        if not np.isfinite(value) or value <= 0.0 or not abs(witness - value) <= DOUBTFUL:
+            return 0.0
+        smallest = min(smallest, value - error)
+    return max(smallest, 0.0)
+
+
+def witness_points(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> Array:
+    """Return the points (2, 3) [m], on a and on b, between which coal finds the distance of their real surfaces.
+
+    For pictures: nothing is proven of them. In contact they are the ends of the least penetration, or the place where
+    two triangles meet. Poses are (4, 4).
+    """
+    result = coal.DistanceResult()
+    coal.distance(
+        a.surface.tree if a.surface else a.shape,
+        transform(pose_a[:3, :3], pose_a[:3, 3]),
+        b.surface.tree if b.surface else b.shape,
+        transform(pose_b[:3, :3], pose_b[:3, 3]),
+        _REQUEST,
+        result,
+    )
+    return np.array([result.getNearestPoint1(), result.getNearestPoint2()])
+
+
+def transform(rotation: Array, origin: Array) -> Any:
+    """Return coal's transform."""
+    return coal.Transform3s(rotation, origin)
+
+
+def _box(size: Array) -> Piece:
+    signs = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    return Piece(signs * size, coal.Box(*size))
+
+
+def _cylinder(radius: float, length: float) -> Piece:
+    return Piece(np.array([[0, 0, -0.5], [0, 0, 0.5]]) * length, coal.Cylinder(radius, length), disc=radius)
+
+
+def _capsule(radius: float, length: float) -> Piece:
+    if length == 0.0:
+        return Piece(np.zeros((1, 3)), coal.Sphere(radius), ball=radius)
+    return Piece(np.array([[0, 0, -0.5], [0, 0, 0.5]]) * length, coal.Capsule(radius, length), ball=radius)
+
+
+def _hull(points: Array, surface: Surface | None = None) -> Piece:
+    """Return the hull of `points`; if they are flat, coal gets them thickened a little, the supports stay exact.
+
+    Where coal cannot hold the hull, its triangles tell the distance, and fewer corners the direction.
+    """
+    centered = points - points.mean(axis=0)
+    extents = np.linalg.svd(centered, compute_uv=False)
+    solid = points
+    if len(extents) < 3 or extents[2] < 1e-4 * extents[0]:
+        swell = 1e-4 * (float(extents[0]) or 1.0) * np.array([[1, 1, 1], [-1, -1, 1], [-1, 1, -1], [1, -1, -1]])
+        solid = (points[:, None] + swell[None]).reshape(-1, 3)
+    shape = convex_hull(solid)
+    if shape is None:
+        hull = TriangleMesh.hull(solid)
+        surface, shape = surface or Surface(hull, Solid(hull)), convex_hull(_outermost(solid))
+        return Piece(points, shape, surface=surface)
+    corners = np.array(shape.points()) if solid is points else points
+    return Piece(corners, shape, surface=surface)
+
+
+def _outermost(points: Array) -> Array:
+    """Return the points that lie farthest in FEW directions."""
+    directions = np.random.default_rng(0).normal(size=(FEW, 3))
+    return np.asarray(points[np.unique((directions @ points.T).argmax(axis=1))])
+
+
+def _turns() -> tuple[Array, ...]:
+    rng = np.random.default_rng(0)
+    turns = [np.eye(3)]
+    for axis in rng.normal(size=(NUDGES, 3)):
+        x, y, z = NUDGE * axis / np.linalg.norm(axis)
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        turns.append(np.eye(3) + np.sin(NUDGE) / NUDGE * cross + (1 - np.cos(NUDGE)) / NUDGE**2 * cross @ cross)
+    return tuple(turns)
+
+
+_REQUEST = coal.DistanceRequest()
+_TURNS = _turns()

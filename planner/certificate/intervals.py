@@ -1,0 +1,227 @@
+"""Bodies on the intervals of a motion: where the pieces of links and obstacles stand at each midpoint, how they move.
+
+Bodies and pairs of them are gathered into arrays once (`Bodies`, `Pairs`); `Intervals` holds, for many intervals of one
+motion at a time, the placements at their midpoints (Pinocchio's) and what the motion bounds need. Obstacles may move by
+themselves (`passages`), by the times of the motion.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.certificate.exact_proximity import Piece, transform
+from hdplan.planner.motion.curve import Curve
+from hdplan.planner.motion.motion_bounds import Array, Chain, Mask, Motion, cross
+from hdplan.scenes.once import freeze
+
+if TYPE_CHECKING:
+    from hdplan.scenes.moving import Passages
+
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """One piece of a link or an obstacle."""
+
+    name: str  # of the link or the obstacle
+    piece: Piece
+    joint: int = 0  # of the model, that carries it; 0: the world
+    placement: Array = field(default_factory=lambda: np.eye(4))  # (4, 4) of the piece in that joint's frame
+    passages: Passages | None = None  # of an obstacle that moves, in place of the placement
+
+    def __post_init__(self) -> None:
+        """Share its arrays read-only."""
+        freeze(self)
+
+    def reach(self, chain: Chain, travel: Array) -> Array:
+        """Return ρ (n,) of `motion_bounds`, for coordinates that range over `travel` (n, 2)."""
+        points = self.piece.vertices @ self.placement[:3, :3].T + self.placement[:3, 3]
+        return chain.reach(self.joint, points, self.piece.ball + self.piece.disc, travel)
+
+
+class Bodies:
+    """All bodies of a scene on one robot, as arrays over g bodies."""
+
+    def __init__(self, chain: Chain, bodies: Sequence[Body], to_pinocchio: Callable[[Array], Array]) -> None:
+        """Gather placements and bounds; `to_pinocchio` maps joint values (k, n) to configurations (k, nq)."""
+        self.chain, self.bodies, self.to_pinocchio = chain, tuple(bodies), to_pinocchio
+        self.names = tuple(body.name for body in bodies)
+        self.pieces = tuple(body.piece for body in bodies)
+        self.joint = np.array([body.joint for body in bodies], dtype=np.int64)  # (g,)
+        self.rotation = np.array([body.placement[:3, :3] for body in bodies]).reshape(-1, 3, 3)
+        self.origin = np.array([body.placement[:3, 3] for body in bodies]).reshape(-1, 3)
+        self.center = np.array([piece.center for piece in self.pieces]).reshape(-1, 3)  # of the bounding balls, boxes
+        self.radius = np.array([piece.radius for piece in self.pieces])
+        self.half = np.array([0.5 * (piece.high - piece.low) for piece in self.pieces]).reshape(-1, 3)  # box sizes / 2
+        self.hollow = np.array([piece.surface is not None for piece in self.pieces], dtype=bool)
+        self.drifting = np.array([body.passages is not None for body in bodies], dtype=bool)  # (g,)
+
+    def speed(self, g: int) -> float:
+        """Return how fast a point of a drifting body moves at most [m/s]."""
+        passages = self._passages(g)
+        return float((_lengths(passages.velocity) + _lengths(passages.spin) * self._lever(g)).max())
+
+    def latest(self, g: int) -> float:
+        """Return the greatest time [s] of a drifting body's own poses, however far before or after 0."""
+        return float(np.abs(self._passages(g).anchors).max())
+
+    def farthest(self, g: int, time: float) -> float:
+        """Return how far from the world's origin a drifting body's own may come [m] within `time` [s] of its poses."""
+        passages = self._passages(g)
+        gone = float(_lengths(passages.velocity).max()) * time if time > 0.0 else 0.0
+        return float(_lengths(passages.poses[:, :3, 3]).max()) + gone
+
+    def _lever(self, g: int) -> float:
+        """No point of a body is farther from its origin [m]."""
+        return float(np.linalg.norm(self.pieces[g].center)) + self.pieces[g].radius
+
+    def _passages(self, g: int) -> Passages:
+        passages = self.bodies[g].passages
+        assert passages is not None
+        return passages
+
+    def drift(self, middle: Array, half: Array) -> tuple[Array, Motion]:
+        """Return where the drifting bodies are at times `middle` (k,) [s], (k, g, 4, 4), and what they do within `half`
+        (k,) of them, (k, g); at rest if they do not drift.
+
+        Within one passage a point x moves by s (ω × (x − o) + v) `half`, but for ½ (|ω| half)² ‖x − o‖ at most, o being
+        the body's origin; over several passages no faster than in the fastest.
+        """
+        shape = (len(middle), len(self.bodies))
+        placements, omega, velocity = np.zeros((*shape, 4, 4)), np.zeros((*shape, 3)), np.zeros((*shape, 3))
+        first, second = np.zeros(shape), np.zeros(shape)
+        for g in np.flatnonzero(self.drifting).tolist():
+            passages, lever = self._passages(g), self._lever(g)
+            placements[:, g] = passages.at(middle)
+            begin = passages.row(middle - half)
+            end = np.maximum(np.searchsorted(passages.begins, middle + half, side="left") - 1, begin)
+            turn = np.linalg.norm(passages.spin, axis=1)
+            speeds = np.linalg.norm(passages.velocity, axis=1) + turn * lever
+            first[:, g] = half * [speeds[i : j + 1].max() for i, j in zip(begin, end, strict=True)]
+            one = begin == end
+            omega[:, g] = np.where(one[:, None], half[:, None] * passages.spin[begin], 0.0)
+            velocity[:, g] = np.where(one[:, None], half[:, None] * passages.velocity[begin], 0.0)
+            velocity[:, g] -= cross(omega[:, g], placements[:, g, :3, 3])
+            second[:, g] = np.where(one, 0.5 * (half * turn[begin]) ** 2 * lever, first[:, g])
+        return placements, Motion(omega, velocity, first, second)
+
+    def reach(self, curve: Curve) -> Array:
+        """Return ρ (g, n) for all configurations of a motion."""
+        low, high = curve.bounds()
+        travel = np.stack([low.min(axis=0), high.max(axis=0)], axis=1)
+        if self.chain.revolute.all():  # where nothing slides, it is the same for every motion
+            rows = [_reach_of_turns(self.chain, body) for body in self.bodies]
+        else:
+            rows = [body.reach(self.chain, travel) for body in self.bodies]
+        return np.array(rows).reshape(-1, len(travel))
+
+
+def _lengths(vectors: Array) -> Array:
+    """The lengths (k,) of vectors (k, 3), however long."""
+    return np.asarray(np.hypot(np.hypot(vectors[:, 0], vectors[:, 1]), vectors[:, 2]))
+
+
+@functools.lru_cache(maxsize=4096)
+def _reach_of_turns(chain: Chain, body: Body) -> Array:
+    return body.reach(chain, np.zeros((len(chain.axes), 2)))
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Pairs of bodies to be kept apart, in two groups: 0 link and obstacle, 1 link and link."""
+
+    a: Index  # (P,) rows of the list of bodies
+    b: Index  # (P,)
+    group: Index  # (P,)
+    moves_a: Mask  # (P, n) joints that move a and not b
+    moves_b: Mask  # (P, n) and the other way round
+
+    @classmethod
+    def of(cls, bodies: Bodies, rows: Sequence[tuple[int, int, int]]) -> Pairs:
+        """Build from (a, b, group); pairs that do not move against each other are left out."""
+        table = np.array(rows, dtype=np.int64).reshape(-1, 3)
+        carried_by = bodies.chain.carried_by[bodies.joint]
+        a, b = carried_by[table[:, 0]], carried_by[table[:, 1]]
+        moving = (a != b).any(axis=1) | bodies.drifting[table[:, :2]].any(axis=1)
+        return cls(table[moving, 0], table[moving, 1], table[moving, 2], (a & ~b)[moving], (b & ~a)[moving])
+
+
+@dataclass(frozen=True, eq=False)
+class Intervals:
+    """k intervals of a motion, with everything about their midpoints."""
+
+    bodies: Bodies
+    interval: Index  # (k,) waypoint interval
+    start: Array  # (k,) within it, 0 to 1
+    width: Array  # (k,)
+    delta: Array  # (k, n) half of the joints' motion, signed
+    deviation: Array  # (k, n) by how much they may leave the straight line between, ε
+    rotation: Array  # (k, bodies, 3, 3) of the bodies
+    origin: Array  # (k, bodies, 3)
+    center: Array  # (k, bodies, 3) of their bounding balls and boxes
+    axes: Array  # (k, n, 3) of the joints
+    points: Array  # (k, n, 3) on the axes
+    reach: Array  # (k, bodies, n) ρ
+    drift: Motion | None = None  # (k, bodies) of bodies that move by themselves
+    transforms: dict[tuple[int, int], Any] = field(default_factory=dict)  # coal's, made when they are asked for
+
+    @classmethod
+    def of(cls, bodies: Bodies, curve: Curve, rho: Array, interval: Index, start: Array, width: Array) -> Intervals:
+        """Place the bodies; `rho` is `bodies.reach(curve)`, the others as above."""
+        chain = bodies.chain
+        middle, delta, deviation = curve.part(interval, start, width)
+        turned, moved = chain.frames(bodies.to_pinocchio(middle))
+        rotation = turned[:, bodies.joint] @ bodies.rotation
+        origin = np.einsum("kgij,gj->kgi", turned[:, bodies.joint], bodies.origin) + moved[:, bodies.joint]
+        drift = None
+        if bodies.drifting.any():
+            when, half = curve.span(interval, start, width)
+            placements, drift = bodies.drift(when, half)
+            rotation[:, bodies.drifting] = placements[:, bodies.drifting][..., :3, :3]
+            origin[:, bodies.drifting] = placements[:, bodies.drifting][..., :3, 3]
+        center = np.einsum("kgij,gj->kgi", rotation, bodies.center) + origin
+        axes, points = np.einsum("knij,nj->kni", turned[:, 1:], chain.axes), moved[:, 1:]
+        most = np.abs(delta) + deviation
+        reach = chain.local_reach(rho, bodies.joint, center, bodies.radius, axes, points, most)
+        return cls(
+            bodies, interval, start, width, delta, deviation, rotation, origin, center, axes, points, reach, drift
+        )
+
+    def motion(self, row: Index, body: Index, moves: Mask) -> Motion:
+        """Return what bodies (i,) do on intervals (i,) by the joints `moves` (i, n) alone."""
+        delta, deviation = self.delta[row] * moves, self.deviation[row] * moves
+        motion = Motion.of(self.bodies.chain, delta, deviation, self.axes[row], self.points[row], self.reach[row, body])
+        return motion if self.drift is None else motion + self.drift[row, body]
+
+    @cached_property
+    def speed(self) -> Array:
+        """How far each joint alone moves each body at most, (|δ| + ε) ρ (k, bodies, n) [m]."""
+        result: Array = (np.abs(self.delta) + self.deviation)[:, None] * self.reach
+        return result
+
+    @cached_property
+    def moved(self) -> Array:
+        """How far each body moves at most (k, bodies) [m]."""
+        result: Array = self.speed.sum(axis=2)
+        return result if self.drift is None else result + self.drift.first
+
+    def transform(self, row: int, body: int) -> Any:
+        """Return one body's placement for coal."""
+        key = (row, body)
+        if key not in self.transforms:
+            self.transforms[key] = transform(self.rotation[row, body], self.origin[row, body])
+        return self.transforms[key]
+
+    def pose(self, row: int, body: int) -> Array:
+        """Return one body's placement (4, 4)."""
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = self.rotation[row, body], self.origin[row, body]
+        return pose

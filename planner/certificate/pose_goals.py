@@ -1,0 +1,66 @@
+"""How far a configuration misses the goal of a scene, by Pinocchio's own kinematics: the certificate's word on ends.
+
+A link's pose is met where its origin is within `position_tolerance` [m] of the target's, and the angle [rad] between
+the two frames within `orientation_tolerance`: of the whole turn between them, or, where the link may turn freely about
+one of its axes, between the two directions of that axis.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from hdplan.planner.robot.link_frame import AXES, link_frame
+from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.model import PoseTarget
+
+Array = NDArray[np.float64]
+
+ROUNDING = 1e-9  # [m] and [rad] granted beyond a tolerance
+
+
+class Miss(NamedTuple):
+    """How far a link is from where it is to be."""
+
+    position: float  # [m]
+    angle: float  # [rad], 0 where any turn will do
+
+    def within(self, target: PoseTarget) -> bool:
+        """Whether the target counts as reached."""
+        return (
+            self.position <= target.position_tolerance + ROUNDING
+            and self.angle <= target.orientation_tolerance + ROUNDING
+        )
+
+    def __str__(self) -> str:
+        """In words, such as "3.2 mm and 0.1 rad"."""
+        return f"{self.position * 1e3:.3g} mm" + f" and {self.angle:.3g} rad" * (self.angle > 0.0)
+
+
+def miss_of(robot: Robot, target: PoseTarget, q: Array) -> Miss:
+    """Return how far configuration q (n,) misses the target; exact to rounding. Raises InputError as `link_frame`."""
+    frame, data = link_frame(robot, target.link, target.field), robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
+    found, wanted = data.oMf[frame], target.pose.matrix
+    off = float(np.linalg.norm(found.translation - wanted[:3, 3]))
+    if target.free_rotation == "all":
+        return Miss(off, 0.0)
+    if target.free_rotation in AXES:
+        axis = AXES.index(target.free_rotation)
+        one, other = found.rotation[:, axis], wanted[:3, axis]
+        return Miss(off, float(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other)))
+    return Miss(off, float(np.linalg.norm(pin.log3(found.rotation.T @ wanted[:3, :3]))))
+
+
+def pose_words(target: PoseTarget) -> str:
+    """Say where the target wants its link."""
+    x, y, z = target.pose.position
+    if target.free_rotation == "all":
+        turn = "turned as it likes"
+    else:
+        free = "" if target.free_rotation == "none" else f", turning freely about its {target.free_rotation} axis"
+        turn = f"within {target.orientation_tolerance:g} rad{free}"
+    return f"{target.link} within {target.position_tolerance * 1e3:g} mm of ({x:g}, {y:g}, {z:g}), {turn}"

@@ -1,0 +1,229 @@
+"""Whether the joints can drive a motion: torques along the whole executed curve, by Pinocchio's own inverse dynamics.
+
+Sampled every other millisecond, of long motions less often, and proven between the samples: τ stays within
+h²/8 max|τ̈| of the straight line between two samples h apart (`torque_bounds`); where that is not enough, the piece is
+halved. What no speed can help is told apart: a configuration in which gravity alone asks for too much. A motion rests
+before its first row and after its last: one that begins or ends at speed needs an infinite torque. Shares nothing with
+the planner's own dynamics.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from hdplan.planner.certificate.rate_check import JUMP, Use
+from hdplan.planner.certificate.torque_bounds import torque_curvature
+from hdplan.planner.motion.curve import Curve
+from hdplan.planner.motion.motion_bounds import Chain
+from hdplan.planner.robot.joint_limits import torque_limits
+from hdplan.planner.robot.loads import loaded_model
+from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import Scene
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+STEP = 2e-3  # [s] between samples at first, at most
+HALVINGS = 10  # of a piece before it counts as not proven: down to two microseconds
+MOST_AT_FIRST, MOST_SAMPLES = 50_000, 500_000  # samples before any halving, and before the rest is not proven
+
+
+@dataclass(frozen=True)
+class Overload:
+    """A joint that gravity alone overloads, in a configuration of the motion: going slower does not help."""
+
+    joint: str
+    time: float  # [s]; 0 for a configuration that is no part of a motion
+    torque: float  # that holds still against gravity [Nm] or [N]
+    limit: float
+
+    @property
+    def words(self) -> str:
+        """What is too much."""
+        what = f"joint '{self.joint}' needs a torque of {self.torque:.4g} to hold still against gravity"
+        return f"{what}, its limit is {self.limit:g}"
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueCheck:
+    """Torques over a whole motion, for n joints [Nm or N]."""
+
+    joint_names: tuple[str, ...]
+    limits: Array  # (n,)
+    proven: Array  # (n,) bound on |τ| over the whole motion, between the samples too
+    found: Array  # (n,) largest |τ| at a sample
+    times: Array  # (n,) when that was [s]
+    overload: Overload | None  # the worst by share of its limit, if there is any
+    overloaded: tuple[int, ...]  # intervals between rows in which gravity alone is too much
+    samples: int  # at which torques were computed
+
+    @property
+    def within(self) -> bool:
+        """Whether all torques are proven within their limits."""
+        return bool((self.proven <= self.limits).all())
+
+    @property
+    def exceeded(self) -> bool:
+        """Whether a sample is beyond its limit; where neither this nor `within` holds, nothing is proven."""
+        return bool((self.found > self.limits).any())
+
+    @property
+    def worst(self) -> int:
+        """The joint with the least room: by what was found, where that is too much, else by what is proven."""
+        shares = (self.found if self.exceeded else self.proven) / self.limits
+        return int(shares.argmax())
+
+    def use(self, curve: Curve) -> Use:
+        """Return how much of the limits is taken, on the curve that was checked."""
+        joint, last = self.worst, len(curve) - 2
+        interval = min(int(curve.parameter_of(self.times[joint]) * (last + 1)), last)
+        share = float(self.proven[joint] / self.limits[joint])
+        return Use("torque", share, self.joint_names[joint], interval, float(self.limits[joint]))
+
+    @property
+    def text(self) -> str:
+        """What was found, in one sentence."""
+        i, over = self.worst, self.overload
+        name, limit, when = self.joint_names[i], self.limits[i], f"at {self.times[i]:.3f} s"
+        if self.within:
+            return f"torques at most {100 * self.proven[i] / limit:.3g} % of their limits ({name}, {when})"
+        if not self.exceeded:
+            return (
+                f"joint '{name}' needs a torque of {self.found[i]:.6g} {when}: too close to its limit {limit:g} to tell"
+            )
+        if np.isinf(self.found[i]):
+            return f"joint '{name}' needs an infinite torque {when}: its velocity jumps there"
+        if over is None:
+            return f"joint '{name}' needs a torque of {self.found[i]:.4g} {when}, its limit is {limit:g}"
+        return f"{over.words}, at {over.time:.3f} s: going slower does not help"
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueLimits:
+    """What a scene's joints can drive, with its loads."""
+
+    model: pin.Model  # with all loads
+    robot: Robot
+    limits: Array  # (n,)
+
+    @classmethod
+    def of(cls, scene: Scene, robot: Robot) -> TorqueLimits | None:
+        """Return a scene's; None if it limits no torque. Raises InputError for what does not fit the robot."""
+        limits = torque_limits(scene, robot)
+        return None if limits is None else cls(loaded_model(scene, robot), robot, limits)
+
+    def check(self, curve: Curve) -> TorqueCheck:
+        """Compare the torques along a timed curve with the limits; see `check_torques`. Where a velocity jumps, at
+        the first row or the last, the torque is infinite."""
+        checked = check_torques(self.model, self.robot, curve, self.limits)
+        jumps = curve.derivative().jumps()  # (N, n)
+        abrupt, rows = jumps.max(axis=0) > JUMP, jumps.argmax(axis=0)
+        if not abrupt.any() or curve.times is None:
+            return checked
+        proven, found = (np.where(abrupt, np.inf, values) for values in (checked.proven, checked.found))
+        return replace(checked, proven=proven, found=found, times=np.where(abrupt, curve.times[rows], checked.times))
+
+    def overload(self, q: Array) -> Overload | None:
+        """Return the joint that gravity overloads most in one configuration (n,); None if there is none."""
+        torques = np.abs(pin.computeGeneralizedGravity(self.model, self.model.createData(), self.robot.pin_q(q)))
+        joint = int((torques / self.limits).argmax())
+        if torques[joint] <= self.limits[joint]:
+            return None
+        return Overload(self.robot.joint_names[joint], 0.0, float(torques[joint]), float(self.limits[joint]))
+
+
+def check_torques(model: pin.Model, robot: Robot, curve: Curve, limits: Array) -> TorqueCheck:
+    """Compare the torques along a timed curve with the joints' limits.
+
+    Args:
+        model: the robot's with its loads (`loads.loaded_model`).
+        robot: the robot.
+        curve: of the robot's planned joints in their order; with times, and velocities at least: straight lines have
+            corners that no torque can drive.
+        limits: largest |τ| (n,) [Nm] or [N].
+
+    Raises:
+        InputError: a curve without times or velocities.
+    """
+    if curve.times is None or curve.degree == 1:
+        raise InputError("trajectory: has no velocities, so it has no torques; the scene asks for them (limits.torque)")
+    chain, orders = Chain.of(model), [curve.over_time(order) for order in range(5)]
+    step = max(STEP, float(curve.widths.sum()) / MOST_AT_FIRST)
+    count = np.maximum(np.ceil(curve.widths / step - 1e-9).astype(np.int64), 1)
+    interval = np.repeat(np.arange(len(count)), count)
+    first = np.arange(len(interval)) - np.repeat(np.cumsum(count) - count, count)
+    start, end = first / count[interval], (first + 1) / count[interval]
+    sampled = _Torques(model, robot, orders, limits)
+    at_start, at_end = sampled.at(interval, start), sampled.at(interval, end)
+
+    proven = np.zeros(robot.n)
+    for halving in range(HALVINGS + 1):
+        width = (end - start) * curve.widths[interval]
+        rates = np.stack([order.largest_on(interval, start, end) for order in orders])
+        slack = (width**2 / 8)[:, None] * torque_curvature(model, chain, rates)
+        ends = np.maximum(np.abs(at_start), np.abs(at_end))
+        hopeful = halving < HALVINGS and sampled.samples < MOST_SAMPLES and not (sampled.found > limits).any()
+        open_ = ~(ends + slack <= limits).all(axis=1) & hopeful
+        proven = np.maximum(proven, (ends + slack)[~open_].max(axis=0, initial=0.0))
+        if not open_.any():
+            break
+        interval, start, end = interval[open_], start[open_], end[open_]
+        middle = 0.5 * (start + end)
+        between = sampled.at(interval, middle)
+        interval, start, end = np.tile(interval, 2), np.r_[start, middle], np.r_[middle, end]
+        at_start, at_end = np.vstack([at_start[open_], between]), np.vstack([between, at_end[open_]])
+    return TorqueCheck(
+        joint_names=robot.joint_names,
+        limits=limits,
+        proven=proven,
+        found=sampled.found,
+        times=sampled.times,
+        overload=sampled.overload,
+        overloaded=tuple(sorted(sampled.overloaded)),
+        samples=sampled.samples,
+    )
+
+
+class _Torques:
+    """Torques at places on the curve, and the worst of what was seen there."""
+
+    def __init__(self, model: pin.Model, robot: Robot, orders: list[Curve], limits: Array) -> None:
+        self.model, self.data, self.robot, self.orders, self.limits = model, model.createData(), robot, orders, limits
+        self.found, self.times = np.zeros(robot.n), np.zeros(robot.n)
+        self.overload: Overload | None = None
+        self.overloaded: set[int] = set()
+        self.samples = 0
+
+    def at(self, interval: Index, fraction: Array) -> Array:
+        """Return the torques (k, n) on intervals (k,) at fractions (k,) of them."""
+        q, v, a = (order.at(interval, fraction) for order in self.orders[:3])
+        configurations = self.robot.pin_q(q)
+        torques, gravity = np.empty_like(q), np.empty_like(q)
+        for row, configuration in enumerate(configurations):
+            torques[row] = pin.rnea(self.model, self.data, configuration, v[row], a[row])
+            gravity[row] = pin.computeGeneralizedGravity(self.model, self.data, configuration)
+        curve = self.orders[0]
+        start = np.zeros(len(curve)) if curve.times is None else curve.times
+        self._keep(torques, gravity, interval, start[interval] + fraction * curve.widths[interval])
+        return torques
+
+    def _keep(self, torques: Array, gravity: Array, interval: Index, times: Array) -> None:
+        self.samples += len(torques)
+        rows = np.abs(torques).argmax(axis=0)
+        largest = np.abs(torques)[rows, np.arange(len(rows))]
+        larger = largest > self.found
+        self.found, self.times = np.where(larger, largest, self.found), np.where(larger, times[rows], self.times)
+        shares = np.abs(gravity) / self.limits
+        self.overloaded.update(interval[(shares > 1.0).any(axis=1)].tolist())
+        row, joint = (int(i) for i in np.unravel_index(int(shares.argmax()), shares.shape))
+        if shares[row, joint] > max(1.0, self._overloaded()):
+            name, torque = self.robot.joint_names[joint], float(abs(gravity[row, joint]))
+            self.overload = Overload(name, float(times[row]), torque, float(self.limits[joint]))
+
+    def _overloaded(self) -> float:
+        return self.overload.torque / self.overload.limit if self.overload else 0.0

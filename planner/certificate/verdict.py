@@ -1,0 +1,221 @@
+"""What a certificate says of a motion, and in what words.
+
+From what the checks found, the worst first, to one status and one sentence: what was found, where, and what to do.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.motion.curve import Curve
+
+if TYPE_CHECKING:
+    from hdplan.planner.certificate.path_check import Departure, Kept
+    from hdplan.planner.certificate.rate_check import Use
+    from hdplan.planner.certificate.torque_check import TorqueCheck
+
+Array = NDArray[np.float64]
+
+
+class Status(Enum):
+    """What a certificate says; `remedy` says what to do about it."""
+
+    CERTIFIED = "certified"
+    WRONG_ENDS = "wrong_ends"
+    OUTSIDE_LIMITS = "outside_limits"
+    IN_CONTACT = "in_contact"
+    TOO_CLOSE = "too_close"
+    OFF_PATH = "off_path"
+    TOO_FAST = "too_fast"
+    OVERLOADED = "overloaded"
+    NOT_PROVEN = "not_proven"
+
+    @property
+    def remedy(self) -> str:
+        """What a user can do."""
+        return {
+            Status.CERTIFIED: "none needed",
+            Status.WRONG_ENDS: "plan from the scene's start to its goal, or check against the scene it was planned for",
+            Status.OUTSIDE_LIMITS: "keep every waypoint within the robot's joint limits",
+            Status.IN_CONTACT: "plan with more clearance, more waypoints or another seed",
+            Status.TOO_CLOSE: "ask for less clearance, or plan with more",
+            Status.OFF_PATH: "allow more (path), or plan it with this constraint in the scene, or with more waypoints",
+            Status.TOO_FAST: "give it more time (timing), or plan it with these limits in the scene",
+            Status.OVERLOADED: "carry less, give it more time (timing), or plan it with limits.torque in the scene",
+            Status.NOT_PROVEN: "the motion grazes a body: plan with more clearance",
+        }[self]
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place on the motion where two bodies are close."""
+
+    interval: int  # between waypoints `interval` and `interval` + 1
+    fraction: float  # of that interval, 0 to 1
+    parameter: float  # of the whole motion, 0 to 1
+    seconds: float | None  # when; None for a path without times
+    link: str
+    other: str  # an obstacle or another link
+    distance: float  # [m] met there, negative in contact (minus the depth, 0 if unknown)
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """A verdict on a continuous motion."""
+
+    status: Status
+    text: str  # one sentence: what was found, where, and what to do
+    clearance: float | None  # [m] proven lower bound, robot to obstacles; None without obstacles or without proof
+    self_clearance: float | None  # [m] the same between the links
+    worst: Place | None  # the closest place met between robot and obstacles
+    self_worst: Place | None  # the same between the links
+    failures: tuple[Place, ...]  # every waypoint interval and pair that is not proven, the worst place met there
+    uses: tuple[Use, ...]  # of the joints' limits on rates and torques, where the scene has any
+    path: tuple[Kept, ...]  # how well the scene's path constraints are kept, where it has any
+    departures: tuple[Departure, ...]  # every waypoint interval and path constraint that is not proven
+    overloaded: tuple[int, ...]  # every waypoint interval in which gravity alone is too much for a joint
+    configurations: int  # at which distances were computed
+    exact_calls: int  # of the exact distance
+    seconds: float  # spent
+    notes: tuple[str, ...] = ()  # less clearance to be proven than the scene asks for, and why; meshes with holes
+
+    @property
+    def unproven(self) -> tuple[int, ...]:
+        """The waypoint intervals in which something about places is not proven or cannot be, in order."""
+        places = {place.interval for place in self.failures} | {place.interval for place in self.departures}
+        return tuple(sorted(places | set(self.overloaded)))
+
+    @property
+    def certified(self) -> bool:
+        """Whether the motion is proven free."""
+        return self.status is Status.CERTIFIED
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Two bodies that touch in one configuration."""
+
+    link: str
+    other: str  # an obstacle or another link
+    depth: float  # [m] how far they overlap, 0 where only the contact is known
+
+
+@dataclass(frozen=True, eq=False)
+class Closest:
+    """Two bodies that are closest in one configuration."""
+
+    link: str
+    other: str  # an obstacle or another link
+    distance: float  # [m] exact; negative in contact (then minus the depth, 0 if unknown)
+    points: Array  # (2, 3) [m] where, on the link and on the other: for pictures, not proven
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What the checks of one motion found."""
+
+    curve: Curve
+    ends: str | None  # how it misses the scene's start or goal
+    beyond: str | None  # where it leaves the joints' limits
+    failures: tuple[Place, ...]  # where bodies are too close, or not proven to be apart
+    touching: tuple[bool, ...]  # of each: found too close; otherwise it only could not be proven
+    asked: tuple[float, ...]  # of each: what must be kept there [m]
+    departures: tuple[Departure, ...]
+    uses: tuple[Use, ...]
+    torques: TorqueCheck | None
+
+
+def complaints(found: Findings) -> Iterator[tuple[Status, str]]:
+    """Yield everything that keeps a motion from being certified, the most serious first."""
+    if found.ends:
+        yield Status.WRONG_ENDS, found.ends
+    if found.beyond:
+        yield Status.OUTSIDE_LIMITS, found.beyond
+    places = list(zip(found.failures, found.asked, found.touching, strict=True))
+    others = _others(found.failures)
+    # contacts first, then the places that fall short by most of what they must keep
+    short = [(place, asked) for place, asked, touching in places if touching]
+    for place, asked in sorted(short, key=lambda each: (each[0].distance > 0.0, each[0].distance - each[1]))[:1]:
+        if place.distance <= 0.0:
+            yield Status.IN_CONTACT, f"{_words(place)}; {others}"
+        else:
+            yield Status.TOO_CLOSE, f"{_words(place)}, {asked * 1e3:.4g} mm are required; {others}"
+    if found.departures:
+        worst = max(found.departures, key=lambda place: place.excess)
+        status = Status.OFF_PATH if worst.violated else Status.NOT_PROVEN
+        yield status, _departure(worst, found.departures, found.curve)
+    for place, _, _ in sorted(places, key=lambda each: each[0].distance - each[1])[:1]:
+        yield Status.NOT_PROVEN, f"{_where(place, 'cannot be told apart')}; {others}"
+    for use in found.uses:
+        if not use.within:
+            yield Status.TOO_FAST, _exceeded(use, found.curve)
+    if found.torques and not found.torques.within:
+        yield (Status.OVERLOADED if found.torques.exceeded else Status.NOT_PROVEN), found.torques.text
+
+
+def proven(
+    clearance: float | None,
+    self_clearance: float | None,
+    uses: Sequence[Use],
+    path: Sequence[Kept],
+    torques: TorqueCheck | None,
+) -> str:
+    """Say what is proven of a certified motion; clearances [m]."""
+    obstacles = "no obstacles to meet" if clearance is None else f"at least {_length(clearance)} to every obstacle"
+    links = "" if self_clearance is None else f", {_length(self_clearance)} between links"
+    taken = "".join(f", {use.quantity} up to {use.share:.0%} of the limits" for use in uses)
+    kept = "".join(f", {constraint.words}" for constraint in path)
+    driven = f"; {torques.text}" if torques else ""
+    return f"{obstacles}{links}{taken}{kept}, over the whole motion{driven}"
+
+
+def _words(place: Place) -> str:
+    if place.distance < 0.0:
+        return _where(place, f"overlap by {-place.distance * 1e3:.3g} mm")
+    return _where(place, f"come within {place.distance * 1e3:.3g} mm" if place.distance else "touch")
+
+
+def _where(place: Place, what: str) -> str:
+    when = _when(place.parameter, place.seconds)
+    return f"{place.link} and {place.other} {what} after waypoint {place.interval} ({when})"
+
+
+def _when(parameter: float, seconds: float | None) -> str:
+    return f"at {parameter:.3f} of 1" if seconds is None else f"{seconds:.3f} s"
+
+
+def _length(metres: float) -> str:
+    return f"{metres * 1e3:.3g} mm" if metres < 1.0 else f"{metres:.3g} m"
+
+
+def _others(failures: tuple[Place, ...]) -> str:
+    pairs = Counter((place.link, place.other) for place in failures)
+    intervals = len({place.interval for place in failures})
+    return (
+        f"{intervals} interval{'s' * (intervals != 1)} between waypoints, {len(pairs)} pair{'s' * (len(pairs) != 1)} "
+        "of bodies not proven"
+    )
+
+
+def _departure(worst: Departure, departures: tuple[Departure, ...], curve: Curve) -> str:
+    when = _when(worst.parameter, None if curve.times is None else float(curve.time_of(worst.parameter)))
+    intervals = len({place.interval for place in departures})
+    return (
+        f"{worst.words}{'' if worst.violated else ', too close to tell'} after waypoint {worst.interval} ({when}); "
+        f"{intervals} interval{'s' * (intervals != 1)} between waypoints not proven"
+    )
+
+
+def _exceeded(use: Use, curve: Curve) -> str:
+    began = curve.time_of(use.interval / (len(curve) - 1))
+    after = f"after waypoint {use.interval} ({began:.3f} s)"
+    if np.isinf(use.share):
+        return f"joint '{use.joint}': {use.quantity} is infinite {after}, as what it is the change of jumps there"
+    return f"joint '{use.joint}': {use.quantity} up to {use.share:.1%} of its limit {use.limit:g} {after}"

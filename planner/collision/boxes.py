@@ -1,0 +1,133 @@
+"""Distances of pairs of boxes at samples, as `terms.PairDistance`: the paper's own HD-SDF, and the GDF baseline.
+
+Both know boxes alone: links by the setting `link_bodies: box`, and obstacles that are boxes. Which distance is what:
+`BoxPairs` a lower bound in sign and an approximation in value, `GdfPairs` an unsigned approximation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.distance.baselines.gdf_batch import gdf_boxes
+from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.symbolic.boxes import box_distance
+from hdplan.distance.symbolic.row_function import RowFunction
+from hdplan.planner.collision.broad_phase import BodyPairs, Floats, Rows
+from hdplan.planner.collision.halfspace_bodies import PlaneBody
+from hdplan.planner.collision.link_bodies import LinkBody
+from hdplan.planner.kinematics.forward import KinematicsBatch
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import Box, Shape
+from hdplan.scenes.once import made_once
+
+RIGHT_ANGLE = 1e-9  # the cosine of a box's right angles is this close to 0
+
+
+class _Boxes:
+    """The pairs' boxes as rows [R (9) | t (3) | half sides (3)] in the frames of what carries them."""
+
+    def __init__(self, pairs: BodyPairs, bodies: Sequence[LinkBody], plane_bodies: Sequence[PlaneBody]) -> None:
+        self.pairs, self.margins = pairs, pairs.margins[:, None]
+        self.first = np.array([_box_row(body.body, np.eye(4), body.link) for body in bodies])
+        self.second = np.array([_box_row(body.shape, body.placement, body.name) for body in plane_bodies])
+
+
+class BoxPairs(_Boxes):
+    """D of the paper's set of both boxes, less the obstacle's margin. Raises InputError for a body that is no box."""
+
+    def __init__(
+        self,
+        pairs: BodyPairs,
+        bodies: Sequence[LinkBody],
+        plane_bodies: Sequence[PlaneBody],
+        gamma: int,
+        shaping_length: float,
+        normals: str = "paper",
+    ) -> None:
+        """Take the pairs and the bodies that their indices mean; normals: "paper" or "paper-multiset"."""
+        super().__init__(pairs, bodies, plane_bodies)
+        self.kernel = _kernel(gamma, shaping_length, normals)
+
+    @property
+    def how(self) -> str:
+        """Compiled or interpreted."""
+        compiled = "compiled C" if self.kernel.is_compiled else "by CasADi’s interpreter: no C compiler"
+        return f"HD-SDF of boxes with the paper's normals, {compiled}"
+
+    def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Floats, Floats, Floats]:
+        """Return D (S,) [m], its wrench (S, 6) and D̃ (S,) [m] for S pairs (row of the pairs) at samples."""
+        batch, joints = kinematics.placements.shape[:2]
+        placements = kinematics.placements.reshape(batch * joints, 12)
+        values, wrenches, separations = self.kernel(
+            [placements, placements, self.first, self.second, self.margins],
+            [
+                sample * joints + self.pairs.joint_a[pair],
+                sample * joints + self.pairs.joint_b[pair],
+                self.pairs.body[pair],
+                self.pairs.plane_body[pair],
+                self.pairs.plane_body[pair],
+            ],
+        )
+        return values[:, 0], wrenches, separations[:, 0]
+
+
+class GdfPairs(_Boxes):
+    """The GDF of the boxes, less the obstacle's margin; its parameters are those of the published experiment."""
+
+    @property
+    def how(self) -> str:
+        """What it is."""
+        return "GDF (h 0.1, bulging 0.01), an approximation, by iteration"
+
+    def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Floats, Floats, Floats]:
+        """Return D (S,) [m], its wrench (S, 6) and D again: it bounds nothing."""
+        placed = []
+        for boxes, index, joint in (
+            (self.first, self.pairs.body[pair], self.pairs.joint_a[pair]),
+            (self.second, self.pairs.plane_body[pair], self.pairs.joint_b[pair]),
+        ):
+            turn, row = kinematics.rotations[sample, joint], boxes[index]
+            origin = (turn @ row[:, 9:12, None])[..., 0] + kinematics.translations[sample, joint]
+            placed += [row[:, 12:], turn @ row[:, :9].reshape(-1, 3, 3), origin]
+        distance, wrench = gdf_boxes(*placed)
+        distance = distance - self.margins[self.pairs.plane_body[pair], 0]
+        return distance, wrench, distance
+
+
+def _box_row(shape: Shape | ConvexBody, placement: NDArray[np.float64], name: str) -> Floats:
+    """A box as [R | t | half sides]; a box that is swept by a ball as the box around it."""
+    frame, half = np.eye(4), np.zeros(3)
+    match shape:
+        case Box(size):
+            half = np.array(size) / 2
+        case ConvexBody():
+            axes = _box_axes(shape)
+            if axes is None:
+                raise InputError(f"'{name}': not a box; this distance takes boxes alone, on both sides")
+            heights = shape.vertices @ axes
+            frame[:3, :3], half = axes, np.ptp(heights, axis=0) / 2 + shape.radius
+            frame[:3, 3] = axes @ (heights.min(axis=0) + heights.max(axis=0)) / 2
+        case _:
+            raise InputError(f"'{name}': a {type(shape).__name__.lower()}; this distance takes boxes alone")
+    placed = placement @ frame
+    return np.concatenate([placed[:3, :3].ravel(), placed[:3, 3], half])
+
+
+def _box_axes(body: ConvexBody) -> Floats | None:
+    """The axes (3, 3) of a box, as columns; None for a body that is none."""
+    if len(body.vertices) != 8 or len(body.faces) != 6:
+        return None
+    x = body.faces[0]
+    cosines = np.abs(body.faces @ body.faces.T)
+    if np.minimum(cosines, np.abs(1.0 - cosines)).max() > RIGHT_ANGLE:
+        return None
+    y = body.faces[int(np.argmin(np.abs(body.faces @ x)))]
+    return np.stack([x, y, np.cross(x, y)], axis=1)
+
+
+@made_once(64)
+def _kernel(gamma: int, shaping_length: float, normals: str) -> RowFunction:
+    return RowFunction(box_distance(gamma, shaping_length, normals))

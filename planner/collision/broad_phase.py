@@ -1,0 +1,187 @@
+"""Which bodies can meet: candidate pairs, what is left out for good, and the broad phase at given configurations.
+
+In: outer link bodies (vertices) and plane bodies (obstacles in the world, or links). Out: tables for the distance's
+compiled kernels, and per batch of configurations the (sample, pair) that may be inside the margin; every other D is
+positive for certain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hdplan.planner.collision.halfspace_bodies import FEW, PlaneBody
+from hdplan.planner.collision.link_bodies import LinkBody
+from hdplan.planner.kinematics.forward import KinematicsBatch
+
+Floats = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+# Every direction is within 27.6 degrees of one of a box's 26 directions whose support is attained at the same place of
+# the box. So where a sphere of radius r is farther than r / cos(27.6°) from the box, one of the planes separates it for
+# certain: D > 0. Of its 6 faces alone, every direction is within acos(1/√3).
+WIDEST, WIDEST_OF_FACES = 1.13, 3**0.5
+
+
+@dataclass(frozen=True)
+class BodyPairs:
+    """P pairs of a link body with a plane body, as tables."""
+
+    body: Rows  # (P,) row of the link body in body_table
+    plane_body: Rows  # (P,) index of the plane body
+    plane_slots: Rows  # (P,) its number of plane slots: all that have as many share a table
+    plane_row: Rows  # (P,) its row in the plane table of that many slots
+    joint_a: Rows  # (P,) joint that carries the link body
+    joint_b: Rows  # (P,) joint that carries the plane body, 0 for the world
+    moves: Floats  # (P, n) 1 where a joint moves only the first body, −1 only the second, else 0
+    body_table: Floats  # (A, 4 m + 1) vertices, weights, radius
+    plane_tables: dict[int, Floats]  # slots -> (·, 4 slots) normals and supports enlarged by the margin
+    centres: Floats  # (A, 3) of the link bodies' bounding spheres, in their joints' frames [m]
+    radii: Floats  # (A,) of those spheres [m]
+    widest: float  # how much farther than its radius from a box a sphere is separated by one of the planes for certain
+    boxes: Floats  # (B, 4, 4) the plane bodies' boxes, in their joints' frames
+    half_sizes: Floats  # (B, 3) of those boxes, enlarged by the margin [m]
+    margins: Floats  # (B,) by which each plane body is enlarged [m]
+
+    def __len__(self) -> int:
+        """The number of pairs."""
+        return len(self.body)
+
+    def close(self, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
+        """Sample and pair indices (S,), samples ascending, whose bounding sphere reaches the enlarged box.
+
+        Drops no HD-SDF D < 0, by WIDEST; nor a Euclidean distance below the margin: the sphere holds the link body, and
+        the box, enlarged by the margin along its axes, holds every point within the margin of the other body.
+        """
+        centres, reach = self._placed_centres(kinematics), self.widest * self.radii
+        found = self._close_to_standing(centres, reach), self._close_to_moving(centres, reach, kinematics)
+        sample, pair = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        order = np.argsort(sample, kind="stable")
+        return sample[order], pair[order]
+
+    def close_between(self, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
+        """Interval and pair indices (S,), intervals ascending, of the same for a ball around a link body at both ends
+        of each interval between the configurations. Drops no D < 0 of their hull with a body that stands."""
+        centres = self._placed_centres(kinematics)
+        half = np.linalg.norm(np.diff(centres, axis=0), axis=2).max(axis=0, initial=0.0) / 2
+        interval, pair = self._close_to_standing((centres[1:] + centres[:-1]) / 2, self.widest * (self.radii + half))
+        order = np.argsort(interval, kind="stable")
+        return interval[order], pair[order]
+
+    def _placed_centres(self, kinematics: KinematicsBatch) -> Floats:
+        """The centres of the link bodies' spheres in the world (batch, A, 3)."""
+        joint = np.zeros(len(self.centres), dtype=np.int64)
+        joint[self.body] = self.joint_a
+        rotations, translations = kinematics.rotations[:, joint], kinematics.translations[:, joint]
+        centres: Floats = (rotations @ self.centres[:, :, None])[..., 0] + translations
+        return centres
+
+    @cached_property
+    def _standing(self) -> Rows:
+        """The pairs with a body that stands in the world."""
+        return np.flatnonzero(self.joint_b == 0)
+
+    @cached_property
+    def _moving(self) -> Rows:
+        return np.flatnonzero(self.joint_b > 0)
+
+    def _close_to_standing(self, centres: Floats, reach: Floats) -> tuple[Rows, Rows]:
+        """The same for the standing boxes; first all samples at once, by a ball around each body's whole motion."""
+        pair = self._standing
+        if not len(pair) or not len(centres):
+            return np.empty(0, np.int64), np.empty(0, np.int64)
+        middle = (centres.min(axis=0) + centres.max(axis=0)) / 2  # (A, 3)
+        travel = np.linalg.norm(centres - middle, axis=2).max(axis=0)
+        body, box = self.body[pair], self.plane_body[pair]
+        local = ((middle[body] - self.boxes[box, :3, 3])[:, None] @ self.boxes[box, :3, :3])[:, 0]
+        outside = np.maximum(np.abs(local) - self.half_sizes[box], 0.0)
+        pair = pair[np.einsum("pi,pi->p", outside, outside) < (reach + travel)[body] ** 2]
+        body, box = self.body[pair], self.plane_body[pair]
+        gaps = centres.transpose(1, 0, 2)[body] - self.boxes[box, None, :3, 3]  # (P, batch, 3)
+        outside = np.abs(gaps @ self.boxes[box, :3, :3])
+        outside -= self.half_sizes[box, None]
+        np.maximum(outside, 0.0, out=outside)
+        row, sample = np.nonzero(np.einsum("pbi,pbi->pb", outside, outside) < reach[body, None] ** 2)
+        return sample, pair[row]
+
+    def _close_to_moving(self, centres: Floats, reach: Floats, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
+        """The same for the boxes on links; first by the balls around the boxes."""
+        pair = self._moving
+        if not len(pair):
+            return np.empty(0, np.int64), np.empty(0, np.int64)
+        body, box, joint = self.body[pair], self.plane_body[pair], self.joint_b[pair]
+        rotations, translations = kinematics.rotations, kinematics.translations
+        origins = (rotations[:, joint] @ self.boxes[box, :3, 3, None])[..., 0] + translations[:, joint]
+        gaps = centres[:, body] - origins  # (batch, P, 3)
+        apart = reach[body] + np.linalg.norm(self.half_sizes[box], axis=1)
+        sample, row = np.nonzero(np.einsum("bpi,bpi->bp", gaps, gaps) < apart**2)
+        body, box, joint = body[row], box[row], joint[row]
+        local = (gaps[sample, row, None] @ rotations[sample, joint] @ self.boxes[box, :3, :3])[:, 0]
+        outside = np.maximum(np.abs(local) - self.half_sizes[box], 0.0)
+        near = np.einsum("si,si->s", outside, outside) < reach[body] ** 2
+        return sample[near], pair[row[near]]
+
+
+def body_pairs(
+    bodies: Sequence[LinkBody],
+    plane_bodies: Sequence[PlaneBody],
+    pairs: Sequence[tuple[int, int]],
+    margin: ArrayLike,
+    supports: NDArray[np.bool_],
+    slots: int = 0,
+) -> BodyPairs:
+    """Lay out pairs (index of link body, index of plane body) as tables, the plane bodies enlarged by `margin` [m].
+
+    margin: one for all plane bodies, or one for each (B,).
+    supports: (nj, n) whether a joint moves what another joint carries (Kinematics.supports).
+    slots: vertex slots of the tables at least, so that other pairs would have tables of the same width.
+    """
+    margins = np.full(len(plane_bodies), margin, dtype=np.float64)
+    slots = max(slots, *(len(bodies[a].body.vertices) for a, _ in pairs))
+    first = np.array([a for a, _ in pairs], dtype=np.int64)
+    second = np.array([b for _, b in pairs], dtype=np.int64)
+    plane_slots = np.array([len(body.supports) for body in plane_bodies], dtype=np.int64)
+    rows = np.zeros(len(plane_bodies), dtype=np.int64)
+    tables = {}
+    for count in sorted(set(plane_slots.tolist())):
+        chosen = np.flatnonzero(plane_slots == count)
+        rows[chosen] = np.arange(len(chosen))
+        tables[count] = np.array(
+            [np.append(plane_bodies[b].normals.ravel(), plane_bodies[b].supports + margins[b]) for b in chosen.tolist()]
+        )
+    joint_a = np.array([body.joint for body in bodies], dtype=np.int64)[first]
+    joint_b = np.array([body.joint for body in plane_bodies], dtype=np.int64)[second]
+    middles = [(body.body.vertices.min(axis=0) + body.body.vertices.max(axis=0)) / 2 for body in bodies]
+    spans = [np.linalg.norm(b.body.vertices - middle, axis=1).max() for b, middle in zip(bodies, middles, strict=True)]
+    return BodyPairs(
+        body=first,
+        plane_body=second,
+        plane_slots=plane_slots[second],
+        plane_row=rows[second],
+        joint_a=joint_a,
+        joint_b=joint_b,
+        moves=supports[joint_a].astype(float) - supports[joint_b],
+        body_table=np.array([_body_row(body, slots) for body in bodies]),
+        plane_tables=tables,
+        centres=np.array(middles),
+        radii=np.array([span + body.body.radius for span, body in zip(spans, bodies, strict=True)]),
+        widest=WIDEST if plane_slots.min() >= FEW else WIDEST_OF_FACES,
+        boxes=np.array([body.box for body in plane_bodies]),
+        half_sizes=np.array([body.half_size for body in plane_bodies]) + margins[:, None],
+        margins=margins,
+    )
+
+
+def _body_row(body: LinkBody, slots: int) -> Floats:
+    """Vertices, weights and radius in one row; unused slots repeat the first vertex with weight 0.
+
+    A body of more vertices is in no pair on this side; its row is cut short and never read.
+    """
+    vertices = body.body.vertices[:slots]
+    spare = slots - len(vertices)
+    weights = np.append(np.ones(len(vertices)), np.zeros(spare))
+    return np.concatenate([vertices.ravel(), np.tile(vertices[0], spare), weights, [body.body.radius]])

@@ -1,0 +1,102 @@
+"""A robot as the problem sees it, whatever the scene: kinematics, outer bodies, and which of them to keep apart.
+
+Robot -> `Outline`, made once per robot in a process: a second plan with the same robot starts from it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdplan.planner.collision.broad_phase import body_pairs
+from hdplan.planner.collision.halfspace_bodies import PlaneBody, from_link_body
+from hdplan.planner.collision.hdsdf import HdsdfPairs
+from hdplan.planner.collision.link_bodies import LinkBody, link_bodies
+from hdplan.planner.collision.reach import Reach, reach_of
+from hdplan.planner.kinematics.forward import Kinematics, kinematics_of
+from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.once import made_once
+
+TRIALS = 200  # random configurations for the following
+GAMMA, LENGTH = 2, 1e-3  # of the distance that tells; its sign, which alone counts here, depends on neither
+SELF_ACTIVATION = 0.005  # [m] links of one arm are close by design: their penalty sets in late
+OFTEN = 0.5  # share of them in which a link pair's outer bodies may overlap before it is left to the certificate
+
+BodyPair = tuple[int, int]  # rows of Outline.bodies: the one that gives vertices, the one that gives planes
+LinkPair = tuple[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """Everything about a robot that does not depend on the scene around it."""
+
+    kinematics: Kinematics
+    bodies: tuple[LinkBody, ...]  # the links' outer bodies, from base to tip
+    planes: tuple[PlaneBody, ...]  # the same bodies by planes, for the second side of a pair
+    reach: tuple[Reach, ...]  # balls that they never leave
+    self_pairs: tuple[BodyPair, ...]  # to be kept apart
+    distances_kept: tuple[float, ...]  # that each of them keeps anyway, at all limits [m]; 0 where none is proven
+    unresolved: tuple[LinkPair, ...]  # link pairs left to the certificate, as their outer bodies overlap anyway
+
+
+@made_once(8)
+def outline_of(robot: Robot, geometry: str, normals: str) -> Outline:
+    """Return the outline of a robot with the bodies and normals of these settings, the same object for the same
+    ones."""
+    kinematics, bodies = kinematics_of(robot), link_bodies(robot, geometry)
+    planes = tuple(from_link_body(body.link, body.joint, body.body, normals) for body in bodies)
+    reach = tuple(reach_of(robot, body.joint, body.body) for body in bodies)
+    pairs, unresolved = _separable_pairs(robot, kinematics, bodies, planes)
+    kept = _distances_kept(robot, kinematics, bodies, planes, pairs)
+    return Outline(kinematics, bodies, planes, reach, pairs, kept, unresolved)
+
+
+def _distances_kept(
+    robot: Robot,
+    kinematics: Kinematics,
+    bodies: tuple[LinkBody, ...],
+    planes: tuple[PlaneBody, ...],
+    pairs: tuple[BodyPair, ...],
+) -> tuple[float, ...]:
+    """What is proven of each pair; first the links' own, which are the same whatever the robot holds."""
+    if not pairs:
+        return ()
+    from hdplan.planner.collision.separation_bounds import distances_kept
+
+    held = {attached.name for attached in robot.attached}
+    with_held = [not held.isdisjoint((bodies[a].link, bodies[b].link)) for a, b in pairs]
+    result = np.zeros(len(pairs))
+    for group in (np.flatnonzero(~np.array(with_held, dtype=bool)), np.flatnonzero(with_held)):
+        chosen = [pairs[row] for row in group]
+        result[group] = distances_kept(robot, kinematics, bodies, planes, chosen, SELF_ACTIVATION)
+    return tuple(result.tolist())
+
+
+def _separable_pairs(
+    robot: Robot, kinematics: Kinematics, bodies: tuple[LinkBody, ...], planes: tuple[PlaneBody, ...]
+) -> tuple[tuple[BodyPair, ...], tuple[LinkPair, ...]]:
+    """Body pairs of the robot's self pairs, and the link pairs whose outer bodies overlap so often that they would
+    mislead."""
+    of_link: dict[str, list[int]] = {}
+    for index, body in enumerate(bodies):
+        of_link.setdefault(body.link, []).append(index)
+    pairs = []
+    for a, b in robot.self_pairs:
+        for i, j in itertools.product(of_link.get(a, []), of_link.get(b, [])):
+            # the one with fewer vertices gives them: vertices cost, planes do not
+            fewer, more = sorted((i, j), key=lambda index: len(bodies[index].body.vertices))
+            pairs.append((fewer, more, a, b))
+    if not pairs:
+        return (), ()
+    laid_out = body_pairs(bodies, planes, [(i, j) for i, j, _, _ in pairs], 0.0, kinematics.supports)
+    configurations = robot.draw(np.random.default_rng(0), TRIALS)
+    drawn = kinematics.evaluate(configurations)
+    sample, pair = laid_out.close(drawn)
+    distance, _, _ = HdsdfPairs(laid_out, GAMMA, LENGTH)(drawn, sample, pair)
+    overlaps: dict[LinkPair, set[int]] = {}
+    for s, p in zip(sample[distance < 0].tolist(), pair[distance < 0].tolist(), strict=True):
+        overlaps.setdefault(pairs[p][2:], set()).add(s)
+    unresolved = tuple(names for names, seen in overlaps.items() if len(seen) > OFTEN * TRIALS)
+    return tuple((i, j) for i, j, a, b in pairs if (a, b) not in unresolved), unresolved

@@ -1,0 +1,71 @@
+"""A mesh that is not convex, taken apart into convex pieces for the planner.
+
+The pieces follow the mesh closely but not exactly: they are for the planner alone, the certificate works with the
+triangles themselves. Taking apart takes seconds, so the pieces are kept on disk by the mesh's content. It is done in a
+process of its own, bounded in time and memory.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+import tempfile
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.distance.cache import content_key, load, store
+from hdplan.planner.geometry.meshes import TriangleMesh
+
+Floats = NDArray[np.float64]
+
+CONCAVITY = 0.03  # how deep a dent a convex piece may bridge, as part of the mesh's size (coacd's threshold)
+MOST_SECONDS = 60.0  # that taking apart may last
+MOST_MEMORY = 8 * 2**30  # [bytes] of addresses: several times what is used
+
+
+def convex_pieces(mesh: TriangleMesh, seconds: float = MOST_SECONDS) -> tuple[Floats, ...] | None:
+    """Return point sets (m, 3) whose convex hulls together stand for `mesh`: exactly, if its loose parts are convex.
+
+    None where it cannot be taken apart, or not within `seconds`.
+    """
+    parts = mesh.components()
+    if all(part.convex and part.volume > 0 for part in parts):
+        return tuple(part.vertices for part in parts)
+    key = content_key(str(CONCAVITY), version("coacd"), mesh.vertices.tobytes(), mesh.triangles.tobytes())
+    known = load("convex_pieces", key)
+    if known is None:
+        found = _taken_apart(mesh, min(seconds, MOST_SECONDS))
+        if not found:
+            return None
+        known = [vertices.tolist() for vertices in found]
+        store("convex_pieces", key, known)
+    return tuple(np.array(vertices) for vertices in known)
+
+
+def _taken_apart(mesh: TriangleMesh, seconds: float) -> list[Floats]:
+    """Run coacd on a mesh; empty where it fails."""
+    if seconds <= 0.0:
+        return []
+    with tempfile.TemporaryDirectory() as folder:
+        given, result = Path(folder) / "mesh.npz", Path(folder) / "pieces.npz"
+        np.savez(given, vertices=mesh.vertices, triangles=mesh.triangles)
+        processor = math.ceil(seconds * (os.cpu_count() or 1)) + 1
+        told = [str(given), str(result), str(CONCAVITY), str(processor), str(MOST_MEMORY)]
+        try:
+            subprocess.run(
+                [sys.executable, "-P", str(Path(__file__).with_name("convex_task.py")), *told],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                timeout=seconds,
+                check=True,
+            )
+            with np.load(result) as pieces:
+                return [np.asarray(pieces[name], dtype=np.float64) for name in pieces.files]
+        except (OSError, ValueError, subprocess.SubprocessError):
+            return []

@@ -1,0 +1,217 @@
+"""Bodies as the planner's distance wants them on its second side: planes with exact supports, and a box for the broad
+phase.
+
+In: scene shapes or outer link bodies. Out: PlaneBody: unit normals n_k and supports h(n_k) = max_{b in B} n_k·b,
+exact for the shape itself (a true cylinder, not a polygon). What the planes enclose is slightly more than the shape
+(an outer body).
+
+How many planes is a setting, `normals`: "box" gives a box or a link the 26 directions of its box, anything else 48;
+"faces" gives the former the 6 of its faces alone; "sphere" gives all of them 96 more, spread evenly.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.symbolic.halfspaces import FAR, box_directions
+from hdplan.planner.collision.convex_pieces import MOST_SECONDS, convex_pieces
+from hdplan.planner.geometry.meshes import load_mesh
+from hdplan.scenes.deadline import check_time
+from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, Shape, Sphere
+from hdplan.scenes.once import freeze
+
+Floats = NDArray[np.float64]
+
+FEW, MANY = 26, 50  # planes of box-like bodies and of everything else; one compiled kernel each
+SPREAD = 96  # more of them for normals "sphere"
+
+
+@dataclass(frozen=True)
+class PlaneBody:
+    """The intersection of half-spaces n_k · y ≤ h_k around a convex body, in the frame of what carries it."""
+
+    name: str  # of the obstacle or link
+    joint: int  # the joint that carries it; 0, the universe, if it stands in the world
+    normals: Floats  # (K, 3) unit normals, the directions of its box first; K is the same for all bodies alike
+    supports: Floats  # (K,) [m]
+    box: Floats  # (4, 4) the frame of a tight box around the body
+    half_size: Floats  # (3,) of that box [m]
+    shape: Shape | ConvexBody  # the body itself, no mesh
+    placement: Floats  # (4, 4) the frame in which `shape` is given
+
+    def __post_init__(self) -> None:
+        """Share its arrays read-only."""
+        freeze(self)
+
+
+def from_obstacle(
+    obstacle: Obstacle, normals: str = "box", seconds: float = MOST_SECONDS
+) -> tuple[tuple[PlaneBody, ...], tuple[str, ...]]:
+    """Enclose an obstacle: one body, or one for each convex piece of its mesh; and words on what was made of it.
+
+    A mesh that cannot be split, or not within `seconds`, is enclosed by its hull.
+    """
+    check_time("building the problem")
+    placement = obstacle.pose.matrix
+    if not isinstance(obstacle.shape, Mesh):
+        return (from_shape(obstacle.name, obstacle.shape, placement, normals),), ()
+    mesh = load_mesh(obstacle.shape, f"obstacles.{obstacle.name}")
+    split = convex_pieces(mesh, seconds)
+    pieces = (mesh.vertices,) if split is None else split
+    bodies = tuple(from_points(obstacle.name, piece, placement, normals) for piece in pieces)
+    about = f"obstacle '{obstacle.name}': mesh {obstacle.shape.file.name}"
+    if split is None:
+        limit = f"{min(max(seconds, 0.0), MOST_SECONDS):.3g} s"
+        return bodies, (f"{about} could not be split into convex pieces within {limit}: planned around as its hull",)
+    return bodies, (f"{about} split into {len(pieces)} convex pieces",) if len(pieces) > 1 else ()
+
+
+def from_shape(name: str, shape: Shape, placement: Floats, normals: str = "box") -> PlaneBody:
+    """Enclose a scene shape that stands at `placement` in the world. Meshes come as the convex Points of their
+    pieces."""
+    match shape:
+        case Box(size):
+            half = np.array(size) / 2
+            directions = _few(normals)
+            return _placed(name, 0, placement, shape, directions, np.abs(directions) @ half, half)
+        case Sphere(radius):
+            directions = _many(_ball_directions(), normals)
+            return _placed(name, 0, placement, shape, directions, np.full(len(directions), radius), np.full(3, radius))
+        case Cylinder(radius, length):
+            directions = _many(_round_directions(), normals)
+            supports = radius * np.hypot(directions[:, 0], directions[:, 1]) + length / 2 * np.abs(directions[:, 2])
+            return _placed(name, 0, placement, shape, directions, supports, np.array([radius, radius, length / 2]))
+        case Capsule(radius, length):
+            directions = _many(_round_directions(), normals)
+            supports = radius + length / 2 * np.abs(directions[:, 2])
+            return _placed(
+                name, 0, placement, shape, directions, supports, np.array([radius, radius, length / 2 + radius])
+            )
+        case Points(points):
+            return from_points(name, np.array(points), placement, normals)
+    raise TypeError(f"{name}: a {type(shape).__name__} has to be split into convex pieces first")
+
+
+def from_points(name: str, points: Floats, placement: Floats, normals: str = "box") -> PlaneBody:
+    """Enclose the hull of points (m, 3), flat ones too, that stands at `placement` in the world."""
+    frame = _box_frame(points)
+    local = (points - frame[:3, 3]) @ frame[:3, :3]
+    faces = _face_normals(local)
+    directions = _many(np.vstack([box_directions(), faces]), normals) if len(faces) else _few(normals)
+    spare = MANY - FEW - len(faces) if len(faces) else 0
+    directions, supports = _fill(directions, (directions @ local.T).max(axis=1), spare)
+    half = np.abs(local).max(axis=0)
+    return _placed(name, 0, placement, ConvexBody.from_points(points), directions, supports, half, frame)
+
+
+def from_link_body(link: str, joint: int, body: ConvexBody, normals: str = "box") -> PlaneBody:
+    """Enclose an outer link body by the directions of its box; it moves with `joint`."""
+    frame, directions = _box_frame(body.vertices), _few(normals)
+    local = (body.vertices - frame[:3, 3]) @ frame[:3, :3]
+    supports = (directions @ local.T).max(axis=1) + body.radius
+    half = np.abs(local).max(axis=0) + body.radius
+    return _placed(link, joint, np.eye(4), body, directions, supports, half, frame)
+
+
+def plane_counts(normals: str) -> tuple[int, int]:
+    """The numbers of planes that an obstacle may have: box-like, or of any other shape."""
+    return len(_few(normals)), len(_many(_round_directions(), normals))
+
+
+def _few(normals: str) -> Floats:
+    """The directions of a box-like body."""
+    if normals == "faces":
+        return np.vstack([np.eye(3), -np.eye(3)])
+    return _many(box_directions(), normals)
+
+
+def _many(directions: Floats, normals: str) -> Floats:
+    """These directions, and more of them for normals "sphere"."""
+    return np.vstack([directions, _fibonacci(SPREAD)]) if normals == "sphere" else directions
+
+
+def _placed(
+    name: str,
+    joint: int,
+    placement: Floats,
+    shape: Shape | ConvexBody,
+    normals: Floats,
+    supports: Floats,
+    half_size: Floats,
+    frame: Floats | None = None,
+) -> PlaneBody:
+    """Express planes given in the frame of the body's box, the shape's own frame if none is given, in that of what
+    carries the body: h' = h + n'·t."""
+    box = placement if frame is None else placement @ frame
+    turned = normals @ box[:3, :3].T
+    return PlaneBody(name, joint, turned, supports + turned @ box[:3, 3], box, half_size, shape, placement)
+
+
+def _fill(normals: Floats, supports: Floats, spare: int) -> tuple[Floats, Floats]:
+    """Fill unused slots with a plane so far behind that it never decides."""
+    far = FAR + supports.max()
+    return np.vstack([normals, np.tile([0.0, 0.0, 1.0], (spare, 1))]), np.append(supports, np.full(spare, far))
+
+
+def _box_frame(points: Floats) -> Floats:
+    """A frame (4, 4) in which the points' box is centred and aligned with their principal axes."""
+    axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=len(points) < 3)[2].T
+    if np.linalg.det(axes) < 0:
+        axes[:, 2] = -axes[:, 2]
+    local = points @ axes
+    frame = np.eye(4)
+    frame[:3, :3] = axes
+    frame[:3, 3] = axes @ ((local.min(axis=0) + local.max(axis=0)) / 2)
+    return frame
+
+
+def _face_normals(points: Floats) -> Floats:
+    """Normals of the hull's largest faces (F, 3), as many as there are slots, none that a box direction already gives;
+    none for flat hulls."""
+    try:
+        hull = ConvexHull(points)
+    except (QhullError, ValueError):
+        return np.empty((0, 3))
+    triangles = points[hull.simplices]
+    areas = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
+    kept: list[Floats] = []
+    known = box_directions()
+    for index in np.argsort(-areas, kind="stable"):
+        normal = hull.equations[index, :3]
+        if (known @ normal).max() < 1 - 1e-9:
+            kept.append(normal)
+            known = np.vstack([known, normal])
+        if len(known) == MANY:
+            break
+    return np.array(kept).reshape(-1, 3)
+
+
+def _round_directions() -> Floats:
+    """MANY directions for bodies round about z: the box's, 8 more sideways (16 in all) and 16 more slanted. Like those
+    of a box and a ball they are their own mirror images, so that a mirrored scene is the same problem."""
+    between = np.pi / 8 + np.arange(8) * np.pi / 4
+    sideways = np.stack([np.cos(between), np.sin(between), 0 * between], axis=1)
+    slanted = (sideways + [0, 0, 1]) / np.sqrt(2)
+    return np.vstack([box_directions(), sideways, slanted, slanted * [1, 1, -1]])
+
+
+def _ball_directions() -> Floats:
+    """MANY directions around a ball: the box's, and the 24 like (1, 1, 3) in the widest gaps between them. No direction
+    is farther than 19.1 degrees from all of these."""
+    signs = np.array(list(itertools.product((-1, 1), repeat=3)))
+    between = np.vstack([signs * axis for axis in ((1, 1, 3), (1, 3, 1), (3, 1, 1))]) / np.sqrt(11)
+    return np.vstack([box_directions(), between])
+
+
+def _fibonacci(count: int) -> Floats:
+    """Evenly spread unit directions (count, 3)."""
+    index = np.arange(count) + 0.5
+    height, around = 1 - 2 * index / count, index * np.pi * (3 - np.sqrt(5))
+    ring = np.sqrt(1 - height**2)
+    return np.stack([ring * np.cos(around), ring * np.sin(around), height], axis=1)

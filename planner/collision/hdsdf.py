@@ -1,0 +1,61 @@
+"""The HD-SDF of many body pairs at many samples, by the compiled kernels: the planner's own distance.
+
+A lower bound in sign, an approximation in value: see `hdplan.distance.symbolic.halfspaces`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hdplan.distance.symbolic.halfspaces import halfspace_distance
+from hdplan.distance.symbolic.row_function import RowFunction
+from hdplan.planner.collision.broad_phase import BodyPairs, Floats, Rows
+from hdplan.planner.kinematics.forward import KinematicsBatch
+from hdplan.scenes.once import made_once
+
+
+class HdsdfPairs:
+    """D of the pairs' bodies, the plane bodies enlarged by the margin."""
+
+    def __init__(self, pairs: BodyPairs, gamma: int, shaping_length: float, plane_counts: tuple[int, ...] = ()) -> None:
+        """Compile the distance, or find it in the cache: one kernel for each number of plane slots among the pairs, and
+        for each of `plane_counts`, which other bodies than these may have."""
+        slots = (pairs.body_table.shape[1] - 1) // 4
+        counts = sorted({*pairs.plane_slots.tolist(), *plane_counts})
+        self.pairs = pairs
+        self.vertices, self.gamma, self.shaping_length = slots, gamma, shaping_length
+        self.kernels = {count: _kernel(slots, count, gamma, shaping_length) for count in counts}
+
+    @property
+    def how(self) -> str:
+        """Compiled or interpreted."""
+        compiled = all(kernel.is_compiled for kernel in self.kernels.values())
+        return f"HD-SDF, {'compiled C' if compiled else 'by CasADi’s interpreter: no C compiler'}"
+
+    def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Floats, Floats, Floats]:
+        """Return D (S,) [m], its wrench (S, 6) and D̃ (S,) [m] for S pairs (row of the pairs) at samples."""
+        batch, joints = kinematics.placements.shape[:2]
+        placements = kinematics.placements.reshape(batch * joints, 12)  # row of sample s and joint j: s·joints + j
+        distance, separation, wrench = np.zeros(len(pair)), np.zeros(len(pair)), np.zeros((len(pair), 6))
+        slots = self.pairs.plane_slots[pair]
+        for count, kernel in self.kernels.items():
+            chosen = np.flatnonzero(slots == count)
+            if len(chosen) == 0:
+                continue
+            s, p = sample[chosen], pair[chosen]
+            values, wrenches, separations = kernel(
+                [placements, placements, self.pairs.body_table, self.pairs.plane_tables[count]],
+                [
+                    s * joints + self.pairs.joint_a[p],
+                    s * joints + self.pairs.joint_b[p],
+                    self.pairs.body[p],
+                    self.pairs.plane_row[p],
+                ],
+            )
+            distance[chosen], wrench[chosen], separation[chosen] = values[:, 0], wrenches, separations[:, 0]
+        return distance, wrench, separation
+
+
+@made_once(64)
+def _kernel(vertices: int, planes: int, gamma: int, shaping_length: float) -> RowFunction:
+    return RowFunction(halfspace_distance(vertices, planes, gamma, shaping_length))

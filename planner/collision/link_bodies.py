@@ -1,0 +1,295 @@
+"""A few tight outer bodies for each link of a robot: what the planner sees instead of the link's mesh.
+
+Robot -> `LinkBody`s whose union contains the link's collision geometry. The geometry, as triangles, is cut into slabs
+along an axis of its oriented bounding box; the corners of a slab's triangles lie within a sphere-swept polytope, which
+is convex and so contains the slab. Fitted once, kept on disk by the content of the geometry. In the joint's frame, [m].
+
+Which bodies is a setting, `link_bodies`: "fitted" takes the cheapest that is good. The others are there to compare
+with: one capsule, one box, polytopes of a fixed number of vertices in all, or the link's convex hull itself.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+import trimesh
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+from threadpoolctl import threadpool_limits
+
+from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.cache import content_key, load, store
+from hdplan.planner.collision.sphere_swept_fit import (
+    MARGIN,
+    Reference,
+    Swept,
+    distance_to_hull,
+    fit_swept,
+    outside,
+    spread,
+)
+from hdplan.planner.geometry.meshes import below
+from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.once import Turn
+
+Array = NDArray[np.float64]
+
+FIT_VERSION = "7"  # changes with anything that changes a fit, so that old cache entries are not used
+GOOD_MEAN, GOOD_P95 = 0.0095, 0.0185  # outside the link's hull [m]: the first candidate this tight is taken
+LARGE = 1.0  # links with a longer diagonal [m] may have bodies that stand out more, in proportion
+REACH = 0.06  # how far a slab's body may reach into its neighbours at no cost [m]
+CANDIDATES = (
+    (1, 2),
+    (1, 3),
+    (1, 4),
+    (2, 3),
+    (2, 4),
+    (1, 6),
+    (3, 4),
+    (2, 6),
+    (3, 6),
+)  # (slabs, vertices), cheapest first
+FIXED = {"capsule": (1, 2), "outer-4": (1, 4), "outer-12": (3, 4)}  # the one candidate of the settings named so
+ROUND_SIDES = 16  # sides of the prism around a cylinder
+
+_fitting = Turn()  # how many threads BLAS may use is set for the whole process
+
+
+@dataclass(frozen=True, eq=False)
+class LinkBody:
+    """One outer body of a link."""
+
+    link: str
+    joint: int  # of robot.model; 0 is the world
+    body: ConvexBody  # in that joint's frame
+
+
+@dataclass(frozen=True)
+class FitRow:
+    """How a link's bodies fit."""
+
+    link: str
+    bodies: int
+    vertices: int  # of all bodies together
+    volume_ratio: float  # bodies (each counted whole) over the link's convex hull
+    mean_outside: float  # of the bodies' surface, outside the link's convex hull [m]
+    p95_outside: float  # 95th percentile of the same [m]
+    contained: bool  # every corner of the cut geometry lies in its body
+
+
+def link_bodies(robot: Robot, geometry: str = "fitted") -> tuple[LinkBody, ...]:
+    """Return the outer bodies of all links, from base to tip; from the cache, or fitted now (seconds).
+
+    geometry: "fitted", "capsule", "outer-4", "outer-12", "box" (the oriented bounding box) or "hull" (all its corners).
+    """
+    return tuple(
+        LinkBody(link, robot.link_joint[link], ConvexBody.from_points(_moved(swept.vertices, frame), swept.radius))
+        for link in robot.links
+        for frame in [_link_frame(robot, link)]
+        for swept in _enclosed(robot, link, geometry)
+    )
+
+
+def fit_report(robot: Robot) -> tuple[FitRow, ...]:
+    """Return one row per link: how many fitted bodies, how tight, and whether they contain the link's geometry."""
+    rows = []
+    for link in robot.links:
+        bodies = _enclosed(robot, link, "fitted")
+        triangles = _link_triangles(robot, link)
+        points = _hull_points(triangles)
+        mean, p95 = outside(bodies, points, samples=2000)
+        volume = sum(_volume(body) for body in bodies) / ConvexHull(points).volume
+        vertices = sum(len(body.vertices) for body in bodies)
+        rows.append(FitRow(link, len(bodies), vertices, volume, mean, p95, contains(bodies, triangles)))
+    return tuple(rows)
+
+
+def contains(bodies: tuple[Swept, ...], triangles: Array, depth: int = 60) -> bool:
+    """Whether the union of bodies contains all triangles (T, 3, 3): each, or each of its parts, lies in one body.
+
+    A triangle lies in a convex body if its corners do; one that lies in none is halved across its longest side, up to
+    `depth` times. True is a proof (to rounding); False may also mean that the depth was not enough.
+    """
+    for _ in range(depth):
+        inside = np.array(
+            [
+                (distance_to_hull(triangles.reshape(-1, 3), body.vertices)[0] <= body.radius).reshape(-1, 3)
+                for body in bodies
+            ]
+        )  # (bodies, T, 3)
+        if not inside.any(0).all():
+            return False  # a corner sticks out
+        triangles = triangles[~inside.all(2).any(0)]
+        if len(triangles) == 0:
+            return True
+        sides = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)
+        turn = (sides.argmax(1)[:, None] + np.arange(3)) % 3
+        a, b, c = (triangles[np.arange(len(triangles)), turn[:, k]] for k in range(3))
+        middle = (a + b) / 2
+        triangles = np.concatenate([np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)])
+    return False
+
+
+# --- fitting ----------------------------------------------------------------------------------------------------------
+
+
+def _enclosed(robot: Robot, link: str, geometry: str) -> tuple[Swept, ...]:
+    """Return the bodies of a link in the link's own frame (which no locked joint moves)."""
+    key = content_key(
+        FIT_VERSION, geometry, *(part for item in _items(robot, link) for part in _content(robot, link, item))
+    )
+    with _fitting:  # who waits finds what the other has stored
+        known = load("link_bodies", key)
+        if known is not None:
+            return tuple(Swept(np.array(vertices), radius) for vertices, radius in known)
+        with threadpool_limits(1):  # thousands of tiny products: threads would only wait for each other, 5 s become 20
+            bodies = _around(_link_triangles(robot, link), geometry)
+        store("link_bodies", key, [[body.vertices.tolist(), body.radius] for body in bodies])
+        return bodies
+
+
+def _around(triangles: Array, geometry: str) -> tuple[Swept, ...]:
+    """Return bodies of the wanted kind around triangles (T, 3, 3)."""
+    points = _hull_points(triangles)
+    match geometry:
+        case "hull":
+            return (Swept(points, MARGIN),)
+        case "box":
+            axes = _box_axes(points)
+            heights = points @ axes.T
+            corners = itertools.product(*np.stack([heights.min(axis=0), heights.max(axis=0)], axis=1).tolist())
+            return (Swept(np.array(list(corners)) @ axes, MARGIN),)
+        case "fitted":
+            return _fit(triangles, CANDIDATES)
+        case _:
+            return _fit(triangles, (FIXED[geometry],))
+
+
+def _fit(triangles: Array, candidates: tuple[tuple[int, int], ...]) -> tuple[Swept, ...]:
+    """Return the cheapest of the candidates (slabs, vertices) that is good, or else the tightest."""
+    points = _hull_points(triangles)
+    axes = _box_axes(points)
+    slack = max(1.0, float(np.linalg.norm(np.ptp(points, axis=0))) / LARGE)
+    cut: dict[tuple[int, int], list[tuple[Array, Reference]]] = {}
+    found: list[tuple[float, tuple[Swept, ...]]] = []
+    tried: tuple[int, ...] = (0, 1, 2)  # axes; when all have been tried once, only the best goes on
+    for slabs, vertices in candidates:
+        scores = []
+        for axis in tried if slabs > 1 else (0,):
+            if (slabs, axis) not in cut:
+                cut[slabs, axis] = _slabs(triangles, axes[axis], slabs)
+            bodies = tuple(fit_swept(corners, reference, vertices) for corners, reference in cut[slabs, axis])
+            mean, p95 = outside(bodies, points)
+            scores.append(max(mean / GOOD_MEAN, p95 / GOOD_P95) / slack)
+            found.append((scores[-1], bodies))
+            if scores[-1] <= 1.0:
+                return bodies
+        if slabs > 1:
+            tried = (tried[int(np.argmin(scores))],)
+    return min(found, key=lambda each: each[0])[1]
+
+
+def _box_axes(points: Array) -> Array:
+    """Return the axes (3, 3), as rows, of the oriented bounding box of points, longest side first."""
+    to_box, extents = trimesh.bounds.oriented_bounds(points)
+    return np.asarray(to_box[:3, :3][np.argsort(-extents)])
+
+
+def _slabs(triangles: Array, axis: Array, count: int) -> list[tuple[Array, Reference]]:
+    """Return the corners of equal slabs along an axis, and the hull of each slab widened by REACH."""
+    height = triangles @ axis
+    cuts = np.linspace(height.min(), height.max(), count + 1)
+    cuts[0], cuts[-1] = -np.inf, np.inf
+    return [
+        (
+            _hull_points(_between(triangles, axis, low, high)),
+            Reference.of(spread(_hull_points(_between(triangles, axis, low - REACH, high + REACH)))),
+        )
+        for low, high in itertools.pairwise(cuts)
+    ]
+
+
+def _between(triangles: Array, axis: Array, low: float, high: float) -> Array:
+    return below(below(triangles, axis, high), -axis, -low)
+
+
+def _hull_points(triangles: Array) -> Array:
+    """Return the corners of the triangles' convex hull (N, 3)."""
+    points = triangles.reshape(-1, 3)
+    return np.asarray(points[ConvexHull(points).vertices])
+
+
+def _volume(body: Swept) -> float:
+    """Return a swept body's volume [m^3], from a fine polyhedron in it."""
+    ball = trimesh.creation.icosphere(subdivisions=3).vertices
+    return float(ConvexHull((body.vertices[:, None] + body.radius * ball).reshape(-1, 3)).volume)
+
+
+# --- geometry ---------------------------------------------------------------------------------------------------------
+
+
+def _items(robot: Robot, link: str) -> list[pin.GeometryObject]:
+    return [robot.collision.geometryObjects[index] for index in robot.link_geometry[link]]
+
+
+def _link_frame(robot: Robot, link: str) -> pin.SE3:
+    """Return the link's frame in its joint's frame."""
+    return robot.model.frames[_items(robot, link)[0].parentFrame].placement
+
+
+def _moved(points: Array, placement: pin.SE3) -> Array:
+    return np.asarray(points @ placement.rotation.T + placement.translation)
+
+
+def _content(robot: Robot, link: str, item: pin.GeometryObject) -> tuple[str | bytes, ...]:
+    """Return what determines one geometry in the link's frame, for the cache's key."""
+    place = _link_frame(robot, link).inverse() * item.placement
+    rounded = np.round(np.hstack([place.rotation.ravel(), place.translation]), 9) + 0.0
+    kind = type(item.geometry).__name__
+    mesh = Path(item.meshPath)
+    if mesh.is_file():
+        return kind, rounded.tobytes(), np.asarray(item.meshScale).tobytes(), mesh.read_bytes()
+    return kind, rounded.tobytes(), _triangles(item).tobytes()
+
+
+def _link_triangles(robot: Robot, link: str) -> Array:
+    """Return triangles (T, 3, 3) in the link's frame whose pieces' hulls contain the link's collision geometry."""
+    inverse = _link_frame(robot, link).inverse()
+    return np.concatenate([_moved(_triangles(item), inverse * item.placement) for item in _items(robot, link)])
+
+
+def _triangles(item: pin.GeometryObject) -> Array:
+    """Return triangles (T, 3, 3) of a geometry in its own frame: a mesh's, or those of a polyhedron around it."""
+    shape: Any = item.geometry
+    if isinstance(shape, coal.BVHModelBase):
+        faces = (shape.tri_indices(index) for index in range(shape.num_tris))
+        corners = np.array([[face[0], face[1], face[2]] for face in faces])
+        return np.asarray(np.asarray(shape.vertices())[corners])
+    if isinstance(shape, coal.ConvexBase):
+        return _polyhedron(np.asarray(shape.points()))
+    if isinstance(shape, coal.Box):
+        return _polyhedron(np.array(list(itertools.product((-1, 1), repeat=3))) * shape.halfSide)
+    angles = 2 * np.pi * (np.arange(ROUND_SIDES) + 0.5) / ROUND_SIDES
+    ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], 1) / np.cos(np.pi / ROUND_SIDES)
+    if isinstance(shape, coal.Cylinder):
+        return _polyhedron(np.concatenate([shape.radius * ring + [0, 0, end * shape.halfLength] for end in (-1, 1)]))
+    if isinstance(shape, coal.Sphere | coal.Capsule):
+        half = shape.halfLength if isinstance(shape, coal.Capsule) else 0.0
+        ball = trimesh.creation.icosphere(subdivisions=2)
+        radius = shape.radius / float(np.min(np.sum(ball.triangles[:, 0] * ball.face_normals, axis=1)))
+        return _polyhedron(np.concatenate([radius * ball.vertices + [0, 0, end * half] for end in (-1, 1)]))
+    raise InputError(f"robot: collision geometry '{item.name}' is a {type(shape).__name__}, which hdplan does not know")
+
+
+def _polyhedron(points: Array) -> Array:
+    try:
+        return np.asarray(points[ConvexHull(points).simplices])
+    except QhullError:
+        raise InputError("robot: a collision geometry is flat") from None

@@ -1,0 +1,84 @@
+"""How far a body can get, a ball around its chain's first joint that holds it at every configuration within the limits;
+and how fast at most."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hdplan.distance.bodies import ConvexBody
+from hdplan.planner.collision.halfspace_bodies import PlaneBody
+from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.once import freeze
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Reach:
+    """A ball in the world that a body never leaves."""
+
+    centre: Floats  # (3,) [m]
+    radius: float  # [m]
+
+    def __post_init__(self) -> None:
+        """Share its arrays read-only."""
+        freeze(self)
+
+    def meets(self, others: Sequence[PlaneBody], margin: ArrayLike) -> NDArray[np.bool_]:
+        """For each standing body (B,), whether the ball touches its box enlarged by `margin`, one for all or one for
+        each [m]; if not, the pair never matters."""
+        margins = np.full(len(others), margin, dtype=np.float64)
+        boxes = np.array([other.box for other in others]).reshape(-1, 4, 4)
+        half_sizes = np.array([other.half_size for other in others]).reshape(-1, 3)
+        local = ((self.centre - boxes[:, :3, 3])[:, None] @ boxes[:, :3, :3])[:, 0]
+        outside = np.maximum(np.abs(local) - half_sizes - margins[:, None], 0.0)
+        return np.asarray(np.einsum("bi,bi->b", outside, outside) <= self.radius**2)
+
+
+def reach_of(robot: Robot, joint: int, body: ConvexBody) -> Reach:
+    """Bound the places of a body on `joint` within the robot's limits.
+
+    The origin of a chain's first joint stands still (but for its own travel); each further joint's origin is at a
+    fixed distance from its parent's frame, or that plus its travel: the triangle inequality adds these up, and the
+    body's farthest point.
+    """
+    model = robot.model
+    radius = float(np.linalg.norm(body.vertices, axis=1).max()) + body.radius
+    while joint > 0:
+        radius += _travel(robot, joint)
+        if model.parents[joint] == 0:
+            break
+        radius += float(np.linalg.norm(model.jointPlacements[joint].translation))
+        joint = int(model.parents[joint])
+    return Reach(np.array(model.jointPlacements[joint].translation), radius)
+
+
+def levers(robot: Robot, bodies: Sequence[tuple[int, ConvexBody]]) -> Floats:
+    """Bound how fast any point of the bodies (joint, body) moves per unit of each joint's speed (n,), wherever the
+    joints stand within the robot's limits: [m] for a joint that turns, 1 for one that slides.
+
+    From a joint's origin to the body's farthest point, from joint to joint, by the triangle inequality as above.
+    """
+    model, found = robot.model, np.zeros(robot.n)
+    for joint, body in bodies:
+        length, at = float(np.linalg.norm(body.vertices, axis=1).max()) + body.radius, joint
+        while at > 0:
+            found[at - 1] = max(found[at - 1], 1.0 if _slides(robot, at) else length + _travel(robot, at))
+            length += _travel(robot, at) + float(np.linalg.norm(model.jointPlacements[at].translation))
+            at = int(model.parents[at])
+    return found
+
+
+def _slides(robot: Robot, joint: int) -> bool:
+    return "P" in robot.model.joints[joint].shortname().removeprefix("JointModel")[:1]
+
+
+def _travel(robot: Robot, joint: int) -> float:
+    """Largest displacement of a prismatic joint within its limits [m]; 0 for one that turns."""
+    if not _slides(robot, joint):
+        return 0.0
+    return float(max(abs(robot.lower[joint - 1]), abs(robot.upper[joint - 1])))

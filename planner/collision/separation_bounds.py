@@ -1,0 +1,162 @@
+"""Proof that two bodies of a robot keep apart: a lower bound of their distance over all joint limits.
+
+Robot, outer bodies, pairs of them -> for each pair a distance [m] that it keeps at every configuration within the
+limits. Only the joints between the two count. Over a box of their values, of centre c and half widths h, and along any
+unit vector n (the normal between the bodies at c, from B to A), their distance obeys
+
+    d(q) ≥ min_{v ∈ A} (n·v − Σ_j e_j(v)) − max_{v ∈ B} (n·v + Σ_j e_j(v)) − both radii
+
+over the bodies' vertices v at c. Joint j of those that move v, which alone moves it by the velocity v_j at c, shifts it
+along n by no more than
+
+    e_j = min( s_j |v_j|,  h_j |n·v_j| + ½ h_j² |v_j| + s_j |v_j| min(2, Σ_{i<j} h_i) )
+
+with s_j = 2 sin(h_j / 2); a joint that slides has s_j = h_j, no second term, and does not count in the sum over i. For
+set the joints one after another, the nearest to the bodies' common root first. When it is joint j's turn, those beyond
+it still stand at c, so it moves v by a chord of length s_j |v_j| at most, off its tangent by ½ h_j² |v_j| at most; and
+those before it, i < j, have turned this chord by their sum at most. Only the vertices matter, as a plane that has all
+of them on one side has their hull there; the balls that sweep the bodies turn onto themselves.
+
+Boxes are halved (branch and bound) until the least bound is close to the least distance that was met, the two come too
+close for anything to be gained, or the budget is spent. No random draws; the result is kept on disk by its content.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.distance.cache import content_key, load, store
+from hdplan.planner.collision.broad_phase import Floats, Rows, body_pairs
+from hdplan.planner.collision.euclidean import FclPairs
+from hdplan.planner.collision.halfspace_bodies import PlaneBody
+from hdplan.planner.collision.link_bodies import LinkBody
+from hdplan.planner.kinematics.forward import Kinematics
+from hdplan.planner.robot.robot import Robot
+
+VERSION = "1"  # changes with anything that changes a bound, so that old cache entries are not used
+BUDGET = 4000  # boxes looked at for a pair
+BATCH = 64  # of them halved at once
+TIGHT = 0.9  # share of the least distance met, at which a bound is good enough
+ROUNDING = 1e-6  # [m] taken off a bound, for all that is computed in floating point
+
+
+def distances_kept(
+    robot: Robot,
+    kinematics: Kinematics,
+    bodies: Sequence[LinkBody],
+    planes: Sequence[PlaneBody],
+    pairs: Sequence[tuple[int, int]],
+    wanted: float,
+) -> Floats:
+    """Return for each pair (row of `bodies`, row of `planes`, which are the same bodies) a distance (P,) [m] that it
+    keeps within the robot's limits: a lower bound, 0 where none above `wanted` [m] is proven."""
+    if not pairs:
+        return np.zeros(0)
+    key = content_key(VERSION, *_content(robot, bodies, pairs), np.float64(wanted).tobytes())
+    known = load("separation", key)
+    if known is None:
+        laid_out = body_pairs(bodies, planes, pairs, 0.0, kinematics.supports)
+        search = _Search(robot, kinematics, bodies, pairs, FclPairs(laid_out, bodies, planes))
+        known = [search.bound(row, wanted) for row in range(len(pairs))]
+        store("separation", key, known)
+    return np.array(known)
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """Branch and bound over the joint limits."""
+
+    robot: Robot
+    kinematics: Kinematics
+    bodies: Sequence[LinkBody]
+    pairs: Sequence[tuple[int, int]]
+    distance: FclPairs  # of the same pairs, exact; in doubt a lower bound
+
+    def bound(self, pair: int, wanted: float) -> float:
+        """Return the bound of one pair [m], 0 if it is not above `wanted`."""
+        low, high = _ranges(self.robot, self.kinematics)
+        between = self.distance.pairs.moves[pair] != 0.0
+        centres, halves = ((low + high) / 2)[None], np.where(between, (high - low) / 2, 0.0)[None]
+        distances, bounds, widest = self._look(pair, centres, halves)
+        least, looked = float(distances[0]), 1
+        while bounds.min() < TIGHT * least and least > wanted and looked < BUDGET:
+            order = np.argsort(bounds, kind="stable")
+            count = min(BATCH, int(np.count_nonzero(bounds < TIGHT * least)))
+            halved, kept, rows = order[:count], order[count:], np.arange(count)
+            half, shift = halves[halved], np.zeros((count, self.robot.n))
+            half[rows, widest[halved]] /= 2
+            shift[rows, widest[halved]] = half[rows, widest[halved]]
+            inner = np.vstack([centres[halved] - shift, centres[halved] + shift])
+            distances, inner_bounds, inner_widest = self._look(pair, inner, np.vstack([half, half]))
+            looked += len(distances)
+            least = min(least, float(distances.min()))
+            centres, halves = np.vstack([centres[kept], inner]), np.vstack([halves[kept], half, half])
+            bounds, widest = np.append(bounds[kept], inner_bounds), np.append(widest[kept], inner_widest)
+        proven = float(bounds.min()) - ROUNDING
+        return proven if proven > wanted else 0.0
+
+    def _look(self, pair: int, centres: Floats, halves: Floats) -> tuple[Floats, Floats, Rows]:
+        """Return the distance at the centres of K boxes, the bound over each of them (K,) [m], and the joint (K,) that
+        makes most of the difference."""
+        laid_out, kinematics = self.distance.pairs, self.kinematics.evaluate(centres)
+        distances, wrenches, _ = self.distance(kinematics, np.arange(len(centres)), np.full(len(centres), pair))
+        shifts = np.zeros_like(halves)
+        gap = np.zeros(len(centres))
+        for index, joint, sign in (
+            (self.pairs[pair][0], laid_out.joint_a[pair], 1.0),
+            (self.pairs[pair][1], laid_out.joint_b[pair], -1.0),
+        ):
+            body, normal = self.bodies[index].body, sign * wrenches[:, :3]
+            turn, origin = kinematics.rotations[:, joint], kinematics.translations[:, joint]
+            vertices = np.einsum("kij,vj->kvi", turn, body.vertices) + origin[:, None]
+            moving = np.flatnonzero(laid_out.moves[pair] == sign)
+            towards = _shifts(vertices, normal, halves[:, moving], kinematics.columns[:, moving])
+            heights = (vertices @ normal[:, :, None])[..., 0] - towards.sum(axis=2)
+            lowest = heights.argmin(axis=1)
+            rows = np.arange(len(centres))
+            gap += heights[rows, lowest] - body.radius
+            shifts[:, moving] = towards[rows, lowest]
+        return distances, gap, shifts.argmax(axis=1)
+
+
+def _shifts(vertices: Floats, normal: Floats, half: Floats, columns: Floats) -> Floats:
+    """Return e_j (K, V, m) of vertices (K, V, 3) for joints of half widths (K, m) and unit velocities (K, m, 6)."""
+    linear, angular = columns[:, None, :, :3], columns[:, None, :, 3:]
+    velocity = linear + np.cross(angular, vertices[:, :, None])
+    turns = _turns(columns)
+    chord = np.where(turns, 2 * np.sin(np.minimum(half, np.pi) / 2), half)
+    before = np.cumsum(half * turns, axis=1) - half * turns
+    speed, along = np.linalg.norm(velocity, axis=3), np.abs(np.einsum("kvmi,ki->kvm", velocity, normal))
+    bend = 0.5 * half**2 * turns + chord * np.minimum(before, 2.0)
+    shifts: Floats = np.minimum(chord[:, None] * speed, half[:, None] * along + bend[:, None] * speed)
+    return shifts
+
+
+def _turns(columns: Floats) -> NDArray[np.bool_]:
+    """Whether joints of unit velocities (..., 6) turn; the others slide."""
+    return np.asarray(np.linalg.norm(columns[..., 3:], axis=-1) > 0.5)
+
+
+def _ranges(robot: Robot, kinematics: Kinematics) -> tuple[Floats, Floats]:
+    """The limits (n,) of each joint; one whole turn of a joint that turns farther."""
+    at_rest = kinematics.evaluate(np.clip(np.zeros(robot.n), robot.lower, robot.upper))
+    whole = _turns(at_rest.columns[0]) & (robot.upper - robot.lower >= 2 * np.pi)
+    return np.where(whole, -np.pi, robot.lower), np.where(whole, np.pi, robot.upper)
+
+
+def _content(robot: Robot, bodies: Sequence[LinkBody], pairs: Sequence[tuple[int, int]]) -> list[bytes | str]:
+    """What determines the bounds: the tree of joints with its limits, the bodies, and the pairs."""
+    model = robot.model
+    parts: list[bytes | str] = [robot.lower.tobytes(), robot.upper.tobytes()]
+    for joint, placement in zip(model.joints, model.jointPlacements, strict=True):
+        parts += [str(joint), np.round(placement.homogeneous, 12).tobytes()]
+    parts.append(np.array(list(model.parents)).tobytes())
+    for index in sorted({index for pair in pairs for index in pair}):
+        body = bodies[index]
+        radius = np.float64(body.body.radius).tobytes()
+        parts += [str(index), str(body.joint), body.body.vertices.tobytes(), radius]
+    return [*parts, np.array(pairs).tobytes()]

@@ -1,0 +1,258 @@
+"""The barriers of a controller: the distance Δ of every pair of bodies at one configuration, with exact derivatives.
+
+In: outer link bodies, obstacles (standing, or moving), the distance and the growth. Out, at (q, t): Δ
+(P,) [m], ∂Δ/∂q (P, n) and ∂Δ/∂t (P,) [m/s]. The derivative by q is the distance's wrench on the first body times the
+geometric Jacobian; Δ depends on the relative pose alone, so the second body's wrench is the opposite one, and a moving
+obstacle of world twist (v, ω) gives ∂Δ/∂t = −(F·v + T·ω).
+
+A moving obstacle is one more frame beside the joints', so that every `PairDistance` takes it as it takes a link.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.collision.boxes import BoxPairs, GdfPairs
+from hdplan.planner.collision.broad_phase import BodyPairs, Rows, body_pairs
+from hdplan.planner.collision.collision_model import outline_of
+from hdplan.planner.collision.euclidean import FclPairs
+from hdplan.planner.collision.halfspace_bodies import PlaneBody, from_link_body, from_obstacle
+from hdplan.planner.collision.hdsdf import HdsdfPairs
+from hdplan.planner.collision.link_bodies import LinkBody, link_bodies
+from hdplan.planner.collision.pair_distance import PairDistance
+from hdplan.planner.collision.reach import levers
+from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
+from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.errors import FieldError, naming, nearest
+from hdplan.scenes.model import Pose, Scene
+from hdplan.scenes.moving import Passages
+from hdplan.scenes.values import Checked, Choice, Number, Whole, instance
+
+Floats = NDArray[np.float64]
+
+DISTANCES = ("hdsdf", "hdsdf-boxes", "euclidean", "gdf")
+
+
+@dataclass(frozen=True)
+class BarrierSettings(Checked):
+    """Which distance, and what it is taken to."""
+
+    distance: Annotated[str, Choice(DISTANCES)] = "hdsdf"
+    """hdsdf (planes of the obstacle), hdsdf-boxes (the paper's set), euclidean (exact) or gdf."""
+    gamma: Annotated[int, Whole(1, 1000)] = 2  # order of differentiability of the HD-SDF
+    shaping_length: Annotated[float, Number(above=0.0, unit="m")] = 1e-3  # width of its flat spot [m]
+    growth: Annotated[float, Number(0.0, 1.0, unit="m")] = 0.02  # of the obstacles [m], g
+    self_growth: Annotated[float, Number(0.0, 1.0, unit="m")] = 0.005  # of a link beside another [m]
+    normals: str = "box"  # planes of an obstacle: faces, box or sphere; of hdsdf-boxes: paper or paper-multiset
+
+    def _check_whole(self) -> None:
+        known = ("paper", "paper-multiset") if self.distance == "hdsdf-boxes" else ("faces", "box", "sphere")
+        if self.normals not in known:
+            raise FieldError(f"'{self.normals}' for {self.distance}{nearest(self.normals, known)}", "normals")
+
+
+@dataclass(frozen=True, eq=False)
+class BarrierRows:
+    """Δ and its derivatives at one configuration and time, P pairs."""
+
+    value: Floats  # (P,) [m]
+    gradient: Floats  # (P, n) by the configuration
+    drift: Floats  # (P,) by time alone [m/s]
+    separation: Floats  # (P,) a lower bound of the true distance less the growth [m]; of the GDF no bound
+
+
+class Barriers:
+    """The pairs of bodies that a controller keeps apart: robot and obstacles first, then the robot's own links."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        kinematics: Kinematics,
+        bodies: Sequence[LinkBody],
+        self_pairs: Sequence[tuple[int, int]],
+        obstacles: Sequence[PlaneBody],
+        settings: BarrierSettings,
+        movers: Sequence[tuple[Passages, Sequence[PlaneBody]]] = (),
+        clearances: Mapping[str, float] | None = None,
+        hulls: Sequence[LinkBody] = (),
+        unguarded: Sequence[tuple[str, str]] = (),
+    ) -> None:
+        """Lay out the pairs. `obstacles` stand; the bodies beside a motion are given in its obstacle's own frame.
+
+        clearances: [m], by name, that are grown on obstacles beside the settings' growth. hulls: the links' own hulls,
+        for `nearness`. unguarded: pairs of links that are left out, to be told.
+        """
+        self.robot, self.kinematics, self.settings = robot, kinematics, settings
+        self.movers, self.unguarded = tuple(motion for motion, _ in movers), tuple(unguarded)
+        carried = [
+            replace(body, joint=kinematics.nj + index) for index, (_, moved) in enumerate(movers) for body in moved
+        ]
+        others = [*obstacles, *carried]
+        # links that stand are in no pair: if a moving obstacle meets one, no motion of the robot prevents it
+        outer = [(a, b) for a, body in enumerate(bodies) if body.joint > 0 for b in range(len(others))]
+        extra = np.array([(clearances or {}).get(body.name, 0.0) for body in others])
+        normals = settings.normals if settings.distance == "hdsdf" else "box"
+        links = [from_link_body(body.link, body.joint, body.body, normals) for body in bodies]
+        supports = np.vstack([kinematics.supports, np.zeros((len(movers), kinematics.n), dtype=np.bool_)])
+        hull_of = {hull.link: index for index, hull in enumerate(hulls)}
+        hull_planes = [from_link_body(hull.link, hull.joint, hull.body) for hull in hulls]
+        self.groups: list[_Group] = []
+        self._true: list[tuple[_Group, Rows]] = []  # of the links' hulls, and the row there of each pair here
+        names: list[tuple[str, str]] = []
+        for chosen, planes, margin in (
+            (outer, others, settings.growth + extra),
+            (self_pairs, links, settings.self_growth),
+        ):
+            if not chosen:
+                continue
+            pairs = body_pairs(bodies, planes, chosen, margin, supports)
+            self.groups.append(_Group(pairs, _distance(pairs, bodies, planes, settings)))
+            names += [(bodies[a].link, planes[b].name) for a, b in chosen]
+            if not hulls:
+                continue
+            if planes is links:
+                same = [(hull_of[bodies[a].link], hull_of[bodies[b].link]) for a, b in chosen]
+            else:
+                same = [(hull_of[bodies[a].link], b) for a, b in chosen]
+            solids, unique = hull_planes if planes is links else others, sorted(set(same))
+            pairs = body_pairs(hulls, solids, unique, 0.0, supports)
+            rows = np.array([unique.index(pair) for pair in same], dtype=np.int64)
+            self._true.append((_Group(pairs, FclPairs(pairs, hulls, solids)), rows))
+        self._nothing = BarrierRows(np.empty(0), np.empty((0, kinematics.n)), np.empty(0), np.empty(0))
+        self.names = tuple(names)  # (P,) link and obstacle, or link and link
+        self.coming = np.zeros(len(names), dtype=np.bool_)  # (P,) pairs with an obstacle that moves
+        self.coming[: len(outer)] = [b >= len(obstacles) for _, b in outer]
+        self.obstacle_pairs = len(outer)  # the first of the P
+        self.corners = max((len(body.body.vertices) for body in bodies), default=1)  # of a link's body, at most
+        self.levers = levers(robot, [(body.joint, body.body) for body in bodies])  # (n,) [m]
+
+    def evaluate(self, q: Floats, time: float = 0.0, chosen: Rows | None = None) -> BarrierRows:
+        """Return Δ and its derivatives at configuration q (n,) and a time [s]; of `chosen` pairs, ascending, or all."""
+        every = [(group, np.arange(len(group.pairs))) for group in self.groups]
+        return self._evaluated(q, time, every, np.arange(len(self.names)) if chosen is None else chosen)
+
+    def nearness(self, q: Floats, time: float, chosen: Rows) -> BarrierRows:
+        """Return the exact distance of the links' hulls in the pairs `chosen`, ascending, without growth, with its
+        derivatives; nothing where no hulls were given."""
+        if not len(chosen) or not self._true:
+            return self._nothing
+        return self._evaluated(q, time, self._true, chosen)
+
+    def certain(self, rows: BarrierRows, velocity: Floats, period: float, needed: Floats) -> NDArray[np.bool_]:
+        """Return which pairs (P,) have a D̃ above `needed` (P,) [m] after a period of a velocity, whatever else it is,
+        by how far the robot's points move: the plain maximum over planes fixed in an obstacle that stands changes by no
+        more."""
+        known = np.arange(len(self.names)) < self.obstacle_pairs
+        if self.settings.distance != "hdsdf" or self.movers:
+            return np.zeros(len(known), dtype=np.bool_)
+        return np.asarray(known & (rows.separation > needed + period * float(np.abs(velocity) @ self.levers)))
+
+    def _evaluated(self, q: Floats, time: float, groups: Sequence[tuple[_Group, Rows]], chosen: Rows) -> BarrierRows:
+        """Evaluate the chosen pairs, which count through all groups; each group with its rows for its pairs."""
+        scene, first, found = self._at(q, time), 0, []
+        for group, rows in groups:
+            own = chosen[(chosen >= first) & (chosen < first + len(rows))]
+            first += len(rows)
+            if len(own):
+                found.append(scene.rows(group, rows[own - (first - len(rows))]))
+        if not found:
+            return self._nothing
+        fields = zip(*((rows.value, rows.gradient, rows.drift, rows.separation) for rows in found), strict=True)
+        return BarrierRows(*(np.concatenate(parts) for parts in fields))
+
+    def _at(self, q: Floats, time: float) -> _Moment:
+        kinematics, now = self.kinematics.evaluate(q), np.array([time])
+        poses = [motion.at(now)[0] for motion in self.movers]
+        if poses:
+            flat = np.array([np.append(pose[:3, :3].ravel(), pose[:3, 3]) for pose in poses])
+            kinematics = replace(kinematics, placements=np.concatenate([kinematics.placements, flat[None]], axis=1))
+        twists = []
+        for motion, pose in zip(self.movers, poses, strict=True):
+            passage = int(motion.row(now)[0])
+            speed, spin = motion.velocity[passage], motion.spin[passage]
+            twists.append(np.append(speed - np.cross(spin, pose[:3, 3]), spin))
+        return _Moment(kinematics, self.kinematics.nj, twists)
+
+
+class _Group(NamedTuple):
+    """Pairs whose distance is of one kind."""
+
+    pairs: BodyPairs
+    distance: PairDistance
+
+
+class _Moment(NamedTuple):
+    """Robot and obstacles at one configuration and time."""
+
+    kinematics: KinematicsBatch  # the frames of the moving obstacles behind the joints'
+    joints: int  # that the robot has, the world among them
+    twists: Sequence[Floats]  # (6,) of each moving obstacle
+
+    def rows(self, group: _Group, chosen: Rows) -> BarrierRows:
+        """Evaluate some pairs of a group."""
+        pairs, distance = group
+        value, wrench, separation = distance(self.kinematics, np.zeros(len(chosen), dtype=np.int64), chosen)
+        drift = np.zeros(len(chosen))
+        for index, twist in enumerate(self.twists):
+            carried = pairs.joint_b[chosen] == self.joints + index
+            drift[carried] = -wrench[carried] @ twist
+        return BarrierRows(value, (wrench @ self.kinematics.columns[0].T) * pairs.moves[chosen], drift, separation)
+
+
+def _distance(
+    pairs: BodyPairs,
+    bodies: Sequence[LinkBody],
+    others: Sequence[PlaneBody],
+    settings: BarrierSettings,
+) -> PairDistance:
+    match settings.distance:
+        case "hdsdf":
+            return HdsdfPairs(pairs, settings.gamma, settings.shaping_length)
+        case "hdsdf-boxes":
+            return BoxPairs(pairs, bodies, others, settings.gamma, settings.shaping_length, settings.normals)
+        case "euclidean":
+            return FclPairs(pairs, bodies, others)
+        case _:
+            return GdfPairs(pairs, bodies, others)
+
+
+def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Barriers:
+    """Return the barriers of a scene: the outer bodies of the planner, every obstacle, grown by what the scene wants
+    free around it as well, and the robot's own pairs but for those whose outer bodies overlap anyway.
+
+    Link bodies are the scene's setting `planner.link_bodies`, boxes for the distances that know nothing else. Raises
+    InputError for an obstacle that the distance cannot take.
+    """
+    instance(scene, Scene, "scene")
+    instance(robot, Robot, "robot")
+    instance(settings, BarrierSettings, "settings")
+    boxes = settings.distance in ("hdsdf-boxes", "gdf")
+    planes = settings.normals if settings.distance == "hdsdf" else "box"
+    outline = outline_of(robot, "box" if boxes else scene.planner.link_bodies, planes)
+    standing: list[PlaneBody] = []
+    movers: list[tuple[Passages, Sequence[PlaneBody]]] = []
+    with naming(scene.source):
+        for obstacle in scene.obstacles:
+            if obstacle.motion is None:
+                standing += from_obstacle(obstacle, planes)[0]
+            else:
+                movers.append(
+                    (Passages.of(obstacle), from_obstacle(replace(obstacle, pose=Pose(), motion=None), planes)[0])
+                )
+        return Barriers(
+            robot,
+            outline.kinematics,
+            outline.bodies,
+            outline.self_pairs,
+            standing,
+            settings,
+            movers,
+            scene.clearances,
+            link_bodies(robot, "hull"),
+            outline.unresolved,
+        )

@@ -1,0 +1,110 @@
+"""A motion executed by a simulated robot: forward dynamics under computed-torque control, torques cut at their limits.
+
+The controller reads the motion as any would, a thousand times a second, and asks for
+
+    τ = M(q_d) (q̈_d + ω² e + 2 ω ė) + C(q_d, q̇_d) q̇_d + g(q_d),   e = q_d − q
+
+with what the file says in the middle of the step, and the error measured at its beginning. The torque is held over the
+step; the robot moves by Pinocchio's articulated-body algorithm and the Runge-Kutta method of fourth order. No friction.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from hdplan.planner.motion.curve import Curve
+from hdplan.planner.robot.robot import Robot
+
+Array = NDArray[np.float64]
+
+STEP = 1e-3  # [s] at most
+FREQUENCY = 100.0  # ω [1/s] of the controller, critically damped
+LOST = 1e-2  # [rad] or [m] beyond which tracking is lost, and the execution ends
+
+
+@dataclass(frozen=True, eq=False)
+class Execution:
+    """What the robot did, at the beginnings of k steps and at the end of the last."""
+
+    times: Array  # (k + 1,) [s]
+    positions: Array  # (k + 1, n)
+    errors: Array  # (k + 1, n) e, by which it is behind the motion [rad] or [m]
+    asked: Array  # (k, n) τ that the controller asked for [Nm] or [N]; it got no more than the limits
+    lost: bool  # whether it ended before the motion did, as tracking was lost
+
+    @property
+    def step(self) -> float:
+        """How long each step takes [s]."""
+        return float(self.times[1] - self.times[0])
+
+
+class Arm:
+    """A robot with its loads, to be moved by torques."""
+
+    def __init__(self, model: pin.Model, robot: Robot) -> None:
+        """Take the model with all loads (`loads.loaded_model`) and the robot that says where its joints are."""
+        self.model, self.data, self.robot = model, model.createData(), robot
+        self.plain = model.nq == model.nv  # joint values are Pinocchio's configuration: most often, and quicker
+
+    def needed(self, q: Array, v: Array, a: Array) -> Array:
+        """Return the torques (n,) that accelerate the arm so."""
+        return np.asarray(pin.rnea(self.model, self.data, self._configuration(q), v, a)).copy()
+
+    def moved(self, q: Array, v: Array, torque: Array, step: float) -> tuple[Array, Array]:
+        """Return joint values and velocities (n,) after a step with a constant torque (n,)."""
+
+        def pushed(values: Array, speed: Array) -> Array:
+            return np.asarray(pin.aba(self.model, self.data, self._configuration(values), speed, torque)).copy()
+
+        half = 0.5 * step
+        v1, a1 = v, pushed(q, v)
+        v2 = v + half * a1
+        a2 = pushed(q + half * v1, v2)
+        v3 = v + half * a2
+        a3 = pushed(q + half * v2, v3)
+        v4 = v + step * a3
+        a4 = pushed(q + step * v3, v4)
+        return q + step / 6 * (v1 + 2 * v2 + 2 * v3 + v4), v + step / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+
+    def energy(self, q: Array, v: Array) -> float:
+        """Return kinetic and potential energy [J]."""
+        return float(pin.computeMechanicalEnergy(self.model, self.data, self._configuration(q), v))
+
+    def _configuration(self, q: Array) -> Array:
+        return q if self.plain else self.robot.pin_q(q)
+
+
+def execute(arm: Arm, curve: Curve, limits: Array) -> Execution:
+    """Execute a curve of the robot's planned joints with torques of at most `limits` (n,) [Nm] or [N].
+
+    The curve has times; the robot starts on it, with its velocity.
+    """
+    count = max(int(np.ceil(curve.widths.sum() / STEP - 1e-9)), 1)
+    times = np.linspace(*_span(curve), count + 1)
+    wanted, wanted_speed = (curve.at_time(times, order) for order in range(2))
+    middle = 0.5 * (times[:-1] + times[1:])
+    q_d, v_d, a_d = (curve.at_time(middle, order) for order in range(3))
+    step, stiffness, damping = times[1] - times[0], FREQUENCY**2, 2 * FREQUENCY
+    q, v = wanted[0], wanted_speed[0]
+    positions, errors, asked = [q], [np.zeros_like(q)], []
+    for k in range(count):
+        push = a_d[k] + stiffness * errors[-1] + damping * (wanted_speed[k] - v)
+        asked.append(arm.needed(q_d[k], v_d[k], push))
+        q, v = arm.moved(q, v, np.clip(asked[-1], -limits, limits), float(step))
+        positions.append(q)
+        errors.append(wanted[k + 1] - q)
+        if not np.abs(errors[-1]).max() <= LOST:
+            break
+    done = len(positions)
+    lost = bool(np.abs(errors[-1]).max() > LOST)
+    return Execution(times[:done], np.array(positions), np.array(errors), np.array(asked), lost)
+
+
+def _span(curve: Curve) -> tuple[float, float]:
+    if curve.times is None:
+        raise ValueError("a path without times cannot be executed")
+    return float(curve.times[0]), float(curve.times[-1])

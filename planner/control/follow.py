@@ -1,0 +1,186 @@
+"""Follow a planned trajectory with the controller as its safety filter: it yields to what comes, and takes up again.
+
+Scene (obstacles may move) + trajectory → what the robot does. The reference is the trajectory's own curve at a phase τ
+that waits for the robot,
+
+    τ̇ = max(0, 1 − |r(τ) − q| / LAG),   nominal velocity  u* = τ̇ r'(τ) + k (r(τ) − q),
+
+so that a robot that is held up is not led through what holds it up. The controller takes the velocity nearest to u*
+that its barriers allow (`control`). A path without times is followed from rest to rest, at half of the joints' speed
+limits or over the scene's `timing.duration`. The joints follow the commands smoothly, one period behind
+(`Run.executed`): that motion, with its velocities and accelerations, is written down, and certified as `hdplan check`
+certifies it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.verdict import Certificate
+from hdplan.planner.control.barriers import BarrierSettings
+from hdplan.planner.control.controller import Controller
+from hdplan.planner.control.rollout import Run, simulate
+from hdplan.planner.control.settings import ControlSettings
+from hdplan.planner.motion.curve import Curve
+from hdplan.planner.motion.robot_curve import curve_of
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.timing.time_laws import MinimumJerk
+from hdplan.scenes.model import Scene
+
+Array = NDArray[np.float64]
+
+LAG = 0.3  # [rad] or [m] of some joint behind the reference at which it waits
+GAIN = 4.0  # k [1/s]
+ARRIVED = 2e-3  # [rad] or [m] of every joint from the trajectory's end, from which on it counts as reached
+SETTLED = 5e-7  # the same at which the run ends, so that the executed motion ends where the certificate wants it to,
+SETTLING = 3.0  # or this long after it has arrived [s], where a barrier holds it off
+SHARE = 0.5  # of the speed limits that a path without times is followed at
+PATIENCE = 3.0, 10.0  # times the trajectory's own duration, and [s] beside, after which it is given up
+GROWTH = 0.005  # [m] of obstacles and links: plans pass closer than a controller that goes where it likes should
+HELD = 0.05  # [rad] or [m] behind the trajectory, in some joint, from which on the robot counts as held up
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """What became of a trajectory."""
+
+    trajectory: Trajectory  # as executed: a row for each period, with its time, velocities and accelerations
+    run: Run
+    certificate: Certificate  # of that, over all time, with the obstacles where they then were
+    duration: float  # of the trajectory itself [s]
+    arrived: float | None  # how long the robot took to its end [s]; None: it did not get there
+    away: float  # the farthest that a joint was from the trajectory at the same phase [rad] or [m]
+    held: float  # how long it was HELD or more behind or beside [s]
+    unguarded: tuple[tuple[str, str], ...] = ()  # link pairs that the controller knows nothing of
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether the robot arrived, proven free all the way."""
+        return self.arrived is not None and self.certificate.certified
+
+    @property
+    def text(self) -> str:
+        """One sentence."""
+        if self.arrived is None:
+            return f"not arrived: given up after {self.run.times[-1]:.1f} s, the trajectory takes {self.duration:.1f} s"
+        return f"arrived after {self.arrived:.1f} s, {self.arrived - self.duration:.1f} s later than the trajectory"
+
+    def rows(self) -> list[tuple[str, str]]:
+        """What happened, for reading."""
+        seconds = self.run.step_seconds
+        counted = ", ".join(f"{count} {mode.value}" for mode, count in self.run.counted.most_common())
+        unguarded = ", ".join(f"{a} and {b}" for a, b in self.unguarded)
+        yielded = ", ".join(f"{a} to {b} ({count} periods)" for (a, b), count in self.run.gave.most_common(3))
+        return [
+            *([("not kept apart", f"{unguarded}: their outer bodies overlap anyway")] if unguarded else []),
+            ("away", f"{self.away:.3g} rad from the trajectory at most, held up for {self.held:.1f} s"),
+            *([("not kept", f"the margin of {yielded}")] if yielded else []),
+            ("periods", f"{counted}, of {1e3 * self.run.period:g} ms"),
+            ("time", f"{1e3 * np.median(seconds):.2f} ms a step, {1e3 * np.quantile(seconds, 0.95):.2f} ms at 95 %"),
+        ]
+
+    def summary(self) -> dict[str, object]:
+        """The same as JSON takes it."""
+        return {
+            "status": self.certificate.status.value,
+            "text": self.text,
+            "arrived_s": self.arrived,
+            "duration_s": self.duration,
+            "away": self.away,
+            "held_s": self.held,
+            "clearance_m": self.certificate.clearance,
+            "self_clearance_m": self.certificate.self_clearance,
+            "gave": [{"pair": list(pair), "periods": count} for pair, count in self.run.gave.most_common()],
+            "periods": {mode.value: count for mode, count in self.run.counted.items()},
+            "period_s": self.run.period,
+        }
+
+
+def follow(
+    scene: Scene, trajectory: Trajectory, robot: Robot | None = None, settings: ControlSettings | None = None
+) -> Followed:
+    """Simulate a robot that follows `trajectory` in `scene`, from the trajectory's first row on, at the time that it
+    has there or at 0.
+
+    Raises InputError for joints that do not fit, settings that are provably not safe, and joints without a speed limit.
+    """
+    robot = robot or load_scene_robot(scene)
+    settings = settings or ControlSettings(BarrierSettings(growth=GROWTH, self_growth=GROWTH), rate=4.0)
+    controller = Controller.of(scene, settings, robot)
+    curve = curve_of(robot, trajectory)
+    if curve.times is None:
+        curve = paced(curve, SHARE * controller.fastest, scene.end_time)
+    task = FollowTask(curve, settings.period)
+    most = PATIENCE[0] * task.duration + PATIENCE[1]
+    assert curve.times is not None
+    begin = float(curve.times[0])
+    run = simulate(controller, curve.rows[0], task, most, begin=begin)
+    executed = run.executed(robot.joint_names, robot.locked)
+    behind = np.array(task.behind)
+    return Followed(
+        executed,
+        run,
+        Certifier(scene, robot).certify(executed),
+        task.duration,
+        None if task.since is None else task.since - begin,
+        float(behind.max(initial=0.0)),
+        settings.period * int((behind >= HELD).sum()),
+        controller.barriers.unguarded,
+    )
+
+
+@dataclass(eq=False)
+class FollowTask:
+    """The task of following a curve with times, whose phase waits for the robot. One step a period: it has a state."""
+
+    curve: Curve
+    period: float  # T [s]
+    phase: float = 0.0  # τ [s] since the curve's first row
+    behind: list[float] = field(default_factory=list)  # [rad] or [m] of the worst joint, at each period
+    since: float | None = None  # when the robot arrived [s]
+
+    def __post_init__(self) -> None:
+        """Differentiate the curve."""
+        self._velocity = self.curve.derivative()
+
+    @property
+    def duration(self) -> float:
+        """Of the curve [s]."""
+        return float(self.curve.widths.sum())
+
+    def objective(self, q: Array, time: float) -> tuple[Array, Array]:
+        """The quadratic at q; moves the phase on by one period."""
+        wanted, speed = self._at(self.curve), self._at(self._velocity)
+        behind = float(np.abs(wanted - q).max())
+        self.behind.append(behind)
+        pace = max(0.0, 1.0 - behind / LAG) if self.phase < self.duration else 0.0
+        self.phase = min(self.phase + pace * self.period, self.duration)
+        return np.eye(len(q)), -(pace * speed + GAIN * (wanted - q))
+
+    def met(self, q: Array, time: float) -> bool:
+        """Whether the robot has settled at the curve's end."""
+        off = float(np.abs(self.curve.rows[-1] - q).max())
+        if self.phase < self.duration or off > ARRIVED:
+            self.since = None
+            return False
+        self.since = time if self.since is None else self.since
+        return off <= SETTLED or time - self.since >= SETTLING
+
+    def _at(self, curve: Curve) -> Array:
+        assert self.curve.times is not None  # `follow` gives it times
+        return curve.at_parameter(self.curve.parameter_of(self.curve.times[0] + self.phase))
+
+
+def paced(path: Curve, fastest: Array, duration: float = 0.0) -> Curve:
+    """Return a path without times as one from rest to rest, no joint faster than `fastest` (n,), over `duration` [s] or
+    as long as that takes."""
+    needed = np.maximum(np.abs(np.diff(path.rows, axis=0) / fastest).max(axis=1), 1e-6)
+    law = MinimumJerk(max(duration, 1.875 * float(needed.sum())))  # its peak speed is 1.875 times the mean
+    share = np.concatenate([[0.0], np.cumsum(needed)]) / needed.sum()
+    return replace(path, times=law.time_at(share))

@@ -1,0 +1,278 @@
+"""A planned motion replayed: what the file makes the joints do, and, where the scene has dynamics, what they then do.
+
+Scene and trajectory -> `Simulation`. Without `limits.torque` the motion is kinematics alone: the file is read as a
+controller would, a thousand times a second by its own rule of interpolation. With it the robot and its loads are
+simulated (`execution`), and what it did counts. Samples prove nothing; the certificate does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.control.computed_torque import LOST, STEP, Arm, Execution, execute
+from hdplan.planner.motion.curve import Curve
+from hdplan.planner.motion.robot_curve import curve_of
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.joint_limits import RATES, rate_limits, torque_limits
+from hdplan.planner.robot.loads import loaded_model
+from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import Scene
+
+Array = NDArray[np.float64]
+
+LOOKS = 0.01  # [s] between configurations at which the clearance is computed, at most
+LONGEST = 3600.0  # [s] that a motion may take: rows of every step are kept
+PATH_SAMPLES = 1000  # of a path without times
+ROUNDING = 1e-6  # relative, by which a rate may be beyond its limit
+SATURATED = 1e-3  # relative, by which a controller may ask for more than the limit: what its own steps make
+JUMP = 1e-6  # [rad/s] or [rad/s²] that no controller sees
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The largest absolute value of a joint's rate or torque."""
+
+    value: float  # inf where the order below jumps
+    limit: float | None  # None: the scene has none
+    time: float  # [s] when
+
+    @property
+    def share(self) -> float | None:
+        """Of the limit."""
+        return None if self.limit is None else self.value / self.limit
+
+    @property
+    def left(self) -> float | None:
+        """What is left to the limit; negative beyond it."""
+        return None if self.limit is None else self.limit - self.value
+
+
+@dataclass(frozen=True)
+class JointUse:
+    """What one joint did."""
+
+    name: str
+    travel: float  # from its least to its greatest value in the file [rad] or [m]
+    peaks: dict[str, Peak]  # velocity, acceleration and jerk with times; torque with dynamics
+    error: float | None = None  # largest, behind the motion [rad] or [m]; with dynamics
+    error_rms: float | None = None
+
+
+@dataclass(frozen=True)
+class Close:
+    """Two bodies that came close."""
+
+    link: str
+    other: str  # an obstacle or another link
+    distance: float  # [m] exact, negative in contact
+    time: float  # [s], or path parameter of a path without times
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """What came of a motion."""
+
+    duration: float | None  # [s] of the motion; None: a path without times
+    curve: Curve  # of the file
+    joints: tuple[JointUse, ...]
+    closest: Close | None  # of the robot and obstacles, at the configurations looked at; None without obstacles
+    self_closest: Close | None  # between links
+    looks: int  # configurations at which distances were computed
+    execution: Execution | None  # with dynamics
+    failures: tuple[str, ...]  # what went wrong, in words
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether nothing touched, no limit was passed, and tracking was kept."""
+        return not self.failures
+
+    @property
+    def text(self) -> str:
+        """The verdict in one line."""
+        if self.failures:
+            return f"failed: {'; '.join(self.failures)}"
+        if self.execution is None:
+            return "replayed: kinematics alone, within all limits that the scene has"
+        worst = max(joint.error or 0.0 for joint in self.joints)
+        return f"executed: simulated with dynamics, tracked within {worst:.1e} rad, torques within their limits"
+
+    def summary(self) -> dict[str, Any]:
+        """The same as one JSON object: SI units; null where the scene does not ask."""
+        return {
+            "status": "succeeded" if self.succeeded else "failed",
+            "text": self.text,
+            "failures": list(self.failures),
+            "dynamics": self.execution is not None,
+            "interpolation": self.curve.rule,
+            "duration_s": self.duration,
+            "closest": _about(self.closest),
+            "self_closest": _about(self.self_closest),
+            "joints": [
+                {
+                    "name": joint.name,
+                    "travel": joint.travel,
+                    **{
+                        what: {"largest": _finite(peak.value), "limit": peak.limit, "time": peak.time}
+                        for what, peak in joint.peaks.items()
+                    },
+                    **({} if joint.error is None else {"error": joint.error, "error_rms": joint.error_rms}),
+                }
+                for joint in self.joints
+            ],
+        }
+
+
+def fitting(scene: Scene, trajectory: Trajectory, robot: Robot) -> Curve:
+    """Return the trajectory's curve, of the robot's joints in their order.
+
+    Raises:
+        InputError: its joints do not fit the robot, or it has no times and the scene asks for them.
+    """
+    curve = curve_of(robot, trajectory)
+    if scene.timed and curve.times is None:
+        raise InputError("times: missing; the scene says when the motion is to be where (timing, limits)")
+    return curve
+
+
+def _check_steps(times: Array) -> None:
+    """Refuse times (N,) of which the steps between cannot be kept or told apart."""
+    if not times[-1] - times[0] <= LONGEST:
+        raise InputError(f"times: the motion takes {times[-1] - times[0]:g} s; at most {LONGEST:g} s are simulated")
+    latest, most = float(np.abs(times).max()), 1e-3 * STEP / np.finfo(float).eps  # a thousandth of a step is told there
+    if not latest <= most:
+        raise InputError(
+            f"times: {latest:g} s leave no digits for steps of {STEP:g} s; at most {most:.3g} s are allowed"
+        )
+
+
+def simulate(scene: Scene, trajectory: Trajectory, robot: Robot) -> Simulation:
+    """Replay a trajectory of the scene's robot.
+
+    Raises:
+        InputError: as `fitting`; loads or limits of the scene that do not fit the robot; a motion that takes longer
+            than LONGEST, or so late that steps of time drown in rounding.
+    """
+    curve = fitting(scene, trajectory, robot)
+    if curve.times is not None:
+        _check_steps(curve.times)
+    timed = curve.times is not None
+    limits = rate_limits(scene, robot)
+    torques = torque_limits(scene, robot)
+    first, last = (0.0, 1.0) if curve.times is None else (float(curve.times[0]), float(curve.times[-1]))
+    count = max(int(np.ceil((last - first) / STEP)), 1) if timed else PATH_SAMPLES
+    times = np.linspace(first, last, count + 1)
+    positions = curve.at_time(times)
+    travel = np.ptp(positions, axis=0).tolist()
+    peaks: list[dict[str, Peak]] = [{} for _ in range(robot.n)]
+    for order, name in enumerate(RATES, start=1) if timed else ():
+        for peak, found in zip(peaks, _rates(curve, order, times, limits[order - 1]), strict=True):
+            peak[name] = found
+    execution = None
+    if torques is not None:
+        execution = execute(Arm(loaded_model(scene, robot), robot), curve, torques)
+        times, positions = execution.times, execution.positions
+        for joint, peak in enumerate(peaks):
+            peak["torque"] = _peak(execution.asked[:, joint], execution.times, float(torques[joint]))
+    every = max(int(LOOKS / (times[1] - times[0])), 1) if timed else PATH_SAMPLES // 100
+    looks = np.unique(np.r_[np.arange(0, len(times), every), len(times) - 1])
+    closest, between_links = _closest(Certifier(scene, robot), positions[looks], times[looks])
+    joints = tuple(
+        JointUse(
+            name,
+            travel[i],
+            peaks[i],
+            None if execution is None else float(np.abs(execution.errors[:, i]).max()),
+            None if execution is None else float(np.sqrt(np.mean(execution.errors[:, i] ** 2))),
+        )
+        for i, name in enumerate(robot.joint_names)
+    )
+    failures = (
+        *(() if execution is None or torques is None else _overloaded(execution, torques, robot)),
+        *_beyond(joints),
+        *_touching(closest, between_links),
+    )
+    duration = last - first if timed else None
+    return Simulation(duration, curve, joints, closest, between_links, len(looks), execution, failures)
+
+
+def _rates(curve: Curve, order: int, times: Array, limit: Array | None) -> Iterator[Peak]:
+    """Give each joint's peak of a derivative; infinite where the one below jumps."""
+    values = curve.at_time(times, order)
+    jumps = curve.over_time(order - 1).jumps() if order > 1 else np.zeros((len(curve), values.shape[1]))
+    for joint, column in enumerate(values.T):
+        asked = None if limit is None else float(limit[joint])
+        if jumps[:, joint].max() > JUMP:
+            row = int(jumps[:, joint].argmax())
+            yield Peak(float("inf"), asked, float(curve.time_of(row / (len(curve) - 1))))
+        else:
+            yield _peak(column, times, asked)
+
+
+def _peak(values: Array, times: Array, limit: float | None) -> Peak:
+    row = int(np.abs(values).argmax())
+    return Peak(float(abs(values[row])), limit, float(times[row]))
+
+
+def _closest(certifier: Certifier, positions: Array, times: Array) -> tuple[Close | None, Close | None]:
+    """Return the closest bodies of all configurations (k, n): with obstacles, between links."""
+    best: list[Close | None] = [None, None]
+    within = np.inf  # what is farther apart than the closest so far does not matter
+    for q, time in zip(positions, times.tolist(), strict=True):
+        for group, place in enumerate(certifier.nearest(q, within, time=time)):
+            known = best[group]
+            if place is not None and (known is None or place.distance < known.distance):
+                best[group] = Close(place.link, place.other, place.distance, time)
+        within = max([0.0, *(close.distance for close in best if close)])
+    return best[0], best[1]
+
+
+def _overloaded(execution: Execution, limits: Array, robot: Robot) -> Iterator[str]:
+    """Say where a limit first is too little for what the controller asks, and whether tracking is lost."""
+    shares = np.abs(execution.asked) / limits
+    if (over := shares.max(axis=1) > 1 + SATURATED).any():
+        row = int(over.argmax())
+        joint = int(shares[row].argmax())
+        yield (
+            f"joint '{robot.joint_names[joint]}' needs a torque of {abs(execution.asked[row, joint]):.4g} at "
+            f"{execution.times[row]:.3f} s, its limit is {limits[joint]:g}"
+        )
+    if execution.lost:
+        joint = int(np.abs(execution.errors[-1]).argmax())
+        name, when = robot.joint_names[joint], execution.times[-1]
+        yield f"tracking is lost at {when:.3f} s, where joint '{name}' is more than {LOST:g} off"
+
+
+def _beyond(joints: tuple[JointUse, ...]) -> Iterator[str]:
+    """Say for each rate which joint is farthest beyond its limit."""
+    for what in RATES:
+        shares = [(use.peaks[what].share or 0.0, use) for use in joints if what in use.peaks]
+        share, use = max(shares, key=lambda found: found[0], default=(0.0, None))
+        if use is not None and share > 1 + ROUNDING:
+            peak, article = use.peaks[what], "an" if what == "acceleration" else "a"
+            yield (
+                f"joint '{use.name}' reaches {article} {what} of {peak.value:.4g} at {peak.time:.3f} s, its limit is "
+                f"{peak.limit:g}"
+            )
+
+
+def _touching(*places: Close | None) -> Iterator[str]:
+    for close in places:
+        if close is not None and close.distance <= 0:
+            yield f"{close.link} and {close.other} touch at {close.time:.3f}"
+
+
+def _about(close: Close | None) -> dict[str, Any] | None:
+    if close is None:
+        return None
+    return {"time": close.time, "link": close.link, "other": close.other, "distance_m": close.distance}
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None

@@ -1,0 +1,142 @@
+"""A controller run in simulation: the joints follow the commanded velocity exactly, held over each period.
+
+q_{k+1} = q_k + T u_k. What is measured of the commands, the distances and the time is here too.
+
+Velocities that are held jump, and no joint can follow a jump. `Run.executed` is what a joint does that follows the
+commanded positions smoothly, one period behind: the cubic B-spline whose control points they are (Farin, Curves and
+Surfaces for CAGD, chapter 8). It stays within the hull of the last four, its velocity between commanded ones, and its
+acceleration is at most their greatest difference over T: nothing overshoots, and nothing jumps.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.control.controller import Controller, Mode, Step
+from hdplan.planner.control.tasks import Task
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.scenes.arrays import joint_numbers, number
+from hdplan.scenes.values import instance
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """N periods of a controller."""
+
+    period: float  # T [s]
+    positions: Array  # (N + 1, n) [rad or m]
+    velocities: Array  # (N, n) commanded [rad/s or m/s]
+    modes: tuple[Mode, ...]  # (N,)
+    slacks: Array  # (N,) least Δ − δ at the start of each period [m]
+    proven: float | None  # true clearance to obstacles proven over all periods [m]; None where one has no proof
+    distance_seconds: Array  # (N,) spent on distances
+    program_seconds: Array  # (N,) spent on the task and the quadratic program
+    met: float | None  # when the task was met [s]; None: it was not
+    gave: Counter[tuple[str, str]]  # for how many periods the barrier of each pair was not met
+    begin: float = 0.0  # when the first period starts [s]
+
+    @property
+    def times(self) -> Array:
+        """Start of each period, and the end of the last (N + 1,) [s]."""
+        return self.begin + np.arange(len(self.positions), dtype=np.float64) * self.period
+
+    def executed(self, joint_names: tuple[str, ...], locked: Mapping[str, float]) -> Trajectory:
+        """Return the motion of joints that follow smoothly, from rest to rest: N + 3 rows, each T [s] after the last,
+
+            r_k = (q_{k−2} + 4 q_{k−1} + q_k)/6,   ṙ_k = (u_{k−2} + u_{k−1})/2,   r̈_k = (u_{k−1} − u_{k−2})/T
+
+        with the first and last q repeated and u = 0 beyond them: the quintics between rows are that spline, exactly.
+        """
+        q = np.concatenate([self.positions[:1], self.positions[:1], self.positions, *2 * [self.positions[-1:]]])
+        u = np.diff(q, axis=0) / self.period
+        times = self.begin + np.arange(len(q) - 2, dtype=np.float64) * self.period
+        rows = (q[:-2] + 4.0 * q[1:-1] + q[2:]) / 6.0
+        rows[[0, -1]] = self.positions[[0, -1]]  # to the last bit
+        return Trajectory(joint_names, rows, locked, times, 0.5 * (u[:-1] + u[1:]), np.diff(u, axis=0) / self.period)
+
+    @property
+    def step_seconds(self) -> Array:
+        """What each step took (N,) [s]."""
+        return self.distance_seconds + self.program_seconds
+
+    @property
+    def counted(self) -> Counter[Mode]:
+        """How many periods ended in each mode."""
+        return Counter(self.modes)
+
+
+def simulate(
+    controller: Controller,
+    start: Array,
+    task: Task,
+    duration: float,
+    *,
+    begin: float = 0.0,
+    until_met: bool = True,
+    watch: Callable[[float, Array, Step], None] | None = None,
+) -> Run:
+    """Run a controller from `start` (n,), at time `begin` [s], for at most `duration` [s], or until its task is met.
+
+    watch: is called each period with the time, the configuration and the step. Raises InputError for a start, a
+    duration or a begin that is none.
+    """
+    instance(controller, Controller, "controller")
+    duration, begin = number("duration", duration, 0.0), number("begin", begin)
+    period, q = controller.settings.period, joint_numbers("start", start, controller.robot.joint_names).copy()
+    positions, steps, met = [q], [], None
+    for index in range(round(duration / period)):
+        time = begin + index * period
+        if met is None and task.met(q, time):
+            met = time
+            if until_met:
+                break
+        step = controller.step(q, task, time)
+        if watch is not None:
+            watch(time, q, step)
+        q = q + period * step.velocity
+        positions.append(q)
+        steps.append(step)
+    proofs = [step.proven for step in steps]
+    return Run(
+        period,
+        np.array(positions),
+        np.array([step.velocity for step in steps]).reshape(-1, len(q)),
+        tuple(step.mode for step in steps),
+        np.array([step.slack for step in steps]),
+        None if None in proofs else min([np.inf, *(proof for proof in proofs if proof is not None)]),
+        np.array([step.distance_seconds for step in steps]),
+        np.array([step.program_seconds for step in steps]),
+        met,
+        Counter(controller.barriers.names[pair] for step in steps for pair in step.gave),
+        begin,
+    )
+
+
+def total_variation(commands: Array) -> float:
+    """Return Σ_k |u_{k+1} − u_k| of commands (N,) or (N, n), over all joints."""
+    return float(np.abs(np.diff(commands, axis=0)).sum())
+
+
+def fast_energy(commands: Array, period: float, above: float = 5.0) -> float:
+    """Return the energy ∫ |u|² dt of what in commands (N,) or (N, n) is faster than `above` [Hz]: [rad²/s].
+
+    By Parseval's equation, of the commands less their straight line from first to last, so that the ends do not count.
+    """
+    values = commands.reshape(len(commands), -1)
+    if len(values) < 2:
+        return 0.0
+    line = np.linspace(values[0], values[-1], len(values))
+    spectrum = np.fft.rfft(values - line, axis=0)
+    fast = np.fft.rfftfreq(len(values), period) > above
+    twice = np.full(len(spectrum), 2.0)  # a real signal's spectrum counts twice, but for its ends
+    twice[0] = 1.0
+    if len(values) % 2 == 0:
+        twice[-1] = 1.0
+    return float((twice[fast, None] * np.abs(spectrum[fast]) ** 2).sum() * period / len(values))

@@ -1,0 +1,105 @@
+"""What a controller is to do: a quadratic in the joint velocity, ½ uᵀ H u + fᵀ u, smallest at the nominal velocity."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hdplan.planner.kinematics.inverse import LinkPose
+from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.arrays import joint_numbers, number
+from hdplan.scenes.model import PoseTarget
+from hdplan.scenes.values import instance
+
+Array = NDArray[np.float64]
+
+
+class Task(Protocol):
+    """A nominal velocity, as the quadratic that is least there."""
+
+    def objective(self, q: Array, time: float) -> tuple[Array, Array]:
+        """Return H (n, n), positive definite, and f (n,) at configuration q (n,) and a time [s]."""
+        ...
+
+    def met(self, q: Array, time: float) -> bool:
+        """Whether there is nothing left to do."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class PoseTask:
+    """Bring a link to a pose: min ‖J u − k e‖² + λ ‖u‖², with e the way and turn that are missing."""
+
+    robot: Robot
+    target: PoseTarget
+    gain: float = 0.4  # k: the part of the error that is gone in a second [1/s]
+    regularization: float = 0.01  # λ: what keeps u short near singular configurations
+
+    def __post_init__(self) -> None:
+        """Refuse a gain or a regularization that is none."""
+        instance(self.robot, Robot, "robot")
+        instance(self.target, PoseTarget, "target")
+        number("gain", self.gain, 0.0, 1e3)
+        number("regularization", self.regularization, 0.0, 1e3, above=True)
+
+    @cached_property
+    def _pose(self) -> LinkPose:
+        return LinkPose.of(self.robot, self.target)
+
+    def objective(self, q: Array, time: float) -> tuple[Array, Array]:
+        """The quadratic at q; it does not depend on the time."""
+        error, jacobian = self._pose.linearized(q[None])
+        return least_squares(jacobian[0], self.gain * error[0], self.regularization)
+
+    def met(self, q: Array, time: float) -> bool:
+        """Whether the link is within the target's tolerances."""
+        error = self._pose.linearized(q[None])[0][0]
+        position, angle = float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))
+        return position <= self.target.position_tolerance and angle <= self.target.orientation_tolerance
+
+
+@dataclass(frozen=True, eq=False)
+class TrackTask:
+    """Follow a moving configuration r(t): min ‖u − ṙ − k (r − q)‖²."""
+
+    reference: Callable[[float], tuple[Array, Array]]  # time [s] -> r (n,), ṙ (n,)
+    gain: float = 2.0  # k [1/s]
+    end: float = 0.0  # when the reference stands still [s]
+    tolerance: float = 1e-3  # [rad] or [m] of each joint
+
+    def __post_init__(self) -> None:
+        """Refuse a gain, an end or a tolerance that is none."""
+        number("gain", self.gain, 0.0, 1e3)
+        number("end", self.end)
+        number("tolerance", self.tolerance, 0.0)
+
+    def objective(self, q: Array, time: float) -> tuple[Array, Array]:
+        """The quadratic at q and a time."""
+        joints = _counted(q)
+        wanted, speed = (joint_numbers("reference", row, joints) for row in self.reference(time))
+        return np.eye(len(q)), -(speed + self.gain * (wanted - q))
+
+    def met(self, q: Array, time: float) -> bool:
+        """Whether the reference stands still and is reached."""
+        return time >= self.end and bool(np.abs(self.reference(time)[0] - q).max() <= self.tolerance)
+
+
+def standing(q: Array, gain: float = 2.0) -> TrackTask:
+    """Return the task of going to a configuration (n,) and staying there. Raises InputError for one that is none."""
+    goal = joint_numbers("q", q, _counted(q))
+    return TrackTask(lambda time: (goal, np.zeros_like(goal)), gain)
+
+
+def least_squares(jacobian: Array, wanted: Array, regularization: float) -> tuple[Array, Array]:
+    """Return H and f of ½ ‖J u − wanted‖² + ½ λ ‖u‖², but for a constant."""
+    return jacobian.T @ jacobian + regularization * np.eye(jacobian.shape[1]), -jacobian.T @ wanted
+
+
+def _counted(q: ArrayLike) -> list[str]:
+    """Return names for joints that a task knows by number alone."""
+    return [str(joint) for joint in range(np.size(q))]

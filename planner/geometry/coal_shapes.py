@@ -1,0 +1,38 @@
+"""Points and triangles as coal wants them: convex hulls, and trees of bounding volumes over meshes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import coal
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.geometry.meshes import TriangleMesh
+
+
+def convex_hull(points: NDArray[np.float64]) -> Any | None:
+    """Return coal's hull of points (m, 3) that are not flat; None where a corner has more than 255 neighbours, such as
+    a cone's tip or the centre of a round face: coal counts them in a byte."""
+    try:
+        return coal.Convex.convexHull(_points(points), True, "Qt")
+    except RuntimeError as error:
+        if "Too many neighbors" in str(error):
+            return None
+        raise
+
+
+def triangle_tree(mesh: TriangleMesh) -> Any:
+    """Return coal's tree over a mesh's triangles."""
+    tree = coal.BVHModelOBBRSS()
+    tree.beginModel(len(mesh.triangles), len(mesh.vertices))
+    tree.addVertices(mesh.vertices)
+    tree.addTriangles(mesh.triangles)
+    tree.endModel()
+    return tree
+
+
+def _points(rows: NDArray[np.float64]) -> Any:
+    points = coal.StdVec_Vec3s()
+    points.extend(list(rows))
+    return points

@@ -1,0 +1,163 @@
+"""Triangle meshes: read from files, taken apart into pieces, and asked what is inside them.
+
+A mesh file → vertices (m, 3) [m] and triangles (F, 3), merged to one mesh, checked: it has triangles, its numbers are
+finite and it is not flat.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import ConvexHull
+
+from hdplan.planner.geometry.mesh_files import read_mesh_file
+from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.model import Mesh
+from hdplan.scenes.once import freeze
+
+Array = NDArray[np.float64]
+
+CONVEX = 1e-3  # a solid that misses less than this part of its hull's volume passes for its hull, which contains it
+LARGEST = 1e6  # [m] beyond which distances drown in rounding
+FLAT = 1e-6  # thinner than this part of its length, a mesh encloses nothing that could be told from rounding
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleMesh:
+    """Triangles with shared vertices; those that bound a solid run counter-clockwise seen from outside."""
+
+    vertices: Array  # (m, 3) [m]
+    triangles: NDArray[np.int64]  # (F, 3) rows of vertices
+
+    def __post_init__(self) -> None:
+        """Share its arrays read-only."""
+        freeze(self)
+
+    @classmethod
+    def merged(cls, vertices: ArrayLike, triangles: ArrayLike) -> TriangleMesh:
+        """Build one from triangles that may repeat their vertices, as an STL file does; equal vertices become one."""
+        points, index = np.unique(np.asarray(vertices, dtype=np.float64), axis=0, return_inverse=True)
+        corners = index.ravel()[np.asarray(triangles, dtype=np.int64)]
+        proper = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
+        return cls(points, corners[proper])
+
+    @classmethod
+    def hull(cls, points: ArrayLike) -> TriangleMesh:
+        """Build the convex hull of points (m, 3) that are not flat."""
+        found = ConvexHull(points)
+        a, b, c = np.moveaxis(found.points[found.simplices], 1, 0)
+        outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), found.equations[:, :3]) > 0
+        triangles = np.where(outward[:, None], found.simplices, found.simplices[:, ::-1])
+        return cls(found.points, triangles.astype(np.int64)).trimmed()
+
+    @property
+    def closed(self) -> bool:
+        """Whether every edge is met once in each direction, so that inside and outside are told apart."""
+        a, b = self.triangles.ravel(), np.roll(self.triangles, -1, axis=1).ravel()
+        size = len(self.vertices)
+        return len(self.triangles) > 0 and bool(
+            np.array_equal(np.unique(a * size + b), np.sort(b * size + a)) and len(np.unique(a * size + b)) == len(a)
+        )
+
+    @property
+    def volume(self) -> float:
+        """The enclosed volume [m³] of a closed mesh; negative when the triangles run the other way round."""
+        corners = (self.vertices - self.vertices.mean(axis=0))[self.triangles]
+        return float(np.linalg.det(corners).sum() / 6.0)
+
+    @property
+    def hull_volume(self) -> float:
+        """The volume [m³] of its convex hull; 0 for a flat one."""
+        return float(ConvexHull(self.vertices).volume) if thinness(self.vertices) > FLAT else 0.0
+
+    @property
+    def convex(self) -> bool:
+        """Whether it is closed and as large as its convex hull, up to the part `CONVEX` of the volume."""
+        return self.closed and abs(self.volume) >= (1.0 - CONVEX) * self.hull_volume > 0.0
+
+    def components(self) -> tuple[TriangleMesh, ...]:
+        """Take it apart into the pieces that share no vertex."""
+        corners, size = self.triangles, len(self.vertices)
+        links = (np.ones(2 * len(corners)), (corners[:, [0, 1]].ravel(), corners[:, [1, 2]].ravel()))
+        _, label = connected_components(coo_matrix(links, shape=(size, size)), directed=False)
+        kinds = np.unique(label[corners[:, 0]])
+        if len(kinds) == 1:
+            return (self,)
+        return tuple(
+            TriangleMesh.merged(self.vertices, corners[label[corners[:, 0]] == kind]).trimmed() for kind in kinds
+        )
+
+    def trimmed(self) -> TriangleMesh:
+        """Drop the vertices that no triangle uses."""
+        used, index = np.unique(self.triangles, return_inverse=True)
+        return TriangleMesh(self.vertices[used], index.reshape(-1, 3))
+
+    def winding_number(self, point: ArrayLike) -> float:
+        """Return how often the mesh winds around `point` (3,): ±1 inside a closed mesh, 0 outside, in between if open.
+
+        The sum of the triangles' signed solid angles over 4π (A. Jacobson et al., "Robust inside-outside segmentation
+        using generalized winding numbers", 2013).
+        """
+        return float(self.solid_angles(point).sum() / (4.0 * np.pi))
+
+    def solid_angles(self, point: ArrayLike) -> Array:
+        """Return the signed solid angle (F,) under which each triangle is seen from `point` (3,), positive from inside
+        (A. Van Oosterom, J. Strackee, 1983)."""
+        corners = self.vertices[self.triangles] - np.asarray(point, dtype=np.float64)
+        a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+        la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
+        ab, bc, ca = (np.einsum("ij,ij->i", x, y) for x, y in ((a, b), (b, c), (c, a)))
+        angle = 2.0 * np.arctan2(np.linalg.det(corners), la * lb * lc + ab * lc + bc * la + ca * lb)
+        return np.asarray(angle)
+
+
+def load_mesh(shape: Mesh, field: str) -> TriangleMesh:
+    """Read a mesh file (stl, obj, ply, off, dae, glb, gltf), scaled, its parts merged into one.
+
+    `field` is where the scene speaks of it, for the error. Raises InputError when the file is missing, damaged or of an
+    unknown format, holds no triangles or numbers that are not finite, or is flat.
+    """
+    with naming(f"{field}: mesh {shape.file}"):
+        vertices, triangles = read_mesh_file(shape.file)
+        used = np.unique(triangles)
+        with np.errstate(over="ignore"):
+            vertices[used] *= np.array(shape.scale)
+        if not np.isfinite(vertices[used]).all():
+            raise InputError("holds coordinates that are not finite (NaN or infinite)")
+        if np.abs(vertices[used]).max() > LARGEST:
+            raise InputError(f"reaches farther than {LARGEST:g} m (its scale is {shape.scale[0]:g})")
+        mesh = TriangleMesh.merged(vertices, triangles).trimmed()
+        if len(mesh.triangles) == 0 or thinness(mesh.vertices) <= FLAT:
+            raise InputError("is flat; a body with some thickness is needed")
+    return mesh
+
+
+def thinness(points: Array) -> float:
+    """Return the smallest over the largest principal extent of `points` (m, 3)."""
+    extents = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return float(extents[-1] / extents[0]) if len(extents) == 3 else 0.0
+
+
+def below(triangles: Array, normal: Array, offset: float) -> Array:
+    """Return the parts of triangles (T, 3, 3) where normal · x ≤ offset, as triangles."""
+    height = triangles @ normal - offset
+    inside = height <= 0
+    count = inside.sum(1)
+    parts = [triangles[count == 3]]
+    for corners_inside in (1, 2):
+        chosen = count == corners_inside
+        lone = (inside[chosen] if corners_inside == 1 else ~inside[chosen]).argmax(1)  # the corner on its own side
+        turn = (lone[:, None] + np.arange(3)) % 3
+        a, b, c = np.moveaxis(np.take_along_axis(triangles[chosen], turn[:, :, None], 1), 1, 0)
+        above_a, above_b, above_c = np.take_along_axis(height[chosen], turn, 1).T[:, :, None]
+        to_b = a + (b - a) * (above_a / (above_a - above_b))
+        to_c = a + (c - a) * (above_a / (above_a - above_c))
+        if corners_inside == 1:
+            parts.append(np.stack([a, to_b, to_c], 1))
+        else:
+            parts.extend((np.stack([to_b, b, c], 1), np.stack([to_b, c, to_c], 1)))
+    return np.concatenate(parts)

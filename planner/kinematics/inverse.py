@@ -1,0 +1,80 @@
+"""One link's pose, linearized, and the damped step that brings it nearer.
+
+Damped least squares, dq = Jᵀ (J Jᵀ + λ² I)⁻¹ e, within the joint limits, for many configurations at once (Nakamura &
+Hanafusa, "Inverse kinematic solutions with singularity robustness", 1986). Turns that are free leave J and e.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from hdplan.planner.kinematics.forward import Kinematics, kinematics_of
+from hdplan.planner.robot.link_frame import AXES, link_frame
+from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.model import PoseTarget
+
+Array = NDArray[np.float64]
+
+DAMPING = 0.02  # λ: keeps steps short near a singular configuration
+LONGEST = 0.4  # [rad] or [m] of one step of a joint
+PARALLEL = 1e-9  # sine below which two directions have no axis of their own
+
+
+class LinkPose(NamedTuple):
+    """A target, and the link that is to reach it."""
+
+    robot: Robot
+    target: PoseTarget
+    arm: Kinematics
+    joint: int  # that carries the link
+    placement: Array  # (4, 4) of the link in the joint's frame
+
+    @classmethod
+    def of(cls, robot: Robot, target: PoseTarget) -> LinkPose:
+        """Take a robot and its target. Raises InputError as `link_frame`."""
+        frame = robot.model.frames[link_frame(robot, target.link, target.field)]
+        return cls(robot, target, kinematics_of(robot), frame.parentJoint, frame.placement.homogeneous)
+
+    def linearized(self, q: Array) -> tuple[Array, Array]:
+        """What is missing (B, 6), way [m] and turn [rad] in world axes, and what the joints do about it (B, 6, n)."""
+        state, wanted, joint = self.arm.evaluate(q), self.target.pose.matrix, self.joint
+        rotation = state.rotations[:, joint] @ self.placement[:3, :3]
+        origin = state.rotations[:, joint] @ self.placement[:3, 3] + state.translations[:, joint]
+        linear = state.linear + np.cross(state.angular, origin[:, None])
+        turning = state.angular
+        if self.target.free_rotation == "all":
+            turn, turning = np.zeros_like(origin), np.zeros_like(turning)
+        elif self.target.free_rotation in AXES:
+            axis = AXES.index(self.target.free_rotation)
+            along = rotation[:, :, axis]
+            turn = _turn_between(along, wanted[:3, axis])
+            turning = turning - (turning @ along[..., None]) * along[:, None]
+        else:
+            turn = Rotation.from_matrix(wanted[:3, :3] @ rotation.transpose(0, 2, 1)).as_rotvec()
+        moved = self.arm.supports[joint][:, None]
+        jacobian = np.concatenate([linear, turning], axis=2) * moved
+        return np.concatenate([wanted[:3, 3] - origin, turn], axis=1), jacobian.transpose(0, 2, 1)
+
+
+def damped_step(robot: Robot, q: Array, error: Array, jacobian: Array, longest: float = LONGEST) -> Array:
+    """One step of damped least squares from q (B, n), within the limits: error (B, m), jacobian (B, m, n); no joint
+    moves by more than `longest`."""
+    square = jacobian @ jacobian.transpose(0, 2, 1) + DAMPING**2 * np.eye(error.shape[1])
+    step = np.einsum("bij,bi->bj", jacobian, np.linalg.solve(square, error[..., None])[..., 0])
+    step *= np.minimum(1.0, longest / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-12))
+    moved: Array = np.clip(q + step, robot.lower, robot.upper)
+    return moved
+
+
+def _turn_between(directions: Array, wanted: Array) -> Array:
+    """The shortest turns (B, 3) [rad] that bring unit vectors (B, 3) to a wanted one; a half turn of opposite ones."""
+    cross = np.cross(directions, wanted)
+    sine = np.linalg.norm(cross, axis=1, keepdims=True)
+    across = np.cross(wanted, np.eye(3)[np.abs(wanted).argmin()])
+    axis = np.where(sine > PARALLEL, cross / np.maximum(sine, PARALLEL), across / np.linalg.norm(across))
+    turn: Array = axis * np.arctan2(sine, directions @ wanted[:, None])
+    return turn

@@ -1,0 +1,187 @@
+"""How far the points of a link can move while the joints run along a curve: first and second order, rigorous.
+
+For an interval of the motion, q(s) = q_m + s δ + e(s) with s ∈ [−1, 1], |e_j| ≤ ε_j (0 on a straight line), and a point
+v of a link, in the frame of a body that carries the moving joints J (revolute or prismatic), all taken at the midpoint
+q_m:
+
+    v(s) = v + s v' + r(s),    v' = Ω × v + U,    ‖r(s)‖ ≤ R
+
+with Ω = Σ_rev δ_j z_j,  U = Σ_rev δ_j o_j × z_j + Σ_pris δ_j z_j,  z_j and o_j the axis of joint j and a point of it.
+
+*First order.* ‖v(s) − v‖ ≤ Σ_j (|δ_j| + ε_j) ρ_j: joint j alone moves v by its travel times ρ_j at most, ρ_j the
+greatest distance of the link from axis j (1 for a prismatic joint).
+
+*Second order.* ∂²v/∂q_i∂q_j for i at or before j in the chain is z_i × ∂v/∂q_j if i is revolute, of length ≤ ρ_j, and 0
+if i is prismatic. So ½ max‖v''‖ ≤ ½ Σ_j |δ_j| ρ_j (|δ_j|[j revolute] + 2 Σ_{i<j revolute} |δ_i|) along the straight
+line; leaving it by e moves v by Σ_j ε_j ρ_j more. R is the sum of both.
+
+*ρ_j.* Two bounds, of which the smaller is taken. (a) For all configurations: seen from joint j, the link stays in a
+cylinder around axis j. At the joint that carries the link it is computed from the points; one joint further down, the
+cylinder of radius ρ and axial range [l, u] around an axis of direction a through t is enclosed by: radius max_{e ∈ {l,
+u}} ‖(t + e a)⊥‖ + ρ (a norm of something linear in e is greatest at an end), axial range (t + e a)·z ± ρ √(1 − (a·z)²);
+a prismatic joint lengthens the range by its travel. (b) For the interval: the distance from axis j to the link's
+bounding ball at q_m, plus what the joints after j, which alone move the link against axis j, can add: Σ_{k>j} (|δ_k| +
+ε_k) ρ_k.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from hdplan.scenes.errors import HdplanError
+from hdplan.scenes.once import freeze
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Return a × b along the last axis; NumPy's own takes four times as long."""
+    x, y, z = a[..., 0], a[..., 1], a[..., 2]
+    u, v, w = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What bodies do on intervals of the motion, one row each: Ω, U and the two bounds of the module's head."""
+
+    omega: Array  # (i, 3)
+    velocity: Array  # (i, 3) U
+    first: Array  # (i,) Σ (|δ_j| + ε_j) ρ_j [m]
+    second: Array  # (i,) R [m]
+
+    @classmethod
+    def of(cls, chain: Chain, delta: Array, deviation: Array, axes: Array, points: Array, reach: Array) -> Motion:
+        """Compute it from δ and ε (i, n), 0 for joints that do not count, axes and points on them (i, n, 3) and ρ (i,
+        n)."""
+        turning = delta * chain.revolute
+        speed, turn = np.abs(delta) * reach, np.abs(turning)
+        leaving = (deviation * reach).sum(axis=1)
+        before = np.cumsum(turn, axis=1) - turn
+        return cls(
+            np.einsum("in,inc->ic", turning, axes),
+            np.einsum("in,inc->ic", turning, cross(points, axes)) + np.einsum("in,inc->ic", delta - turning, axes),
+            speed.sum(axis=1) + leaving,
+            0.5 * (speed * (turn + 2.0 * before)).sum(axis=1) + leaving,
+        )
+
+    def __add__(self, other: Motion) -> Motion:
+        """Return two motions of the same bodies together, where one of them is rest."""
+        return Motion(
+            self.omega + other.omega,
+            self.velocity + other.velocity,
+            self.first + other.first,
+            self.second + other.second,
+        )
+
+    def __getitem__(self, rows: Mask | NDArray[np.int64] | tuple[NDArray[np.int64], NDArray[np.int64]]) -> Motion:
+        """Return some of the rows."""
+        return Motion(self.omega[rows], self.velocity[rows], self.first[rows], self.second[rows])
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """The joints of a Pinocchio model, one coordinate each; joint j of the model moves coordinate j − 1."""
+
+    model: Any
+    axes: Array  # (n, 3) unit, in each joint's frame
+    revolute: Mask  # (n,) the others are prismatic
+    carried_by: Mask  # (joints, n) whether a body on joint i of the model (0: the world) moves with coordinate j
+
+    def __post_init__(self) -> None:
+        """Share its arrays read-only."""
+        freeze(self)
+
+    @classmethod
+    def of(cls, model: Any) -> Chain:
+        """Read the joints. Raises HdplanError for a joint that neither turns about nor slides along one axis."""
+        axes, revolute = [], []
+        for joint, name in zip(
+            itertools.islice(model.joints, 1, None), itertools.islice(model.names, 1, None), strict=True
+        ):
+            data = joint.createData()
+            joint.calc(data, pin.neutral(model))
+            motion = np.array(data.S).reshape(6, -1)  # linear part above, angular below
+            if motion.shape[1] != 1 or (np.any(motion[:3]) and np.any(motion[3:])):
+                raise HdplanError(f"joint '{name}': {joint.shortname()} is not supported by the certificate")
+            revolute.append(bool(np.any(motion[3:])))
+            axes.append(motion[3:, 0] if revolute[-1] else motion[:3, 0])
+        carried_by = np.zeros((model.njoints, model.njoints - 1), dtype=bool)
+        for joint in range(model.njoints):
+            carried_by[joint, [support - 1 for support in model.supports[joint] if support > 0]] = True
+        return cls(model, np.array(axes), np.array(revolute), carried_by)
+
+    def reach(self, joint: int, points: Array, radius: float, travel: Array) -> Array:
+        """Return ρ (n,), bound (a) above, for `points` (m, 3) in the frame of `joint`, swept by `radius`.
+
+        `travel` (n, 2) is the range of each coordinate; only those of prismatic joints count. Joints that do not carry
+        the body have 0.
+        """
+        rho = np.zeros(len(self.axes))
+        if joint == 0:
+            return rho
+        axis = self.axes[joint - 1]
+        along = points @ axis
+        wide = float(np.linalg.norm(points - along[:, None] * axis, axis=1).max()) + radius
+        low, high = float(along.min()) - radius, float(along.max()) + radius
+        while True:
+            index = joint - 1
+            rho[index] = wide if self.revolute[index] else 1.0
+            if not self.revolute[index]:
+                low, high = low + travel[index, 0], high + travel[index, 1]
+            placement, joint = self.model.jointPlacements[joint], int(self.model.parents[joint])
+            if joint == 0:
+                return rho
+            inner, axis = placement.rotation @ axis, self.axes[joint - 1]
+            ends = placement.translation + np.outer([low, high], inner)
+            along = ends @ axis
+            tilt = wide * float(np.sqrt(max(0.0, 1.0 - (inner @ axis) ** 2)))
+            wide += float(np.linalg.norm(ends - along[:, None] * axis, axis=1).max())
+            low, high = float(along.min()) - tilt, float(along.max()) + tilt
+
+    def frames(self, configurations: Array) -> tuple[Array, Array]:
+        """Return rotations (k, joints, 3, 3) and origins (k, joints, 3) of all joints of the model, by Pinocchio.
+
+        `configurations` (k, nq) are Pinocchio's.
+        """
+        data = self.model.createData()
+        placements = np.empty((len(configurations), self.model.njoints, 4, 4))
+        for row, configuration in zip(placements, configurations, strict=True):
+            pin.forwardKinematics(self.model, data, configuration)
+            for joint, placement in enumerate(data.oMi):
+                row[joint] = placement.np
+        return placements[..., :3, :3], placements[..., :3, 3]
+
+    def local_reach(
+        self,
+        rho: Array,
+        joints: NDArray[np.int64],
+        centers: Array,
+        radii: Array,
+        axes: Array,
+        origins: Array,
+        half: Array,
+    ) -> Array:
+        """Return ρ (k, g, n) for k intervals and g bodies: the smaller of the bounds (a), given, and (b).
+
+        rho (g, n); joints (g,) that carry the bodies; centers (k, g, 3) and radii (g,) of their bounding balls; axes
+        and origins (k, n, 3) of the joints, all at the midpoints; half (k, n) = |δ| + ε.
+        """
+        local = np.zeros((len(centers), *rho.shape))
+        after = np.zeros(local.shape[:2])  # Σ_{k>j} (|δ_k| + ε_k) ρ_k
+        for j in reversed(range(rho.shape[1])):
+            carried = self.carried_by[joints, j]
+            if self.revolute[j]:
+                away = np.linalg.norm(cross(centers - origins[:, j, None], axes[:, None, j]), axis=2)
+                local[:, :, j] = np.where(carried, np.minimum(rho[:, j], away + radii + after), 0.0)
+            else:
+                local[:, :, j] = np.where(carried, 1.0, 0.0)
+            after += half[:, j, None] * local[:, :, j]
+        return local

@@ -1,0 +1,75 @@
+"""A trajectory's curve as one robot's: joints found by their names, in the robot's order, within their limits; joints
+that the robot holds stand still."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hdplan.planner.motion.curve import FARTHEST, Curve, halves
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.errors import InputError, nearest
+
+BEYOND_LIMIT = 1e-9  # [rad] or [m] by which a motion may be beyond a joint limit: rounding
+HALVINGS = 40  # of an interval, to tell a curve that grazes a limit from one that passes it
+SAME_LOCKED = 1e-6  # [rad] or [m] between a locked joint's value in trajectory and scene
+
+
+def curve_of(robot: Robot, trajectory: Trajectory) -> Curve:
+    """Return the trajectory's curve, its joints in the order of the robot's planned ones.
+
+    Joints that the robot holds must stand still at the value at which it holds them. Raises InputError for joints that
+    are missing, unknown or held elsewhere.
+    """
+    names, curve = trajectory.joint_names, trajectory.curve
+    if missing := [name for name in robot.joint_names if name not in names]:
+        raise InputError(f"trajectory: joint '{missing[0]}' of {robot.name} is missing{nearest(missing[0], names)}")
+    held: Mapping[str, ArrayLike] = {
+        name: curve.control[:, :, column] for column, name in enumerate(names) if name not in robot.joint_names
+    }
+    for name, values in {**trajectory.locked, **held}.items():
+        if name not in robot.locked:
+            known = (*robot.joint_names, *robot.locked)
+            raise InputError(f"trajectory: joint '{name}' is not one of {robot.name}{nearest(name, known)}")
+        away = np.asarray(values) - robot.locked[name]
+        if np.abs(away).max() > SAME_LOCKED:
+            found = np.asarray(values).flat[np.abs(away).argmax()]
+            raise InputError(
+                f"trajectory: joint '{name}' is at {found:g}, the scene holds it at {robot.locked[name]:g}"
+            )
+    curve = curve.columns([names.index(name) for name in robot.joint_names])
+    far = np.abs(curve.control)
+    if far.max() > FARTHEST:
+        interval, point, joint = np.unravel_index(far.argmax(), far.shape)
+        row = interval + (point == curve.degree)  # the last control point is the next waypoint's
+        raise InputError(
+            f"trajectory: waypoint {row}, joint '{robot.joint_names[joint]}': {far.max():g} is larger than {FARTHEST:g}"
+        )
+    return curve
+
+
+def beyond_limits(curve: Curve, robot: Robot) -> str | None:
+    """Say where a motion is beyond the limits of position; None if it is not, anywhere.
+
+    A part of the curve lies within the hull of its control points, the first and last of which are on it. So a part
+    whose hull is beyond a limit is halved, until a point on the curve is, or none of the hulls are.
+    """
+    interval, control = np.arange(len(curve) - 1), curve.control  # (k,), (k, d + 1, n)
+    for halving in range(HALVINGS + 1):
+        excess = np.maximum(robot.lower - control, control - robot.upper)
+        open_ = ~(excess <= BEYOND_LIMIT).all(axis=(1, 2))
+        if not open_.any():
+            return None
+        if not (excess[:, [0, -1]] <= BEYOND_LIMIT).all() or halving == HALVINGS:
+            break
+        interval, control = np.repeat(interval[open_], 2), halves(control[open_])
+    on_curve = excess[:, [0, -1]]
+    part, end, joint = (int(i) for i in np.unravel_index(int(on_curve.argmax()), on_curve.shape))
+    where = f"waypoint {interval[part] + end}" if not halving else f"the curve after waypoint {interval[part]}"
+    return (
+        f"{where} has joint '{robot.joint_names[joint]}' at {control[part, -end, joint]:.10g}, "
+        f"its limits are [{robot.lower[joint]:g}, {robot.upper[joint]:g}]"
+    )

@@ -1,0 +1,96 @@
+"""Clearance along a motion at chosen path parameters, to be drawn: the exact one, and what the planner's bodies say.
+
+Trajectory → for each path parameter the closest places by the real meshes and shapes (exact), and the separation D̃ of
+the planner's outer bodies from the obstacles' planes, a lower bound of the exact distance. Lengths in [m], negative in
+contact. Nothing is proven between the path parameters: that is the certificate's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.build import build
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.verdict import Place
+from hdplan.planner.motion.curve import Curve
+from hdplan.planner.problem.moving_clearance import MovingClearance
+from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.model import Scene
+
+Array = NDArray[np.float64]
+
+FARTHEST = 1.0  # [m] as far as the planner's settings let it see
+FARTHER, FARTHER_BY = 1.2, 0.01  # times and [m] beyond the last distance: where the next one is looked for first
+
+
+@dataclass(frozen=True, eq=False)
+class Clearances:
+    """Distances at k path parameters of a motion [m]."""
+
+    parameter: Array  # (k,) 0 start to 1 goal
+    closest: tuple[Place, ...]  # (k,) to obstacles; none in a scene without
+    between_links: Array  # (k,) exact; empty for a robot without pairs of links
+    outer: Array  # (k,) D̃ of the planner's bodies to obstacles, inf where there is none; empty without obstacles
+
+    @property
+    def to_obstacles(self) -> Array:
+        """The exact distance (k,) to obstacles."""
+        return np.array([place.distance for place in self.closest])
+
+    @classmethod
+    def along(cls, certifier: Certifier, curve: Curve, parameter: Array) -> Clearances:
+        """Look at a motion, its joints in the robot's order, at `parameter` (k,); moving obstacles are where they are
+        then."""
+        positions, times = curve.at_parameter(parameter), curve.time_of(parameter)
+        closest, between_links = exact(certifier, positions, times)
+        outer = np.empty(0)
+        if closest:
+            within = max(place.distance for place in closest) * FARTHER + FARTHER_BY
+            outer = outer_clearance(certifier.scene, certifier.robot, positions, times, max(within, FARTHER_BY))
+        return cls(parameter, closest, between_links, outer)
+
+
+def outer_clearance(scene: Scene, robot: Robot, positions: Array, times: Array, within: float) -> Array:
+    """Return the least D̃ (k,) [m] of the planner's link bodies and obstacles at configurations (k, n) and times (k,)
+    [s].
+
+    Lower bounds of the exact distance, by the bodies, normals and distance that the scene's settings choose; links that
+    do not move have no part in it. Pairs farther apart than `within` [m], or FARTHEST, are left out, for speed: inf
+    where nothing is left.
+    """
+    settings = replace(scene.planner, clearance=0.0, activation=min(within, FARTHEST), swept=False)
+    problem = build(replace(scene, planner=settings), robot)
+    least = np.full(len(positions), np.inf)
+    kinematics = problem.kinematics.evaluate(positions)
+    for term in problem.pair_terms:
+        if term.name in ("obstacles", "moving obstacles"):
+            inside = term.inside(term.met(kinematics, times) if isinstance(term, MovingClearance) else kinematics)
+            margin = term.pairs.margins[term.pairs.plane_body[inside.pair]]  # `within`, and an obstacle's own clearance
+            np.minimum.at(least, inside.sample, margin + inside.separation)
+    return least
+
+
+def exact(certifier: Certifier, positions: Array, times: Array) -> tuple[tuple[Place, ...], Array]:
+    """Return the closest places to obstacles and the distances between links at configurations (k, n) and times (k,)
+    [s], each empty where there are none.
+
+    From one configuration to the next distances change little: the next are looked for near the last, and everywhere
+    only where that finds nothing.
+    """
+    found: list[Sequence[Place | None]] = []
+    within = np.inf
+    for q, time in zip(positions, times.tolist(), strict=True):
+        places = certifier.nearest(q, within, time)
+        if found and [place is None for place in places] != [place is None for place in found[0]]:
+            places = certifier.nearest(q, time=time)
+        found.append(places)
+        within = max([0.0, *(place.distance for place in places if place)]) * FARTHER + FARTHER_BY
+    to_obstacles, between_links = zip(*found, strict=True)
+    return (
+        tuple(place for place in to_obstacles if place),
+        np.array([place.distance for place in between_links if place]),
+    )

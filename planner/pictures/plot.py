@@ -1,0 +1,99 @@
+"""A motion as one sheet: joints, clearance, convergence, and the scene from two sides; PNG, PDF or SVG by its ending.
+
+matplotlib is optional: only this module's parts (plot_sheet, plot_panels, plot_scene) import it, and only when a
+picture is wanted.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.verdict import Certificate
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.result import PlanResult
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.solvers.solution import Step
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import Scene
+from hdplan.scenes.output import check_writable, write_output
+
+if TYPE_CHECKING:
+    from hdplan.planner.control.replay import Simulation
+
+PICTURES = (".png", ".pdf", ".svg")
+PIXELS, FINE = 150, 300  # per inch: of a PNG; of the painted scene in the others, whose lines and letters have none
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """What a sheet shows."""
+
+    certifier: Certifier  # of the scene and its robot
+    trajectory: Trajectory  # the robot's planned joints, in its order
+    certificate: Certificate
+    steps: tuple[Step, ...]  # of the solver; empty where they are not known
+    origin: str  # where the motion comes from, in a few words
+
+    @classmethod
+    def of(cls, certifier: Certifier, trajectory: Trajectory, steps: tuple[Step, ...], name: str) -> Subject:
+        """Take a trajectory of any planner, its joints in any order, and certify it.
+
+        Raises InputError for joints that do not fit the robot.
+        """
+        certificate, robot = certifier.certify(trajectory), certifier.robot
+        ordered = trajectory.of_joints(robot.joint_names, robot.locked)
+        iterations = f", {len(steps)} iterations" if steps else ""
+        return cls(certifier, ordered, certificate, steps, f"{name}: {ordered.extent}{iterations}")
+
+    @classmethod
+    def planned(cls, scene: Scene, robot: Robot, result: PlanResult) -> Subject:
+        """Take the result of a plan, with its own certificate."""
+        seconds = sum(vars(result.times).values())
+        effort = f"{result.solver}, {result.iterations} iterations, {seconds:.2f} s from scene to verdict"
+        words = f"{result.trajectory.extent}, {effort}"
+        return cls(Certifier(scene, robot), result.trajectory, result.certificate, result.steps, words)
+
+
+def check_picture(path: str | Path) -> None:
+    """Say early that no picture can be written to `path`.
+
+    Raises InputError for another ending than PICTURES, a place that cannot be written, or a missing matplotlib.
+    """
+    check_writable(Path(path), PICTURES)
+    if importlib.util.find_spec("matplotlib") is None:
+        raise InputError(f"{path}: pictures need matplotlib, which is not installed: pip install hdplan[plot]")
+
+
+def plot(subject: Subject, path: str | Path) -> None:
+    """Draw a motion and write the sheet to `path`, whole or not at all.
+
+    Args:
+        subject: certified or not.
+        path: ends with one of PICTURES.
+
+    Raises:
+        InputError: another ending, no matplotlib, a path that cannot be written.
+    """
+    check_picture(path)
+    from hdplan.planner.pictures.sheet import sheet
+
+    _write(sheet(subject), Path(path))
+
+
+def plot_simulation(simulation: Simulation, title: str, path: str | Path) -> None:
+    """Draw what `hdplan simulate` found and write it to `path`; raises as `plot`, and for a path without times."""
+    check_picture(path)
+    from hdplan.planner.pictures.replay import simulation_sheet
+
+    _write(simulation_sheet(simulation, title), Path(path))
+
+
+def _write(figure: Any, path: Path) -> None:
+    picture, kind = io.BytesIO(), path.suffix.lower().removeprefix(".")
+    figure.savefig(picture, format=kind, dpi=PIXELS if kind == "png" else FINE)
+    write_output(path, picture.getvalue())

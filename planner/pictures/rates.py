@@ -1,0 +1,128 @@
+"""The panels of velocities, accelerations and torques along a motion, each joint's as a share of its limit.
+
+What is drawn is the executed curve itself, both its sides where it jumps. Of a file with times alone nothing more is
+known than finite differences: a constant velocity between two waypoints, and its change at each.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from hdplan.planner.motion.curve import Curve
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.pictures.panels import lay_along, looks, short_names, units_of
+from hdplan.planner.pictures.plot import Subject
+from hdplan.planner.pictures.style import CONTACT, CURVES, GREY
+from hdplan.planner.robot.joint_limits import acceleration_limits, torque_limits, velocity_limits
+from hdplan.planner.robot.loads import loaded_model
+from hdplan.planner.robot.robot import Robot
+
+Array = NDArray[np.float64]
+
+MOST_NAMES = 8  # in one column of the joints' names
+NEAR = 0.6  # share of a limit from which on the limit itself is in the picture
+
+
+@dataclass(frozen=True, eq=False)
+class Rate:
+    """A quantity of n joints along a motion."""
+
+    quantity: str  # "velocity", "acceleration", "torque"
+    per: str  # its unit, beside the joint's own
+    where: str  # of the waypoints it is known, where it is not known everywhere
+    times: Array  # (k,) [s]; one more than the values where these hold from one to the next
+    values: Array  # (k, n)
+    limits: Array | None  # (n,), where the scene has any
+
+
+def rates(subject: Subject) -> tuple[Rate, ...]:
+    """Return what is known of velocities and accelerations, and of torques where the scene limits them; nothing of a
+    path without times."""
+    scene, robot, trajectory = subject.certifier.scene, subject.certifier.robot, subject.trajectory
+    if trajectory.times is None:
+        return ()
+    limits = velocity_limits(scene, robot), acceleration_limits(scene, robot)
+    if trajectory.velocities is None:
+        velocities, accelerations = differences(trajectory)
+        return (
+            Rate("velocity", "s", " between waypoints", trajectory.times, velocities, limits[0]),
+            Rate("acceleration", "s²", " at waypoints", trajectory.times[1:-1], accelerations, limits[1]),
+        )
+    curve = trajectory.curve
+    times, (q, v, a) = _along(curve)
+    found = [Rate("velocity", "s", "", times, v, limits[0]), Rate("acceleration", "s²", "", times, a, limits[1])]
+    if (most := torque_limits(scene, robot)) is not None:
+        found.append(Rate("torque", "", "", times, _torques(loaded_model(scene, robot), robot, q, v, a), most))
+    return tuple(found)
+
+
+def draw_rate(axis: Any, subject: Subject, rate: Rate) -> None:
+    """Draw it as shares of the joints' limits; as it is where there are none."""
+    shares = rate.values if rate.limits is None else rate.values / rate.limits
+    lines = zip(shares.T, itertools.cycle(CURVES), short_names(subject.trajectory.joint_names), strict=False)
+    for values, style, name in lines:
+        values = values if rate.limits is None else 100.0 * values
+        if len(rate.times) > len(values):
+            axis.stairs(values, rate.times, baseline=None, linewidth=1.2, label=name, **style)
+        else:
+            axis.plot(rate.times, values, linewidth=1.2, label=name, **style)
+    axis.axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
+    axis.set_title(f"{rate.quantity}{rate.where}")
+    if rate.limits is None:
+        of_joint = sorted(set(units_of(subject.certifier.robot)), reverse=True)
+        units = " or ".join(f"{unit}/{rate.per}" for unit in of_joint)
+        axis.set(ylabel=f"{rate.quantity} [{units}]")
+    else:
+        axis.set(ylabel="share of limit [%]")
+        _limit(axis, float(np.abs(shares).max(initial=0.0)))
+        _proven(axis, subject, rate)
+    if rate.quantity == "velocity":  # the first of them names the joints for all
+        columns = -(-len(shares.T) // MOST_NAMES)
+        axis.legend(ncols=columns, loc="center left", bbox_to_anchor=(1.0, 0.5), columnspacing=0.9, handlelength=2.2)
+    lay_along(axis, subject.trajectory)
+
+
+def differences(trajectory: Trajectory) -> tuple[Array, Array]:
+    """Return the velocities (N − 1, n) between the waypoints and the accelerations (N − 2, n) at the inner ones, each
+    over the time from one interval's middle to the next's."""
+    assert trajectory.times is not None
+    widths = np.diff(trajectory.times)[:, None]
+    velocities = np.diff(trajectory.positions, axis=0) / widths
+    return velocities, np.diff(velocities, axis=0) / (0.5 * (widths[1:] + widths[:-1]))
+
+
+def _along(curve: Curve) -> tuple[Array, list[Array]]:
+    """Return times (k,) and the curve's positions, velocities and accelerations (k, n) then."""
+    interval, fraction = looks(curve)
+    times = curve.time_of((interval + fraction) / (len(curve) - 1))
+    return times, [curve.over_time(order).at(interval, fraction) for order in range(3)]
+
+
+def _torques(model: pin.Model, robot: Robot, q: Array, v: Array, a: Array) -> Array:
+    """Return what drives the motion (k, n), by Pinocchio's inverse dynamics."""
+    data = model.createData()
+    return np.array([pin.rnea(model, data, *row) for row in zip(robot.pin_q(q), v, a, strict=True)])
+
+
+def _limit(axis: Any, peak: float) -> None:
+    """Shade what is beyond the limits, if the curves come near them."""
+    top = 115.0 * max(peak, 1.0) if peak > NEAR else 115.0 * max(peak, 1e-6)
+    for side in (-1.0, 1.0):
+        axis.axhspan(side * 100.0, side * max(top, 100.0), color=CONTACT, alpha=0.15, linewidth=0)
+    axis.set_ylim(-top, top)
+
+
+def _proven(axis: Any, subject: Subject, rate: Rate) -> None:
+    """Write what the certificate says of the limit."""
+    use = next((use for use in subject.certificate.uses if use.quantity == rate.quantity), None)
+    if use is not None:
+        name = dict(zip(subject.trajectory.joint_names, short_names(subject.trajectory.joint_names), strict=True))
+        said = f"proven ≤ {use.share:.1%} ({name[use.joint]})" if np.isfinite(use.share) else "jumps"
+        style: dict[str, Any] = {} if use.within else {"color": CONTACT}
+        axis.set_title(said, loc="right", fontsize=7.5, weight="normal", **style)

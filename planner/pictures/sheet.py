@@ -1,0 +1,89 @@
+"""The sheet of a motion: its panels beside the scene from two sides, under a title with the verdict.
+
+Only what is known has a panel: velocities and accelerations where the trajectory has times, torques where the scene
+limits them, the solver's progress where its steps are kept.
+"""
+
+from __future__ import annotations
+
+import functools
+import textwrap
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+from matplotlib.legend import Legend
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from hdplan.planner.pictures.panels import draw_clearance, draw_convergence, draw_joints
+from hdplan.planner.pictures.plot import Subject
+from hdplan.planner.pictures.rates import draw_rate, rates
+from hdplan.planner.pictures.scene import DRIFTING, STANDING, Picture, draw_scene
+from hdplan.planner.pictures.style import BETWEEN, CONTACT, FIXED, GOAL, GOOD, INK, OBSTACLE, RC, START, plain
+
+WIDTH, HEIGHT, RATE = 11.7, 8.3, 1.35  # [in] A4 across; higher by each panel of velocities, accelerations or torques
+HEAD, FOOT = 1.15, 0.5  # [in] above and below the panels
+GAP = 0.75  # [in] between two panels: the upper one's axis, the lower one's title
+TITLE_WIDTH = 132  # characters
+SIDES = ((0.0, 18.0), (62.0, 48.0))  # azimuth from the best side and elevation of the two views [deg]
+
+Draw = Callable[[Any, Subject], None]
+
+
+def sheet(subject: Subject) -> Figure:
+    """Return the figure; see plot.plot."""
+    found = rates(subject)
+    panels: list[tuple[float, Draw]] = [(1.35, draw_joints)]
+    panels += [(0.8, functools.partial(draw_rate, rate=rate)) for rate in found]
+    panels += [(1.1, draw_clearance)]
+    panels += [(0.9, draw_convergence)] if subject.steps else []
+    height = HEIGHT + RATE * len(found)
+    band = {"bottom": FOOT / height, "top": 1.0 - HEAD / height}
+    with rc_context(RC):
+        figure = Figure(figsize=(WIDTH, height), facecolor="white")
+        room = (height - HEAD - FOOT + GAP) / len(panels)  # [in] for a panel and what is below it
+        _title(figure, subject, height)
+        shares = [share for share, _ in panels]
+        left = figure.add_gridspec(
+            len(panels), 1, height_ratios=shares, left=0.085, right=0.425, **band, hspace=GAP / (room - GAP)
+        )
+        right = figure.add_gridspec(2, 1, left=0.525, right=0.985, **band, hspace=0.05)
+        for row, (_, draw) in enumerate(panels):
+            draw(figure.add_subplot(left[row]), subject)
+        scene, robot = subject.certifier.scene, subject.certifier.robot
+        picture = Picture.of(scene, robot, subject.trajectory)
+        views = [figure.add_subplot(right[row]) for row in range(len(SIDES))]
+        for axis, (turn, elevation) in zip(views, SIDES, strict=True):
+            draw_scene(axis, picture, picture.azimuth() + np.radians(turn), float(np.radians(elevation)))
+        _key(views[0], picture)
+        return figure
+
+
+def _title(figure: Figure, subject: Subject, height: float) -> None:
+    certificate, scene, robot = subject.certificate, subject.certifier.scene, subject.certifier.robot
+    top = 1.0 - 0.29 / height
+    figure.text(0.02, top, plain(f"{scene.name} · {robot.name}", 44), fontsize=15, weight="bold", va="center")
+    figure.text(0.985, top, plain(subject.origin, 80), ha="right", va="center")
+    color = GOOD if certificate.certified else CONTACT
+    text = textwrap.fill(plain(certificate.text, 3 * TITLE_WIDTH - 30), TITLE_WIDTH)
+    figure.text(0.02, 1.0 - 0.47 / height, text, color=color, fontsize=10, weight="bold", va="top")
+
+
+def _key(axis: Any, picture: Picture) -> None:
+    """Say what the colours of the scene mean; of obstacles that move in a line of its own."""
+    handles: list[Any] = [Patch(color=START, label="start"), Patch(color=BETWEEN, alpha=0.5, label="on the way")]
+    handles += [Patch(color=GOAL, label="goal"), Patch(color=FIXED, label="base")]
+    if any(paint is STANDING for _, paint in picture.solids):
+        handles.append(Patch(color=OBSTACLE, alpha=0.5, label="obstacles"))
+    handles.append(Line2D([], [], color=INK, linewidth=1.3, label=f"path of {plain(picture.tip_link, 24)}"))
+    (_, begins), (_, ghost), *_, (_, ends) = DRIFTING
+    words = ("moving obstacles at the start", "on the way, as the robot", "at the end")
+    shown = zip((begins, ghost, ends), words, strict=True)
+    moving = [Patch(color=paint.color, alpha=paint.alpha, label=label) for paint, label in shown]
+    for line, height in ((moving, 0.99), (handles, 1.02)) if picture.moves else ((handles, 0.99),):
+        style: dict[str, Any] = {"columnspacing": 1.2, "handlelength": 1.4, "ncols": len(line)}
+        labels = [str(handle.get_label()) for handle in line]
+        axis.add_artist(Legend(axis, line, labels, loc="lower right", bbox_to_anchor=(1.0, height), **style))

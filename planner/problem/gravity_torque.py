@@ -1,0 +1,133 @@
+"""What it takes to hold still against gravity, so that a motion keeps away from configurations too heavy for a joint.
+
+Torques of a motion that goes slowly enough come down to those of gravity, g(q) = ∂U/∂q with U = −Σ_b m_b γ·c_b, γ the
+gravity and c_b the bodies' centres: where they pass a limit, no law of time helps and another way has to be found. With
+a_j and l_j the angular velocity and the velocity of the world's origin per unit of joint j's speed,
+
+    g_j = −γ·w_j,   w_j = Σ_{b after j} m_b (l_j + a_j × c_b),   ∂g_j/∂q_k = −(γ × a_k)·w_j  for k at or before j,
+
+since joint k turns all that comes after it about a_k; the rest by symmetry (exact). World frame, [m, rad, kg, Nm or N].
+Joints that gravity can never load so much, by a bound over all configurations, are left out.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from hdplan.planner.kinematics.forward import KinematicsBatch
+from hdplan.planner.motion.motion_bounds import Chain, cross
+from hdplan.planner.problem.hinge import BAND, Hinge, Measures
+from hdplan.planner.robot.joint_limits import torque_limits
+from hdplan.planner.robot.loads import loaded_model
+from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.model import Scene
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+ARM = 0.1  # [m] that a torque at its limit counts as: with the hinge's band the penalty sets in at 80 % of it
+
+
+@dataclass(frozen=True, eq=False)
+class GravityTorques:
+    """Gravity's torques of one model with its loads, and their derivatives, from the kinematics alone."""
+
+    gravity: Array  # (3,) γ, in the world [m/s²]
+    masses: Array  # (nj,) of the bodies
+    centres: Array  # (nj, 3) in their joints' frames [m]
+    supports: Mask  # (nj, n) whether a body moves with a coordinate
+
+    @property
+    def before(self) -> Mask:
+        """Whether coordinate k is at or before j in the chain (n, n) [j, k]: joint j + 1 is what carries j."""
+        return self.supports[1:]
+
+    @classmethod
+    def of(cls, model: pin.Model) -> GravityTorques:
+        """Read a model whose joint i + 1 moves coordinate i."""
+        return cls(
+            gravity=np.asarray(model.gravity.linear, dtype=np.float64).copy(),
+            masses=np.array([0.0, *(float(body.mass) for body in itertools.islice(model.inertias, 1, None))]),
+            centres=np.array(
+                [np.zeros(3), *(np.asarray(body.lever) for body in itertools.islice(model.inertias, 1, None))]
+            ),
+            supports=Chain.of(model).carried_by,
+        )
+
+    def __call__(self, kinematics: KinematicsBatch) -> tuple[Array, Array]:
+        """Return g (B, n) and ∂g/∂q (B, n, n) at B configurations."""
+        places = (kinematics.rotations @ self.centres[..., None])[..., 0] + kinematics.translations
+        after = self.supports * self.masses[:, None]  # (nj, n)
+        moments = np.einsum("bj,ibx->ijx", after, places)
+        moved = after.sum(axis=0)[:, None] * kinematics.linear + cross(kinematics.angular, moments)
+        turned = cross(np.broadcast_to(self.gravity, kinematics.angular.shape), kinematics.angular)
+        slope = -(moved @ turned.transpose(0, 2, 1))  # [j, k]
+        slope = np.where(self.before, slope, np.where(self.before.T, slope.transpose(0, 2, 1), 0.0))
+        return -(moved @ self.gravity), slope
+
+    def most(self, model: pin.Model, travel: Array) -> Array:
+        """Return bounds (n,) on |g_j| over all configurations; `travel` (n, 2) is the range of each coordinate.
+
+        A body's centre stays within a cylinder about each joint before it (`motion_bounds`); gravity turns about an
+        axis by what of it is across, which is known where the axis stands still in the world.
+        """
+        chain = Chain.of(model)
+        levers = np.array([chain.reach(b, self.centres[b : b + 1], 0.0, travel) for b in range(len(self.masses))])
+        across = np.full(len(travel), np.linalg.norm(self.gravity))
+        for joint, axis in enumerate(chain.axes):
+            if model.parents[joint + 1] == 0:
+                along = model.jointPlacements[joint + 1].rotation @ axis @ self.gravity
+                across[joint] = (
+                    np.sqrt(max(across[joint] ** 2 - along**2, 0.0)) if chain.revolute[joint] else abs(along)
+                )
+        result: Array = across * (self.masses @ levers)
+        return result
+
+
+@dataclass(frozen=True, eq=False)
+class GravityMeasure:
+    """Gravity's torques as shares of their limits, times ARM."""
+
+    torques: GravityTorques
+    joints: NDArray[np.int64]  # (m,) that gravity may overload
+    limits: Array  # (m,) of these
+
+    @property
+    def bound(self) -> Array:
+        """A limit, as a length (m,) [m]."""
+        return np.full(len(self.joints), ARM)
+
+    def __call__(self, kinematics: KinematicsBatch) -> Measures:
+        """Evaluate."""
+        torque, slope = self.torques(kinematics)
+        torque, slope, scale = torque[:, self.joints], slope[:, self.joints], ARM / self.limits
+        return Measures(scale * np.abs(torque), (scale * np.sign(torque))[..., None] * slope)
+
+
+class StaticTorque(Hinge):
+    """Keeps a motion away from configurations in which gravity alone asks too much of a joint."""
+
+    measure: GravityMeasure
+
+
+def static_torque(scene: Scene, robot: Robot) -> tuple[StaticTorque, ...]:
+    """Return the term where the scene limits torques and gravity may come near a limit; else none.
+
+    Raises InputError for loads or limits that do not fit the robot.
+    """
+    limits = torque_limits(scene, robot)
+    if limits is None:
+        return ()
+    model = loaded_model(scene, robot)
+    torques = GravityTorques.of(model)
+    bound = torques.most(model, np.stack([robot.lower, robot.upper], axis=1))
+    joints = np.flatnonzero(~(bound <= (1 - BAND / ARM) * limits))  # a bound that is no number proves nothing
+    if not len(joints):
+        return ()
+    measure = GravityMeasure(torques, joints, limits[joints])
+    return (StaticTorque("static torque", measure, scene.planner.activation),)

@@ -1,0 +1,143 @@
+"""Lay out the problem of a scene: its bodies, the pairs that can meet, and the terms that the scene calls for.
+
+With `planner.swept` obstacles are kept from hulls between waypoints (`swept_clearance`) instead of at samples.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+
+from hdplan.distance.symbolic.row_function import RowFunction
+from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
+from hdplan.planner.collision.collision_model import SELF_ACTIVATION, outline_of
+from hdplan.planner.collision.euclidean import FclPairs
+from hdplan.planner.collision.halfspace_bodies import PlaneBody, from_obstacle, plane_counts
+from hdplan.planner.collision.hdsdf import HdsdfPairs
+from hdplan.planner.collision.link_bodies import LinkBody
+from hdplan.planner.collision.pair_distance import PairDistance
+from hdplan.planner.problem.problem import Problem
+from hdplan.planner.problem.samples import Samples
+from hdplan.planner.problem.swept_clearance import SweptClearance
+from hdplan.planner.problem.terms import Clearance, MotionTerm, Smoothness, Term
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import Query
+from hdplan.scenes.errors import InputError, naming, nearest
+from hdplan.scenes.model import PathConstraints, PlannerSettings, Scene
+
+DISTANCES = ("hdsdf", "fcl")
+SAMPLES_PER_INTERVAL = 2  # at least
+
+
+def check_distance(name: str) -> None:
+    """Raise InputError for an unknown distance."""
+    if name not in DISTANCES:
+        raise InputError(f"distance: unknown '{name}'{nearest(name, DISTANCES)}")
+
+
+def self_margin(scene: Scene) -> float:
+    """How close two links come before their penalty sets in [m]."""
+    return max(scene.planner.clearance, scene.self_collision.clearance) + SELF_ACTIVATION
+
+
+def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf) -> Problem:
+    """Lay out the problem of a scene between two configurations. Raises InputError for what the scene or its robot gets
+    wrong.
+
+    What can be done without waits no longer than `deadline` (time.perf_counter()): meshes that are not split into
+    convex pieces by then are planned around as their hulls, with a note.
+    """
+    settings = scene.planner
+    if settings.swept and settings.distance != "hdsdf":
+        raise InputError(f"{scene.source}: planner.swept: true needs planner.distance hdsdf, found {settings.distance}")
+    compiled_before = RowFunction.spent.seconds
+    outline = outline_of(robot, settings.link_bodies, settings.normals)
+    kinematics, bodies = outline.kinematics, outline.bodies
+    with naming(scene.source):
+        enclosed = [
+            from_obstacle(obstacle, settings.normals, deadline - time.perf_counter()) for obstacle in scene.standing
+        ]
+    plane_bodies = tuple(body for pieces, _ in enclosed for body in pieces)
+    notes = [*scene.notes, *robot.notes, *query.notes, *(word for _, words in enclosed for word in words)]
+
+    terms: list[Term | MotionTerm] = []
+    clearances = scene.clearances
+    margins = np.array([clearances[body.name] + settings.activation for body in plane_bodies])
+    pairs = [
+        (a, b)
+        for a, body in enumerate(bodies)
+        if body.joint > 0
+        for b in np.flatnonzero(outline.reach[a].meets(plane_bodies, margins)).tolist()
+    ]
+    if pairs:
+        # room for every body and kernels for every shape: other obstacles then need nothing new compiled
+        slots = max(len(body.body.vertices) for body in bodies if body.joint > 0)
+        laid_out = body_pairs(bodies, plane_bodies, pairs, margins, kinematics.supports, slots)
+        distance = _distance(laid_out, bodies, plane_bodies, settings, plane_counts(settings.normals))
+        terms.append(
+            SweptClearance("obstacles", laid_out, distance, settings.gamma, settings.shaping_length)
+            if settings.swept
+            else Clearance("obstacles", laid_out, distance)
+        )
+    if scene.moving and any(body.joint > 0 for body in bodies):
+        from hdplan.planner.problem.moving_clearance import moving_clearance
+        from hdplan.planner.problem.velocity_penalty import pace
+
+        with naming(scene.source):
+            term, drifting, words = moving_clearance(
+                scene,
+                bodies,
+                kinematics.supports,
+                lambda pairs, bodies, pieces: _distance(
+                    pairs, bodies, pieces, settings, plane_counts(settings.normals)
+                ),
+                deadline,
+            )
+        terms += [term, pace(scene, robot)]
+        plane_bodies, notes = (*plane_bodies, *drifting), [*notes, *words]
+    margin = self_margin(scene)
+    kept = [(pair, kept > margin) for pair, kept in zip(outline.self_pairs, outline.distances_kept, strict=True)]
+    own = [pair for pair, proven in kept if not proven]
+    if own:
+        laid_out = body_pairs(bodies, outline.planes, own, margin, kinematics.supports)
+        distance = _distance(laid_out, bodies, outline.planes, settings)
+        terms.append(Clearance("self-collision", laid_out, distance))
+    if scene.path != PathConstraints():
+        from hdplan.planner.problem.path_terms import path_terms
+
+        terms.extend(path_terms(scene, robot, kinematics.supports))
+    if scene.limits.torque is not None:
+        from hdplan.planner.problem.gravity_torque import static_torque
+
+        terms.extend(static_torque(scene, robot))
+
+    return Problem(
+        scene=scene,
+        robot=robot,
+        start=query.start,
+        goal=query.goal,
+        kinematics=kinematics,
+        bodies=bodies,
+        plane_bodies=plane_bodies,
+        smoothness=Smoothness(settings.waypoints),
+        terms=tuple(terms),
+        samples=Samples((SAMPLES_PER_INTERVAL,) * (settings.waypoints - 1)),
+        unresolved=outline.unresolved,
+        apart=tuple(pair for pair, proven in kept if proven),
+        notes=tuple(notes),
+        compile_seconds=RowFunction.spent.seconds - compiled_before,
+    )
+
+
+def _distance(
+    pairs: BodyPairs,
+    bodies: tuple[LinkBody, ...],
+    plane_bodies: tuple[PlaneBody, ...],
+    settings: PlannerSettings,
+    counts: tuple[int, ...] = (),
+) -> PairDistance:
+    if settings.distance == "fcl":
+        return FclPairs(pairs, bodies, plane_bodies)
+    return HdsdfPairs(pairs, settings.gamma, settings.shaping_length, counts)

@@ -1,0 +1,93 @@
+"""Clearance of obstacles that move: every sample of a motion meets them where they are at its time.
+
+A moving obstacle is one more body that is carried, as a link is, but by no joint: its placement at each sample's time
+is put beside those of the joints, and everything else is as for obstacles that stand. When a sample is reached follows
+from the law of time (`timing.duration`), which does not depend on the motion.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
+from hdplan.planner.collision.halfspace_bodies import PlaneBody, from_obstacle
+from hdplan.planner.collision.link_bodies import LinkBody
+from hdplan.planner.collision.pair_distance import PairDistance
+from hdplan.planner.kinematics.forward import KinematicsBatch
+from hdplan.planner.problem.samples import Samples
+from hdplan.planner.problem.terms import Clearance, Penalty
+from hdplan.planner.timing.time_laws import MinimumJerk
+from hdplan.scenes.model import Obstacle, Pose, Scene
+from hdplan.scenes.moving import Passages
+
+Floats = NDArray[np.float64]
+
+
+class MovingClearance(Clearance):
+    """The clearance of obstacles that move, at the times of the samples."""
+
+    def __init__(
+        self, pairs: BodyPairs, distance: PairDistance, passages: Sequence[Passages], law: MinimumJerk
+    ) -> None:
+        """Take pairs whose second bodies are carried by joints beyond the robot's, one for each of the passages."""
+        super().__init__("moving obstacles", pairs, distance)
+        self.passages, self.law = tuple(passages), law
+
+    def value(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
+        """The penalty at the samples of a motion."""
+        return super().value(self.met(kinematics, self.law.time_at(samples.time)), samples)
+
+    def depth(self, kinematics: KinematicsBatch, time: Floats | None = None) -> Floats:
+        """How far the worst pair may be inside its margin (B,) [m] at path parameters; 0 at no particular time."""
+        if time is None:
+            return np.zeros(len(kinematics.placements))
+        return super().depth(self.met(kinematics, self.law.time_at(time)))
+
+    def met(self, kinematics: KinematicsBatch, seconds: Floats) -> KinematicsBatch:
+        """The state of configurations, with the obstacles' placements at times (B,) [s] beside the joints'."""
+        placements = np.stack([each.at(seconds) for each in self.passages], axis=1)  # (B, m, 4, 4)
+        rows = np.concatenate([placements[..., :3, :3].reshape(*placements.shape[:2], 9), placements[..., :3, 3]], 2)
+        return KinematicsBatch(np.concatenate([kinematics.placements, rows], axis=1), kinematics.columns)
+
+
+def moving_clearance(
+    scene: Scene,
+    bodies: tuple[LinkBody, ...],
+    supports: NDArray[np.bool_],
+    distance: Callable[[BodyPairs, tuple[LinkBody, ...], tuple[PlaneBody, ...]], PairDistance],
+    deadline: float,
+) -> tuple[MovingClearance, tuple[PlaneBody, ...], tuple[str, ...]]:
+    """Lay out the pairs of every moving link body with every moving obstacle; also the obstacles' convex pieces, and
+    words on what was made of them.
+
+    supports: (nj, n) as Kinematics.supports. distance: makes the pairs' distance. deadline: as `problem.build`'s.
+    """
+    obstacles = scene.moving
+    enclosed = [_carried(obstacle, len(supports) + i, scene, deadline) for i, obstacle in enumerate(obstacles)]
+    pieces = tuple(piece for found, _ in enclosed for piece in found)
+    margins = np.array([scene.clearances[piece.name] + scene.planner.activation for piece in pieces])
+    pairs = [(a, b) for a, body in enumerate(bodies) if body.joint > 0 for b in range(len(pieces))]
+    unmoved = np.zeros((len(obstacles), supports.shape[1]), dtype=np.bool_)
+    slots = max(len(body.body.vertices) for body in bodies if body.joint > 0)
+    laid_out = body_pairs(bodies, pieces, pairs, margins, np.vstack([supports, unmoved]), slots)
+    term = MovingClearance(
+        laid_out,
+        distance(laid_out, bodies, pieces),
+        [Passages.of(each) for each in obstacles],
+        MinimumJerk(scene.end_time),
+    )
+    return term, pieces, tuple(word for _, words in enclosed for word in words)
+
+
+def _carried(
+    obstacle: Obstacle, joint: int, scene: Scene, deadline: float
+) -> tuple[tuple[PlaneBody, ...], tuple[str, ...]]:
+    """Enclose an obstacle in its own frame, which `joint` carries."""
+    standing = replace(obstacle, pose=Pose(), motion=None)
+    pieces, words = from_obstacle(standing, scene.planner.normals, deadline - time.perf_counter())
+    return tuple(replace(piece, joint=joint) for piece in pieces), words

@@ -1,0 +1,156 @@
+"""One planning problem: waypoints to choose, a cost made of terms, and its exact derivatives.
+
+`lay_out` makes a `Problem` to look at; solvers only evaluate it. The cost of waypoints q_0 … q_{N−1} with both ends
+fixed is
+
+    smoothness(q) + w Σ_samples w_s Σ_pairs ½ min(D, 0)²
+
+(CHOMP, Ratliff et al. 2009, with the HD-SDF in place of a distance field; the exact distance may stand in for it).
+Only the terms that the scene calls for exist.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.collision.halfspace_bodies import PlaneBody
+from hdplan.planner.collision.link_bodies import LinkBody
+from hdplan.planner.kinematics.forward import Kinematics
+from hdplan.planner.problem.samples import Samples
+from hdplan.planner.problem.terms import Clearance, MotionTerm, Smoothness, Term
+from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.model import PathConstraints, Scene
+
+if TYPE_CHECKING:
+    from hdplan.planner.problem.path_terms import PathTerm
+
+Floats = NDArray[np.float64]
+
+SPACING = 0.03  # [m] farthest that a body's centre may move between two samples
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The cost at some waypoints, with derivatives with respect to the interior ones (M = N − 2 of them)."""
+
+    cost: float
+    smoothness: float
+    penalty: float  # without its weight
+    depth: Floats  # (B,) how far the worst pair at each sample may be inside its margin [m]
+    gradient: Floats  # (M, n)
+    diagonal: Floats  # (M, n, n) penalty curvature of each waypoint
+    coupling: Floats  # (M − 1, n, n) penalty curvature between neighbours
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What is to be solved. Nothing in it changes; `refined` gives another one."""
+
+    scene: Scene
+    robot: Robot
+    start: Floats  # (n,)
+    goal: Floats  # (n,)
+    kinematics: Kinematics
+    bodies: tuple[LinkBody, ...]  # the links' outer bodies
+    plane_bodies: tuple[PlaneBody, ...]  # the obstacles' convex pieces, those last that move
+    smoothness: Smoothness
+    terms: tuple[Term | MotionTerm, ...]  # what the scene calls for: obstacles, self-collision, …
+    samples: Samples
+    unresolved: tuple[tuple[str, str], ...]  # link pairs left to the certificate, as their outer bodies overlap anyway
+    apart: tuple[tuple[int, int], ...]  # pairs of bodies left out, as they keep their margin within all limits
+    notes: tuple[str, ...]  # words for the user
+    compile_seconds: float  # spent on compiling the distance, or on finding it in the cache
+
+    @property
+    def waypoints(self) -> int:
+        """N, both ends included."""
+        return self.scene.planner.waypoints
+
+    @property
+    def pair_terms(self) -> tuple[Clearance, ...]:
+        """The terms that keep pairs of bodies apart."""
+        return tuple(term for term in self.terms if isinstance(term, Clearance))
+
+    @property
+    def path_terms(self) -> tuple[PathTerm, ...]:
+        """The terms that hold the scene's path constraints."""
+        if self.scene.path == PathConstraints():
+            return ()
+        from hdplan.planner.problem.path_terms import PathTerm
+
+        return tuple(term for term in self.terms if isinstance(term, PathTerm))
+
+    def clip(self, positions: Floats) -> Floats:
+        """Move interior waypoints into the joint limits and set the ends."""
+        result = np.clip(positions, self.robot.lower, self.robot.upper)
+        result[0], result[-1] = self.start, self.goal
+        return result
+
+    def polyline(self, via: Floats | None = None) -> Floats:
+        """The straight line from start to goal, or the polyline through `via` (C, n), as waypoints (N, n) at equal
+        steps of joint-space length."""
+        corners = np.vstack([self.start, self.goal] if via is None else [self.start, via, self.goal])
+        lengths = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1)))
+        if lengths[-1] == 0:
+            return np.repeat(corners[:1], self.waypoints, axis=0)
+        wanted = np.linspace(0, lengths[-1], self.waypoints)
+        return np.stack([np.interp(wanted, lengths, column) for column in corners.T], axis=1)
+
+    def evaluate(self, positions: Floats, weight: float) -> Evaluation:
+        """Cost and derivatives at waypoints (N, n) with penalty weight w [1/m²]."""
+        smoothness, gradient = self.smoothness.value(positions)
+        kinematics = self.kinematics.evaluate(self.samples.configurations(positions))
+        sampled = [term for term in self.terms if not isinstance(term, MotionTerm)]
+        penalties = [term.value(kinematics, self.samples) for term in sampled]
+        n, batch = positions.shape[1], len(self.samples.weight)
+        total = sum((p.gradient for p in penalties), np.zeros((batch, n)))
+        curvature = sum((p.curvature for p in penalties), np.zeros((batch, n, n)))
+        diagonal, coupling = self.samples.curvature_to_waypoints(curvature)
+        slope = self.samples.to_waypoints(total)
+        penalty = sum(p.cost for p in penalties)
+        depth = np.max([np.zeros(batch), *(p.depth for p in penalties)], axis=0)
+        for term in self.terms:
+            if isinstance(term, MotionTerm):
+                found = term.over_motion(positions, self.kinematics.evaluate(positions))
+                penalty, slope = penalty + found.cost, slope + found.gradient
+                diagonal, coupling = diagonal + found.diagonal, coupling + found.coupling
+                depth = np.maximum(depth, found.depth[self.samples.interval])
+        return Evaluation(
+            cost=smoothness + weight * penalty,
+            smoothness=smoothness,
+            penalty=penalty,
+            depth=depth,
+            gradient=(gradient + weight * slope)[1:-1],
+            diagonal=weight * diagonal[1:-1],
+            coupling=weight * coupling[1:-1],
+        )
+
+    def depth(self, configurations: Floats, time: Floats | None = None) -> Floats:
+        """How far the worst term is inside its margin at single configurations (B, n) -> (B,) [m]; of no particular
+        time, or at path parameters `time` (B,)."""
+        kinematics = self.kinematics.evaluate(configurations)
+        depths = [term.depth(kinematics, time) for term in self.terms]
+        result: Floats = np.max([np.zeros(len(configurations)), *depths], axis=0)
+        return result
+
+    def refined(self, intervals: list[int]) -> Problem:
+        """The same problem, sampled twice as densely on the given intervals."""
+        counts = np.array(self.samples.counts)
+        counts[intervals] *= 2
+        return replace(self, samples=self.samples.raised(counts))
+
+    def resampled(self, positions: Floats) -> Problem:
+        """The same problem, sampled densely enough for a motion (N, n): no body's centre moves farther than SPACING
+        from one sample to the next."""
+        kinematics = self.kinematics.evaluate(positions)
+        joints = [body.joint for body in self.bodies]
+        centres = np.array([body.body.vertices.mean(axis=0) for body in self.bodies]).reshape(-1, 3)
+        places = (
+            np.einsum("kbij,bj->kbi", kinematics.rotations[:, joints], centres) + kinematics.translations[:, joints]
+        )
+        moved = np.linalg.norm(np.diff(places, axis=0), axis=2).max(axis=1, initial=0.0)
+        return replace(self, samples=self.samples.raised(np.ceil(moved / SPACING).astype(np.int64)))

@@ -1,0 +1,90 @@
+"""Held objects: a robot with what the scene attaches to it, each object one more body that its link carries.
+
+Robot, `Attached`s -> a `Robot` whose collision geometry, links and self pairs hold the objects; outer bodies, pieces of
+the certificate and pairs follow from those, as they do for links. Robot side: neither planner nor certificate is named.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from hdplan.planner.geometry.coal_shapes import convex_hull, triangle_tree
+from hdplan.planner.geometry.meshes import FLAT, TriangleMesh, load_mesh, thinness
+from hdplan.planner.robot.robot import MOVE_AS_ONE, Robot
+from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.model import Attached, Box, Capsule, Cylinder, Mesh, Points, Shape, Sphere
+from hdplan.scenes.robot_files.description import link_pair
+
+
+def with_attached(robot: Robot, attached: tuple[Attached, ...]) -> Robot:
+    """Return the robot holding the objects; itself if there are none.
+
+    An object is kept apart from every link and object that moves against it, but for its `touch_links`.
+
+    Raises:
+        InputError: a link that the robot does not have, a name that a link bears, a mesh that cannot be used.
+    """
+    if not attached:
+        return robot
+    links = [str(frame.name) for frame in robot.model.frames if frame.type == pin.FrameType.BODY]
+    known = {*links, *(held.name for held in attached)}
+    for held in attached:
+        where = f"attached.{held.name}"
+        if held.name in links:
+            raise InputError(f"{where}: the name '{held.name}' is taken by a link of {robot.name}; names must differ")
+        if held.link not in links:
+            raise InputError(f"{where}.link: unknown link '{held.link}'{nearest(held.link, links)}")
+        for link in held.touch_links:
+            if link not in known:
+                raise InputError(f"{where}.touch_links: unknown link '{link}'{nearest(link, known)}")
+
+    collision = robot.collision.copy()
+    link_joint, link_geometry = dict(robot.link_joint), dict(robot.link_geometry)
+    for held in attached:
+        index = robot.model.getFrameId(held.link, pin.FrameType.BODY)
+        frame = robot.model.frames[index]
+        placement = frame.placement * pin.SE3(held.pose.matrix)
+        shape = _coal_shape(held.shape, f"attached.{held.name}")
+        item = pin.GeometryObject(held.name, frame.parentJoint, index, placement, shape)
+        link_geometry[held.name] = (int(collision.addGeometryObject(item)),)
+        link_joint[held.name] = int(frame.parentJoint)
+    pairs = dict.fromkeys(
+        link_pair(held.name, other) for held in attached for other in link_joint if other != held.name
+    )
+    unchecked = {link_pair(held.name, link): "touch_links" for held in attached for link in held.touch_links}
+    unchecked |= {(a, b): MOVE_AS_ONE for a, b in pairs if link_joint[a] == link_joint[b]}
+    return replace(
+        robot,
+        collision=collision,
+        links=tuple(link_geometry),
+        link_joint=link_joint,
+        link_geometry=link_geometry,
+        self_pairs=(*robot.self_pairs, *(pair for pair in pairs if pair not in unchecked)),
+        unchecked={**robot.unchecked, **unchecked},
+        attached=attached,
+    )
+
+
+def _coal_shape(shape: Shape, field: str) -> Any:
+    """Return a scene's shape as coal has the geometry of links. Raises InputError, naming `field`."""
+    match shape:
+        case Box(size):
+            return coal.Box(*size)
+        case Sphere(radius):
+            return coal.Sphere(radius)
+        case Cylinder(radius, length):
+            return coal.Cylinder(radius, length)
+        case Capsule(radius, length):
+            return coal.Capsule(radius, length)
+        case Points(points):
+            corners = np.array(points)
+            if thinness(corners) <= FLAT:
+                raise InputError(f"{field}.shape.points: are flat; a body with some thickness is needed")
+            return convex_hull(corners) or triangle_tree(TriangleMesh.hull(corners))
+        case Mesh():
+            return triangle_tree(load_mesh(shape, field))

@@ -1,0 +1,197 @@
+"""Pinocchio's models from URDF files: read quietly, joints taken out, base moved.
+
+URDF file -> pin.Model and pin.GeometryModel (collision geometry), fixed base; frames and joint order are Pinocchio's.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import sys
+import tempfile
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import pinocchio as pin
+
+from hdplan.planner.geometry.coal_shapes import triangle_tree
+from hdplan.planner.geometry.meshes import TriangleMesh, load_mesh
+from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.files import Stamps, stamps_of
+from hdplan.scenes.model import Mesh, Vector3
+from hdplan.scenes.once import Turn
+
+Result = TypeVar("Result")
+
+_reading = Turn()  # the error stream is the whole process's: one reader at a time may turn it aside
+
+
+@dataclass(frozen=True)
+class MeshElement:
+    """A mesh as a URDF names it."""
+
+    link: str
+    address: str
+    scale: str
+
+    def found(self, urdf: Path, package_dirs: tuple[Path, ...]) -> tuple[Path, Vector3]:
+        """Return its file and its scale, which mirrors where it is negative. Raises InputError for those that there
+        cannot be."""
+        with naming(f"link '{self.link}'"):
+            try:
+                x, y, z = map(float, self.scale.split())
+            except ValueError:
+                raise InputError(f"mesh: scale must be three numbers, found '{self.scale}'") from None
+            return _mesh_file(self.address, urdf, package_dirs), (x, y, z)
+
+
+def read_model(urdf: Path, package_dirs: tuple[Path, ...]) -> tuple[pin.Model, pin.GeometryModel, Stamps]:
+    """Read a robot and its collision geometry; package:// addresses are looked up below `package_dirs`.
+
+    Meshes are read by `load_mesh`, as those of scenes: the reader that Pinocchio has takes what it finds of a damaged
+    file, and with some it never ends, or ends the process. The mesh files are returned too, as they were before.
+
+    Raises:
+        InputError: the URDF is not valid, or a mesh is missing, damaged or flat.
+    """
+    model, geometry, named = _read_urdf(urdf, pin.GeometryType.COLLISION)
+    meshes: dict[str, tuple[str, Path, Vector3]] = {}  # name of the geometry -> link, file, scale
+    for name, told in named.items():
+        with naming(f"robot.urdf: {urdf}"):
+            meshes[name] = told.link, *told.found(urdf, package_dirs)
+    stamps = stamps_of(sorted({file for _, file, _ in meshes.values()}))
+    trees: dict[tuple[Path, Vector3], Any] = {}
+    for item in geometry.geometryObjects:
+        if item.name in meshes:
+            link, file, scale = meshes[item.name]
+            if (file, scale) not in trees:
+                with naming(f"robot.urdf: {urdf}"):
+                    trees[file, scale] = triangle_tree(_load(link, file, scale))
+            item.geometry = trees[file, scale]
+            item.meshPath, item.meshScale = str(file), np.array(scale)
+    return model, geometry, stamps
+
+
+def _load(link: str, file: Path, scale: Vector3) -> TriangleMesh:
+    """Read a link's mesh; a negative scale mirrors it, as URDFs do with left and right: its triangles run the other way
+    round then."""
+    x, y, z = map(abs, scale)
+    mesh = load_mesh(Mesh(file, (x, y, z)), f"link '{link}'")
+    turned = slice(None, None, -1 if math.prod(scale) < 0 else 1)
+    return TriangleMesh(mesh.vertices * np.sign(scale), mesh.triangles[:, turned])
+
+
+def read_visuals(urdf: Path) -> tuple[tuple[str, pin.SE3, pin.GeometryObject, MeshElement | None], ...]:
+    """Read what a robot looks like: (link, placement in the link's frame, geometry, mesh) of every visual. Of one that
+    is a mesh the geometry has no more than the colours.
+
+    Raises InputError for a URDF that is not valid.
+    """
+    model, geometry, named = _read_urdf(urdf, pin.GeometryType.VISUAL)
+    links = [model.frames[item.parentFrame] for item in geometry.geometryObjects]
+    return tuple(
+        (str(link.name), link.placement.inverse() * item.placement, item, named.get(item.name))
+        for link, item in zip(links, geometry.geometryObjects, strict=True)
+    )
+
+
+def _read_urdf(urdf: Path, kind: pin.GeometryType) -> tuple[pin.Model, pin.GeometryModel, dict[str, MeshElement]]:
+    """Read a robot and one kind of its geometry, with a ball in place of every mesh; and the meshes, by the names that
+    Pinocchio gives the geometry."""
+    model = _quietly(lambda: pin.buildModelFromUrdf(str(urdf)), urdf)
+    root = ElementTree.parse(urdf).getroot()
+    meshes: dict[str, MeshElement] = {}
+    for link in root.findall("link"):
+        name = link.get("name", "")
+        for i, shape in enumerate(link.findall(f"{kind.name.lower()}/geometry")):
+            for mesh in shape.findall("mesh"):
+                meshes[f"{name}_{i}"] = MeshElement(name, mesh.get("filename", ""), mesh.get("scale", "1 1 1"))
+                shape.remove(mesh)
+                ElementTree.SubElement(shape, "sphere", radius="1")  # in its place
+    text = ElementTree.tostring(root, encoding="unicode")
+    return model, _quietly(lambda: pin.buildGeomFromUrdfString(model, text, kind), urdf), meshes
+
+
+def _mesh_file(address: str, urdf: Path, package_dirs: tuple[Path, ...]) -> Path:
+    """Return the file that a URDF means: package:// is below one of the folders or ROS's, file:// says it in full, and
+    without either it is beside the URDF, or in the working folder."""
+    scheme, told, rest = address.partition("://")
+    below = rest.lstrip("/")
+    if not told or scheme == "file":
+        file = Path(rest or address)
+        return next((each for each in (urdf.parent / file, file) if each.exists()), file)
+    if scheme not in ("package", "model"):
+        raise InputError(f"mesh '{address}': '{scheme}://' is not known (allowed: package://, model://, file://)")
+    ros = [Path(word) for word in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if word]
+    ament = [Path(word) / "share" for word in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if word]
+    folders = (*package_dirs, *ros, *(folder.parent for folder in ros), *ament)
+    found = next((folder / below for folder in folders if (folder / below).exists()), None)
+    if found is None:
+        raise InputError(f"mesh '{address}': there is no such file in any package folder (package_dirs, ROS)")
+    return found
+
+
+def without_joints(
+    full: pin.Model, geometry: pin.GeometryModel, held: Mapping[str, float]
+) -> tuple[pin.Model, pin.GeometryModel]:
+    """Return the model and geometry with the held joints fixed at their values."""
+    if not held:
+        return full, geometry
+    reference = pin.neutral(full)
+    for joint, value in held.items():
+        kind = full.joints[full.getJointId(joint)]
+        coordinates = (value,) if kind.nq == 1 else (math.cos(value), math.sin(value))
+        reference[kind.idx_q : kind.idx_q + kind.nq] = coordinates
+    # Pinocchio finds a joint's frame by name alone and gives up where a link bears the joint's name.
+    mark = " (link)"
+    for frame in full.frames:
+        if frame.type == pin.FrameType.BODY and frame.name in full.names:
+            frame.name += mark
+    model, collision = pin.buildReducedModel(full, geometry, [full.getJointId(joint) for joint in held], reference)
+    for frame in model.frames:
+        frame.name = frame.name.removesuffix(mark)
+    return model, collision
+
+
+def move_base(model: pin.Model, collision: pin.GeometryModel, base: pin.SE3) -> None:
+    """Put the root link at `base` in the world."""
+    for index in range(1, model.njoints):
+        if model.parents[index] == 0:
+            model.jointPlacements[index] = base * model.jointPlacements[index]
+    for index, frame in enumerate(model.frames):
+        if frame.parentJoint == 0 and index > 0:
+            frame.placement = base * frame.placement
+    for item in collision.geometryObjects:
+        if item.parentJoint == 0:
+            item.placement = base * item.placement
+
+
+def _quietly(read: Callable[[], Result], urdf: Path) -> Result:
+    """Run a C++ reader that writes its complaints to the error stream; they become the text of the error instead."""
+    with _reading, tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as said:
+        try:
+            with _error_stream_to(said.fileno()):
+                return read()
+        except (ValueError, RuntimeError) as error:
+            said.seek(0)
+            reasons = [line.removeprefix("Error:").strip() for line in said if line.startswith("Error:")]
+            reason = "; ".join(reasons) or " ".join(str(error).split())
+            reason = reason.partition("message: ")[2].partition(" Hint:")[0] or reason  # of the mesh reader's words
+            raise InputError(f"robot.urdf: {urdf}: {reason}") from None
+
+
+@contextlib.contextmanager
+def _error_stream_to(handle: int) -> Iterator[None]:
+    sys.stderr.flush()
+    kept = os.dup(2)
+    os.dup2(handle, 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)

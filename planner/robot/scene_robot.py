@@ -1,0 +1,187 @@
+"""A scene's robot, loaded once in a process however many scenes ask for it, and the ends of a plan as its joint values.
+
+Reading a URDF and its meshes takes longer than many a plan; a robot is kept until one of its files changes.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.robot.robot import SAME_PLACE, Robot, load_robot
+from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.files import Stamps, stamps_of
+from hdplan.scenes.model import Attached, Goals, JointTarget, Mesh, RobotSpec, Scene
+from hdplan.scenes.once import Turn, made_once
+
+Array = NDArray[np.float64]
+
+MOST = 8  # robots kept
+ROOM = 0.1  # how far beyond a limit a request or a named state may lie [rad or m]: descriptions of one robot differ
+_kept: OrderedDict[Hashable, Robot] = OrderedDict()
+_loading = Turn()  # one robot at a time: threads that ask for the same one are to get the same
+
+
+@dataclass(frozen=True)
+class Query:
+    """The two ends of a plan, as joint values."""
+
+    start: Array  # (n,)
+    goal: Array  # (n,)
+    notes: tuple[str, ...]  # names that were left out, in words
+
+
+def load_scene_robot(scene: Scene) -> Robot:
+    """Load a scene's robot, with a MoveIt request's values for the joints that it has and does not plan, and with the
+    objects that it holds; within the scene's own limits of positions, and without self pairs where the scene says so.
+
+    The limits make room for a request's start and goal, and for named states, up to ROOM beyond them, which is noted.
+    The same object for the same specification, as long as its files stay as they are. Raises InputError, naming the
+    file that speaks of the robot.
+    """
+    with naming(scene.robot.source or scene.source):
+        robot = _load_bare(scene)
+    with naming(scene.source):
+        if scene.limits.position:
+            robot = _narrowed(robot, tuple(scene.limits.position.items()))
+        if scene.attached:
+            meshes = [str(held.shape.file) for held in scene.attached if isinstance(held.shape, Mesh)]
+            robot = _holding(robot, scene.attached, stamps_of(meshes))
+    return robot if scene.self_collision.checked else _unchecked(robot)
+
+
+@made_once(MOST)
+def _narrowed(robot: Robot, ranges: tuple[tuple[str, tuple[float, float]], ...]) -> Robot:
+    """Return the robot within ranges of its joints' positions that lie within its own."""
+    lower, upper = robot.lower.copy(), robot.upper.copy()
+    for joint, (low, high) in ranges:
+        where = f"limits.position.{joint}"
+        i = robot.index_of(joint, where)
+        if not robot.lower[i] <= low < high <= robot.upper[i]:
+            raise InputError(
+                f"{where}: must be a range within the URDF's [{robot.lower[i]:g}, {robot.upper[i]:g}], "
+                f"found [{low:g}, {high:g}]"
+            )
+        lower[i], upper[i] = low, high
+    return replace(robot, lower=lower, upper=upper)
+
+
+@made_once(MOST)
+def _unchecked(robot: Robot) -> Robot:
+    """Return the robot with nothing of it kept apart from itself."""
+    bodies = "links and held objects" if robot.attached else "links"
+    note = f"{bodies} are not checked against each other: self_collision: false"
+    unchecked = {**robot.unchecked, **dict.fromkeys(robot.self_pairs, "self_collision: false")}
+    return replace(robot, self_pairs=(), unchecked=unchecked, notes=(*robot.notes, note))
+
+
+def _load_bare(scene: Scene) -> Robot:
+    """Load the robot without the objects that it holds."""
+    spec = scene.robot
+    robot = _load_once(spec)
+    if scene.from_request:
+        requested = {joint: value for joint, value in (scene.start.by_name or {}).items() if joint in robot.locked}
+        if requested:
+            robot = _load_once(replace(spec, locked={**requested, **spec.locked}))
+    return _with_room(robot, scene)
+
+
+@made_once(MOST)
+def _holding(robot: Robot, attached: tuple[Attached, ...], stamps: Stamps) -> Robot:
+    """Give the robot its objects, once for the same ones as long as their mesh files, by `stamps`, stay as they are."""
+    from hdplan.planner.robot.attached import with_attached
+
+    return with_attached(robot, attached)
+
+
+def resolve_query(robot: Robot, scene: Scene) -> Query:
+    """Return the scene's start and goal for this robot. Raises InputError, naming the scene's file.
+
+    A goal that leaves a choice (`Goals`) is no one configuration: `goal_search.settled` chooses.
+    """
+    if isinstance(scene.goal, Goals):
+        raise InputError(f"{scene.source}: {scene.goal.field}: leaves a choice; one configuration is needed here")
+    with naming(scene.source):
+        start, goal = (robot.configuration(target, scene.from_request) for target in (scene.start, scene.goal))
+    return Query(start, goal, _left_out(robot, scene))
+
+
+def notes_on(scene: Scene, robot: Robot) -> tuple[str, ...]:
+    """Return what is to be said of a scene with its robot, in words: what was changed, assumed or left out."""
+    return (*scene.notes, *robot.notes, *_left_out(robot, scene))
+
+
+def _left_out(robot: Robot, scene: Scene) -> tuple[str, ...]:
+    """Say which values of the scene's start and goal are not kept to: of joints that the robot does not have, and,
+    where a named state speaks of more than is planned, of joints that are held elsewhere though nobody asked for it."""
+    ends = [target for target in (scene.start, scene.goal) if isinstance(target, JointTarget)]
+    named = [joint for target in ends for joint in target.by_name or ()]
+    unknown = [joint for joint in dict.fromkeys(named) if joint not in (*robot.joint_names, *robot.locked)]
+    words = [f"left out, as {robot.name} has no such joints: {', '.join(unknown)}"] if unknown else []
+    for target in ends:
+        state = robot.named_states.get(target.state or "", {})
+        held_anyhow = {joint: at for joint, at in robot.locked.items() if joint not in scene.robot.locked}
+        off = [joint for joint, at in held_anyhow.items() if abs(state.get(joint, at) - at) > SAME_PLACE]
+        if off:
+            held = ", ".join(f"{joint} at {state[joint]:g}, held at {robot.locked[joint]:g}" for joint in off)
+            words.append(f"{target.field}: state '{target.state}' has {held}")
+    return tuple(words)
+
+
+def _with_room(robot: Robot, scene: Scene) -> Robot:
+    """Widen the limits to ends that others wrote, a request's and named states, where they lie beyond, by at most
+    ROOM."""
+    lower, upper = robot.lower.copy(), robot.upper.copy()
+    ends = [target for target in (scene.start, scene.goal) if isinstance(target, JointTarget)]
+    for target in ends:
+        given: Mapping[str, float] = {}
+        if target.state is not None:
+            given = robot.named_states.get(target.state, {})
+        elif scene.from_request:
+            given = target.by_name or dict(zip(robot.joint_names, target.positions or (), strict=False))
+        for i, joint in enumerate(robot.joint_names):
+            value = given.get(joint)
+            if value is not None and 0.0 < robot.lower[i] - value <= ROOM:
+                lower[i] = min(lower[i], value)
+            if value is not None and 0.0 < value - robot.upper[i] <= ROOM:
+                upper[i] = max(upper[i], value)
+    if np.array_equal(lower, robot.lower) and np.array_equal(upper, robot.upper):
+        return robot
+    return _with_limits(robot, tuple(lower.tolist()), tuple(upper.tolist()))
+
+
+@made_once(MOST)
+def _with_limits(robot: Robot, lower: tuple[float, ...], upper: tuple[float, ...]) -> Robot:
+    words = tuple(
+        f"joint '{joint}': limits [{robot.lower[i]:g}, {robot.upper[i]:g}] widened to "
+        f"[{lower[i]:.9g}, {upper[i]:.9g}], as start or goal lies there"
+        for i, joint in enumerate(robot.joint_names)
+        if (lower[i], upper[i]) != (robot.lower[i], robot.upper[i])
+    )
+    return replace(robot, lower=np.array(lower), upper=np.array(upper), notes=(*robot.notes, *words))
+
+
+def _load_once(spec: RobotSpec) -> Robot:
+    key = (
+        spec.name,
+        spec.urdf,
+        spec.srdf,
+        spec.package_dirs,
+        spec.group,
+        spec.base.matrix.tobytes(),
+        tuple(sorted(spec.locked.items())),
+        spec.ignore_pairs,
+    )
+    with _loading:
+        if key in _kept and stamps_of(file for file, _, _ in _kept[key].files) == _kept[key].files:
+            _kept.move_to_end(key)
+            return _kept[key]
+        robot = load_robot(spec)
+        _kept[key] = robot
+        while len(_kept) > MOST:
+            _kept.popitem(last=False)
+        return robot

@@ -1,0 +1,41 @@
+"""What the ends of a scene allow: free of contact, on the path, not too heavy; and what clearance can be asked for."""
+
+from __future__ import annotations
+
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import resolve_query
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import Scene
+
+
+def reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tuple[float, tuple[str, ...]]:
+    """The clearance that can be asked for [m]: the scene's, or less, with a word, where its own ends are closer than
+    that.
+
+    Raises InputError if an end is in collision, or breaks a path constraint.
+    """
+    required, words = scene.planner.clearance, []
+    lenient = {obstacle.name for obstacle in scene.obstacles if obstacle.clearance is None}
+    query = resolve_query(robot, scene)
+    for field, q, time_ in ((scene.start.field, query.start, 0.0), (scene.goal.field, query.goal, scene.end_time)):
+        contacts = certifier.contacts(q, time_)
+        if contacts:
+            said = "; ".join(
+                f"{c.link} and {c.other} " + (f"overlap by {c.depth * 1e3:.3g} mm" if c.depth else "touch")
+                for c in contacts[:3]
+            )
+            raise InputError(f"{scene.source}: {field}: in collision: {said}")
+        if departures := certifier.off_path(q):
+            raise InputError(f"{scene.source}: {field}: off the path: {'; '.join(each.words for each in departures)}")
+        if overload := certifier.overload(q):
+            raise InputError(f"{scene.source}: {field}: {overload.words}")
+        for place, asked in certifier.too_close(q, required, time_):
+            if place.other not in lenient:
+                raise InputError(
+                    f"{scene.source}: {field}: {place.link} is {place.distance * 1e3:.3g} mm from {place.other}, "
+                    f"{asked * 1e3:g} mm are asked for (obstacles[].clearance, self_collision.clearance)"
+                )
+        required, word = certifier.allowed(field, q, required, time_)
+        words += [word] if word else []
+    return required, tuple(words)

@@ -1,0 +1,181 @@
+"""The search of one plan: guess, solve, certify; where the certificate fails, look there more closely, or guess again.
+
+A motion counts as found when its certificate says so and not before: the certificate works with the robot's real
+meshes, the solver with outer bodies at samples, and neither takes the other's word.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.verdict import Certificate
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.problem.problem import Floats, Problem
+from hdplan.planner.search.roadmap import seeds
+from hdplan.planner.solvers import Solver
+from hdplan.planner.solvers.solution import FIRST_WEIGHT, RAISE, Budget, Solution, Status, Step
+from hdplan.scenes.deadline import seconds_left
+
+if TYPE_CHECKING:
+    from hdplan.planner.timing.retiming import Timekeeper
+
+DETOUR_WEIGHT = FIRST_WEIGHT * RAISE**3  # [1/m²] a guess that leads around obstacles is to stay there
+GUESSES = 3  # first guesses for a goal before it is the next one's turn
+REPAIRS = 3  # times that a motion whose certificate failed is solved on, before the next guess
+
+
+@dataclass(frozen=True)
+class Event:
+    """Progress, for displays: a solver's step, or a certificate."""
+
+    attempt: int
+    step: Step | None = None
+    positions: Floats | None = None  # (N, n) the waypoints after that step; the caller may keep, not change them
+    certificate: Certificate | None = None
+
+
+class Best(NamedTuple):
+    """The best motion so far."""
+
+    solution: Solution
+    trajectory: Trajectory  # its motion, with times where the scene asks for them
+    certificate: Certificate
+    steps: tuple[Step, ...]
+    whole: bool  # whether the certificate names every failure
+
+
+class Search:
+    """The attempts of one plan: what they cost, and the best motion among them."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        certifier: Certifier,
+        timekeeper: Timekeeper | None,
+        solver: Solver,
+        required: float,
+        deadline: float,
+        report: Callable[[Event], None],
+        stop: Callable[[], bool],
+    ) -> None:
+        """Search for a motion that keeps `required` [m], until `deadline` (time.perf_counter())."""
+        self.problem, self.certifier, self.timekeeper = problem, certifier, timekeeper
+        self.solver, self.required = solver, required
+        self.deadline, self.report, self.stop = deadline, report, stop
+        self.last: Solution | None = None  # solved, not yet certified
+        self.best: Best | None = None
+        self.steps: tuple[Step, ...] = ()  # of the attempt under way
+        self.attempts = self.iterations = 0
+        self.certify_seconds = 0.0
+
+    def attempt(self, guess: Floats) -> bool:
+        """Solve from one guess, and solve on where the certificate fails; True if the search is over."""
+        self.attempts += 1
+        self.steps = ()
+        problem = self.problem.resampled(guess)
+        weight = FIRST_WEIGHT if self.attempts == 1 else DETOUR_WEIGHT
+        for turn in range(1 + REPAIRS):
+            budget = Budget(self.deadline, first_weight=weight, report=self._report_step, stop=self.stop)
+            solution = self.last = self.solver(problem, guess, budget)
+            certificate, intervals = self._certify(solution)
+            if solution.status is Status.INTERRUPTED or self.stop() or budget.spent():
+                return True
+            if certificate.certified:
+                return True
+            if turn == 0 and self.attempts == 1 and self._straight(solution, guess):
+                return True
+            if solution.status is Status.STALLED or not certificate.unproven:
+                break
+            guess, weight = solution.trajectory.positions, solution.weight * RAISE
+            problem = problem.resampled(guess).refined(intervals)
+        return False
+
+    def _straight(self, solution: Solution, line: Floats) -> bool:
+        """Whether the straight line (N, n) is certified as it is: where outer bodies overlap at an end, though the
+        links are free, a solver leaves it for worse."""
+        before = self.best
+        trajectory = replace(solution.trajectory, positions=line)
+        certificate, _ = self._certify(replace(solution, trajectory=trajectory, status=Status.STALLED, steps=()))
+        if not certificate.certified:
+            self.best = before
+        return certificate.certified
+
+    def _report_step(self, step: Step, positions: Floats) -> None:
+        self.report(Event(self.attempts, step=self._numbered(step), positions=positions))
+
+    def _numbered(self, step: Step) -> Step:
+        """A repair's steps go on counting where the attempt's earlier ones ended."""
+        return replace(step, iteration=len(self.steps) + step.iteration)
+
+    @property
+    def certified(self) -> bool:
+        """Whether a certified motion was found."""
+        return self.best is not None and self.best.certificate.certified
+
+    def rank(self) -> tuple[float, ...]:
+        """Order of searches, best first: certified with the least smoothness cost, then as `_rank`."""
+        assert self.best is not None
+        if not self.certified:
+            return _rank(self.best.certificate)
+        smoothness, _ = self.problem.smoothness.value(self.best.solution.trajectory.positions)
+        return (0.0, smoothness)
+
+    def certify_last(self) -> bool:
+        """Certify a motion whose certificate was interrupted; False if there is none."""
+        if self.last is not None:
+            self._certify(self.last)
+        return self.best is not None
+
+    def conclude(self) -> Best:
+        """Return the best motion, with every failure named if it is not certified."""
+        assert self.best is not None  # an attempt ends with a certificate
+        if not self.best.whole and not self.best.certificate.certified and seconds_left() > 0.0:
+            certificate = self.certifier.certify(self.best.trajectory, required=self.required)
+            self.certify_seconds += certificate.seconds
+            self.report(Event(self.attempts, certificate=certificate))
+            self.best = self.best._replace(certificate=certificate, whole=True)
+        return self.best
+
+    def _certify(self, solution: Solution) -> tuple[Certificate, list[int]]:
+        """Certify a motion, and keep it if it is the best so far; return the waypoint intervals that fail, too."""
+        hopeless = solution.status is Status.STALLED  # seldom certified: the first contact found settles it
+        trajectory, parameter = solution.trajectory, None
+        if self.timekeeper is not None:
+            trajectory, parameter = self.timekeeper(trajectory)
+        certificate = self.certifier.certify(trajectory, required=self.required, stop_at_contact=hopeless)
+        self.last = None
+        self.iterations += solution.iterations
+        self.certify_seconds += certificate.seconds
+        self.steps += tuple(self._numbered(step) for step in solution.steps)
+        if self.best is None or _rank(certificate) < _rank(self.best.certificate):
+            self.best = Best(solution, trajectory, certificate, self.steps, whole=not hopeless)
+        self.report(Event(self.attempts, certificate=certificate))
+        failed = set(certificate.unproven)
+        if parameter is not None:  # rows in time lie closer than waypoints, and elsewhere
+            last = self.problem.waypoints - 2
+            failed = {min(int(parameter[row + end] * (last + 1)), last) for row in failed for end in (0, 1)}
+        return certificate, sorted(failed)
+
+
+def search_in_turn(searches: Sequence[Search], seed: int) -> None:
+    """Give each goal its first guesses, then each the next ones, until one is certified after a whole round or time is
+    over. With one goal that is one guess after another."""
+    lines = [(search, seeds(search.problem, seed)) for search in searches]
+    while not any(search.certified for search in searches):
+        for search, guesses in lines:
+            over = any(search.attempt(guess) for guess in itertools.islice(guesses, GUESSES))
+            if over and not search.certified:
+                return
+
+
+def _rank(certificate: Certificate) -> tuple[float, ...]:
+    """Order of motions, best first: certified with most clearance, then with the shallowest contact or the smallest
+    departure from the path, a radian counted as a metre."""
+    if certificate.certified:
+        return (0.0, -(certificate.clearance or 0.0))
+    depths = [-place.distance for place in certificate.failures] + [place.excess for place in certificate.departures]
+    return (1.0, max(depths, default=0.0))

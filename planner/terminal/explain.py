@@ -1,0 +1,241 @@
+"""What a problem will hold, in words: effects on and off and why, bodies, pairs kept and left out, sizes, settings.
+
+In: a built `Problem`. Out: sections of (name, value) rows, for a terminal table or JSON. The trial is measured and
+differs from run to run.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+
+import numpy as np
+
+from hdplan.planner.problem.problem import Problem
+from hdplan.planner.problem.terms import Clearance
+from hdplan.planner.robot.joint_limits import acceleration_limits, jerk_limits, torque_limits, velocity_limits
+from hdplan.planner.robot.robot import ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS
+from hdplan.planner.terminal.explain_cost import functions, trial
+from hdplan.planner.terminal.explain_effects import counted, effects
+from hdplan.scenes.model import (
+    Box,
+    Capsule,
+    Cylinder,
+    Goals,
+    JointTarget,
+    Mesh,
+    PlannerSettings,
+    Points,
+    PoseTarget,
+    Shape,
+    Sphere,
+    SteadyMotion,
+    TimedPoses,
+)
+
+Rows = list[tuple[str, str]]
+
+MOST_OBSTACLES = 30  # rows; a page is to be read
+MOST_NAMED = 3  # pairs of links named in one row
+REASONS = {reason: reason for reason in (ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS)}  # others tell apart "by" something
+UNITS = {"clearance": " m", "activation": " m", "shaping_length": " m"}
+
+
+def explain(problem: Problem) -> dict[str, Rows]:
+    """Return the sections of the explanation, in reading order."""
+    found = effects(problem)
+    sections = {
+        "scene": _scene(problem),
+        "joints": _joints(problem),
+        "on": [(effect.name, effect.on) for effect in found if effect.on],
+        "off": [(effect.name, effect.off) for effect in found if not effect.on],
+        "obstacles": _obstacles(problem),
+        "held objects": _attached(problem),
+        "pairs": _pairs(problem),
+        "size": _size(problem),
+        "trial evaluation": trial(problem),
+        "settings": _settings(problem),
+        "notes": [(str(number), note) for number, note in enumerate(problem.notes, start=1)],
+    }
+    return {title: rows for title, rows in sections.items() if rows}
+
+
+def _scene(problem: Problem) -> Rows:
+    robot = problem.robot
+    held = ", ".join(f"{joint} = {value:g}" for joint, value in robot.locked.items())
+    corners = [len(body.body.vertices) for body in problem.bodies]
+    around = len({body.link for body in problem.bodies} - {attached.name for attached in robot.attached})
+    objects = f" and {counted(len(robot.attached), 'held object')}" if robot.attached else ""
+    bodies = (
+        f"{len(corners)} around the {around} links with collision geometry{objects}: hulls of {min(corners)} to "
+        f"{max(corners)} points, swept by a sphere"
+        if corners
+        else "none: no link has collision geometry, so nothing can collide"
+    )
+    return [
+        ("file", str(problem.scene.source)),
+        ("robot", f"{robot.name}, {counted(robot.n, 'joint')} planned, {len(robot.locked) or 'none'} held"),
+        *([("held", held)] if held else []),
+        ("outer bodies", bodies),
+        *_choice(problem.scene.goal),
+    ]
+
+
+def _choice(goal: JointTarget | Goals) -> Rows:
+    """What may end the motion, where the scene leaves a choice; the joints shown are the likely best."""
+    if isinstance(goal, JointTarget):
+        return []
+    from hdplan.planner.certificate.pose_goals import pose_words
+
+    return [
+        (target.field, pose_words(target) if isinstance(target, PoseTarget) else "one of several configurations")
+        for target in goal.targets
+    ]
+
+
+def _joints(problem: Problem) -> Rows:
+    """One row for each joint: from where to where, its range, and what it can do where that matters."""
+    robot, scene = problem.robot, problem.scene
+    width = max(map(len, robot.joint_names))
+    most = [
+        (limits(scene, robot), unit)
+        for limits, unit in (
+            (velocity_limits, "/s"),
+            (acceleration_limits, "/s²"),
+            (jerk_limits, "/s³"),
+            (torque_limits, " N"),
+        )
+    ]
+    rows: Rows = []
+    for i, joint in enumerate(robot.joint_names):
+        low, high = robot.lower[i], robot.upper[i]
+        limits = f"limits {low:7.4g} to {high:<7.4g}" if np.isfinite([low, high]).all() else f"{'turns freely':25}"
+        own = " ".join(f"{limit[i]:.4g}{unit}" for limit, unit in most if limit is not None)
+        if own.endswith(" N") and not robot.model.joints[i + 1].shortname().startswith("JointModelP"):
+            own += "m"
+        row = f"{problem.start[i]:8.4g} → {problem.goal[i]:8.4g}  {limits} {own}"
+        rows.append((f"{joint:{width}}", row.rstrip()))
+    return rows
+
+
+def _obstacles(problem: Problem) -> Rows:
+    """One row for each obstacle: its shape, its own clearance, how it moves, and how much of the robot can reach it."""
+    pieces = Counter(piece.name for piece in problem.plane_bodies)
+    met: Counter[str] = Counter()
+    if standing := _term(problem, "obstacles"):
+        met = Counter(problem.plane_bodies[index].name for index in standing.pairs.plane_body.tolist())
+    moving = sum(body.joint > 0 for body in problem.bodies)
+    rows: Rows = []
+    for obstacle in problem.scene.obstacles[:MOST_OBSTACLES]:
+        words = _shape(obstacle.shape)
+        words += f" in {pieces[obstacle.name]} convex pieces" if pieces[obstacle.name] > 1 else ""
+        words += f", clearance {obstacle.clearance:g} m" if obstacle.clearance is not None else ""
+        total = moving * pieces[obstacle.name]
+        match obstacle.motion:
+            case SteadyMotion(velocity, spin):
+                speed, turn = float(np.linalg.norm(velocity)), float(np.linalg.norm(spin))
+                kept = f"moves at {speed:g} m/s" + f", turns at {turn:g} rad/s" * bool(turn) + f"; {total} pairs"
+            case TimedPoses(times, poses):
+                kept = f"passes {len(poses)} poses from {times[0]:g} to {times[-1]:g} s; {total} pairs"
+            case None:
+                number = met[obstacle.name]
+                kept = f"{number} of {total} pairs kept" if number else "out of reach, left out"
+        rows.append((obstacle.name, f"{words}; {kept}"))
+    left = len(problem.scene.obstacles) - MOST_OBSTACLES
+    return [*rows, ("…", f"and {left} more")] if left > 0 else rows
+
+
+def _attached(problem: Problem) -> Rows:
+    """One row for each held object: its shape, the link that holds it, and what it is kept apart from."""
+    bodies = Counter(body.link for body in problem.bodies)
+    rows: Rows = []
+    for held in problem.robot.attached:
+        links = sum(held.name in pair for pair in problem.robot.self_pairs)
+        touching = f", may touch {', '.join(held.touch_links)}" if held.touch_links else ""
+        mass = "" if held.mass is None else f", {held.mass:g} kg"
+        words = f"{_shape(held.shape)}{mass}, held by {held.link}{touching}; outer bodies: {bodies[held.name]}"
+        rows.append((held.name, f"{words}; kept apart from obstacles and {counted(links, 'link')}"))
+    return rows
+
+
+def _pairs(problem: Problem) -> Rows:
+    """How many pairs there are of how many, and what tells the others apart."""
+    robot = problem.robot
+    rows: Rows = []
+    moving = sum(body.joint > 0 for body in problem.bodies)
+    standing = [obstacle.name for obstacle in problem.scene.standing]
+    if total := moving * sum(piece.name in standing for piece in problem.plane_bodies):
+        kept = _kept(problem, "obstacles")
+        why = "" if kept == total else f"; {total - kept} can never meet within the joint limits"
+        rows.append(("robot and obstacles", f"{kept} of {total} pairs of bodies kept{why}"))
+    if total := moving * sum(piece.name not in standing for piece in problem.plane_bodies):
+        rows.append(("moving obstacles", f"{_kept(problem, 'moving obstacles')} of {total} pairs of bodies kept"))
+    links = len(robot.links)
+    if total := links * (links - 1) // 2:
+        named = set(robot.links)
+        reasons = Counter(reason for pair, reason in robot.unchecked.items() if named.issuperset(pair))
+        told = ", ".join(f"{count} {REASONS.get(reason, f'by {reason}')}" for reason, count in reasons.most_common())
+        rows.append(
+            (
+                "links and held objects" if robot.attached else "links",
+                f"{len(robot.self_pairs)} of {total} pairs checked" + (f"; told apart: {told}" if told else ""),
+            )
+        )
+    kept = _kept(problem, "self-collision")
+    if total := kept + len(problem.apart):
+        apart = Counter("-".join(sorted(problem.bodies[index].link for index in pair)) for pair in problem.apart)
+        most = ", ".join([*list(apart)[:MOST_NAMED], *(["…"] if len(apart) > MOST_NAMED else [])])
+        why = f"; {len(problem.apart)} proven to keep apart within the joint limits ({most})" if apart else ""
+        rows.append(("bodies of links", f"{kept} of {total} pairs kept{why}"))
+    if problem.unresolved:
+        overlapping = ", ".join(f"{a}-{b}" for a, b in problem.unresolved)
+        rows.append(
+            ("left to the certificate", f"{overlapping}: their outer bodies overlap anyway, the real meshes need not")
+        )
+    return rows
+
+
+def _size(problem: Problem) -> Rows:
+    unknowns = (problem.waypoints - 2) * problem.robot.n
+    how = ", ".join(sorted({term.distance.how for term in problem.pair_terms})) or "not needed"
+    return [
+        ("unknowns", f"{unknowns}: {problem.waypoints - 2} free waypoints × {counted(problem.robot.n, 'joint')}"),
+        ("looked at", f"{len(problem.samples.weight)} configurations between the waypoints"),
+        ("distance", how),
+        *functions(problem),
+    ]
+
+
+def _settings(problem: Problem) -> Rows:
+    rows: Rows = []
+    for field in dataclasses.fields(PlannerSettings):
+        value = getattr(problem.scene.planner, field.name)
+        origin = "default" if value == field.default else "scene"
+        shown = str(value).lower() if isinstance(value, str | bool) else f"{value:g}"
+        rows.append((field.name, f"{shown}{UNITS.get(field.name, '')} ({origin})"))
+    return rows
+
+
+def _shape(shape: Shape) -> str:
+    match shape:
+        case Box(size):
+            return f"box {' × '.join(f'{edge:g}' for edge in size)} m"
+        case Sphere(radius):
+            return f"sphere, radius {radius:g} m"
+        case Cylinder(radius, length):
+            return f"cylinder, radius {radius:g} m, length {length:g} m"
+        case Capsule(radius, length):
+            return f"capsule, radius {radius:g} m, length {length:g} m"
+        case Points(points):
+            return f"hull of {len(points)} points"
+        case Mesh(file):
+            return f"mesh {file.name}"
+
+
+def _term(problem: Problem, name: str) -> Clearance | None:
+    return next((term for term in problem.pair_terms if term.name == name), None)
+
+
+def _kept(problem: Problem, name: str) -> int:
+    term = _term(problem, name)
+    return len(term.pairs) if term else 0

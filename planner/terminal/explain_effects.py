@@ -1,0 +1,198 @@
+"""The effects that a problem has and those that it could have: what each does here, or what would switch it on.
+
+In: a built `Problem`. Out: `Effect`s in reading order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from hdplan.planner.problem.lay_out import self_margin
+from hdplan.planner.problem.problem import Problem
+from hdplan.scenes.model import Goals, JointValues, Pose, PoseTarget, Scene, Timing
+
+
+class Effect(NamedTuple):
+    """One effect."""
+
+    name: str
+    on: str  # what it does here; empty where it is off
+    off: str = ""  # what would switch it on, or why it has nothing to do; empty where it cannot be off
+
+
+def effects(problem: Problem) -> tuple[Effect, ...]:
+    """Return every effect that hdplan knows."""
+    return (
+        Effect("smoothness", "always: squared velocity and acceleration over the motion"),
+        *_joint_limits(problem),
+        _standing(problem),
+        _moving(problem),
+        _self_collision(problem),
+        *_carried(problem),
+        *_ends(problem.scene),
+        *_on_the_way(problem.scene),
+        *_timed(problem),
+    )
+
+
+def counted(number: int, thing: str) -> str:
+    """Return a number of things in words: ``1 joint``, ``2 joints``."""
+    return f"{number} {thing}" + "s" * (number != 1)
+
+
+def _joint_limits(problem: Problem) -> tuple[Effect, ...]:
+    robot, narrowed = problem.robot, problem.scene.limits.position
+    bounded = int(np.isfinite(robot.lower).sum())
+    free = f"; {counted(robot.n - bounded, 'joint')} without" if bounded < robot.n else ""
+    kept = f"{counted(bounded, 'joint')} kept within limits{free}" if bounded else ""
+    narrow = f"{', '.join(narrowed)} kept within less than the URDF's range" if narrowed else ""
+    return (
+        Effect("joint limits", kept, "no joint has limits"),
+        Effect("narrower ranges", narrow, "needs limits.position"),
+    )
+
+
+def _standing(problem: Problem) -> Effect:
+    scene, settings = problem.scene, problem.scene.planner
+    standing = scene.standing
+    if not _has(problem, "obstacles"):
+        if not problem.bodies:
+            return Effect("obstacles", "", "no link has collision geometry")
+        why = "every obstacle is out of the robot's reach" if standing else "needs obstacles[]"
+        return Effect("obstacles", "", why)
+    reach = settings.clearance + settings.activation
+    words = f"{len(standing)}; grows where a moving link comes within {reach:g} m of one"
+    if own := sum(obstacle.clearance is not None for obstacle in standing):
+        words += f", or within its own clearance + {settings.activation:g} m ({own} of {len(standing)})"
+    return Effect("obstacles", words + ", swept from waypoint to waypoint" * settings.swept)
+
+
+def _moving(problem: Problem) -> Effect:
+    count = len(problem.scene.moving)
+    words = f"{count}; each sample of the motion meets them where they are at its time"
+    return Effect(
+        "moving obstacles",
+        words if _has(problem, "moving obstacles") else "",
+        "no link has collision geometry" if count else "needs obstacles[].motion, with timing.duration",
+    )
+
+
+def _self_collision(problem: Problem) -> Effect:
+    if _has(problem, "self-collision"):
+        held = " or held objects" if problem.robot.attached else ""
+        clearance = problem.scene.self_collision.clearance
+        why = f"clearance {clearance:g} m" if clearance else "by default"
+        words = f"{why}; grows where two links{held} come within {self_margin(problem.scene):g} m"
+        return Effect("self-collision", words)
+    if not problem.bodies:
+        why = "no link has collision geometry"
+    elif not problem.scene.self_collision.checked:
+        why = "needs self_collision: true"
+    elif problem.apart:
+        why = "every pair of links is proven to keep apart within the joint limits"
+    elif problem.unresolved:
+        why = "the outer bodies of all pairs of links overlap anyway: left to the certificate"
+    else:
+        why = "no pair of links can meet, or all are disabled"
+    return Effect("self-collision", "", why)
+
+
+def _carried(problem: Problem) -> tuple[Effect, ...]:
+    scene = problem.scene
+    held, payload, torque = len(scene.attached), scene.payload, scene.limits.torque is not None
+    loads = [f"{payload.mass:g} kg on {payload.link}"] if payload else []
+    loads += [f"{each.mass:g} kg of {each.name}" for each in scene.attached if each.mass is not None and torque]
+    return (
+        Effect(
+            "held objects", f"{counted(held, 'object')}: collide as the links do" if held else "", "needs attached[]"
+        ),
+        Effect("loads", ", ".join(loads), "needs payload or attached[].mass, with limits.torque"),
+    )
+
+
+def _ends(scene: Scene) -> tuple[Effect, ...]:
+    targets = scene.goal.targets if isinstance(scene.goal, Goals) else ()
+    kind = "pose" if any(isinstance(target, PoseTarget) for target in targets) else "configuration"
+    reaching = " of the configurations that reach it" * (kind == "pose")
+    choice = f"{counted(len(targets), kind)}:{reaching} the best certified wins"
+    base = scene.robot.base
+    x, y, z = base.position
+    upside = ", upside down" * bool(base.matrix[2, 2] < 0.0)
+    return (
+        Effect("choice of goals", choice if targets else "", "needs goal.pose, goal.poses[] or several goal.joints[]"),
+        Effect("base", f"stands at ({x:g}, {y:g}, {z:g}){upside}" if base != Pose() else "", "needs robot.base"),
+    )
+
+
+def _on_the_way(scene: Scene) -> tuple[Effect, ...]:
+    upright, within = scene.path.upright, scene.path.position
+    tilted, boxed = "", ""
+    if upright:
+        axis = _numbers(upright.axis)
+        tilted = f"axis {axis} of {upright.link} points up all the way, tilted by {upright.tolerance:g} rad at most"
+    if within:
+        size, centre = _numbers(within.size), _numbers(within.pose.position)
+        boxed = f"point {_numbers(within.point)} of {within.link} stays in the box of size {size} m around {centre}"
+    return Effect("path.upright", tilted, "needs path.upright"), Effect("path.position", boxed, "needs path.position")
+
+
+def _numbers(vector: Sequence[float]) -> str:
+    return f"({', '.join(f'{part:g}' for part in vector)})"
+
+
+def _timed(problem: Problem) -> tuple[Effect, ...]:
+    scene, limits = problem.scene, problem.scene.limits
+    timing = scene.timing or Timing()
+    rows = f"{timing.rate:g} rows per second"
+    if not scene.timed:
+        law = ""
+    elif timing.duration is not None:
+        law = f"minimum jerk in {timing.duration:g} s, {rows}"
+    else:
+        share = f" × {timing.scale:g}" if timing.scale < 1.0 else ""
+        law = f"the fastest within the limits (TOPP-RA, smoothed){share}, {rows}"
+    rates = {
+        "velocity": "urdf" if limits.velocity is None and scene.timed else limits.velocity,
+        "acceleration": limits.acceleration,
+        "jerk": limits.jerk,
+    }
+    kept = [f"{quantity} ({_origin(value)})" for quantity, value in rates.items() if value is not None]
+    sought = "; the law of time is fixed, so what comes close to that of velocity is penalized" * bool(scene.moving)
+    return (
+        Effect("times", law, "needs timing.duration, or limits.acceleration"),
+        Effect(
+            "limits of rates", ", ".join(kept) + sought, "needs limits.velocity, limits.acceleration or limits.jerk"
+        ),
+        Effect("limits of torque", _torque(problem), "needs limits.torque"),
+    )
+
+
+def _torque(problem: Problem) -> str:
+    """What keeps torques within limits: the law of time, and the motion's shape where gravity may be too much."""
+    limits = problem.scene.limits.torque
+    if limits is None:
+        return ""
+    from hdplan.planner.problem.gravity_torque import ARM, StaticTorque
+    from hdplan.planner.problem.hinge import BAND
+    from hdplan.planner.robot.loads import loaded_model, moved_mass
+
+    mass = moved_mass(loaded_model(problem.scene, problem.robot))
+    words = f"{_origin(limits)}, moving {mass:.3g} kg: kept by the law of time"
+    for term in problem.terms:
+        if isinstance(term, StaticTorque):
+            joints = ", ".join(problem.robot.joint_names[i] for i in term.measure.joints.tolist())
+            return f"{words}; grows where gravity alone takes {1 - BAND / ARM:.0%} of the limit of {joints}"
+    return f"{words}; no term, as gravity alone overloads no joint"
+
+
+def _origin(values: JointValues) -> str:
+    if values == "urdf":
+        return "the URDF's"
+    return "by joint" if isinstance(values, Mapping) else "the scene's"
+
+
+def _has(problem: Problem, name: str) -> bool:
+    return any(term.name == name for term in problem.terms)

@@ -1,0 +1,265 @@
+"""When the motion is where: a smooth curve through a planned path, and a law of time along it.
+
+Waypoints and the scene's limits -> a `Trajectory` with times, velocities and accelerations, whose quintics between rows
+are what is executed and certified.
+
+*The path.* A polyline has corners, at which only a robot that stops can turn. The path is the cubic B-spline with as
+many control points as waypoints, each on the polyline at its Greville abscissa (Schoenberg's variation diminishing
+approximation): twice differentiable, with the polyline's ends, and within its hull, so within the joint limits.
+
+*The law* (`time_laws`). The fastest within the limits is TOPP-RA's (Pham & Pham, "A New Approach to Time-Optimal Path
+Parameterization Based on Reachability Analysis", T-RO 2018), averaged over a window, then stretched in time until every
+limit holds on the executed curve, by bounds and not at samples: by k, velocities fall by k, accelerations by k², jerks
+by k³. Of several windows that with the shortest motion is taken. Limits of torque, where the scene has them, hold too:
+what moving takes of them falls by k², what gravity takes does not. With `timing.duration` it is the law of minimum
+jerk; only where that breaks a limit and no obstacle moves is it the fastest one, stretched to the duration.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+
+from hdplan.planner.motion.curve import Curve, row_count
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.joint_limits import rate_limits, torque_limits
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.timing.time_laws import Averaged, Law, MinimumJerk
+from hdplan.scenes.errors import HdplanError, InputError
+from hdplan.scenes.model import MOST_ROWS, Scene, Timing
+
+if TYPE_CHECKING:
+    from hdplan.planner.kinematics.inverse_dynamics import InverseDynamics
+
+Array = NDArray[np.float64]
+
+GRID = 200  # pieces of the path on which TOPP-RA works
+WINDOWS = 14  # lengths of the averaging window that are tried
+LEAST_WINDOW, MOST_WINDOW = 0.01, 1.0  # [–] of the fastest motion's duration
+FEWEST_ROWS = 2  # in a window
+LOOKS = 400  # at a law, to compare windows
+STRETCHES = 20  # at most, each by a little more than what is missing
+MARGIN = 1e-6  # [–] by which a limit is kept more than needed
+TIGHT = 0.99  # [–] of what could be stretched that is not worth another try
+TORQUE_LOOKS = 2  # between two rows
+TORQUE_MARGIN = 2e-3  # [–] of the torques' limits that is left: they are looked at, not bounded
+TORQUE_ROOM = 5e-3  # [–] of a torque's limit: where gravity leaves less, a motion would take minutes to creep past
+INSET = 1e-4  # [rad] or [m]
+STANDS = 1e-9  # [rad] or [m] below which a path leads nowhere
+
+
+class Timed(NamedTuple):
+    """A motion with times."""
+
+    trajectory: Trajectory
+    parameter: Array  # (rows,) where each row is on the planned path, 0 to 1
+
+
+class Timekeeper:
+    """Gives paths of one scene their times."""
+
+    def __init__(self, scene: Scene, robot: Robot) -> None:
+        """Resolve the limits. Raises InputError for some that do not fit the robot."""
+        self.robot, self.timing, self.source = robot, scene.timing or Timing(), scene.source
+        self.fixed = bool(scene.moving)  # they are met by this law
+        self.limits = rate_limits(scene, robot)
+        self.velocity, self.acceleration, _ = self.limits
+        self.torque = torque_limits(scene, robot)
+        self.dynamics = None if self.torque is None else _dynamics(scene, robot)
+
+    def too_short(self, start: Array, goal: Array) -> str | None:
+        """Say why no motion between two configurations (n,) takes as little time as the scene gives it; None if one
+        may."""
+        if self.timing.duration is None or self.velocity is None:
+            return None
+        least = np.abs(goal - start) / self.velocity
+        joint = int(least.argmax())
+        if least[joint] <= self.timing.duration:
+            return None
+        return (
+            f"timing.duration: {self.timing.duration:g} s, but joint '{self.robot.joint_names[joint]}' alone needs at "
+            f"least {least[joint]:.3g} s from start to goal"
+        )
+
+    def __call__(self, path: Trajectory) -> Timed:
+        """Return a path's motion in time; in a fixed duration whether the limits hold or not."""
+        spline, duration = smooth(self._inset(path.positions)), self.timing.duration
+        if duration is not None:
+            even = self._timed(path, spline, MinimumJerk(duration), duration)
+            if self.fixed or self.acceleration is None or self._stretch(even.trajectory.curve) <= 1.0:
+                return even
+        if np.ptp(path.positions, axis=0).max() < STANDS:
+            shortest = 1.0 / self.timing.rate
+            return self._timed(path, spline, MinimumJerk(shortest), shortest)
+        law = self._fastest(spline)
+        return self._timed(path, spline, law, duration or self._allowed(spline, law) / self.timing.scale)
+
+    def _inset(self, waypoints: Array) -> Array:
+        """Keep the waypoints between the ends a little away from the joint limits: quintics leave the path between rows
+        by less."""
+        result = np.clip(waypoints, self.robot.lower + INSET, self.robot.upper - INSET)
+        result[0], result[-1] = waypoints[0], waypoints[-1]
+        return result
+
+    def _timed(self, path: Trajectory, spline: BSpline, law: Law, duration: float) -> Timed:
+        """Return the motion by a law that is stretched to a duration."""
+        self._check_rows(duration)
+        times, parameter, rows = _rows(spline, law, duration, self.timing.rate)
+        return Timed(Trajectory(path.joint_names, rows[0], path.locked, times, rows[1], rows[2]), parameter)
+
+    def _fastest(self, spline: BSpline) -> Averaged:
+        """Return the law that takes least time once it is stretched to the limits."""
+        knots, values, paces = self._time_optimal(spline)
+        shortest = FEWEST_ROWS / self.timing.rate
+        tried = np.maximum(knots[-1] * np.geomspace(LEAST_WINDOW, MOST_WINDOW, WINDOWS), shortest)
+        laws = [Averaged(knots, values, paces, float(window)) for window in np.unique(tried)]
+        return min(laws, key=lambda law: law.duration * self._stretch_at_looks(spline, law))
+
+    def _time_optimal(self, spline: BSpline) -> tuple[Array, Array, Array]:
+        """Return times, parameters and paces of the fastest law within the limits of velocity and acceleration."""
+        from toppra import constraint
+        from toppra.algorithm import TOPPRA
+
+        limits = [constraint.JointVelocityConstraint(_both(self.velocity))]
+        limits.append(constraint.JointAccelerationConstraint(_both(self.acceleration)))
+        grid = np.linspace(0.0, 1.0, GRID + 1)
+        if self.dynamics is not None and self.torque is not None:
+            from hdplan.planner.timing.torque_constraint import TorqueConstraint
+
+            torques = self.dynamics.coefficients(*(spline(grid, order) for order in range(3)))
+            if not _too_heavy(torques.c, self.torque):  # else no law of time helps, and the certificate says where
+                limits.append(TorqueConstraint(torques, (1 - TORQUE_MARGIN) * self.torque))
+        _, paces, _ = TOPPRA(limits, _Path(spline), gridpoints=grid).compute_parameterization(0.0, 0.0)
+        if paces is None or not np.isfinite(paces).all():
+            raise HdplanError("no law of time was found within the limits of velocity and acceleration")
+        widths = 2.0 * np.diff(grid) / (paces[1:] + paces[:-1])
+        return np.concatenate([[0.0], np.cumsum(widths)]), grid, paces
+
+    def _stretch_at_looks(self, spline: BSpline, law: Law) -> float:
+        """Return by how much a law must be stretched for the limits to hold at many places."""
+        u, first, second, third = law(np.linspace(0.0, law.duration, LOOKS))[:, :, None]
+        slope, bend, twist = (spline(u[:, 0], order) for order in (1, 2, 3))
+        rates = (
+            slope * first,
+            bend * first**2 + slope * second,
+            twist * first**3 + 3 * bend * first * second + slope * third,
+        )
+        stretches = [
+            float((np.abs(rate).max(axis=0) / limit).max()) ** (1 / order)
+            for order, (rate, limit) in enumerate(zip(rates, self.limits, strict=True), start=1)
+            if limit is not None
+        ]
+        if self.dynamics is not None and self.torque is not None:
+            drive = self.dynamics.coefficients(spline(u[:, 0]), slope, bend)
+            stretches.append(_torque_stretch(drive.a * second + drive.b * first**2, drive.c, self.torque))
+        return float(max(stretches))
+
+    def _allowed(self, spline: BSpline, law: Law) -> float:
+        """Return a duration in which the limits hold all along the executed curve: whole rows, and not much more."""
+        duration, best = law.duration * self._stretch_at_looks(spline, law), np.inf
+        for _ in range(STRETCHES):
+            self._check_rows(duration)
+            duration = (row_count(duration, self.timing.rate) - 1) / self.timing.rate
+            if duration >= best:
+                break
+            times, _, rows = _rows(spline, law, duration, self.timing.rate)
+            stretch = self._stretch(Curve.through(rows[0], times, rows[1], rows[2]))
+            if stretch <= 1.0:
+                best = duration
+                if stretch > TIGHT:
+                    break
+            duration *= stretch
+        if not np.isfinite(best):
+            raise HdplanError("no law of time was found within the limits on the executed curve")
+        return best
+
+    def _check_rows(self, duration: float) -> None:
+        """Refuse a motion that would take more rows than are kept, before there are any."""
+        rate = self.timing.rate
+        if not duration * rate <= MOST_ROWS:
+            raise InputError(
+                f"{self.source}: limits: within them this motion takes {duration:.4g} s, which at a rate of {rate:g} "
+                f"1/s (timing.rate) are {duration * rate:.4g} rows; at most {MOST_ROWS} are kept: give a lower rate, "
+                "or wider limits"
+            )
+
+    def _stretch(self, curve: Curve) -> float:
+        """Return by how much an executed curve must be stretched for its limits to hold, at most 1 where they do."""
+        stretch = 0.0
+        for order, limit in enumerate(self.limits, start=1):
+            if limit is not None:
+                share = float((curve.over_time(order).largest() / limit).max())
+                stretch = max(stretch, ((1 + MARGIN) * share) ** (1 / order))
+        if self.dynamics is not None and self.torque is not None:
+            looks = np.linspace(0.0, 1.0, TORQUE_LOOKS * (len(curve) - 1) + 1)
+            q, v, a = (curve.over_time(order).at_parameter(looks) for order in range(3))
+            gravity = self.dynamics.torques(q, 0.0 * v, 0.0 * a)
+            stretch = max(stretch, _torque_stretch(self.dynamics.torques(q, v, a) - gravity, gravity, self.torque))
+        return stretch
+
+
+def smooth(waypoints: Array) -> BSpline:
+    """Return the B-spline over [0, 1] with control points on the polyline of waypoints (N, n); see the module."""
+    count, degree = len(waypoints), min(3, len(waypoints) - 1)
+    inner = np.linspace(0.0, 1.0, count - degree + 1)
+    knots = np.concatenate([np.zeros(degree), inner, np.ones(degree)])
+    greville = np.array([knots[i + 1 : i + degree + 1].mean() for i in range(count)])
+    even = np.linspace(0.0, 1.0, count)
+    control = np.stack([np.interp(greville, even, column) for column in waypoints.T], axis=1)
+    return BSpline(knots, control, degree)
+
+
+def _rows(spline: BSpline, law: Law, duration: float, rate: float) -> tuple[Array, Array, tuple[Array, Array, Array]]:
+    """Return times, parameters (rows,) and positions, velocities, accelerations (rows, n) of a law stretched to a
+    duration."""
+    count = row_count(duration, rate)
+    share = np.linspace(0.0, 1.0, count)
+    stretch = duration / law.duration
+    u, first, second, _ = law(share * law.duration)
+    u = np.clip(u, 0.0, 1.0)
+    u[0], u[-1] = 0.0, 1.0  # to the last bit: the motion ends where its path does
+    first, second = first[:, None] / stretch, second[:, None] / stretch**2
+    slope, bend = spline(u, 1), spline(u, 2)
+    return share * duration, u, (spline(u), slope * first, bend * first**2 + slope * second)
+
+
+def _torque_stretch(moving: Array, gravity: Array, limit: Array) -> float:
+    """Return the k by which time must be stretched for |gravity + moving/k²| ≤ limit, each (m, n) and the limit (n,);
+    where gravity alone is too much no stretch helps, and none is asked for."""
+    if _too_heavy(gravity, limit):
+        return 0.0
+    room = (1 - TORQUE_MARGIN) * limit - np.where(moving > 0.0, gravity, -gravity)
+    return float(np.sqrt((np.abs(moving) / room).max(initial=0.0)))
+
+
+def _too_heavy(gravity: Array, limit: Array) -> bool:
+    """Whether gravity's torques (m, n) alone leave next to nothing of the limits (n,) somewhere."""
+    return bool((np.abs(gravity) > (1 - TORQUE_ROOM) * limit).any())
+
+
+def _dynamics(scene: Scene, robot: Robot) -> InverseDynamics:
+    from hdplan.planner.kinematics.inverse_dynamics import dynamics_of
+
+    return dynamics_of(scene, robot)
+
+
+class _Path:
+    """A spline as TOPP-RA asks for paths."""
+
+    def __init__(self, spline: BSpline) -> None:
+        self.spline = spline
+        self.dof = spline.c.shape[1]
+        self.path_interval = np.array([0.0, 1.0])
+
+    def __call__(self, path_positions: Array, order: int = 0) -> Array:
+        return np.asarray(self.spline(path_positions, order))
+
+
+def _both(limit: Array | None) -> Array:
+    """Return limits (n, 2) of both signs."""
+    if limit is None:
+        raise ValueError("a law of time needs limits of velocity and acceleration")
+    return np.stack([-limit, limit], axis=1)

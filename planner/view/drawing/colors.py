@@ -1,0 +1,57 @@
+"""Colours of the viewer, told apart by the colour-blind, and how clearance becomes colour.
+
+Okabe & Ito (2008) for what has a name; ColorBrewer's RdYlBu for clearance, red for near and blue for far, its pale
+middle darkened so that a line shows on a light ground.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hdplan.planner.view.drawing.skins import Color
+from hdplan.scenes.once import read_only
+
+START: Color = (0, 114, 178)  # blue
+GOAL: Color = (213, 94, 0)  # vermillion
+OUTER: Color = (0, 158, 115)  # bluish green
+COLLISION: Color = (204, 121, 167)  # reddish purple
+OBSTACLE: Color = (160, 150, 130)
+REGION: Color = (86, 180, 233)  # sky blue: where a point of a link is to stay
+CONTACT: Color = (165, 0, 38)  # the near end of the scale below
+INK: Color = (34, 34, 34)
+LINKS: Color = (204, 121, 167)  # between links
+ITERATE: Color = (130, 130, 130)  # a path that the optimizer still works on
+OTHERS: tuple[Color, ...] = ((86, 180, 233), (204, 121, 167), (240, 228, 66), (0, 158, 115))  # further robots
+
+FAR = 0.1  # [m] clearance from which on the colour stays the same
+SCALE = read_only(  # from contact to FAR, at equal steps
+    np.array(
+        [[165, 0, 38], [215, 48, 39], [244, 109, 67], [245, 164, 70], [235, 205, 110], [130, 180, 212], [69, 117, 180]]
+        + [[49, 54, 149]]
+    )
+)
+
+
+def clearance_colors(clearance: ArrayLike) -> NDArray[np.uint8]:
+    """Return colours (..., 3) for clearances (...) [m]; contact and beyond is the first of the scale."""
+    share = np.clip(np.asarray(clearance, dtype=np.float64) / FAR, 0.0, 1.0)
+    steps = np.linspace(0.0, 1.0, len(SCALE))
+    channels = [np.interp(share, steps, SCALE[:, channel]) for channel in range(3)]
+    return np.stack(channels, axis=-1).round().astype(np.uint8)
+
+
+def hex_of(color: Color) -> str:
+    """Return a colour as browsers write it."""
+    return "#{:02x}{:02x}{:02x}".format(*color)
+
+
+def legend() -> str:
+    """Return the clearance scale as HTML."""
+    stops = ", ".join(hex_of((int(r), int(g), int(b))) for r, g, b in SCALE)
+    return (
+        '<div style="padding:0 0.9em;font-size:0.8em">path, coloured by clearance [mm]'
+        f'<div style="height:0.7em;border-radius:3px;background:linear-gradient(to right, {stops})"></div>'
+        '<div style="display:flex;justify-content:space-between"><span>0</span>'
+        f"<span>{FAR * 500:g}</span><span>≥ {FAR * 1000:g}</span></div></div>"
+    )

@@ -1,0 +1,124 @@
+"""One motion as the viewer shows it: joint values, clearance and the hand's path, sampled along it.
+
+Trajectory -> `Motion`. Path parameters run from 0 to 1; distances are exact ones of the robot's real meshes at the
+samples [m], so they are no lower bound between the samples: that is the certificate's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.verdict import Certificate
+from hdplan.planner.motion.curve import Curve
+from hdplan.planner.motion.robot_curve import curve_of
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.pictures.clearances import exact
+from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.model import Scene
+
+Array = NDArray[np.float64]
+
+SAMPLES = 101  # at least, over the whole motion; of up to twice as many waypoints each is among them
+TIP = 0.01  # [m] depth of the part of the last link whose middle is its tip
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A trajectory with what the panels and the path need of it."""
+
+    name: str
+    trajectory: Trajectory
+    curve: Curve  # its joints in the order of the robot's planned ones
+    parameter: Array  # (K,) path parameters of the samples
+    joints: Array  # (K, n) [rad] or [m] there
+    tip: Array  # (K, 3) [m] the tip there
+    clearance: Array  # (K,) [m] robot to obstacles there, inf without obstacles
+    self_clearance: Array  # (K,) [m] between links there, inf without pairs
+    certificate: Certificate = field(repr=False)
+    scene: Scene = field(repr=False)  # in which clearances and certificate hold, and in no other
+
+    @classmethod
+    def of(
+        cls, name: str, trajectory: Trajectory, certifier: Certifier, certificate: Certificate | None = None
+    ) -> Motion:
+        """Sample a trajectory; certify it, if that has not been done. Raises InputError if its joints do not fit the
+        robot."""
+        robot = certifier.robot
+        curve = curve_of(robot, trajectory)
+        if certificate is None:
+            certificate = certifier.certify(trajectory)
+        parameter = sample_parameters(len(curve))
+        joints, nothing = curve.at_parameter(parameter), np.full(len(parameter), np.inf)
+        places, between_links = exact(certifier, joints, curve.time_of(parameter))
+        to_obstacles = np.array([place.distance for place in places]) if places else nothing
+        between_links = between_links if len(between_links) else nothing
+        tip = Tip.of(robot).path(joints)
+        return cls(
+            name, trajectory, curve, parameter, joints, tip, to_obstacles, between_links, certificate, certifier.scene
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Tip:
+    """The point by which a motion is drawn and the goal is dragged, carried by the last joint."""
+
+    robot: Robot
+    joint: int
+    offset: Array  # (3,) [m] in that joint's frame
+
+    @classmethod
+    def of(cls, robot: Robot) -> Tip:
+        """Take the middle of the farthest part of what the last joint carries, along the axis of that joint's frame in
+        which it reaches out."""
+        last = max(robot.link_joint.values(), default=robot.model.njoints - 1)
+        items = [item for item in robot.collision.geometryObjects if item.parentJoint == last]
+        points = [_corners(item) for item in items]
+        if not points or last == 0:
+            return cls(robot, robot.model.njoints - 1, np.zeros(3))
+        cloud = np.concatenate(points)
+        middle = cloud.mean(axis=0)
+        axis = int(np.abs(middle).argmax())
+        along = np.sign(middle[axis]) * cloud[:, axis]
+        end = cloud[along >= along.max() - TIP]
+        return cls(robot, last, 0.5 * (end.min(axis=0) + end.max(axis=0)))
+
+    def placement(self, q: Array) -> pin.SE3:
+        """Return the tip's placement in the world: the last joint's axes at the tip."""
+        data = self.robot.model.createData()
+        pin.forwardKinematics(self.robot.model, data, self.robot.pin_q(q))
+        return data.oMi[self.joint] * pin.SE3(np.eye(3), self.offset)
+
+    def path(self, joints: Array) -> Array:
+        """Return the tip's positions (K, 3) at configurations (K, n)."""
+        data = self.robot.model.createData()
+        points = np.empty((len(joints), 3))
+        for row, q in enumerate(self.robot.pin_q(joints)):
+            pin.forwardKinematics(self.robot.model, data, q)
+            points[row] = data.oMi[self.joint].act(self.offset)
+        return points
+
+
+def sample_parameters(waypoints: int) -> Array:
+    """Return path parameters at equal steps, SAMPLES of them or a few more, every waypoint among them; fewer than there
+    are waypoints where these lie close."""
+    if waypoints > 2 * SAMPLES:
+        return np.linspace(0.0, 1.0, 2 * SAMPLES)
+    per_interval = max(1, -(-(SAMPLES - 1) // (waypoints - 1)))
+    return np.linspace(0.0, 1.0, per_interval * (waypoints - 1) + 1)
+
+
+def _corners(item: pin.GeometryObject) -> Array:
+    """Return points (m, 3) that span a geometry, in its joint's frame."""
+    shape = item.geometry
+    shape.computeLocalAABB()
+    low, high = np.asarray(shape.aabb_local.min_), np.asarray(shape.aabb_local.max_)
+    signs = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    corners = low + signs * (high - low)
+    if hasattr(shape, "vertices"):
+        corners = np.asarray(shape.vertices())
+    return np.asarray(corners @ item.placement.rotation.T + item.placement.translation)

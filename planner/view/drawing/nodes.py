@@ -1,0 +1,205 @@
+"""What stands in the browser's scene: robots, obstacles, paths and the closest pair, each a few nodes that are moved.
+
+Meshes are sent once; after that only placements travel. Everything here is called by the viewer's one thread.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import viser
+from numpy.typing import NDArray
+
+from hdplan.planner.certificate.verdict import Closest
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.view.drawing.colors import CONTACT, INK, LINKS, OBSTACLE, REGION, clearance_colors
+from hdplan.planner.view.drawing.skins import Color, Skin, obstacle_mesh, shaded
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import Obstacle, Pose, Within
+from hdplan.scenes.moving import Passages
+
+Array = NDArray[np.float64]
+
+PATH_WIDTH, SEGMENT_WIDTH = 0.006, 0.004  # [m]
+ENDLESS = 3.0  # [m] to which an endless box is drawn
+BESIDE = 0.05  # [m] by which the label stands above the segment
+
+
+class RobotNodes:
+    """A robot in one configuration, in one of its skins."""
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        name: str,
+        robot: Robot,
+        skins: Sequence[Skin],
+        *,
+        color: Color | None = None,
+        opacity: float | None = None,
+        visible: bool = True,
+    ) -> None:
+        """Send the meshes; `color` replaces the skins' own."""
+        self.robot, self.data = robot, robot.model.createData()
+        self.root = server.scene.add_frame(f"/{name}", show_axes=False, visible=visible)
+        self.frames = {
+            joint: server.scene.add_frame(f"/{name}/{joint}", show_axes=False)
+            for joint in sorted({skin.joint for skin in skins})
+        }
+        self.meshes = [
+            (
+                skin,
+                server.scene.add_mesh_simple(
+                    f"/{name}/{skin.joint}/{index}",
+                    skin.vertices,
+                    skin.triangles,
+                    color=color or skin.color,
+                    opacity=opacity,
+                    cast_shadow=False,
+                    receive_shadow=False,
+                ),
+            )
+            for index, skin in enumerate(skins)
+        ]
+        self.color = color
+        self.q: Array | None = None
+
+    def show(self, q: Array) -> None:
+        """Take configuration `q` (n,)."""
+        self.q = q
+        pin.forwardKinematics(self.robot.model, self.data, self.robot.pin_q(q))
+        for joint, frame in self.frames.items():
+            place = self.data.oMi[joint]
+            frame.position, frame.wxyz = place.translation, wxyz_of(place.rotation)
+
+    def mark(self, links: Collection[str]) -> None:
+        """Colour these links as being in contact, and all others as they were."""
+        for skin, mesh in self.meshes:
+            color = CONTACT if skin.link in links else self.color or skin.color
+            if tuple(mesh.color) != color:
+                mesh.color = color
+
+    @property
+    def visible(self) -> bool:
+        """Whether it is shown."""
+        return bool(self.root.visible)
+
+    @visible.setter
+    def visible(self, value: bool) -> None:
+        if self.root.visible != value:
+            self.root.visible = value
+
+    def remove(self) -> None:
+        """Take it out of the scene."""
+        self.root.remove()
+
+
+class ObstacleNode:
+    """One obstacle in its true shape."""
+
+    def __init__(self, server: viser.ViserServer, index: int, obstacle: Obstacle) -> None:
+        """Send its mesh; nodes are numbered, as a name may hold any character."""
+        self.frame = server.scene.add_frame(f"/obstacles/{index}", show_axes=False)
+        vertices, triangles = shaded(obstacle_mesh(obstacle))
+        self.mesh = server.scene.add_mesh_simple(
+            f"/obstacles/{index}/mesh", vertices, triangles, color=OBSTACLE, cast_shadow=False, receive_shadow=False
+        )
+        self.take(obstacle)
+
+    def take(self, obstacle: Obstacle) -> None:
+        """Stand for an obstacle of the same shape elsewhere."""
+        self.obstacle = obstacle
+        self.passages = None if obstacle.motion is None else Passages.of(obstacle)
+        x, y, z, w = obstacle.pose.quaternion_xyzw
+        self.frame.position, self.frame.wxyz = obstacle.pose.position, (w, x, y, z)
+
+    def show(self, seconds: float) -> None:
+        """If it moves, be where it is at a time [s]."""
+        if self.passages is not None:
+            place = self.passages.at(np.array([seconds]))[0]
+            self.frame.position, self.frame.wxyz = place[:3, 3], wxyz_of(place[:3, :3])
+
+    def mark(self, in_contact: bool) -> None:
+        """Colour it as being in contact, or as it was."""
+        color = CONTACT if in_contact else OBSTACLE
+        if tuple(self.mesh.color) != color:
+            self.mesh.color = color
+
+
+def draw_region(server: viser.ViserServer, asked: Within) -> Any:
+    """Draw the box in which a point of a link is to stay, seen through; along an axis without sides, ENDLESS long."""
+    x, y, z, w = asked.pose.quaternion_xyzw
+    width, depth, height = (min(edge, ENDLESS) for edge in asked.size)
+    return server.scene.add_box(
+        "/region",
+        REGION,
+        (width, depth, height),
+        opacity=0.3,
+        cast_shadow=False,
+        receive_shadow=False,
+        position=asked.pose.position,
+        wxyz=(w, x, y, z),
+    )
+
+
+def draw_path(server: viser.ViserServer, name: str, tip: Array, colors: NDArray[np.uint8] | Color) -> Any:
+    """Draw the line through points (K, 3), coloured along it (K, 3) or in one colour; a node of that name is
+    replaced."""
+    points = np.stack([tip[:-1], tip[1:]], axis=1)
+    along = colors if isinstance(colors, tuple) else np.stack([colors[:-1], colors[1:]], axis=1)
+    return server.scene.add_line_segments(f"/{name}", points, along, thickness=PATH_WIDTH)
+
+
+class ClosestNodes:
+    """The closest pairs as segments between the points where they are closest, with the distance written beside."""
+
+    def __init__(self, server: viser.ViserServer) -> None:
+        """Begin with nothing to show."""
+        self.server = server
+        self.root = server.scene.add_frame("/closest", show_axes=False)
+        self.lines = [
+            server.scene.add_line_segments(
+                f"/closest/{name}", np.zeros((1, 2, 3)), color, thickness=SEGMENT_WIDTH, visible=False
+            )
+            for name, color in (("obstacle", INK), ("links", LINKS))
+        ]
+        self.label = server.scene.add_label("/closest/label", "", visible=False, font_screen_scale=0.9)
+
+    def show(self, pairs: Sequence[Closest | None]) -> None:
+        """Draw the closest pair with an obstacle, and between links; the nearer one is labelled."""
+        for line, pair in zip(self.lines, pairs, strict=True):
+            line.visible = pair is not None
+            if pair is not None:
+                line.points = pair.points[None].astype(np.float32)
+        if pairs[0] is not None:
+            red, green, blue = clearance_colors(pairs[0].distance).tolist()
+            self.lines[0].colors = np.array([red, green, blue], dtype=np.uint8)
+        nearest = pairs[0] or pairs[1]
+        self.label.visible = nearest is not None
+        if nearest is not None:
+            self.label.text = f"{nearest.link} – {nearest.other}: {millimetres(nearest.distance)}"
+            self.label.position = nearest.points.mean(axis=0) + [0.0, 0.0, BESIDE]
+
+
+def millimetres(distance: float) -> str:
+    """Return a distance in words."""
+    return f"{distance * 1e3:.1f} mm" if distance >= 0.0 else f"{-distance * 1e3:.1f} mm deep"
+
+
+def wxyz_of(rotation: Array) -> tuple[float, float, float, float]:
+    """Return the quaternion of a rotation (3, 3), as viser writes it."""
+    x, y, z, w = pin.Quaternion(rotation).coeffs().tolist()
+    return w, x, y, z
+
+
+def pose_of(handle: Any) -> Pose:
+    """Return where a handle of viser stands. Raises InputError for what is no pose."""
+    px, py, pz = (float(value) for value in handle.position)
+    w, x, y, z = (float(value) for value in handle.wxyz)
+    norm = float(np.sqrt(w * w + x * x + y * y + z * z))
+    if not (np.isfinite([px, py, pz, norm]).all() and norm > 0.0):
+        raise InputError(f"handle: found position ({px:g}, {py:g}, {pz:g}), quaternion {(x, y, z, w)}: no pose")
+    return Pose((px, py, pz), (x / norm, y / norm, z / norm, w / norm))

@@ -1,0 +1,192 @@
+"""The plots beside the scene: joints and clearance along the motion, with a bar at the time that is shown.
+
+uPlot knows no bar that a server could move, so one more series runs along the lower edge and rises at that time; all
+other series have their true values there.
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from hdplan.planner.view.drawing.colors import CONTACT, INK, LINKS, OTHERS, START, hex_of
+from hdplan.planner.view.drawing.motion import Motion
+from hdplan.planner.view.drawing.skins import Color
+from hdplan.planner.view.drawing.timeline import Timeline
+
+Array = NDArray[np.float64]
+Rows = tuple[Array, ...]
+
+HEIGHT = 165  # [px]
+LINES: tuple[Color, ...] = (  # Okabe & Ito
+    (0, 114, 178),
+    (213, 94, 0),
+    (0, 158, 115),
+    (204, 121, 167),
+    (230, 159, 0),
+    (86, 180, 233),
+    INK,
+)
+SHOWN = 0.3  # [m] of clearance that the plot shows at most: what is farther away matters little
+
+
+class Plot:
+    """Curves over the timeline, and the bar."""
+
+    def __init__(self, server: viser.ViserServer, title: str, names: Sequence[str], colors: Sequence[Color]) -> None:
+        """Set an empty plot up."""
+        self._times: Array = np.array([0.0, 1.0])
+        self._curves: Rows = tuple(np.zeros(2) for _ in names)
+        self._title, self._timeline = title, Timeline()
+        self._low, self._high = 0.0, 1.0
+        self._remark = ""
+        lines = [
+            {"label": name, "stroke": hex_of(color), "width": 1.5} for name, color in zip(names, colors, strict=True)
+        ]
+        bar = {"label": "now", "stroke": hex_of(INK), "width": 1, "points": {"show": False}}
+        self._lines = (*lines, bar)
+        self.handle = server.gui.add_uplot(
+            self._rows(0.0),
+            ({"label": self._timeline.name}, *self._lines),
+            title=self._words,
+            scales=self._scales(),
+            axes=({"size": 28}, {"size": 46}),
+            legend={"show": False},  # uPlot's own takes three lines
+            height=HEIGHT,
+        )
+        self.legend = server.gui.add_html(_legend(names, colors))
+
+    def remove(self) -> None:
+        """Take it out of the panel."""
+        self.handle.remove()
+        self.legend.remove()
+
+    def set(
+        self, timeline: Timeline, times: Array, curves: Sequence[Array], low: float, high: float, now: float
+    ) -> None:
+        """Show curves (K,) over moments (K,) of the timeline, between `low` and `high`; NaN where there is nothing."""
+        self._times, self._curves, self._low, self._high, self._remark = times, tuple(curves), low, high, ""
+        if timeline.timed != self._timeline.timed:
+            self.handle.series = ({"label": timeline.name}, *self._lines)
+        self._timeline = timeline
+        self.handle.title = self._words
+        self.handle.scales = self._scales()
+        self.follow(now)
+
+    def remark(self, words: str) -> None:
+        """Say something more in the title, until other curves are set."""
+        if self._remark != words:
+            self._remark = words
+            self.handle.title = self._words
+
+    def follow(self, now: float) -> None:
+        """Move the bar."""
+        self.handle.data = self._rows(now)
+
+    @property
+    def _words(self) -> str:
+        return f"{self._title} over {'time [s]' if self._timeline.timed else 'the path parameter'}{self._remark}"
+
+    def _scales(self) -> dict[str, dict[str, object]]:
+        extent = (self._timeline.begin, self._timeline.end)
+        return {"x": {"time": False, "range": extent}, "y": {"range": (self._low, self._high)}}
+
+    def _rows(self, now: float) -> Rows:
+        return with_bar(self._times, self._curves, now, self._low, self._high)
+
+
+def with_bar(times: Array, curves: Sequence[Array], now: float, low: float, high: float) -> Rows:
+    """Return times and curves with three more points at `now`, and the series of the bar last."""
+    place = int(np.searchsorted(times, now))
+    inserted = np.insert(times, [place] * 3, now)
+    rows = [np.insert(curve, [place] * 3, np.interp(now, times, curve)) for curve in curves]
+    bar = np.full(len(inserted), low)
+    bar[place + 1] = high
+    return (inserted, *rows, bar)
+
+
+class MotionPlots:
+    """Joints of one motion, and clearances of all of them."""
+
+    def __init__(self, server: viser.ViserServer, joint_names: Sequence[str], motions: Sequence[str]) -> None:
+        """Set the plots up for motions of these names."""
+        lines = [LINES[i % len(LINES)] for i in range(len(joint_names))]
+        self.joints = Plot(server, "joints [rad or m]", joint_names, lines)
+        colors = [START, *OTHERS][: len(motions)]
+        self.clearance = Plot(
+            server,
+            "clearance [mm]",
+            [*motions, "own links"],
+            [*colors, *[INK] * (len(motions) - len(colors)), LINKS],
+        )
+
+    def set(self, active: Motion, motions: Sequence[Motion], timeline: Timeline, now: float) -> None:
+        """Show the joints of the active motion and the clearance of all, each from its start to its goal."""
+        spread = float(np.ptp(active.joints)) or 1.0
+        low, high = float(active.joints.min()) - 0.05 * spread, float(active.joints.max()) + 0.05 * spread
+        when = {motion.name: timeline.moments(motion.curve, motion.parameter) for motion in motions}
+        times = np.unique(np.concatenate([*when.values(), [timeline.begin, timeline.end]]))
+        own = [_within(times, when[active.name], values) for values in active.joints.T]
+        self.joints.set(timeline, times, own, low, high, now)
+        curves = [_within(times, when[motion.name], _shown(motion.clearance)) for motion in motions]
+        curves.append(_within(times, when[active.name], _shown(active.self_clearance)))
+        millimetres = [1e3 * curve for curve in curves]
+        top = max(float(np.nanmax(curve)) for curve in millimetres)
+        bottom = min(0.0, *(float(np.nanmin(curve)) for curve in millimetres))
+        self.clearance.set(timeline, times, millimetres, 1.05 * bottom, 1.05 * max(top, 10.0), now)
+
+    def outdate(self) -> None:
+        """Say that the clearances are of an earlier scene."""
+        self.clearance.remark(", of an earlier scene")
+
+    def remove(self) -> None:
+        """Take them out of the panel."""
+        self.joints.remove()
+        self.clearance.remove()
+
+    def follow(self, now: float) -> None:
+        """Move the bars."""
+        self.joints.follow(now)
+        self.clearance.follow(now)
+
+
+def _legend(names: Sequence[str], colors: Sequence[Color]) -> str:
+    lines = (
+        f'<span style="white-space:nowrap;padding-right:0.8em"><span style="color:{hex_of(color)}">▬</span> '
+        f"{html.escape(name)}</span>"
+        for name, color in zip(names, colors, strict=True)
+    )
+    return f'<div style="padding:0 0.9em;font-size:0.72em;line-height:1.3">{" ".join(lines)}</div>'
+
+
+def _within(times: Array, own: Array, values: Array) -> Array:
+    """Return values (K,) that are known at moments `own` (K,) at other moments; NaN before the first and after the
+    last."""
+    return np.asarray(np.interp(times, own, values, left=np.nan, right=np.nan))
+
+
+def _shown(clearance: Array) -> Array:
+    return np.minimum(clearance, SHOWN)
+
+
+def joint_table(names: Sequence[str], q: Array, lower: Array, upper: Array) -> str:
+    """Return joint values as an HTML table, each with a mark between its limits."""
+    rows = []
+    for name, value, low, high in zip(names, q.tolist(), lower.tolist(), upper.tolist(), strict=True):
+        bounded = np.isfinite(low) and np.isfinite(high)
+        share = 100.0 * min(max((value - low) / (high - low), 0.0), 1.0) if bounded else 50.0
+        near = bounded and min(value - low, high - value) < 0.02 * (high - low)
+        mark = hex_of(CONTACT if near else START)
+        limits = f"{low:.2f} … {high:.2f}" if bounded else "turns freely"
+        rows.append(
+            f"<tr><td>{html.escape(name)}</td>"
+            f'<td style="text-align:right;font-variant-numeric:tabular-nums">{value:+.3f}</td>'
+            f'<td style="width:34%"><div style="position:relative;height:0.5em;background:#ddd;border-radius:3px">'
+            f'<div style="position:absolute;left:calc({share:.1f}% - 2px);width:4px;height:0.5em;background:{mark}">'
+            f'</div></div></td><td style="color:#777;white-space:nowrap">{limits}</td></tr>'
+        )
+    return f'<table style="font-size:0.75em;width:100%;padding:0 0.9em;border-spacing:4px 1px">{"".join(rows)}</table>'

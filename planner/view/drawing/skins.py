@@ -1,0 +1,233 @@
+"""What is drawn of robots and obstacles: coloured triangles, each set in the frame of the joint that carries it.
+
+Robot -> `Skin`s of three kinds: the visual meshes of its URDF, the collision geometry that the certificate works with,
+and the outer bodies that the planner works with. Files are read once in a process. Lengths in [m].
+
+Pinocchio's own viser visualizer is not used: it reads every mesh anew for every robot that is shown, and gives a .dae
+mesh the colours of its file whatever is asked, so it has no ghosts and no second robot of another colour.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+import trimesh
+from numpy.typing import NDArray
+
+from hdplan.distance.bodies import ConvexBody
+from hdplan.planner.collision.link_bodies import link_bodies
+from hdplan.planner.geometry.mesh_files import read_mesh_file, read_scene
+from hdplan.planner.geometry.meshes import LARGEST, load_mesh
+from hdplan.planner.robot.pin_model import read_visuals
+from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.files import Stamps, stamps_of
+from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, RobotSpec, Sphere, Vector3
+from hdplan.scenes.once import freeze
+from hdplan.scenes.robot_files.library import description_of
+
+Array = NDArray[np.float64]
+Color = tuple[int, int, int]  # red, green, blue, 0 to 255
+
+PLAIN: Color = (190, 190, 190)  # of what has no colour of its own
+HELD: Color = (230, 159, 0)  # orange, of held objects
+SHARP = 0.6  # [rad] edges between faces that turn more than this are drawn sharp
+COARSE, FINE = 2, 3  # subdivisions of the balls that stand for a sweeping sphere: of many bodies, of one
+
+
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """Triangles of one colour."""
+
+    link: str
+    joint: int  # of robot.model that carries it; 0 is the world
+    vertices: NDArray[np.float32]  # (m, 3) in the joint's frame
+    triangles: NDArray[np.uint32]  # (F, 3)
+    color: Color
+
+    def __post_init__(self) -> None:
+        """Share its arrays read-only."""
+        freeze(self)
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """A part of a mesh file that has one colour."""
+
+    vertices: Array
+    triangles: NDArray[np.int64]
+    color: Color | None  # None: the file says none
+
+
+def visual_skins(robot: Robot, spec: RobotSpec) -> tuple[tuple[Skin, ...], tuple[str, ...]]:
+    """Return what the robot looks like, one skin per link and colour, and what it holds; none if its URDF holds no
+    visuals. And words for the meshes that are left out, as they are missing or cannot be read.
+
+    Raises InputError for a URDF that is not valid.
+    """
+    _, urdf, _, package_dirs = description_of(spec)
+    files = []
+    for *_, named in read_visuals(urdf):
+        with contextlib.suppress(InputError):  # said when it is to be drawn
+            files += [named.found(urdf, package_dirs)[0]] if named else []
+    own, left_out = _visual_skins(robot, urdf, package_dirs, stamps_of(dict.fromkeys([urdf, *files])))
+    held = {attached.name for attached in robot.attached}
+    drawn = (*own, *(skin for skin in collision_skins(robot, HELD) if skin.link in held)) if own and held else own
+    return drawn, left_out
+
+
+@functools.lru_cache(maxsize=8)
+def _visual_skins(
+    robot: Robot, urdf: Path, package_dirs: tuple[Path, ...], stamps: Stamps
+) -> tuple[tuple[Skin, ...], tuple[str, ...]]:
+    """Make them once, as long as the files, by `stamps`, stay as they are."""
+    parts: dict[tuple[str, Color], list[trimesh.Trimesh]] = {}
+    left_out: list[str] = []
+    for link, placement, item, named in read_visuals(urdf):
+        try:
+            found = _parts(link, *named.found(urdf, package_dirs)) if named else _primitive(item)
+        except InputError as error:
+            left_out.append(str(error))
+            continue
+        own: Color = _rgb(item.meshColor)
+        for part in found:
+            color = own if part.color is None or item.overrideMaterial else part.color
+            mesh = trimesh.Trimesh(part.vertices, part.triangles, process=False)
+            parts.setdefault((link, color), []).append(mesh.apply_transform(placement.homogeneous))
+    skins = []
+    for (link, color), meshes in parts.items():
+        frame = robot.model.frames[robot.model.getFrameId(link, pin.FrameType.BODY)]
+        whole = trimesh.util.concatenate(meshes).apply_transform(frame.placement.homogeneous)
+        skins.append(_skin(link, int(frame.parentJoint), whole, color))
+    return tuple(skins), tuple(left_out)
+
+
+@functools.lru_cache(maxsize=8)
+def collision_skins(robot: Robot, color: Color = PLAIN) -> tuple[Skin, ...]:
+    """Return the links' collision geometry, as the certificate sees it."""
+    return tuple(
+        _skin(link, int(item.parentJoint), _solid(item.geometry).apply_transform(item.placement.homogeneous), color)
+        for link, own in robot.link_geometry.items()
+        for item in (robot.collision.geometryObjects[index] for index in own)
+    )
+
+
+@functools.lru_cache(maxsize=8)
+def outer_skins(robot: Robot, geometry: str, color: Color = PLAIN) -> tuple[Skin, ...]:
+    """Return the links' outer bodies, as the planner sees them with the setting `link_bodies` at `geometry`."""
+    return tuple(
+        _skin(body.link, body.joint, _swept(body.body, COARSE), color) for body in link_bodies(robot, geometry)
+    )
+
+
+def obstacle_mesh(obstacle: Obstacle) -> trimesh.Trimesh:
+    """Return an obstacle's true shape in its own frame. Raises InputError for a mesh file that cannot be used."""
+    match obstacle.shape:
+        case Box(size):
+            return trimesh.creation.box(size)
+        case Sphere(radius):
+            return trimesh.creation.icosphere(subdivisions=3, radius=radius)
+        case Cylinder(radius, length):
+            return trimesh.creation.cylinder(radius, length, sections=48)
+        case Capsule(radius, length):
+            return _capsule(radius, length)
+        case Points(points):
+            return trimesh.PointCloud(points).convex_hull
+        case Mesh() as shape:
+            mesh = load_mesh(shape, f"obstacles.{obstacle.name}")
+            return trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False)
+
+
+def shaded(mesh: trimesh.Trimesh) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+    """Return vertices and triangles with the vertices doubled along sharp edges: browsers smooth the light across
+    vertices that faces share."""
+    merged = mesh.copy()
+    merged.merge_vertices(merge_tex=True, merge_norm=True)
+    smooth = trimesh.graph.smooth_shade(merged, angle=SHARP)
+    return smooth.vertices.astype(np.float32), smooth.faces.astype(np.uint32)
+
+
+def _skin(link: str, joint: int, mesh: trimesh.Trimesh, color: Color) -> Skin:
+    return Skin(link, joint, *shaded(mesh), color)
+
+
+def _primitive(item: pin.GeometryObject) -> Sequence[_Part]:
+    solid = _solid(item.geometry)
+    return (_Part(solid.vertices, solid.faces, None),)
+
+
+def _parts(link: str, file: Path, scale: Vector3) -> Sequence[_Part]:
+    with naming(f"link '{link}': mesh {file}"):
+        if not all(math.isfinite(factor) and 0.0 < abs(factor) <= LARGEST for factor in scale):
+            raise InputError(f"scale must be three numbers other than 0, found {scale}")
+        parts = _read(file, stamps_of([file]))
+    turned = slice(None, None, -1 if math.prod(scale) < 0 else 1)  # a mirrored triangle runs the other way round
+    return [_Part(part.vertices * np.array(scale), part.triangles[:, turned], part.color) for part in parts]
+
+
+@functools.lru_cache(maxsize=256)
+def _read(path: Path, stamps: Stamps) -> tuple[_Part, ...]:
+    """Read a mesh file with its colours, once as long as it, by `stamps`, stays as it is."""
+    vertices, _ = read_mesh_file(path)
+    if not np.isfinite(vertices).all() or np.abs(vertices).max() > LARGEST:
+        raise InputError(f"holds coordinates that are not finite, or beyond {LARGEST:g}")
+    try:
+        scene = read_scene(path.read_bytes(), path)
+    except Exception as error:  # each format's reader has its own failures; none is the user's language
+        raise InputError(f"cannot be read ({type(error).__name__}: {error})") from error
+    meshes: Iterable[Any] = scene.dump()
+    return tuple(
+        _Part(np.asarray(mesh.vertices), np.asarray(mesh.faces), _color_of(mesh.visual))
+        for mesh in meshes
+        if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)
+    )
+
+
+def _color_of(visual: Any) -> Color | None:
+    if getattr(visual, "defined", False) and hasattr(visual, "material"):
+        return _rgb(np.asarray(visual.material.main_color) / 255.0)
+    return None
+
+
+def _rgb(color: Any) -> Color:
+    red, green, blue = (round(255 * float(np.clip(value, 0.0, 1.0))) for value in list(color)[:3])
+    return red, green, blue
+
+
+def _solid(shape: Any) -> trimesh.Trimesh:
+    """Return one of coal's shapes as triangles."""
+    match shape:
+        case coal.BVHModelBase():
+            corners = np.array([[t[0], t[1], t[2]] for t in map(shape.tri_indices, range(shape.num_tris))])
+            return trimesh.Trimesh(np.asarray(shape.vertices()), corners)
+        case coal.Box():
+            return trimesh.creation.box(2.0 * shape.halfSide)
+        case coal.Sphere():
+            return trimesh.creation.icosphere(subdivisions=3, radius=shape.radius)
+        case coal.Cylinder():
+            return trimesh.creation.cylinder(shape.radius, 2.0 * shape.halfLength, sections=48)
+        case coal.Capsule():
+            return _capsule(shape.radius, 2.0 * shape.halfLength)
+        case coal.ConvexBase():
+            return trimesh.PointCloud(np.asarray(shape.points())).convex_hull
+    raise InputError(f"robot: a geometry is a {type(shape).__name__}, which the viewer does not know")
+
+
+def _capsule(radius: float, length: float) -> trimesh.Trimesh:
+    return _swept(ConvexBody.capsule(radius, length), FINE) if length else trimesh.creation.icosphere(3, radius)
+
+
+def _swept(body: ConvexBody, subdivisions: int) -> trimesh.Trimesh:
+    """Return a polytope swept by a sphere: the hull of small balls at its vertices."""
+    ball = trimesh.creation.icosphere(subdivisions=subdivisions, radius=body.radius)
+    points = (np.asarray(body.vertices)[:, None] + ball.vertices).reshape(-1, 3)
+    return trimesh.PointCloud(points).convex_hull

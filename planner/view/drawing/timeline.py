@@ -1,0 +1,69 @@
+"""What the slider runs over: seconds where anything that is shown has times, or else the path parameter of the motions.
+
+Motions that take different times share it: at any second each is where it is then, waits at its start before its first
+row and at its goal after its last. A path without times beside them is spread over the whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hdplan.planner.motion.curve import Curve
+from hdplan.scenes.model import Scene
+
+Array = NDArray[np.float64]
+
+PATH_DURATION = 4.0  # [s] that paths without times take at speed 1
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """From when to when."""
+
+    begin: float = 0.0  # [s], or path parameter
+    end: float = 1.0
+    timed: bool = False  # whether these are seconds
+
+    @classmethod
+    def of(cls, scene: Scene, curves: Sequence[Curve]) -> Timeline:
+        """Return the one that holds all these motions; without any, that of the scene's moving obstacles."""
+        times = [curve.times for curve in curves if curve.times is not None]
+        if times:
+            return cls(float(min(rows[0] for rows in times)), float(max(rows[-1] for rows in times)), True)
+        if scene.moving:
+            return cls(0.0, scene.end_time, True)
+        return cls()
+
+    @property
+    def duration(self) -> float:
+        """How long it takes to play at speed 1 [s]: as long as the motions take."""
+        return self.end - self.begin if self.timed else PATH_DURATION
+
+    @property
+    def name(self) -> str:
+        """What runs along it, with its unit."""
+        return "time [s]" if self.timed else "path parameter"
+
+    def words(self, now: float) -> str:
+        """Return a moment in words."""
+        return f"{now:.3f} s" if self.timed else f"{now:.3f}"
+
+    def seconds(self, now: float) -> float:
+        """Return the time of a moment [s], for obstacles; 0 where nothing has times."""
+        return now if self.timed else 0.0
+
+    def parameter(self, curve: Curve, now: float) -> float:
+        """Return the path parameter of a motion at a moment."""
+        if curve.times is not None:
+            return float(curve.parameter_of(now))
+        return min(max((now - self.begin) / (self.end - self.begin), 0.0), 1.0)
+
+    def moments(self, curve: Curve, parameter: ArrayLike) -> Array:
+        """Return when (…) a motion is at path parameters (…)."""
+        if curve.times is not None:
+            return curve.time_of(parameter)
+        return self.begin + np.asarray(parameter, dtype=np.float64) * (self.end - self.begin)

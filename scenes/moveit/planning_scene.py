@@ -1,0 +1,208 @@
+"""MoveIt files: a planning scene (what stands around) and a motion plan request (from where to where) become a `Scene`.
+
+The keys are the fields of the ROS messages moveit_msgs/PlanningScene and MotionPlanRequest; `moveit_fields` says what
+is done with each. Whatever would change the problem and is not supported is refused by name.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Mapping
+from pathlib import Path
+
+from hdplan.scenes.errors import naming
+from hdplan.scenes.fields import Field, read_document
+from hdplan.scenes.model import Attached, JointTarget, Obstacle, PathConstraints, Pose, RobotSpec, Scene
+from hdplan.scenes.moveit.allowed_collisions import note_allowed
+from hdplan.scenes.moveit.constraints import read_goal_constraints, read_path_constraints
+from hdplan.scenes.moveit.fields import MESSAGES, check_message
+from hdplan.scenes.moveit.frames import Frames, same_place
+from hdplan.scenes.moveit.messages import read_message_pose, read_primitive, read_transform
+from hdplan.scenes.poses import compose
+from hdplan.scenes.robot_files.description import Semantics, read_semantics, read_tree
+from hdplan.scenes.robot_files.library import description_of
+
+
+def is_moveit_scene(keys: Collection[str]) -> bool:
+    """Tell a planning scene by its top-level keys."""
+    return not {"world", "robot_model_name", "allowed_collision_matrix", "fixed_frame_transforms"}.isdisjoint(keys)
+
+
+def is_moveit_request(keys: Collection[str]) -> bool:
+    """Tell a motion plan request by its top-level keys."""
+    return not {"goal_constraints", "start_state", "group_name"}.isdisjoint(keys)
+
+
+def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
+    """Read a planning scene, whose document is read already, and its request.
+
+    The robot is planned for the group that the request names. Obstacles are the scene's collision objects, given in the
+    world or in the frame of the robot's root link, of a link fixed to it or of `fixed_frame_transforms`; the primitives
+    of an object after its first are called ``id/1``, ``id/2`` and so on. The start is the request's start state over
+    the scene's robot state; the goal is the request's, by joints or by a link's pose. Start and goal hold every joint
+    that the files name: which of them the robot has is known when it is loaded.
+    Objects attached in the scene's robot state or the request's start state are held, a later one in place of an
+    earlier one of the same name.
+
+    Raises:
+        InputError: a bad file or field, an unknown group, or something that hdplan cannot plan for: see `moveit_fields`
+            and `moveit_constraints`; objects attached in another frame than their link's, moved bases, several goals.
+    """
+    scene, request = scene.with_text_numbers(), read_document(request_file).with_text_numbers()
+    if is_moveit_scene(request.mapping()):
+        raise request.error("is a MoveIt planning scene, but a motion plan request is wanted here (--request)")
+    check_message(scene, "PlanningScene")
+    check_message(request, "MotionPlanRequest")
+    scene_keys = scene.mapping(MESSAGES["PlanningScene"])
+    request_keys = request.mapping(MESSAGES["MotionPlanRequest"], required=["goal_constraints"])
+    with naming(robot.source or scene.document.file):
+        name, urdf, srdf, _ = description_of(robot)
+        tree = read_tree(urdf)
+        semantics = Semantics() if srdf is None else read_semantics(srdf, tree)
+    model = scene_keys.get("robot_model_name")
+    if model and model.value != "" and model.text() not in (name, tree.name):
+        model.note(f"speaks of the robot {model.value!r}, not {name}")
+    if "group_name" in request_keys:
+        robot = _of_group(robot, request_keys["group_name"], semantics, (name, tree.name))
+    transforms = scene_keys["fixed_frame_transforms"].items() if "fixed_frame_transforms" in scene_keys else ()
+    frames = Frames.of(tree, robot.base).with_transforms(transforms)
+    obstacles = _world(scene_keys["world"], frames) if "world" in scene_keys else {}
+    states = [keys[key] for keys, key in ((scene_keys, "robot_state"), (request_keys, "start_state")) if key in keys]
+    start = {joint: value for state in states for joint, value in _state(state, frames, robot.base).items()}
+    if not start:
+        raise request.error(
+            "start_state.joint_state: is missing or empty, and the scene's robot_state too: there is no start"
+        )
+    attached = _all_attached(scene_keys.get("robot_state"), request_keys.get("start_state"), obstacles)
+    if "allowed_collision_matrix" in scene_keys:
+        note_allowed(scene_keys["allowed_collision_matrix"], [*obstacles, *attached], semantics.disabled)
+    constraints = request_keys.get("path_constraints")
+    return scene.make(
+        Scene,
+        name=scene.document.file.stem,
+        source=scene.document.file,
+        robot=robot,
+        obstacles=tuple(obstacles.values()),
+        attached=tuple(attached.values()),
+        start=JointTarget(f"start ({request_file})", by_name=start),
+        goal=read_goal_constraints(request_keys["goal_constraints"], f"goal ({request_file})", frames),
+        path=read_path_constraints(constraints, frames) if constraints else PathConstraints(),
+        from_request=True,
+        notes=(*scene.document.notes, *request.document.notes),
+    )
+
+
+def _of_group(robot: RobotSpec, asked: Field, semantics: Semantics, names: Collection[str]) -> RobotSpec:
+    """Return the robot planned for the group that the request names; as it is, if that is none."""
+    if asked.value == "":
+        return robot
+    group, own = asked.text(), robot.group
+    if semantics.groups:  # without any there is nothing to look it up in; loading the robot says so
+        with naming(f"{robot.source}: robot.group"):
+            own = own and semantics.group(own, names)
+        with naming(f"{asked.document.file}: {asked.key}"):
+            group = semantics.group(group, names)
+    if own not in (None, group):
+        raise asked.error(f"is {group!r}, but the robot's own section says {own!r} (robot.group)")
+    return dataclasses.replace(robot, group=group)
+
+
+# What stands around
+
+
+def _world(section: Field, frames: Frames) -> dict[str, Obstacle]:
+    keys = section.mapping(MESSAGES["PlanningSceneWorld"])
+    obstacles: dict[str, Obstacle] = {}
+    for i, entry in enumerate(keys["collision_objects"].items() if "collision_objects" in keys else ()):
+        said = entry.mapping(MESSAGES["CollisionObject"])
+        place = frames.of_header(said.get("header"))
+        for obstacle in _collision_object(entry, said, place, default_name=f"obstacle{i}"):
+            if obstacle.name in obstacles:
+                raise entry.error(f"the name {obstacle.name!r} is taken by an earlier object; names must differ")
+            obstacles[obstacle.name] = obstacle
+    return obstacles
+
+
+def _collision_object(entry: Field, keys: Mapping[str, Field], frame: Pose, default_name: str) -> list[Obstacle]:
+    """Return an object's primitives, each by a name of its own, where its frame is at `frame`."""
+    if "operation" in keys and keys["operation"].value != 0:
+        raise keys["operation"].wrong("0 (ADD)")
+    name = keys["id"].text() if "id" in keys and keys["id"].value != "" else default_name
+    primitives = keys["primitives"].items() if "primitives" in keys else []
+    if not primitives:
+        raise entry.error(f"the object {name!r} has no primitives, so it has no shape")
+    placed = keys["primitive_poses"].items() if "primitive_poses" in keys else []
+    if placed and len(placed) != len(primitives):
+        raise keys["primitive_poses"].error(f"must be as many as the {len(primitives)} primitives, found {len(placed)}")
+    outer = compose(frame, read_message_pose(keys.get("pose")))
+    inner = [read_message_pose(pose) for pose in placed] or [Pose()] * len(primitives)
+    names = [name, *(f"{name}/{i}" for i in range(1, len(primitives)))]
+    return [
+        Obstacle(name, read_primitive(shape), compose(outer, pose))
+        for name, shape, pose in zip(names, primitives, inner, strict=True)
+    ]
+
+
+def _all_attached(state: Field | None, start: Field | None, standing: Collection[str]) -> dict[str, Attached]:
+    """Return what the robot holds: by the scene's state, and over it by the request's."""
+    held, more = (_attached(each, standing) for each in (state, start))
+    whole = start is not None and not _is_diff(start)
+    if state is not None and _is_diff(state):
+        state.note("is_diff is true: what it does not name, joints and held objects, is not known and left as it is")
+    if start is not None and whole and held.keys() - more.keys():
+        start.note("is_diff is not true, but what the scene's state attaches is still held")
+    return held | more
+
+
+def _is_diff(state: Field) -> bool:
+    keys = state.mapping(MESSAGES["RobotState"])
+    return keys["is_diff"].boolean() if "is_diff" in keys else False
+
+
+def _attached(state: Field | None, standing: Collection[str]) -> dict[str, Attached]:
+    """Return what a robot state attaches to its links, each primitive by a name of its own."""
+    keys = state.mapping(MESSAGES["RobotState"]) if state is not None else {}
+    attached: dict[str, Attached] = {}
+    entries = keys["attached_collision_objects"].items() if "attached_collision_objects" in keys else []
+    for entry in entries:
+        said = entry.mapping(MESSAGES["AttachedCollisionObject"], required=["link_name", "object"])
+        link = said["link_name"].text()
+        touching = tuple(name.text() for name in said["touch_links"].items()) if "touch_links" in said else ()
+        body = said["object"].mapping(MESSAGES["CollisionObject"])
+        header = body["header"].mapping(MESSAGES["Header"]) if "header" in body else {}
+        frame = header["frame_id"].value if "frame_id" in header else ""
+        if frame != link:
+            where = header.get("frame_id", said["object"])
+            raise where.error(f"must be given in the frame of its link '{link}' (frame_id), found {frame!r}")
+        for part in _collision_object(said["object"], body, Pose(), entry.key):
+            if part.name in attached or part.name in standing:
+                raise entry.error(f"the name {part.name!r} is taken by an earlier object; names must differ")
+            attached[part.name] = Attached(part.name, link, part.shape, part.pose, touching)
+    return attached
+
+
+# From where to where
+
+
+def _state(section: Field, frames: Frames, base: Pose) -> dict[str, float]:
+    """Return joint name -> value [rad or m] of a robot state whose base stands where the world is, or at `base`."""
+    keys = section.mapping(MESSAGES["RobotState"])
+    if "multi_dof_joint_state" in keys:
+        multi = keys["multi_dof_joint_state"].mapping(MESSAGES["MultiDOFJointState"])
+        for transform in multi["transforms"].items() if "transforms" in multi else ():
+            place = compose(frames.of_header(multi.get("header")), read_transform(transform))
+            if not any(same_place(place, allowed) for allowed in (Pose(), base)):
+                raise transform.error(
+                    "moves the robot's base, which is not supported: place the robot with `base` in the robot section "
+                    "(--robot FILE)"
+                )
+    if "joint_state" not in keys:
+        return {}
+    joints = keys["joint_state"].mapping(MESSAGES["JointState"])
+    names = [item.text() for item in joints["name"].items()] if "name" in joints else []
+    if len(set(names)) != len(names):
+        raise joints["name"].error(f"names a joint twice: {next(name for name in names if names.count(name) > 1)!r}")
+    values = joints["position"].items() if "position" in joints else []
+    if len(values) != len(names):
+        raise keys["joint_state"].error(f"must have as many positions as names, found {len(values)} and {len(names)}")
+    return {name: value.number(unit="rad or m") for name, value in zip(names, values, strict=True)}

@@ -1,0 +1,200 @@
+"""What the URDF and SRDF files say in words: tree of links, mimic joints, groups, named states, disabled pairs.
+
+Only XML is read here, no geometry. URDF and SRDF file -> `Tree` and `Semantics`; errors name file and line.
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from hdplan.scenes.errors import InputError, naming, nearest
+from hdplan.scenes.files import read_file
+from hdplan.scenes.model import Pose
+from hdplan.scenes.poses import compose
+from hdplan.scenes.robot_files.urdf_check import check_urdf, read_origin
+from hdplan.scenes.robot_files.urdf_words import check_shapes, check_srdf_words, check_urdf_words
+
+DEEPEST = 64  # levels of elements
+LinkPair = tuple[str, str]  # two different links, in alphabetical order
+
+
+def link_pair(a: str, b: str) -> LinkPair:
+    """Return the pair in its one spelling."""
+    return (a, b) if a <= b else (b, a)
+
+
+@dataclass(frozen=True)
+class Tree:
+    """The URDF's tree of links."""
+
+    links: tuple[str, ...]
+    parent: Mapping[str, tuple[str, str]]  # child link -> (parent link, joint between them)
+    mimics: Mapping[str, tuple[str, float, float]]  # joint -> (joint that it follows, factor, offset)
+    collisions: int  # number of collision geometries
+    name: str = ""  # of the robot
+    fixed: Mapping[str, Pose] = field(default_factory=dict)  # child link of a fixed joint -> its frame in its parent's
+    notes: tuple[str, ...] = ()  # what was passed over, in words
+
+    def chain(self, tip: str, base: str) -> tuple[str, ...]:
+        """Return the joints of a chain as MoveIt has it: those from the tip up to the base (or the root); where the
+        base is not above the tip, also those of the base up to the link that is above both, and that link's own."""
+        joints: list[str] = []
+        while tip != base and tip in self.parent:
+            tip, joint = self.parent[tip]
+            joints.append(joint)
+        if tip == base:
+            return tuple(joints)
+        others: list[str] = []
+        while base in self.parent and self.parent[base][1] not in joints:
+            base, joint = self.parent[base]
+            others.append(joint)
+        if base in self.parent:
+            joints = joints[: joints.index(self.parent[base][1]) + 1]
+        return (*joints, *others)
+
+    def standing(self) -> dict[str, Pose]:
+        """Return where the links stand in the root link's frame that no joint can move, the root itself among them."""
+        below: dict[str, list[str]] = {}
+        for link in self.fixed:
+            below.setdefault(self.parent[link][0], []).append(link)
+        found = {link: Pose() for link in self.links if link not in self.parent}
+        waiting = list(found)
+        while waiting:
+            above = waiting.pop()
+            for link in below.get(above, ()):
+                found[link] = compose(found[above], self.fixed[link])
+                waiting.append(link)
+        return found
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """All joints, fixed ones too."""
+        return tuple(joint for _, joint in self.parent.values())
+
+    def between(self, a: str, b: str) -> tuple[str, ...]:
+        """Return the links on the way from link `a` to link `b`, without these two."""
+        above_a, above_b = self._upward(a), self._upward(b)
+        shared = [link for link in above_a if link in above_b]
+        way = [link for link in (*above_a, *above_b) if link not in shared]
+        return tuple(link for link in (*way, *shared[:1]) if link not in (a, b))
+
+    def _upward(self, link: str) -> list[str]:
+        """Return the links from one up to the root."""
+        found = [link]
+        while found[-1] in self.parent:
+            found.append(self.parent[found[-1]][0])
+        return found
+
+
+@dataclass(frozen=True)
+class Semantics:
+    """What an SRDF adds to a URDF."""
+
+    groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # group -> its joints, fixed ones included
+    states: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # named state -> joint -> value
+    disabled: frozenset[LinkPair] = frozenset()  # pairs that are not to be checked
+    notes: tuple[str, ...] = ()  # what was passed over, in words
+
+    def group(self, asked: str, robot: Collection[str]) -> str:
+        """Return the name of a group that is asked for by it, or with a name of the robot before it (`panda_arm`: arm).
+
+        Raises InputError with the nearest name.
+        """
+        names = (asked, *(asked.removeprefix(f"{name}_") for name in robot))
+        for name in names:
+            if name in self.groups:
+                return name
+        raise InputError(f"unknown group '{asked}'{nearest(min(names, key=len), self.groups)}")
+
+
+def _parse(path: Path, what: str) -> ElementTree.Element:
+    with naming(f"robot.{what}: {path}"):
+        data = read_file(path)
+    try:
+        root = ElementTree.fromstring(data)
+        _check_depth(root)
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise InputError(f"robot.{what}: {path}: not well-formed XML: {error}") from None
+    if root.tag != "robot":
+        raise InputError(f"robot.{what}: {path}: the outermost element is <{root.tag}>, expected <robot>")
+    return root
+
+
+def _check_depth(root: ElementTree.Element) -> None:
+    """Refuse elements within elements without end; Pinocchio's reader calls itself for each."""
+    level = [root]
+    for _ in range(DEEPEST):
+        level = [below for element in level for below in element]
+    if level:
+        raise ValueError(f"elements are nested more than {DEEPEST} levels deep")
+
+
+def read_tree(path: Path) -> Tree:
+    """Read a URDF file's links and joints. Raises InputError for a file that is missing, not XML, or faulty."""
+    root = _parse(path, "urdf")
+    with naming(f"robot.urdf: {path}"):
+        notes = (*check_urdf_words(root), *check_shapes(root))
+        check_urdf(root)
+    parent: dict[str, tuple[str, str]] = {}
+    fixed: dict[str, Pose] = {}
+    mimics: dict[str, tuple[str, float, float]] = {}
+    for joint in root.findall("joint"):
+        above, below, mimic = joint.find("parent"), joint.find("child"), joint.find("mimic")
+        if above is not None and below is not None:
+            parent[below.get("link", "")] = (above.get("link", ""), joint.get("name", ""))
+            if joint.get("type") == "fixed":
+                with naming(f"robot.urdf: {path}"):
+                    fixed[below.get("link", "")] = read_origin(joint, f"joint '{joint.get('name')}'")
+        if mimic is not None:
+            factor, offset = (float(mimic.get(key) or value) for key, value in (("multiplier", 1.0), ("offset", 0.0)))
+            mimics[joint.get("name", "")] = (mimic.get("joint", ""), factor, offset)
+    links = tuple(link.get("name", "") for link in root.findall("link"))
+    collisions = len(root.findall("link/collision"))
+    return Tree(links, parent, mimics, collisions, root.get("name", ""), fixed, notes)
+
+
+def read_semantics(path: Path, tree: Tree) -> Semantics:
+    """Read an SRDF file. Raises InputError for a file that is missing or not XML, or a state that is not a number."""
+    root = _parse(path, "srdf")
+    with naming(f"robot.srdf: {path}"):
+        notes = check_srdf_words(root, tree.links, tree.joints)
+    elements = {group.get("name", ""): group for group in root.findall("group")}
+
+    def joints(name: str, above: tuple[str, ...] = ()) -> list[str]:
+        found: list[str] = []
+        if name not in elements or name in above:
+            return found
+        for entry in elements[name]:
+            if entry.tag == "joint":
+                found.append(entry.get("name", ""))
+            elif entry.tag == "link" and entry.get("name") in tree.parent:
+                found.append(tree.parent[entry.get("name", "")][1])
+            elif entry.tag == "chain":
+                found.extend(reversed(tree.chain(entry.get("tip_link", ""), entry.get("base_link", ""))))
+            elif entry.tag == "group":
+                found.extend(joints(entry.get("name", ""), (*above, name)))
+        return list(dict.fromkeys(found))
+
+    states: dict[str, dict[str, float]] = {}
+    for state in root.findall("group_state"):
+        name = state.get("name", "")
+        for joint in state.findall("joint"):
+            value = (joint.get("value") or "").split()
+            if len(value) != 1:
+                continue  # a joint of several coordinates (a floating base) is not planned here
+            try:
+                number = float(value[0])
+            except ValueError:
+                number = math.nan
+            if not math.isfinite(number):
+                where = f"robot.srdf: {path}: state '{name}', joint '{joint.get('name')}'"
+                raise InputError(f"{where}: '{value[0]}' is not a number")
+            states.setdefault(name, {})[joint.get("name", "")] = number
+    disabled = frozenset(
+        link_pair(pair.get("link1", ""), pair.get("link2", "")) for pair in root.findall("disable_collisions")
+    )
+    return Semantics({name: tuple(joints(name)) for name in elements}, states, disabled, notes)

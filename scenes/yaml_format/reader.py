@@ -1,0 +1,210 @@
+"""A scene file becomes a `Scene`: hdplan's own YAML, or a MoveIt planning scene with its motion plan request."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import os
+from collections.abc import Callable
+from os import PathLike
+from pathlib import Path
+
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.fields import Field, read_document
+from hdplan.scenes.model import (
+    Attached,
+    Limits,
+    Obstacle,
+    PathConstraints,
+    PlannerSettings,
+    Pose,
+    RobotSpec,
+    Scene,
+    SelfCollision,
+    TimedPoses,
+)
+from hdplan.scenes.moveit.planning_scene import is_moveit_request, is_moveit_scene, read_moveit
+from hdplan.scenes.poses import read_pose
+from hdplan.scenes.values import checked, path_of
+from hdplan.scenes.yaml_format.effects import (
+    read_limits,
+    read_motion,
+    read_path,
+    read_payload,
+    read_self_collision,
+    read_timing,
+)
+from hdplan.scenes.yaml_format.settings import read_settings
+from hdplan.scenes.yaml_format.shapes import read_shape
+from hdplan.scenes.yaml_format.targets import read_goal, read_target
+
+VERSION = 1
+SECTIONS = (
+    "hdplan",
+    "robot",
+    "obstacles",
+    "attached",
+    "start",
+    "goal",
+    "from_request",
+    "self_collision",
+    "limits",
+    "payload",
+    "path",
+    "timing",
+    "planner",
+)
+ROBOT_KEYS = ("name", "urdf", "srdf", "package_dirs", "group", "base", "locked", "ignore_pairs")
+
+FilePath = str | PathLike[str]
+
+
+def load_scene(path: FilePath, request: FilePath | None = None, robot: FilePath | None = None) -> Scene:
+    """Read one planning problem.
+
+    Args:
+        path: a hdplan scene, the bare name of a shipped one (``panda_corridor``), or a MoveIt planning scene.
+        request: the MoveIt motion plan request that goes with a MoveIt planning scene.
+        robot: the name of a robot, or a YAML file with a `robot` section; replaces the scene's robot whole.
+            A MoveIt scene needs it.
+
+    Raises:
+        InputError: anything wrong with these files, in one line: file, field, what was found, what is allowed.
+            Names of joints, links and states are checked when the robot is loaded.
+    """
+    for name, given in (("path", path), ("request", request), ("robot", robot)):
+        if given is not None or name == "path":
+            checked(path_of, given, name)
+    top = read_document(find_scene(path))
+    keys = top.mapping()
+    spec, notes = (None, ()) if robot is None else read_robot(robot)
+    if "hdplan" not in keys and is_moveit_scene(keys):
+        if request is None:
+            raise top.error(
+                "is a MoveIt planning scene, which has no goal: give its motion plan request too (--request FILE)"
+            )
+        if spec is None:
+            raise top.error(
+                "is a MoveIt planning scene, which does not say where its robot is found: give --robot NAME or FILE"
+            )
+        return _with_notes(read_moveit(top, Path(request), spec), notes)
+    if "hdplan" not in keys and is_moveit_request(keys):
+        raise top.error(
+            "is a MoveIt motion plan request; name the planning scene first and give this file with --request"
+        )
+    if request is not None:
+        raise top.error("is no MoveIt planning scene, so no request goes with it (--request)")
+    return _with_notes(_read_hdplan(top, spec), notes)
+
+
+def shipped_scenes() -> dict[str, Path]:
+    """Return the scenes that come with hdplan, by their bare names."""
+    return {file.stem: file for file in sorted((Path(__file__).parents[1] / "shipped").glob("*.yaml"))}
+
+
+def find_scene(path: FilePath) -> Path:
+    """Return the file that `path` names: itself if it exists, else the shipped scene of that bare name.
+
+    Raises:
+        InputError: there is neither; the nearest shipped scene is offered.
+    """
+    file = Path(path)
+    if os.path.exists(file):  # unlike Path.exists, no error for names that are too long
+        return file
+    shipped = shipped_scenes()
+    if str(file) in shipped:
+        return shipped[str(file)]
+    close = difflib.get_close_matches(file.stem, shipped, n=1)
+    hint = f"did you mean the shipped scene '{close[0]}'?" if close else f"shipped scenes: {', '.join(shipped)}"
+    raise InputError(f"{file}: no such file ({hint})")
+
+
+def read_robot(robot: FilePath) -> tuple[RobotSpec, tuple[str, ...]]:
+    """Read a robot given beside the scene: a name of example-robot-data, or a YAML file with a `robot` section.
+
+    Returns:
+        The robot, and words for the user about what was changed.
+
+    Raises:
+        InputError: bad file or section. Whether a robot of that name exists is known when it is loaded.
+    """
+    file = Path(robot)
+    is_name = len(file.parts) == 1 and not file.suffix
+    if is_name and not os.path.isfile(file):
+        return RobotSpec(name=str(robot), source="--robot"), ()
+    top = read_document(file)
+    spec = _robot(top.mapping(SECTIONS, required=["robot"])["robot"])
+    spec = dataclasses.replace(spec, source=str(file))
+    return spec, tuple(top.document.notes)
+
+
+def _with_notes(scene: Scene, notes: tuple[str, ...]) -> Scene:
+    return dataclasses.replace(scene, notes=(*notes, *scene.notes))
+
+
+def _read_hdplan(top: Field, robot: RobotSpec | None) -> Scene:
+    keys = top.mapping(SECTIONS)
+    if "hdplan" not in keys:
+        raise top.error(f"is no scene: the line 'hdplan: {VERSION}' is missing")
+    version = keys["hdplan"]
+    if not isinstance(version.value, int) or isinstance(version.value, bool) or version.value != VERSION:
+        raise version.wrong(f"{VERSION}, the version of the scene format that this hdplan reads")
+    top.mapping(SECTIONS, required=["start", "goal"])
+    written = _robot(keys["robot"]) if "robot" in keys else None  # read even when replaced: a mistake in it is one
+    spec = robot or written
+    if spec is None:
+        raise top.error("the key 'robot' is missing; write the section, or name a robot with --robot")
+    scene = top.make(
+        Scene,
+        name=top.document.file.stem,
+        source=top.document.file,
+        robot=spec,
+        obstacles=_obstacles(keys["obstacles"]) if "obstacles" in keys else (),
+        attached=_attached(keys["attached"]) if "attached" in keys else (),
+        start=read_target(keys["start"]),
+        goal=read_goal(keys["goal"]),
+        from_request=keys["from_request"].boolean() if "from_request" in keys else False,
+        planner=read_settings(keys["planner"]) if "planner" in keys else PlannerSettings(),
+        self_collision=read_self_collision(keys["self_collision"]) if "self_collision" in keys else SelfCollision(),
+        limits=read_limits(keys["limits"]) if "limits" in keys else Limits(),
+        payload=read_payload(keys["payload"]) if "payload" in keys else None,
+        path=read_path(keys["path"]) if "path" in keys else PathConstraints(),
+        timing=read_timing(keys["timing"]) if "timing" in keys else None,
+        notes=tuple(top.document.notes),
+    )
+    top.make(scene.check_effects)
+    return scene
+
+
+def _robot(section: Field) -> RobotSpec:
+    keys = section.mapping(ROBOT_KEYS)
+    base = read_pose(keys["base"]) if "base" in keys else Pose()
+    spec = section.make(RobotSpec, **{**keys, "base": base})
+    directories = keys["package_dirs"].items(of="directories") if "package_dirs" in keys else []
+    folders = tuple(directory.path(directory=True) for directory in directories)
+    urdf, srdf = (keys[name].path() if name in keys else None for name in ("urdf", "srdf"))
+    return dataclasses.replace(spec, urdf=urdf, srdf=srdf, package_dirs=folders)
+
+
+def _obstacles(section: Field) -> tuple[Obstacle, ...]:
+    obstacles = []
+    readers: tuple[tuple[str, Callable[[Field], object]], ...] = (("pose", read_pose), ("motion", read_motion))
+    for i, entry in enumerate(section.items(of="obstacles")):
+        keys = entry.mapping(("name", "shape", "pose", "clearance", "motion"), required=["shape"])
+        values: dict[str, object] = {"name": f"obstacle{i}", **keys, "shape": read_shape(keys["shape"])}
+        values |= {key: read(keys[key]) for key, read in readers if key in keys}
+        if "pose" in keys and isinstance(values.get("motion"), TimedPoses):
+            raise keys["pose"].error("stands beside motion.poses, which say where the obstacle is: leave it out")
+        obstacles.append(entry.make(Obstacle, **values))
+    return tuple(obstacles)
+
+
+def _attached(section: Field) -> tuple[Attached, ...]:
+    attached = []
+    for i, entry in enumerate(section.items(of="held objects")):
+        keys = entry.mapping(("name", "link", "shape", "pose", "touch_links", "mass"), required=["link", "shape"])
+        values: dict[str, object] = {"name": f"attached{i}", **keys, "shape": read_shape(keys["shape"])}
+        if "pose" in keys:
+            values["pose"] = read_pose(keys["pose"])
+        attached.append(entry.make(Attached, **values))
+    return tuple(attached)

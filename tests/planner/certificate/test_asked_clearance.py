@@ -1,0 +1,89 @@
+"""What must be kept free is the scene's word, by whatever door the certificate is asked: plan, check, plot, view."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from hdplan.planner.certificate.certifier import ENDS_KEEP, Certifier, certify
+from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.pictures.plot import Subject
+from hdplan.planner.plan import plan
+from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.view.drawing.motion import Motion
+from hdplan.scenes.model import Scene
+from hdplan.scenes.yaml_format.reader import load_scene
+
+ROUNDING = 1e-9  # [m]
+
+
+def with_clearance(scene: Scene, clearance: float) -> Scene:
+    return dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, clearance=clearance))
+
+
+def bent(motion: Trajectory, rng: np.random.Generator) -> Trajectory:
+    """The same ends by another way: a random bump over it all."""
+    bump = np.sin(np.linspace(0.0, np.pi, len(motion)))[:, None] * rng.normal(
+        scale=0.04, size=motion.positions.shape[1]
+    )
+    return dataclasses.replace(motion, positions=motion.positions + bump)
+
+
+@pytest.mark.parametrize("name", ["panda_corridor", "ur5_table", "planar_arm"])
+def test_what_is_certified_keeps_what_is_asked_and_what_is_not_does_not(name: str) -> None:
+    """Against exact distances at samples: certified with at least what must be kept, and too close only where less is
+    kept; less than the scene's is asked for only with a word, and never less than the share of its closest end."""
+    scene, rng = load_scene(name), np.random.default_rng(13)
+    robot = load_scene_robot(scene)
+    query, seen = resolve_query(robot, scene), set()
+    planned = plan(scene, robot=robot).trajectory
+    for clearance in (0.005, 0.02, 0.06, 0.15):
+        asking = with_clearance(scene, clearance)
+        certifier = Certifier(asking, robot)
+        at_ends = [certifier.nearest(q)[0] for q in (query.start, query.goal)]
+        closest = min(place.distance for place in at_ends if place)
+        allowed = clearance if closest >= clearance else ENDS_KEEP * closest
+        for _ in range(6):
+            motion = bent(planned, rng)
+            found = certifier.certify(motion)
+            assert bool(found.notes) == (allowed < clearance)
+            if found.certified:
+                assert found.clearance is not None
+                assert found.clearance >= allowed - ROUNDING
+            if found.status is Status.TOO_CLOSE:
+                assert found.worst is not None
+                assert 0 < found.worst.distance < allowed + ROUNDING
+            free = certifier.certify(motion, required=0.0)
+            assert free.certified >= found.certified
+            seen.add(found.status)
+    assert seen >= {Status.CERTIFIED, Status.TOO_CLOSE}
+
+
+def test_every_door_says_the_same_as_plan() -> None:
+    scene = with_clearance(load_scene("panda_table_pick"), 0.05)
+    robot = load_scene_robot(scene)
+    result = plan(scene, robot=robot)
+    certifier = Certifier(scene, robot)
+    doors = [
+        certify(scene, result.trajectory, robot),
+        certify(scene, result.trajectory, robot, check_ends=False),
+        Subject.of(certifier, result.trajectory, (), "motion").certificate,
+        Motion.of("motion", result.trajectory, certifier).certificate,
+    ]
+    for certificate in doors:
+        assert (certificate.status, certificate.text) == (result.certificate.status, result.certificate.text)
+        assert certificate.notes
+        assert set(certificate.notes) <= set(result.notes)
+
+
+def test_less_than_asked_is_too_close_and_both_numbers_are_said() -> None:
+    scene = load_scene("panda_bookshelf")  # planned as it is, the motion keeps less than its ends do
+    found = certify(with_clearance(scene, 0.06), plan(scene).trajectory)
+    assert found.status is Status.TOO_CLOSE
+    assert found.worst is not None
+    assert "60 mm are required" in found.text
+    assert 0.0 < found.worst.distance < 0.06
+    assert found.notes == ()

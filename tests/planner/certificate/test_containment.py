@@ -1,0 +1,370 @@
+"""Laws of what lies inside what: random solids, hollow, nested, inside out, scrambled, in every role.
+
+The judge knows the solids by how they are made (a ray from the middle meets each wall once), and shares no code with
+the certificate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import coal
+import numpy as np
+import pytest
+import trimesh
+from numpy.typing import NDArray
+
+from hdplan.planner.certificate.certifier import Certifier, certify
+from hdplan.planner.certificate.exact_proximity import link_pieces, mesh_pieces, surface_distance
+from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.geometry.meshes import TriangleMesh
+from hdplan.planner.geometry.solids import Solid
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.scenes.model import (
+    Attached,
+    JointTarget,
+    Mesh,
+    Obstacle,
+    Pose,
+    RobotSpec,
+    Scene,
+    Shape,
+    Sphere,
+    SteadyMotion,
+)
+
+Array = NDArray[np.float64]
+
+
+# --- solids, and the judge --------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Star:
+    """A star-shaped wall around the origin and its copies, each smaller: solid between every other two."""
+
+    vertices: Array
+    faces: NDArray[np.int64]
+    scales: tuple[float, ...] = (1.0,)  # of the walls, from outside to inside
+
+    def walls(self, points: Array) -> Array:
+        """Where each point (k, 3) is, as a share of the outermost wall in its direction: by the one triangle that a ray
+        from the origin meets."""
+        shares = np.empty(len(points))
+        for row, point in enumerate(points):
+            weights = np.linalg.solve(
+                self.vertices[self.faces].transpose(0, 2, 1), np.tile(point, (len(self.faces), 1))[..., None]
+            )[..., 0]
+            shares[row] = weights[np.all(weights >= -1e-9, axis=1)].sum(axis=1).max()
+        return shares
+
+    def inside(self, points: Array) -> NDArray[np.bool_]:
+        """Whether points (k, 3) are in the material."""
+        shares = self.walls(points)
+        return np.asarray(sum((shares < scale).astype(int) for scale in self.scales) % 2 == 1)
+
+    def mesh(self) -> TriangleMesh:
+        """The walls as one mesh, each other one turned inward."""
+        count, parts = len(self.vertices), range(len(self.scales))
+        faces = [(self.faces if i % 2 == 0 else self.faces[:, ::-1]) + i * count for i in parts]
+        return TriangleMesh(np.vstack([self.vertices * scale for scale in self.scales]), np.vstack(faces))
+
+
+def star(rng: np.random.Generator, size: float = 0.2, scales: tuple[float, ...] = (1.0,), spikes: float = 0.6) -> Star:
+    ball = trimesh.creation.icosphere(1)
+    radii = size * rng.uniform(1.0 - spikes, 1.0, size=(len(ball.vertices), 1))
+    return Star(np.asarray(ball.vertices) * radii, np.asarray(ball.faces, dtype=np.int64), scales)
+
+
+def upset(mesh: TriangleMesh, how: str, rng: np.random.Generator) -> TriangleMesh:
+    """The same triangles, badly kept."""
+    triangles = mesh.triangles
+    if how == "inside out":
+        triangles = triangles[:, ::-1]
+    elif how == "scrambled":
+        turned = rng.uniform(size=len(triangles)) < 0.4
+        triangles = np.where(turned[:, None], triangles[:, ::-1], triangles)
+    elif how == "both ways":
+        triangles = np.vstack([triangles, triangles[:, ::-1]])
+    elif how == "torn":  # every triangle with corners of its own, rounded as files round, some turned
+        corners = mesh.vertices[triangles] * (1.0 + 1e-8 * rng.uniform(-1, 1, size=(len(triangles), 3, 1)))
+        turned = rng.uniform(size=len(triangles)) < 0.3
+        corners = np.where(turned[:, None, None], corners[:, ::-1], corners)
+        return TriangleMesh(corners.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
+    elif how == "twice":
+        triangles = np.vstack([triangles, triangles])
+    return TriangleMesh(mesh.vertices, rng.permutation(triangles))
+
+
+def to_file(mesh: TriangleMesh, path: Path) -> Path:
+    trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False).export(path)
+    return path
+
+
+# --- the solid by itself ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("how", ["as it is", "inside out", "scrambled", "both ways", "torn", "twice"])
+@pytest.mark.parametrize("scales", [(1.0,), (1.0, 0.8), (1.0, 0.8, 0.6)], ids=["solid", "hollow", "nested"])
+def test_what_is_inside_counts_as_inside(how: str, scales: tuple[float, ...]) -> None:
+    """And in a cavity as free, where its wall tells that it is one."""
+    rng = np.random.default_rng(7)
+    told = how in ("as it is", "inside out", "twice")
+    for _ in range(3):
+        body = star(rng, 1.0, scales)
+        solid = Solid(upset(body.mesh(), how, rng))
+        points = rng.uniform(-1.0, 1.0, size=(60, 3))
+        points = points[np.abs(body.walls(points)[:, None] - scales).min(axis=1) > 0.01]
+        found = np.array([solid.holds(point) for point in points])
+        inside, outside = body.inside(points), body.walls(points) > 1.0
+        assert found[inside].all()
+        assert not found[outside].any()
+        if told:
+            assert np.array_equal(found, inside)
+
+
+def test_a_rigid_move_changes_nothing_and_open_meshes_count_from_half() -> None:
+    rng = np.random.default_rng(8)
+    body = star(rng, 1.0)
+    mesh = body.mesh()
+    gone = TriangleMesh(mesh.vertices, mesh.triangles[4:])
+    assert not Solid(mesh).open
+    assert Solid(gone).open
+    turn, shift = np.linalg.qr(rng.normal(size=(3, 3)))[0], rng.normal(size=3)
+    moved = Solid(TriangleMesh(mesh.vertices @ turn.T + shift, mesh.triangles))
+    points = rng.uniform(-0.7, 0.7, size=(200, 3))
+    points = points[np.abs(body.walls(points) - 1.0) > 1e-3]
+    assert [moved.holds(turn @ p + shift) for p in points] == body.inside(points).tolist()
+    assert Solid(gone).holds(np.zeros(3))
+    bowl = TriangleMesh(mesh.vertices, mesh.triangles[mesh.vertices[mesh.triangles].mean(axis=1)[:, 2] < 0.0])
+    assert not Solid(bowl).holds(np.array([0.0, 0.0, 0.9]))
+
+
+def test_two_that_overlap_do_not_cancel_where_one_is_inside_out() -> None:
+    a, b = trimesh.creation.box((1, 1, 1)), trimesh.creation.box((1, 1, 1))
+    b.apply_translation([0.5, 0.2, 0.1])
+    b.invert()
+    both = trimesh.util.concatenate([a, b])
+    solid = Solid(TriangleMesh.merged(both.vertices, both.faces))
+    assert solid.holds(np.array([0.25, 0.1, 0.05]))  # the winding number of all is 0 here
+    assert solid.holds(np.array([-0.4, 0.0, 0.0]))
+    assert solid.holds(np.array([0.9, 0.2, 0.1]))
+    assert not solid.holds(np.array([0.0, 0.6, 0.0]))
+
+
+def test_cubes_that_share_an_edge_are_closed() -> None:
+    a, b = trimesh.creation.box((1, 1, 1)), trimesh.creation.box((1, 1, 1))
+    b.apply_translation([1.0, 1.0, 0.0])
+    both = trimesh.util.concatenate([a, b])
+    solid = Solid(TriangleMesh.merged(both.vertices, both.faces))
+    assert not solid.open
+    assert solid.holds(np.array([0.1, 0.2, 0.3]))
+    assert solid.holds(np.array([1.1, 1.2, 0.3]))
+    assert not solid.holds(np.array([0.1, 1.2, 0.3]))
+
+
+# --- in every role ----------------------------------------------------------------------------------
+
+ARM = """<robot name="arm">
+ <link name="base"/><link name="arm">{arm}</link><link name="elbow"/><link name="hand">{hand}</link>
+ <joint name="turn" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+  <limit lower="-3" upper="3" velocity="2" effort="1"/></joint>
+ <joint name="lift" type="revolute"><parent link="arm"/><child link="elbow"/><axis xyz="0 1 0"/>
+  <limit lower="-3" upper="3" velocity="2" effort="1"/></joint>
+ <joint name="nod" type="revolute"><parent link="elbow"/><child link="hand"/><axis xyz="1 0 0"/>
+  <limit lower="-3" upper="3" velocity="2" effort="1"/></joint>
+</robot>"""
+
+ROLES = (
+    "link, obstacle",
+    "obstacle, link",
+    "held, obstacle",
+    "obstacle, held",
+    "held, mover",
+    "link, link",
+    "held, link",
+)
+
+
+def rotation(axis: int, angle: float) -> Array:
+    turn, (i, j) = np.eye(3), [(1, 2), (2, 0), (0, 1)][axis]
+    turn[[i, j], [i, j]], turn[i, j], turn[j, i] = np.cos(angle), -np.sin(angle), np.sin(angle)
+    return turn
+
+
+def scene_with(role: str, outer: Path, radius: float, at: Array, drift: Array, ends: Array, folder: Path) -> Scene:
+    """A solid in one role, a ball at `at` (in the solid's frame for ends at rest) in the other."""
+    first, second = role.split(", ")
+    mesh, ball = f'<mesh filename="{outer}"/>', f'<sphere radius="{radius}"/>'
+    place = f'<origin xyz="{" ".join(map(str, at))}"/>'
+    solid_link = f"<collision><geometry>{mesh}</geometry></collision>"
+    ball_link = f"<collision>{place}<geometry>{ball}</geometry></collision>"
+    hand = solid_link if first == "link" else ball_link if role == "obstacle, link" else ""
+    arm = ball_link if role in ("link, link", "held, link") else ""
+    urdf = folder / f"{role.replace(', ', '_')}.urdf"
+    urdf.write_text(ARM.format(hand=hand, arm=arm))
+    shapes: dict[str, tuple[Shape, Pose]] = {
+        first: (Mesh(outer), Pose()),
+        second: (Sphere(radius), Pose(tuple(at.tolist()))),
+    }
+    attached = tuple(Attached("held", "hand", *shapes["held"]) for _ in (0,) if "held" in shapes)
+    obstacles = [Obstacle("thing", *shapes["obstacle"])] if "obstacle" in shapes else []
+    if "mover" in shapes:
+        obstacles.append(Obstacle("mover", *shapes["mover"], motion=SteadyMotion(tuple(drift.tolist()))))
+    start, goal = (JointTarget(f, tuple(q.tolist())) for f, q in zip(("start", "goal"), ends, strict=True))
+    return Scene("roles", folder / "s.yaml", RobotSpec(urdf=urdf), tuple(obstacles), start, goal, attached=attached)
+
+
+def in_the_solid(role: str, at: Array, drift: Array, q: Array, seconds: float) -> Array:
+    """The ball's centre in the solid's frame: kinematics of three joints in one point, by hand."""
+    arm = rotation(2, q[0])
+    hand = arm @ rotation(1, q[1]) @ rotation(0, q[2])
+    return {
+        "link, obstacle": lambda: hand.T @ at,
+        "obstacle, link": lambda: hand @ at,
+        "held, obstacle": lambda: hand.T @ at,
+        "obstacle, held": lambda: hand @ at,
+        "held, mover": lambda: hand.T @ (at + drift * seconds),
+        "link, link": lambda: hand.T @ arm @ at,
+        "held, link": lambda: hand.T @ arm @ at,
+    }[role]()
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_no_ball_in_the_material_is_free_in_any_role(role: str, tmp_path: Path) -> None:
+    """And none that keeps well away from every wall is refused, in cavities too."""
+    rng = np.random.default_rng(len(role))
+    found: dict[tuple[bool, bool], int] = {}
+    for trial in range(8):
+        scales = [(1.0,), (1.0, 0.75), (1.0, 0.8, 0.6)][trial % 3]
+        how = ["as it is", "inside out", "scrambled", "both ways"][trial // 2 % 4]
+        body = star(rng, 0.5, scales, 0.3)
+        outer = to_file(upset(body.mesh(), how, rng), tmp_path / f"{trial}.stl")
+        radius, drift = 0.005, rng.normal(size=3) * 0.1
+        ends = np.stack([rng.uniform(-1, 1, size=3)] * 2)
+        ends[1] += rng.normal(size=3) * 0.1
+        direction = rng.normal(size=3)
+        at = direction / np.linalg.norm(direction) * rng.uniform(0.05, 0.6)
+        scene = scene_with(role, outer, radius, at, drift, ends, tmp_path)
+        robot = load_scene_robot(scene)
+        motion = Trajectory(robot.joint_names, ends, times=np.array([0.0, 1.0]))
+        verdict = certify(scene, motion, robot)
+        times = np.linspace(0.0, 1.0, 60)
+        places = np.array([in_the_solid(role, at, drift, ends[0] + t * (ends[1] - ends[0]), t) for t in times])
+        inside = bool(body.inside(places).any())
+        away = np.abs(body.walls(places)[:, None] - scales).min() * 0.5
+        if inside:
+            assert verdict.status is Status.IN_CONTACT, (role, trial, how)
+            assert verdict.clearance is None or verdict.self_clearance is None
+        elif away > 0.08 and (how in ("as it is", "inside out") or body.walls(places).min() > 1.0):
+            assert verdict.certified, (role, trial, how, verdict.text)
+        found[inside, verdict.certified] = found.get((inside, verdict.certified), 0) + 1
+        # one configuration says the same as the whole motion
+        certifier = Certifier(scene, robot)
+        if body.inside(places[:1])[0]:
+            assert certifier.contacts(ends[0])
+            assert certifier.too_close(ends[0], 0.0)[0][0].distance < 0.0
+            assert min(place.distance for place in certifier.nearest(ends[0], 0.01) if place) < 0.0
+    assert found.get((True, True), 0) == 0
+    assert found.get((True, False), 0) > 0
+
+
+def test_slivers_are_no_contact() -> None:
+    """A mesh that is cut along its own vertices gets triangles without width, which coal would find anywhere."""
+    ring = trimesh.creation.torus(0.3, 0.1, major_sections=24, minor_sections=12)
+    corners, count = np.asarray(ring.vertices).copy(), len(ring.vertices)
+    rows = np.flatnonzero(np.abs(corners[:, 1]) < 1e-9)
+    corners[rows, 1] = 0.0
+    beside = [corners[rows] + [0.0, shift, 0.0] for shift in (4.6e-19, -4.6e-19)]
+    slivers = np.stack([rows, count + np.arange(len(rows)), count + len(rows) + np.arange(len(rows))], axis=1)
+    pieces = mesh_pieces(TriangleMesh(np.vstack([corners, *beside]), np.vstack([ring.faces, slivers])))
+    small, place = link_pieces(coal.Sphere(0.01), "ball")[0], np.eye(4)
+    for x, y, z in np.random.default_rng(2).uniform(-0.5, 0.5, size=(40, 3)):
+        place[:3, 3] = x, y, z
+        found = min(surface_distance(piece, np.eye(4), small, place) for piece in pieces)
+        nearest = trimesh.triangles.closest_point(ring.triangles, np.tile(place[:3, 3], (len(ring.faces), 1)))
+        assert found == pytest.approx(max(np.linalg.norm(nearest - place[:3, 3], axis=1).min() - 0.01, 0.0), abs=1e-6)
+
+
+@pytest.mark.parametrize("outer", ["obstacle", "held"])
+def test_a_solid_within_a_solid(outer: str, tmp_path: Path) -> None:
+    """Two that are not convex, either way round: one in the other's material, in its cavity, half in and half out."""
+    rng = np.random.default_rng(5)
+    big, small = star(rng, 0.6, (1.0, 0.8), 0.2), star(rng, 0.02)
+    dumbbell = TriangleMesh(  # two parts that nothing joins
+        np.vstack([small.vertices, small.vertices + [0.0, 0.0, 1.0]]),
+        np.vstack([small.faces, small.faces + len(small.vertices)]),
+    )
+    full = Star(big.vertices, big.faces).mesh()
+    cases = (("hollow", big.mesh(), small.mesh(), True), ("full", full, small.mesh(), False))
+    cases = (*cases, ("one part in", full, dumbbell, False), ("one part in a cavity", big.mesh(), dumbbell, True))
+    for name, around, within, free in cases:
+        for mesh, file in ((around, "around.stl"), (within, "within.stl")):
+            to_file(mesh, tmp_path / file)
+        (tmp_path / "arm.urdf").write_text(ARM.format(hand="", arm=""))
+        files = ("within.stl", "around.stl") if outer == "obstacle" else ("around.stl", "within.stl")
+        held, standing = (Mesh(tmp_path / file) for file in files)
+        start, goal = JointTarget("start", (0.0, 0.0, 0.0)), JointTarget("goal", (0.3, 0.1, 0.05))
+        scene = Scene(
+            name,
+            tmp_path / "s.yaml",
+            RobotSpec(urdf=tmp_path / "arm.urdf"),
+            (Obstacle("standing", standing),),
+            start,
+            goal,
+            attached=(Attached("held", "hand", held),),
+        )
+        ends = np.array([start.positions, goal.positions])
+        verdict = certify(scene, Trajectory(("turn", "lift", "nod"), ends))
+        assert verdict.certified is free, (name, verdict.text)
+
+
+def test_a_robot_in_a_room_of_one_mesh_is_free(tmp_path: Path) -> None:
+    room, wall = trimesh.creation.box((4, 4, 4)), trimesh.creation.box((4.2, 4.2, 4.2))
+    room.invert()
+    for name, mesh, free in (("hollow", [wall, room], True), ("solid", [wall], False), ("bare", [room], False)):
+        torus = trimesh.creation.torus(6.0, 0.1, major_sections=8, minor_sections=4)
+        trimesh.util.concatenate([*mesh, torus]).export(tmp_path / f"{name}.stl")
+        scene = Scene(
+            "room",
+            tmp_path / "s.yaml",
+            RobotSpec(name="panda"),
+            (Obstacle("room", Mesh(tmp_path / f"{name}.stl")),),
+            JointTarget("start", (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)),
+            JointTarget("goal", (0.2, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)),
+        )
+        robot = load_scene_robot(scene)
+        ends = np.array([scene.start.positions, [0.2, *(scene.start.positions or ())[1:]]])
+        verdict = certify(scene, Trajectory(robot.joint_names, ends), robot)
+        assert verdict.certified is free, (name, verdict.text)
+
+
+def test_a_body_that_comes_in_by_the_hole_of_an_open_mesh_is_met_at_the_next_waypoint(tmp_path: Path) -> None:
+    """A bottle without a bottom is entered without touching a triangle: it is asked again wherever the file says."""
+    bottle = trimesh.creation.icosphere(3, 0.5)
+    middle = bottle.triangles_center
+    bottle.update_faces(~((middle[:, 0] > 0.0) & (np.hypot(middle[:, 1], middle[:, 2]) < 0.2)))
+    bottle.export(tmp_path / "bottle.stl")
+    urdf = tmp_path / "slide.urdf"
+    urdf.write_text(
+        '<robot name="slide"><link name="base"/><link name="tip"><collision><geometry><sphere radius="0.02"/>'
+        '</geometry></collision></link><joint name="along" type="prismatic"><parent link="base"/><child link="tip"/>'
+        '<axis xyz="1 0 0"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>'
+    )
+    scene: Callable[[float], Scene] = lambda end: Scene(  # noqa: E731
+        "bottle",
+        tmp_path / "s.yaml",
+        RobotSpec(urdf=urdf),
+        (Obstacle("bottle", Mesh(tmp_path / "bottle.stl")),),
+        JointTarget("start", (0.8,)),
+        JointTarget("goal", (end,)),
+    )
+    robot = load_scene_robot(scene(0.0))
+    for rows in ([[0.8], [0.0]], [[0.8], [0.0], [0.8]]):
+        verdict = certify(scene(rows[-1][0]), Trajectory(robot.joint_names, np.array(rows)), robot)
+        assert verdict.status is Status.IN_CONTACT
+        assert verdict.failures[0].parameter == pytest.approx(1.0 if len(rows) == 2 else 0.5)
+    assert certify(scene(0.6), Trajectory(robot.joint_names, np.array([[0.8], [0.6]])), robot).certified

@@ -1,0 +1,108 @@
+"""Laws of the bounds over intervals: none is above the exact distance anywhere on its interval, later ones are
+tighter."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.interval_bounds import Bounds, Items
+from hdplan.planner.certificate.intervals import Intervals
+from hdplan.planner.motion.curve import Curve
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.scenes.model import Box, Capsule, Cylinder, Obstacle, Pose, Sphere, SteadyMotion, TimedPoses
+from hdplan.scenes.yaml_format.reader import load_scene
+
+LOOKS = 5  # places on an interval at which the exact distance is compared
+SHAPES = (Box((0.2, 0.1, 0.3)), Sphere(0.1), Cylinder(0.08, 0.3), Capsule(0.05, 0.2))
+
+
+LaidOut = tuple[Certifier, Intervals, Curve]
+
+
+def drifting(rng: np.random.Generator) -> tuple[SteadyMotion | TimedPoses, ...]:
+    """Moves and turns evenly, or from pose to pose, within the 4 s that the motion takes and beyond."""
+    poses = []
+    for _ in range(4):
+        quaternion = rng.normal(size=4)
+        poses.append(Pose(tuple(rng.uniform(-1, 1, 3)), tuple(quaternion / np.linalg.norm(quaternion))))
+    velocity, spin = (tuple(rng.normal(scale=0.3, size=3).tolist()) for _ in range(2))
+    return SteadyMotion(velocity, spin), TimedPoses((0.3, 1.0, 2.5, 6.0), tuple(poses))
+
+
+@pytest.fixture(scope="module", params=["panda_cage", "planar_arm", "kinova_shelf", "moving panda_cage"])
+def laid_out(request: pytest.FixtureRequest) -> LaidOut:
+    """A robot among its scene's obstacles and some more, on a random motion of 4 intervals: straight lines between
+    waypoints, or quintics in time, and then some obstacles move."""
+    scene, moving = load_scene(request.param.split()[-1]), request.param.startswith("moving")
+    rng = np.random.default_rng(7)
+    motions = drifting(rng) if moving else (None,)
+    more = tuple(
+        Obstacle(
+            f"more {k}",
+            SHAPES[k % 4],
+            motion.poses[0] if isinstance(motion, TimedPoses) else Pose(tuple(rng.uniform(-1.5, 1.5, 3).tolist())),
+            motion=motion,
+        )
+        for k in range(8)
+        for motion in [motions[k % len(motions)]]
+    )
+    robot = load_scene_robot(scene)
+    certifier = Certifier(dataclasses.replace(scene, obstacles=(*scene.obstacles, *more)), robot)
+    waypoints = robot.draw(rng, 1) + np.cumsum(rng.normal(scale=0.2, size=(5, robot.n)), axis=0)
+    bodies, curve = certifier.sweep.bodies, Curve.through(waypoints)
+    if moving:
+        rates = rng.normal(scale=0.3, size=(2, 5, robot.n))
+        curve = Curve.through(waypoints, np.arange(5.0), *rates)
+    intervals = Intervals.of(bodies, curve, bodies.reach(curve), np.arange(4), np.zeros(4), np.ones(4))
+    return certifier, intervals, curve
+
+
+def exact(certifier: Certifier, curve: Curve) -> np.ndarray:
+    """The signed distance of the pairs' hulls at LOOKS places on each interval: (intervals, LOOKS, pairs)."""
+    sweep, values = certifier.sweep, []
+    for k in range(len(curve) - 1):
+        for share in np.linspace(0, 1, LOOKS):
+            here = Intervals.of(
+                sweep.bodies,
+                curve,
+                sweep.bodies.reach(curve),
+                np.full(1, k),
+                np.full(1, share),
+                np.zeros(1),
+            )
+            bounds = Bounds(sweep.bodies, sweep.pairs)
+            items = bounds.with_motion(here, Items.all(1, np.arange(len(sweep.pairs.a))))
+            values.append(bounds.by_best_plane(here, items)[0])
+    return np.array(values).reshape(len(curve) - 1, LOOKS, -1)
+
+
+def test_no_bound_is_above_the_distance(laid_out: LaidOut) -> None:
+    certifier, intervals, curve = laid_out
+    sweep = certifier.sweep
+    bounds, count = Bounds(sweep.bodies, sweep.pairs), len(sweep.pairs.a)
+    least = exact(certifier, curve).min(axis=1)  # (intervals, pairs)
+    assert np.all(bounds.over_all(intervals) <= least.min(axis=0))
+    items = bounds.with_motion(intervals, Items.all(4, np.arange(count)))
+    by_ball, normal = bounds.by_ball(intervals, items)
+    _, by_plane = bounds.by_plane(intervals, items, normal)
+    _, by_best, _ = bounds.by_best_plane(intervals, items)
+    for bound in (by_ball, by_plane, by_best):
+        assert np.all(bound.reshape(4, count) <= least)
+    assert np.median(least.ravel() - by_best) < np.median(least.ravel() - by_ball)
+
+
+def test_a_bound_over_all_is_no_better_than_over_one(laid_out: LaidOut) -> None:
+    certifier, intervals, _ = laid_out
+    bounds = Bounds(certifier.sweep.bodies, certifier.sweep.pairs)
+    whole = bounds.over_all(intervals)
+    gathered = certifier.sweep.bodies
+    second = certifier.sweep.pairs.b
+    moving = gathered.chain.carried_by[gathered.joint[second]].any(axis=1) | gathered.drifting[second]
+    assert np.all(np.isneginf(whole[moving]))
+    assert np.isfinite(whole[~moving]).all()
+    by_ball, _ = bounds.by_ball(intervals, Items.all(4, np.arange(len(whole))))
+    assert np.all(whole[~moving] <= by_ball.reshape(4, -1).min(axis=0)[~moving] + 1e-12)

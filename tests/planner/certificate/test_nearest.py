@@ -1,0 +1,51 @@
+"""The closest places of one configuration agree with all pairs' distances, and are exact for hollow meshes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.scenes.yaml_format.reader import load_scene
+
+SCENES = ["panda_corridor", "ur5_table", "empty"]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_nearest_is_the_least_of_all_pairs(name: str) -> None:
+    scene = load_scene(name)
+    robot = load_scene_robot(scene)
+    certifier = Certifier(scene, robot)
+    hollow, group = certifier.sweep.hollow, certifier.sweep.pairs.group
+    rng = np.random.default_rng(3)
+    for q in rng.uniform(np.maximum(robot.lower, -3.0), np.minimum(robot.upper, 3.0), size=(12, robot.n)):
+        spots = certifier.sweep.distances(q)
+        for which, place in enumerate(certifier.nearest(q)):
+            hulls = [spot for spot in spots if group[spot.pair] == which]
+            if not hulls:
+                assert place is None
+                continue
+            assert place is not None
+            least = min(spot.distance for spot in hulls)
+            assert place.distance >= least  # a surface is no closer than its hull
+            solid = [spot.distance for spot in hulls if not hollow[spot.pair] or spot.touching]
+            assert place.distance <= min(solid, default=np.inf)
+            if not hollow.any():
+                assert place.distance == least
+
+
+@pytest.mark.parametrize("name", [*SCENES, "kinova_shelf"])
+def test_the_closest_points_are_as_far_apart_as_their_bodies(name: str) -> None:
+    scene = load_scene(name)
+    robot = load_scene_robot(scene)
+    certifier = Certifier(scene, robot)
+    for q in robot.draw(np.random.default_rng(4), 8):
+        for place, closest in zip(certifier.nearest(q), certifier.closest(q), strict=True):
+            assert (place is None) == (closest is None)
+            if place is None or closest is None:
+                continue
+            assert (closest.link, closest.other, closest.distance) == (place.link, place.other, place.distance)
+            if closest.distance > 0.0:
+                between = np.linalg.norm(closest.points[0] - closest.points[1])
+                assert between == pytest.approx(closest.distance, abs=2e-5)

@@ -1,0 +1,212 @@
+"""Link bodies contain the collision geometry, stand out little from its hull, and come back from the cache."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.optimize import nnls
+from scipy.spatial import ConvexHull
+
+from hdplan.distance import cache
+from hdplan.planner.collision.link_bodies import LinkBody, _enclosed, _link_triangles, contains, fit_report, link_bodies
+from hdplan.planner.collision.sphere_swept_fit import Reference, Swept, distance_to_hull, fit_swept, outside
+from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.scenes.model import LINK_BODIES, Pose, RobotSpec
+from hdplan.scenes.yaml_format.reader import load_scene
+
+ARMS = ["panda", "ur3_gripper", "ur5", "ur5_gripper", "ur10", "xarm7", "kinova", "z1"]
+MEAN, P95 = 0.010, 0.020  # how far Panda's bodies may stand out of its links' hulls [m]
+ROUNDING = 1e-9  # [m]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _fitted_once(tmp_path_factory: pytest.TempPathFactory) -> object:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HDPLAN_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture(scope="module")
+def panda() -> Robot:
+    return load_robot(RobotSpec(name="panda"))
+
+
+def _surface(item: pin.GeometryObject, count: int, random: np.random.Generator) -> np.ndarray:
+    """Return corners and random points of a geometry's surface, in its joint's frame, without the fit's code."""
+    shape = item.geometry
+    if isinstance(shape, coal.BVHModelBase):
+        vertices = np.array(shape.vertices())
+        chosen = random.integers(shape.num_tris, size=count)
+        faces = [shape.tri_indices(int(index)) for index in chosen]
+        corners = vertices[[[face[k] for k in range(3)] for face in faces]]
+        points = np.concatenate([vertices, np.einsum("nk,nkc->nc", random.dirichlet((1, 1, 1), count), corners)])
+    elif isinstance(shape, coal.Box):
+        corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * shape.halfSide
+        points = np.concatenate([corners, random.dirichlet(np.ones(8), count) @ corners])
+    elif isinstance(shape, coal.Cylinder):
+        angle, height = random.uniform(0, 2 * np.pi, count), random.choice([-1.0, 1.0], count) * shape.halfLength
+        points = np.stack([shape.radius * np.cos(angle), shape.radius * np.sin(angle), height], 1)
+    else:
+        assert isinstance(shape, coal.Sphere)
+        points = random.normal(size=(count, 3))
+        points *= shape.radius / np.linalg.norm(points, axis=1, keepdims=True)
+    return points @ item.placement.rotation.T + item.placement.translation
+
+
+def _inside(bodies: list[LinkBody], points: np.ndarray) -> np.ndarray:
+    return np.any([distance_to_hull(points, b.body.vertices)[0] <= b.body.radius + ROUNDING for b in bodies], axis=0)
+
+
+@pytest.mark.parametrize("name", [*ARMS, "panda_collision"])
+def test_bodies_contain_the_collision_geometry(name: str) -> None:
+    robot, random = load_robot(RobotSpec(name=name)), np.random.default_rng(0)
+    bodies = link_bodies(robot)
+    assert {body.link for body in bodies} == set(robot.links)
+    assert all(1 <= len(body.body.vertices) <= 6 and body.joint == robot.link_joint[body.link] for body in bodies)
+    for link in robot.links:
+        own = [body for body in bodies if body.link == link]
+        for index in robot.link_geometry[link]:
+            points = _surface(robot.collision.geometryObjects[index], 500, random)
+            assert np.all(_inside(own, points)), link
+    assert all(row.contained for row in fit_report(robot))  # the proof, triangle by triangle
+
+
+@pytest.mark.parametrize("geometry", [word for word in LINK_BODIES if word not in ("fitted", "hull")])
+@pytest.mark.parametrize("name", ["planar_arm", pytest.param("panda", marks=pytest.mark.slow)])
+def test_every_other_geometry_contains_the_links_too(name: str, geometry: str) -> None:
+    robot = load_scene_robot(load_scene("planar_arm")) if name == "planar_arm" else load_robot(RobotSpec(name=name))
+    for link in robot.links:
+        bodies = _enclosed(robot, link, geometry)
+        assert (
+            sum(len(body.vertices) for body in bodies)
+            == {"capsule": 2, "outer-4": 4, "outer-12": 12, "box": 8}[geometry]
+        )
+        assert contains(bodies, _link_triangles(robot, link)), (link, geometry)
+
+
+def test_the_hull_is_the_links_own(panda: Robot) -> None:
+    """Every corner of the mesh lies behind the planes of the hull, and every corner of the hull is one of the mesh."""
+    bodies = {body.link: body for body in link_bodies(panda, "hull")}
+    random = np.random.default_rng(0)
+    for link in panda.links:
+        points = np.concatenate(
+            [_surface(panda.collision.geometryObjects[i], 10, random) for i in panda.link_geometry[link]]
+        )
+        hull = bodies[link].body
+        planes = ConvexHull(hull.vertices).equations
+        assert np.all(planes[:, :3] @ points.T + planes[:, 3:] <= hull.radius)
+        assert np.linalg.norm(hull.vertices[:, None] - points, axis=2).min(axis=1).max() < ROUNDING
+
+
+def test_pandas_bodies_are_few_and_stand_out_little(panda: Robot) -> None:
+    rows = fit_report(panda)
+    for row in rows:
+        assert row.mean_outside <= MEAN, row
+        assert row.p95_outside <= P95, row
+        assert row.volume_ratio >= 1.0
+    assert sum(row.bodies for row in rows) <= 30
+
+
+def test_bodies_come_back_from_the_cache_bit_by_bit_and_move_with_locked_joints(
+    panda: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = link_bodies(panda)
+    monkeypatch.setattr("hdplan.planner.collision.link_bodies._around", None)  # a fit would now fail
+    for a, b in zip(first, link_bodies(panda), strict=True):
+        np.testing.assert_array_equal(a.body.vertices, b.body.vertices)
+        assert a.body.radius == b.body.radius
+    fingers = {"panda_finger_joint1": 0.065, "panda_finger_joint2": 0.02}
+    opened = link_bodies(load_robot(RobotSpec(name="panda", locked=fingers, base=Pose((1.0, 2.0, 3.0)))))
+    closed = {body.link: body.body.vertices for body in link_bodies(panda)}
+    moved = {body.link: body.body.vertices for body in opened}
+    for link, travel in (("panda_leftfinger", 0.064), ("panda_rightfinger", 0.019)):
+        np.testing.assert_allclose(np.linalg.norm(moved[link] - closed[link], axis=1), travel, atol=1e-7)
+    np.testing.assert_allclose(moved["panda_link0"], closed["panda_link0"] + [1.0, 2.0, 3.0], atol=1e-7)
+
+
+# --- the parts --------------------------------------------------------------------------------------------------------
+
+
+def _distance_by_least_squares(point: np.ndarray, vertices: np.ndarray) -> float:
+    heavy = 1e6  # weight on the sum of the shares being 1
+    system = np.vstack([vertices.T, heavy * np.ones(len(vertices))])
+    share = nnls(system, np.append(point, heavy))[0]
+    return float(np.linalg.norm(share / share.sum() @ vertices - point))
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 6])
+def test_distance_to_a_small_hull(count: int) -> None:
+    random = np.random.default_rng(count)
+    vertices, points = random.normal(size=(count, 3)), 2 * random.normal(size=(40, 3))
+    distance, weights = distance_to_hull(points, vertices)
+    np.testing.assert_allclose(weights.sum(1), 1.0, atol=1e-12)
+    assert np.all(weights >= 0)
+    np.testing.assert_allclose(np.linalg.norm(weights @ vertices - points, axis=1), distance, atol=1e-12)
+    expected = [_distance_by_least_squares(point, vertices) for point in points]
+    np.testing.assert_allclose(distance, expected, atol=1e-5)
+    np.testing.assert_allclose(distance_to_hull(vertices, vertices)[0], 0.0, atol=1e-9)
+
+
+def test_flat_and_repeated_vertices_do_no_harm() -> None:
+    flat = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 0], [0.5, 0.5, 0]])
+    points = np.array([[0.5, 0.25, 0.3], [2.0, 0.5, 0.0], [-3.0, -4.0, 0.0]])
+    np.testing.assert_allclose(distance_to_hull(points, flat)[0], [0.3, 1.0, 5.0], atol=1e-9)
+
+
+def test_a_capsule_is_found_again() -> None:
+    random = np.random.default_rng(0)
+    directions = random.normal(size=(400, 3))
+    directions *= 0.05 / np.linalg.norm(directions, axis=1, keepdims=True)
+    points = directions + random.choice([-0.1, 0.1], 400)[:, None] * [0.6, 0.0, 0.8]
+    body = fit_swept(points, Reference.of(points), 2)
+    assert np.all(distance_to_hull(points, body.vertices)[0] <= body.radius)
+    assert body.radius == pytest.approx(0.05, abs=1e-3)
+    assert np.linalg.norm(body.vertices[0] - body.vertices[1]) == pytest.approx(0.2, abs=5e-3)
+
+
+def test_how_far_a_sphere_stands_out_of_a_cube() -> None:
+    cube = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+    sphere = Swept(np.zeros((1, 3)), np.sqrt(3.0))
+    mean, p95 = outside((sphere,), cube, samples=20000)
+    random = np.random.default_rng(1)
+    points = random.normal(size=(200000, 3))
+    points *= np.sqrt(3.0) / np.linalg.norm(points, axis=1, keepdims=True)
+    expected = np.linalg.norm(np.maximum(np.abs(points) - 1.0, 0.0), axis=1)
+    assert mean == pytest.approx(expected.mean(), rel=0.01)
+    assert p95 == pytest.approx(np.quantile(expected, 0.95), rel=0.01)
+
+
+def test_containment_is_refused_where_a_corner_or_a_middle_sticks_out() -> None:
+    triangles = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]])
+    ends = [Swept(np.array([point]), 0.4) for point in triangles[0]]
+    assert not contains(tuple(ends), triangles)
+    assert not contains((Swept(triangles[0][:2], 0.9),), triangles)
+    assert contains((Swept(triangles[0][:2], 1.0),), triangles)
+    assert contains(
+        (Swept(np.array([[0.0, 0, 0], [0.6, 0, 0]]), 0.61), Swept(np.array([[0.0, 0.5, 0]]), 0.75)), triangles
+    )
+
+
+def test_a_cache_that_is_damaged_or_cannot_be_written_is_no_cache(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "cache"))
+    key = cache.content_key("a", b"b")
+    assert key != cache.content_key("ab", b"")
+    assert cache.load("kind", key) is None
+    cache.store("kind", key, [0.1, {"x": None}])
+    assert cache.load("kind", key) == [0.1, {"x": None}]
+    (file,) = (tmp_path / "cache" / "kind").iterdir()
+    file.write_text(file.read_text().replace("0.1", "0.2"))
+    assert cache.load("kind", key) is None
+    file.write_bytes(b"\xff\xfe")
+    assert cache.load("kind", key) is None
+    monkeypatch.setenv("HDPLAN_CACHE", str(file))  # a file where a folder should be
+    cache.store("kind", key, 1)
+    assert cache.load("kind", key) is None

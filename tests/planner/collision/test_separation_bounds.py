@@ -1,0 +1,266 @@
+"""Attempts to break the proofs that pairs keep apart: random, extreme and searched configurations all keep the bound.
+
+The witnesses are coal's distances and Pinocchio's poses, neither of which the bound is made of but for its normals.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cache
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from hdplan.distance.baselines.coal import coal_hull, signed_distance
+from hdplan.distance.bodies import ConvexBody
+from hdplan.planner.build import build
+from hdplan.planner.collision import separation_bounds
+from hdplan.planner.collision.broad_phase import body_pairs
+from hdplan.planner.collision.collision_model import Outline, outline_of
+from hdplan.planner.collision.euclidean import FclPairs
+from hdplan.planner.collision.halfspace_bodies import PlaneBody, from_shape
+from hdplan.planner.plan import plan
+from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.scenes.model import Box, Limits, RobotSpec, Scene, SelfCollision
+from hdplan.scenes.yaml_format.reader import load_scene
+
+Array = NDArray[np.float64]
+
+ROBOTS = ("ur5", "kinova", "two arms", "gantry")
+MORE = ("panda", "ur3_gripper", "ur5_gripper", "ur10", "xarm7", "z1", "panda_carry")
+MANY, SOME = 100_000, 4_000
+EXACT = 1e-6  # [m] of coal's distances
+
+TWO_ARMS = """<robot name="two_arms">
+  <link name="base"><collision><geometry><box size="0.2 0.6 0.2"/></geometry></collision></link>
+  {arms}
+</robot>"""
+ARM = """
+  <link name="{side}_upper"><collision><origin xyz="0.15 0 0"/><geometry><box size="0.3 0.05 0.05"/></geometry>
+    </collision></link>
+  <link name="{side}_lower"><collision><origin xyz="0.1 0 0"/><geometry><box size="0.2 0.04 0.04"/></geometry>
+    </collision></link>
+  <joint name="{side}_a" type="revolute"><parent link="base"/><child link="{side}_upper"/>
+    <origin xyz="0 {y} 0.2"/><axis xyz="0 0 1"/><limit lower="-0.9" upper="0.9" effort="1" velocity="1"/></joint>
+  <joint name="{side}_b" type="{kind}"><parent link="{side}_upper"/><child link="{side}_lower"/>
+    <origin xyz="0.35 0 0"/><axis xyz="{axis}"/><limit lower="{low}" upper="{high}" effort="1" velocity="1"/></joint>
+"""
+
+
+@cache
+def robot(name: str, folder: Path | None = None) -> Robot:
+    if name == "panda_carry":
+        return load_scene_robot(load_scene(name))
+    if folder is None:
+        return load_robot(RobotSpec(name=name))
+    urdf = folder / f"{name.replace(' ', '_')}.urdf"
+    second = ("prismatic", "0.6 0 0.8", 0.0, 0.2) if name == "gantry" else ("revolute", "0 0.6 0.8", -0.5, 1.0)
+    arms = [
+        ARM.format(side=side, y=y, kind=second[0], axis=second[1], low=second[2], high=second[3])
+        for side, y in (("left", 0.6), ("right", -0.6))
+    ]
+    urdf.write_text(TWO_ARMS.format(arms="".join(arms)))
+    return load_robot(RobotSpec(urdf=urdf))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("robots")
+
+
+def named(name: str, folder: Path) -> Robot:
+    return robot(name, folder if name in ("two arms", "gantry") else None)
+
+
+class Witness:
+    """Exact distances of a robot's outer bodies, by coal, at poses by Pinocchio."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot, self.outline = robot, outline_of(robot, "fitted", "box")
+        self.hulls = [coal_hull(body.body) for body in self.outline.bodies]
+        self.data = robot.model.createData()
+
+    def at(self, q: Array, pair: int) -> float:
+        pin.forwardKinematics(self.robot.model, self.data, self.robot.pin_q(q))
+        a, b = self.outline.self_pairs[pair]
+        return self.between(a, b, *(self.data.oMi[self.outline.bodies[index].joint] for index in (a, b)))
+
+    def between(self, a: int, b: int, place_a: pin.SE3, place_b: pin.SE3) -> float:
+        placed = [coal.Transform3s(place.rotation, place.translation) for place in (place_a, place_b)]
+        request, result = coal.DistanceRequest(), coal.DistanceResult()
+        found = coal.distance(self.hulls[a], placed[0], self.hulls[b], placed[1], request, result)
+        return float(found) - self.outline.bodies[a].body.radius - self.outline.bodies[b].body.radius
+
+
+def proven(outline: Outline) -> list[tuple[int, float]]:
+    return [(pair, kept) for pair, kept in enumerate(outline.distances_kept) if kept > 0.0]
+
+
+def assert_kept(robot: Robot, count: int, seed: int) -> int:
+    """No configuration has a pair below its bound: all at once by balls around the bodies, the near ones exactly."""
+    witness, rng = Witness(robot), np.random.default_rng(seed)
+    outline, kinematics = witness.outline, witness.outline.kinematics
+    looked = 0
+    for q in np.array_split(robot.draw(rng, count), max(count // 5_000, 1)):
+        batch = kinematics.evaluate(q)
+        for pair, kept in proven(outline):
+            centres, radii = [], []
+            for body in (outline.bodies[index] for index in outline.self_pairs[pair]):
+                middle = body.body.vertices.mean(axis=0)
+                centres.append(batch.rotations[:, body.joint] @ middle + batch.translations[:, body.joint])
+                radii.append(np.linalg.norm(body.body.vertices - middle, axis=1).max() + body.body.radius)
+            near = np.linalg.norm(centres[0] - centres[1], axis=1) - sum(radii) < kept
+            for row in np.flatnonzero(near):
+                looked += 1
+                assert witness.at(q[row], pair) >= kept - EXACT
+    return looked
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_random_configurations_keep_the_bound(name: str, folder: Path) -> None:
+    arm = named(name, folder)
+    assert proven(outline_of(arm, "fitted", "box"))
+    assert assert_kept(arm, SOME, 1) > 100
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*ROBOTS, *MORE])
+def test_a_hundred_thousand_configurations_keep_the_bound(name: str, folder: Path) -> None:
+    assert_kept(named(name, folder), MANY, 2)
+
+
+def assert_searched(arm: Robot, starts: int) -> None:
+    witness, rng = Witness(arm), np.random.default_rng(3)
+    low, high = np.maximum(arm.lower, -np.pi), np.minimum(arm.upper, np.pi)
+    for pair, kept in proven(witness.outline):
+        corners = np.where(rng.random((20, arm.n)) < 0.5, low, high)
+        found = [witness.at(q, pair) for q in corners]
+        for start in rng.uniform(low, high, size=(starts, arm.n)):
+            bounds = list(zip(low, high, strict=True))
+            end = minimize(witness.at, start, (pair,), "Powell", bounds=bounds, options={"maxfev": 600})
+            found.append(witness.at(np.clip(end.x, low, high), pair))
+        assert min(found) >= kept - EXACT
+
+
+@pytest.mark.parametrize("name", ["kinova", "two arms", "gantry"])
+def test_no_search_gets_below_the_bound(name: str, folder: Path) -> None:
+    assert_searched(named(name, folder), 2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*ROBOTS, *MORE])
+def test_no_long_search_gets_below_the_bound(name: str, folder: Path) -> None:
+    assert_searched(named(name, folder), 12)
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5", "kinova", "two arms", "gantry"])
+def test_a_box_keeps_what_is_said_of_it(name: str, folder: Path) -> None:
+    """The inequality of the module's head, at random places and corners of random boxes, of any pair at all."""
+    arm, rng = named(name, folder), np.random.default_rng(4)
+    witness = Witness(arm)
+    outline = witness.outline
+    laid_out = body_pairs(outline.bodies, outline.planes, outline.self_pairs, 0.0, outline.kinematics.supports)
+    distance = FclPairs(laid_out, outline.bodies, outline.planes)
+    search = separation_bounds._Search(arm, outline.kinematics, outline.bodies, outline.self_pairs, distance)
+    low, high = np.maximum(arm.lower, -np.pi), np.minimum(arm.upper, np.pi)
+    tight = 0
+    for _ in range(60):
+        pair = int(rng.integers(len(outline.self_pairs)))
+        between = laid_out.moves[pair] != 0
+        half = np.where(between, (high - low) / 2 * rng.uniform(0, 1, arm.n) * 10.0 ** rng.uniform(-3, 0), 0.0)
+        centre = rng.uniform(low + half, high - half)
+        (exact,), (bound,), _ = search._look(pair, centre[None], half[None])
+        assert bound <= exact + EXACT
+        inside = centre + half * np.vstack([rng.uniform(-1, 1, (20, arm.n)), rng.choice([-1.0, 1.0], (20, arm.n))])
+        found = min(witness.at(q, pair) for q in inside)
+        tight += bound > found - 0.01
+        if found > 0.0:  # coal's depths are its own
+            assert bound <= found + EXACT
+    assert tight > 5
+
+
+def test_a_wider_margin_brings_pairs_back_and_narrower_limits_take_more_out() -> None:
+    scene = load_scene("ur5_table")
+
+    def kept(scene: Scene) -> tuple[int, int]:
+        problem = build(scene)
+        own = [term for term in problem.pair_terms if term.name == "self-collision"]
+        return sum(len(term.pairs) for term in own), len(problem.apart)
+
+    pairs, apart = kept(scene)
+    assert apart > 0
+    wide = dataclasses.replace(scene, self_collision=SelfCollision(clearance=0.3))
+    assert kept(wide) == (pairs + apart, 0)
+    narrow = dataclasses.replace(scene, limits=Limits(position={"elbow_joint": (0.2, 2.5), "wrist_2_joint": (-2, -1)}))
+    fewer, more = kept(narrow)
+    assert (fewer + more, more > apart) == (pairs + apart, True)
+    assert_kept(load_scene_robot(narrow), 1_000, 5)
+    result = plan(narrow)
+    assert result.certificate.certified
+    assert plan(narrow).trajectory.positions.tobytes() == result.trajectory.positions.tobytes()
+
+
+def test_bounds_are_kept_on_disk_by_content(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    arm = robot("ur5")
+    outline = outline_of(arm, "fitted", "box")
+    monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path))
+    given = (outline.kinematics, outline.bodies, outline.planes, outline.self_pairs[:6])
+    first = separation_bounds.distances_kept(arm, *given, 0.005)
+    monkeypatch.setattr(separation_bounds, "FclPairs", None)  # nothing is computed any more
+    np.testing.assert_array_equal(separation_bounds.distances_kept(arm, *given, 0.005), first)
+    other = dataclasses.replace(arm, upper=arm.upper - 0.1)
+    with pytest.raises(TypeError):
+        separation_bounds.distances_kept(other, *given, 0.005)
+
+
+# --- obstacles out of reach -------------------------------------------------------------------------------------------
+
+
+def assert_out_of_reach(arm: Robot, count: int, seed: int) -> int:
+    """Obstacles that a body's reach rules out stay outside their margin: by the ball around the body, or exactly."""
+    rng, outline, margin = np.random.default_rng(seed), outline_of(arm, "fitted", "box"), 0.025
+    centre = np.mean([reach.centre for reach in outline.reach], axis=0)
+    size = max(reach.radius for reach in outline.reach)
+    planes: list[PlaneBody] = []
+    for number in range(40):
+        placement = np.eye(4)
+        placement[:3, :3] = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        placement[:3, 3] = centre + rng.normal(size=3) * size
+        planes.append(from_shape(str(number), Box(tuple(rng.uniform(0.05, 0.5, 3))), placement))
+    boxes, halves = np.array([body.box for body in planes]), np.array([body.half_size for body in planes])
+    out = 0
+    for q in np.array_split(arm.draw(rng, count), max(count // 5_000, 1)):
+        batch = outline.kinematics.evaluate(q)
+        for body, reach in zip(outline.bodies, outline.reach, strict=True):
+            ruled_out = np.flatnonzero(~reach.meets(planes, margin)) if body.joint else []
+            out += len(ruled_out)
+            vertices = np.einsum("kij,vj->kvi", batch.rotations[:, body.joint], body.body.vertices)
+            vertices += batch.translations[:, body.joint, None]
+            middle = vertices.mean(axis=1)
+            ball = np.linalg.norm(vertices - middle[:, None], axis=2).max() + body.body.radius
+            for b in ruled_out:
+                off = np.maximum(np.abs((middle - boxes[b, :3, 3]) @ boxes[b, :3, :3]) - halves[b], 0.0)
+                for row in np.flatnonzero(np.linalg.norm(off, axis=1) - ball <= margin):
+                    pose = np.eye(4)
+                    pose[:3, :3] = batch.rotations[row, body.joint]
+                    pose[:3, 3] = batch.translations[row, body.joint]
+                    other = ConvexBody.box(2 * halves[b])
+                    assert signed_distance(body.body, pose, other, boxes[b]).distance > margin
+    return out
+
+
+@pytest.mark.parametrize("name", ["ur5", "gantry"])
+def test_no_obstacle_out_of_reach_comes_near(name: str, folder: Path) -> None:
+    assert assert_out_of_reach(named(name, folder), SOME, 6) > 10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*ROBOTS, *MORE])
+def test_no_obstacle_out_of_reach_comes_near_in_a_hundred_thousand(name: str, folder: Path) -> None:
+    assert assert_out_of_reach(named(name, folder), MANY, 7) > 10

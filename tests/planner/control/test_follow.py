@@ -1,0 +1,216 @@
+"""A robot that follows a trajectory: it arrives where nothing is in the way, gives way to what comes, and goes on."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hdplan
+from hdplan import cli
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.control import follow as following
+from hdplan.planner.control.controller import Mode
+from hdplan.planner.control.follow import ARRIVED, follow, paced
+from hdplan.planner.kinematics.forward import kinematics_of
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import JointTarget, Limits, Obstacle, Pose, Scene, Sphere, SteadyMotion, Timing
+from hdplan.scenes.yaml_format.writer import scene_text
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_scene_robot(hdplan.load_scene("empty"))
+
+
+@pytest.fixture(scope="module")
+def sweep(robot: Robot) -> Trajectory:
+    """The base turns by a quarter, the arm stretched out."""
+    rows = np.zeros((20, 7)) + [0.0, 0.3, 0.0, -1.6, 0.0, 1.9, 0.8]
+    rows[:, 0] = np.linspace(-0.8, 0.8, 20)
+    return Trajectory(robot.joint_names, rows, robot.locked)
+
+
+@pytest.fixture(scope="module")
+def room(sweep: Trajectory) -> Scene:
+    return between(hdplan.load_scene("empty"), sweep)
+
+
+def between(scene: Scene, motion: Trajectory) -> Scene:
+    """The scene with the motion's own ends."""
+    start, goal = (tuple(motion.positions[row].tolist()) for row in (0, -1))
+    return replace(scene, start=JointTarget("start", start), goal=JointTarget("goal", goal))
+
+
+def ball_that_comes(robot: Robot, sweep: Trajectory, velocity: tuple[float, float, float], when: float) -> Obstacle:
+    """A ball that is at the hand's place halfway along the trajectory at a time, and moves on."""
+    q = sweep.positions[len(sweep) // 2]
+    hand = kinematics_of(robot).evaluate(q).translations[0, 7]
+    start = hand - when * np.array(velocity)
+    return Obstacle("ball", Sphere(0.07), Pose(tuple(start.tolist())), motion=SteadyMotion(velocity))
+
+
+def test_a_free_robot_arrives_about_on_time(room: Scene, robot: Robot, sweep: Trajectory) -> None:
+    found = follow(room, sweep, robot)
+    assert found.succeeded
+    assert found.arrived is not None
+    assert found.duration - 0.5 <= found.arrived < found.duration + 1.5
+    assert np.abs(found.trajectory.positions[-1] - sweep.positions[-1]).max() <= ARRIVED
+    assert set(found.run.modes) == {Mode.MOVING}
+    assert np.abs(found.run.velocities).max() <= robot.model.velocityLimit.max()
+
+
+def test_times_of_the_file_are_kept_to(room: Scene, robot: Robot, sweep: Trajectory) -> None:
+    slow = replace(sweep, times=np.linspace(1.0, 7.0, len(sweep)))
+    found = follow(room, slow, robot)
+    assert found.duration == pytest.approx(6.0)
+    assert found.arrived is not None
+    assert 5.5 <= found.arrived < 7.5
+    assert found.held == 0.0
+    assert found.run.met is not None
+    middle = found.trajectory.curve.at_parameter(found.trajectory.curve.parameter_of(4.0))  # of the file
+    np.testing.assert_allclose(middle, sweep.at(0.5), atol=0.15)
+
+
+def test_it_yields_and_recovers(room: Scene, robot: Robot, sweep: Trajectory) -> None:
+    free = follow(room, sweep, robot)
+    assert free.arrived is not None
+    for velocity in ((-0.25, 0.0, 0.0), (0.0, -0.25, 0.0)):
+        obstacle = ball_that_comes(robot, sweep, velocity, 0.5 * free.arrived)
+        scene = replace(room, obstacles=(obstacle,))
+        found = follow(scene, sweep, robot)
+        assert found.succeeded, found.certificate.text
+        assert found.arrived is not None
+        assert found.arrived > free.arrived
+        assert found.held > free.held
+        # without the filter the same motion, as it was executed in the empty room, runs into the ball
+        assert not Certifier(scene, robot).certify(free.trajectory, check_ends=False).certified
+
+
+def test_a_program_without_a_solution_is_no_reason_to_stand(room: Scene, robot: Robot) -> None:
+    """A ball comes at the elbow faster than its barrier allows for: the step that gives way says to what."""
+    start = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
+    slow = Trajectory(robot.joint_names, np.stack([start, start + 0.15]), robot.locked, np.array([0.0, 3.0]))
+    ball = Obstacle("ball", Sphere(0.08), Pose((-0.282, 0.096, 0.763)), motion=SteadyMotion((0.491, -0.08, -0.054)))
+    found = follow(replace(between(room, slow), obstacles=(ball,)), slow, robot)
+    assert found.succeeded, found.certificate.text
+    assert found.run.counted[Mode.GIVING_WAY]
+    assert Mode.STOPPED not in found.run.counted
+    assert {name for _, name in found.run.gave} == {"ball"}
+
+
+def test_a_way_that_stays_blocked_is_given_up(
+    monkeypatch: pytest.MonkeyPatch, room: Scene, robot: Robot, sweep: Trajectory
+) -> None:
+    monkeypatch.setattr(following, "PATIENCE", (3.0, 2.0))
+    obstacle = replace(ball_that_comes(robot, sweep, (0.0, 0.0, 0.0), 0.0), motion=None, shape=Sphere(0.3))
+    scene = replace(room, obstacles=(obstacle,))
+    found = follow(scene, replace(sweep, times=np.linspace(0.0, 0.5, len(sweep))), robot)
+    assert not found.succeeded
+    assert found.arrived is None
+    assert found.certificate.status is Status.WRONG_ENDS
+    assert not found.certificate.failures
+    assert "not arrived" in found.text
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_check_says_of_the_written_motion_what_follow_said(
+    seed: int, tmp_path: Path, room: Scene, robot: Robot
+) -> None:
+    """Random motions and obstacles that come, with limits on velocities and accelerations; nothing jumps."""
+    rng = np.random.default_rng(seed)
+    ready = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
+    rows = ready + np.cumsum(rng.uniform(-0.15, 0.15, (4, 7)), axis=0)
+    motion = Trajectory(robot.joint_names, rows, robot.locked, np.linspace(0.0, 1.5, 4) if seed else None)
+    ball = ball_that_comes(robot, motion, tuple(rng.uniform(-0.5, 0.5, 3).tolist()), 0.7)
+    limits = Limits(velocity="urdf", acceleration=rng.choice([3.0, 300.0]).item())
+    scene = replace(between(room, motion), obstacles=(ball,), limits=limits, timing=Timing(duration=1.5))
+    (tmp_path / "scene.yaml").write_text(scene_text(scene), encoding="utf-8")
+    scene = hdplan.load_scene(tmp_path / "scene.yaml")
+    found = follow(scene, motion, load_scene_robot(scene))
+    use = {use.quantity: use for use in found.certificate.uses}
+    assert 0.0 < use["acceleration"].share < np.inf
+    assert use["velocity"].share <= 1.0 + 1e-9
+    assert np.abs(found.trajectory.positions[-1] - motion.positions[-1]).max() < 1e-2 or found.arrived is None
+    for ending in (".json", ".csv", ".npz"):
+        found.trajectory.save(tmp_path / f"done{ending}")
+        again = hdplan.certify(scene, Trajectory.load(tmp_path / f"done{ending}"))
+        assert (again.status, again.text) == (found.certificate.status, found.certificate.text)
+
+
+def test_what_is_executed_follows_the_commands(room: Scene, robot: Robot, sweep: Trajectory) -> None:
+    """Within the hull of the last four commanded places, no faster than them, and a spline to the second derivative."""
+    found = follow(room, sweep, robot)
+    curve, places, period = found.trajectory.curve, found.run.positions, found.run.period
+    np.testing.assert_array_equal(curve.rows[[0, -1]], places[[0, -1]])
+    padded = np.concatenate([places[:1], places[:1], places, places[-1:], places[-1:]])
+    times = np.linspace(0.0, 1.0, 9)
+    for k in range(0, len(curve) - 1, 37):
+        part = curve.at(np.full(9, k), times)
+        hull = padded[k : k + 4]
+        assert (part >= hull.min(axis=0) - 1e-12).all()
+        assert (part <= hull.max(axis=0) + 1e-12).all()
+    speeds, fastest = curve.over_time(1), np.abs(found.run.velocities).max(axis=0)
+    assert (speeds.largest() <= fastest * (1 + 1e-6) + 1e-9).all()
+    assert curve.over_time(1).jumps().max() < 1e-9
+    assert curve.over_time(2).jumps().max() < 1e-6
+    steps = np.abs(np.diff(found.run.velocities, axis=0, prepend=0.0, append=0.0)).max(axis=0) / period
+    assert (curve.over_time(2).largest() <= steps + 1e-6).all()
+
+
+def test_a_paced_path_keeps_to_the_speeds(sweep: Trajectory, robot: Robot) -> None:
+    fastest = 0.5 * np.array(robot.model.velocityLimit)
+    curve = paced(sweep.curve, fastest)
+    assert curve.times is not None
+    times = np.linspace(*curve.times[[0, -1]], 2000)
+    speeds = np.abs(np.diff(curve.at_parameter(curve.parameter_of(times)), axis=0)) / np.diff(times)[:, None]
+    assert (speeds <= fastest * 1.02).all()
+    assert speeds[0].max() < 0.5 * speeds.max()
+
+
+def test_a_joint_without_a_speed_limit_is_refused(stick_scene, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    scene = stick_scene(Obstacle("ball", Sphere(0.05), Pose((0.0, 0.0, 2.0))))
+    urdf = tmp_path / "stick.urdf"
+    urdf.write_text(urdf.read_text().replace('velocity="1"', 'velocity="0"'))
+    with pytest.raises(InputError, match=r"limits\.velocity"):
+        follow(scene, Trajectory(("turn",), np.array([[0.0], [0.5]])))
+
+
+def test_command(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path, room: Scene, robot: Robot,
+    sweep: Trajectory,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    ball = ball_that_comes(robot, sweep, (-0.3, 0.0, 0.0), 1.0)
+    scene = replace(room, obstacles=(ball,), timing=Timing(duration=2.0))
+    (tmp_path / "scene.yaml").write_text(scene_text(scene), encoding="utf-8")
+    sweep.save(tmp_path / "plan.json")
+
+    def run(*arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["hdplan", *arguments])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        out, err = capsys.readouterr()
+        return int(end.value.code or 0), out, err
+
+    code, out, err = run("follow", "scene.yaml", "plan.json", "-o", "done.json")
+    assert (code, err) == (0, "")
+    assert out.startswith("arrived after")
+    assert "certified" in out
+    executed = Trajectory.load("done.json")
+    assert executed.times is not None
+    assert run("check", "scene.yaml", "done.json")[0] == 0
+    code, out, err = run("follow", "scene.yaml", "plan.json", "--json")
+    assert json.loads(out)["status"] == "certified"
+    code, out, err = run("follow", "scene.yaml", "missing.json")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    code, out, err = run("follow", "scene.yaml", "plan.json", "-o", "done.txt")
+    assert (code, out, err.count("\n")) == (2, "", 1)

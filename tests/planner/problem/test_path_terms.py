@@ -1,0 +1,206 @@
+"""Laws of the path constraints' terms: exact slopes at any angle, clear means kept with room, absent is absent."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.typing import NDArray
+
+from hdplan.planner.build import build
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.path_check import PathCheck
+from hdplan.planner.plan import plan
+from hdplan.planner.problem.path_terms import PathTerm
+from hdplan.planner.problem.problem import Problem
+from hdplan.planner.problem.samples import Samples
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.search.goals import goal_choice
+from hdplan.planner.search.roadmap import Roadmap, onto_path
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import Goals, JointTarget, PathConstraints, Pose, PoseTarget, Scene, Upright, Within
+from hdplan.scenes.yaml_format.reader import load_scene
+
+Array = NDArray[np.float64]
+
+LINKS = {"panda_carry": "panda_hand", "ur5_table": "tool0", "kinova_shelf": "j2s6s200_end_effector"}
+TURNED = Pose((0.4, 0.1, 0.3), (0.1, 0.2, -0.3, math.sqrt(1 - 0.14)))
+BAND, HALF_STEP = 0.02, 1e-6
+
+
+def held(name: str, **given: Upright | Within) -> Scene:
+    scene = load_scene(name)
+    return dataclasses.replace(scene, obstacles=(), attached=(), path=PathConstraints(**given))
+
+
+def upright(name: str, tolerance: float = 0.1, axis: tuple[float, float, float] = (0.0, 0.0, -1.0)) -> Scene:
+    return held(name, upright=Upright(LINKS[name], axis, tolerance))
+
+
+def within(name: str, size: tuple[float, float, float] = (0.02, math.inf, 0.5)) -> Scene:
+    return held(name, position=Within(LINKS[name], size, TURNED, (0.01, 0.02, 0.1)))
+
+
+def between(scene: Scene, start: Array, goal: Array) -> Scene:
+    ends = {"start": JointTarget("start", tuple(start.tolist())), "goal": JointTarget("goal", tuple(goal.tolist()))}
+    return dataclasses.replace(scene, **ends)
+
+
+def cost(problem: Problem, q: Array) -> Array:
+    """The path terms' penalty at single configurations (B, n) -> (B,), from their depths' definition alone."""
+    inside = [term.inside(problem.kinematics.evaluate(q))[0] for term in problem.path_terms]
+    return 0.5 * sum((each**2).sum(axis=1) for each in inside)
+
+
+@pytest.mark.parametrize("name", LINKS)
+@pytest.mark.parametrize("make", [upright, within])
+def test_slopes_are_those_of_the_penalty(name: str, make: object) -> None:
+    problem = build(make(name))  # type: ignore[operator]
+    (term,) = problem.path_terms
+    q = problem.robot.draw(np.random.default_rng(1), 40)
+    samples = Samples((40,))
+    penalty = term.value(problem.kinematics.evaluate(q), samples)
+    assert penalty.cost == pytest.approx(float(samples.weight @ cost(problem, q)), rel=1e-12)
+    for j in range(problem.robot.n):
+        step = HALF_STEP * np.eye(problem.robot.n)[j]
+        slope = (cost(problem, q + step) - cost(problem, q - step)) / (2 * HALF_STEP)
+        np.testing.assert_allclose(penalty.gradient[:, j], samples.weight * slope, atol=1e-9)
+    assert np.linalg.eigvalsh(penalty.curvature).min() > -1e-12
+    np.testing.assert_array_equal(penalty.depth, term.depth(problem.kinematics.evaluate(q)))
+
+
+def test_an_upright_link_has_no_penalty_and_one_upside_down_is_still_drawn_back() -> None:
+    up = build(upright("ur5_table"))
+    (term,) = up.path_terms
+    level = onto_path(up, up.robot.draw(np.random.default_rng(2), 60))
+    level = level[term.depth(up.kinematics.evaluate(level)) == 0.0]
+    assert len(level) > 30
+    assert not cost(up, level).any()
+    down = build(upright("ur5_table", axis=(0.0, 0.0, 1.0)))
+    (other,) = down.path_terms
+    inside, slope = other.inside(down.kinematics.evaluate(level))
+    assert inside.min() > math.pi - 0.2
+    lengths = np.linalg.norm(slope[:, 0], axis=1)
+    assert np.isfinite(slope).all()
+    assert lengths.min() > 0.5  # the wrist alone turns it at a rate of 1
+    assert np.linalg.norm(onto_path(down, level) - level, axis=1).min() > 0.1
+
+
+def angles(robot: Robot, link: str, q: Array) -> Array:
+    """Of the axis −z of a link to the upward direction, by Pinocchio."""
+    data, found = robot.model.createData(), []
+    for row in q:
+        pin.framesForwardKinematics(robot.model, data, robot.pin_q(row))
+        found.append(math.acos(np.clip(-data.oMf[robot.model.getFrameId(link)].rotation[2, 2], -1, 1)))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 0.03, 0.1, 2.0])
+@pytest.mark.parametrize("activation", [0.0, 0.02])
+def test_what_counts_as_clear_keeps_the_constraint(tolerance: float, activation: float) -> None:
+    scene = upright("panda_carry", tolerance)
+    scene = dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, activation=activation))
+    problem = build(scene)
+    (term,) = problem.path_terms
+    q = onto_path(problem, problem.robot.draw(np.random.default_rng(3), 200))
+    q = np.vstack([q, q + 0.4 * tolerance * np.random.default_rng(4).normal(size=q.shape)])
+    tilt, depth = angles(problem.robot, "panda_hand", q), term.depth(problem.kinematics.evaluate(q))
+    room = tolerance - 0.5 * min(tolerance / 2, BAND) if activation else tolerance
+    clear = depth <= 0.5 * activation
+    assert 50 < np.count_nonzero(clear) < len(q)
+    assert np.all(tilt[clear] <= room + 1e-7)
+    assert np.all(tilt[~clear] >= room - 1e-7)
+
+
+@pytest.mark.parametrize("name", LINKS)
+def test_drawn_configurations_are_brought_to_where_the_constraints_hold(name: str) -> None:
+    both = dataclasses.replace(
+        within(name), path=PathConstraints(upright(name).path.upright, within(name).path.position)
+    )
+    for scene in (upright(name), within(name), both):
+        problem = build(scene)
+        check = Certifier(scene, problem.robot).path
+        drawn = problem.robot.draw(np.random.default_rng(5), 60)
+        assert sum(not check.at(q) for q in drawn) < 10
+        found = onto_path(problem, drawn)
+        assert np.all((found >= problem.robot.lower) & (found <= problem.robot.upper))
+        kept = np.array([not check.at(q) for q in found])
+        assert np.count_nonzero(kept) > 30
+        settled = np.all([term.depth(problem.kinematics.evaluate(found)) == 0.0 for term in problem.path_terms], axis=0)
+        assert np.all(kept[settled])
+
+
+def test_the_roadmap_is_drawn_where_the_constraints_hold() -> None:
+    scene = upright("ur5_table")
+    problem = build(scene)
+    ends = onto_path(problem, problem.robot.draw(np.random.default_rng(6), 20))
+    check = Certifier(scene, problem.robot).path
+    first, last = [q for q in ends if not check.at(q)][:2]
+    roadmap = Roadmap(build(between(scene, first, last)), np.random.default_rng(0))
+    roadmap.grow()
+    assert len(roadmap.nodes) > 10
+    assert not any(check.at(q) for q in roadmap.nodes)
+
+
+def test_absent_is_absent() -> None:
+    scene = load_scene("panda_cage")
+    problem = build(scene)
+    assert problem.path_terms == ()
+    assert {term.name for term in problem.terms} == {"obstacles", "self-collision"}
+    assert Certifier(scene, problem.robot).path is None
+
+
+@pytest.mark.parametrize("field", ["upright", "position"])
+@pytest.mark.parametrize(("link", "said"), [("panda_hnd", "unknown link 'panda_hnd'"), ("panda_link0", "fixed to the")])
+def test_unknown_and_fixed_links_are_refused_by_name(field: str, link: str, said: str) -> None:
+    asked = Upright(link) if field == "upright" else Within(link, (0.1, 0.1, 0.1))
+    scene = held("panda_carry", **{field: asked})
+    for refuses in (build, plan):
+        with pytest.raises(InputError, match=rf"panda_carry\.yaml: path\.{field}\.link: .*{said}"):
+            refuses(scene)
+
+
+def test_ends_that_break_a_constraint_are_refused_with_by_how_much() -> None:
+    scene = upright("panda_carry", 0.1)
+    robot = load_scene_robot(scene)
+    check = Certifier(scene, robot).path
+    problem = build(scene)
+    level = next(q for q in onto_path(problem, robot.draw(np.random.default_rng(7), 50)) if not check.at(q))
+    tilted = np.clip(level - [0, 0, 0, 0, 0, 0.4, 0], robot.lower, robot.upper)
+    angle = float(angles(robot, "panda_hand", tilted[None])[0])
+    said = rf"off the path: path\.upright: panda_hand is tilted by {angle:.3g} rad, 0\.1 are allowed"
+    with pytest.raises(InputError, match=rf"start: {said}"):
+        plan(between(scene, tilted, level))
+    with pytest.raises(InputError, match=rf"goal: {said}"):
+        plan(between(scene, level, tilted))
+    with pytest.raises(InputError, match=r"solver ipopt: needs exact second derivatives, which a path constraint"):
+        plan(between(scene, level, level), solver="ipopt")
+
+
+def test_goals_by_inverse_kinematics_keep_the_constraint() -> None:
+    scene = upright("ur5_table", 0.1)
+    robot, start = load_scene_robot(scene), load_scene_robot(scene).configuration(scene.start)
+    assert not PathCheck(scene, robot, Certifier(scene, robot).sweep.bodies.chain).at(start)
+    place = Pose((0.5, 0.2, 0.3), (1.0, 0.0, 0.0, 0.0))
+    tilted = Pose((0.5, 0.2, 0.3), (math.cos(0.2), 0.0, math.sin(0.2), 0.0))
+    aimed = dataclasses.replace(scene, goal=Goals((PoseTarget("goal.pose", "tool0", place, free_rotation="z"),)))
+    certifier = Certifier(aimed, robot)
+    for goal in goal_choice(aimed, robot, certifier).goals:
+        assert not certifier.path.at(robot.configuration(goal))
+    anyhow = dataclasses.replace(scene, goal=Goals((PoseTarget("goal.pose", "tool0", place, free_rotation="all"),)))
+    assert len(goal_choice(anyhow, robot, Certifier(anyhow, robot)).goals) > 1  # few of all turns hold it upright
+    wrong = dataclasses.replace(scene, goal=Goals((PoseTarget("goal.pose", "tool0", tilted),)))
+    with pytest.raises(
+        InputError,
+        match=r"goal\.pose: none of .* the nearest is off the path: path\.upright: tool0 is tilted by 0\.4 rad",
+    ):
+        goal_choice(wrong, robot, Certifier(wrong, robot))
+
+
+def test_terms_are_named_after_their_sections() -> None:
+    problem = build(within("ur5_table"))
+    assert [term.name for term in problem.terms if isinstance(term, PathTerm)] == ["path.position"]

@@ -1,0 +1,284 @@
+"""Which joints are planned: those of the group that is named; the others are held where the request has them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from hdplan.planner.certificate.certifier import Certifier, certify
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.plan import plan
+from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import Box, JointTarget, Pose, PoseTarget, RobotSpec, Scene, Within
+from hdplan.scenes.poses import compose, from_rpy
+from hdplan.scenes.yaml_format.reader import load_scene
+
+LIFT = ("root", "lift", "column", "prismatic", (0.0, 0.0, 0.2))
+JOINTS = [  # parent, joint, child, kind, place in the parent
+    ("root", "mount", "shelf_foot", "fixed", (1.0, 2.0, 0.0)),
+    ("shelf_foot", "bracket", "camera", "fixed", (0.0, 0.0, 1.5)),
+    LIFT,
+    ("column", "left_a", "left_1", "revolute", (0.0, 0.3, 0.3)),
+    ("left_1", "left_b", "left_2", "revolute", (0.4, 0.0, 0.0)),
+    ("left_2", "left_tool", "left_tip", "fixed", (0.4, 0.0, 0.0)),
+    ("column", "right_a", "right_1", "revolute", (0.0, -0.3, 0.3)),
+    ("right_1", "right_b", "right_2", "revolute", (0.4, 0.0, 0.0)),
+    ("right_2", "right_tool", "right_tip", "fixed", (0.4, 0.0, 0.0)),
+    ("left_tip", "thumb", "left_thumb", "prismatic", (0.1, 0.0, 0.0)),
+]
+GROUPS = """
+<group name="left"><joint name="left_a"/><joint name="left_b"/></group>
+<group name="right"><link name="right_1"/><link name="right_2"/></group>
+<group name="left_chain"><chain base_link="column" tip_link="left_tip"/></group>
+<group name="left_lifted"><chain base_link="root" tip_link="left_tip"/></group>
+<group name="across"><chain base_link="right_tip" tip_link="left_tip"/></group>
+<group name="both"><group name="left"/><group name="right"/></group>
+<group name="all_of_it"><group name="both"/><joint name="lift"/><joint name="thumb"/></group>
+<group name="tools"><joint name="left_tool"/></group>
+<group_state name="down" group="all_of_it"><joint name="lift" value="0.2"/></group_state>
+<group_state name="up" group="all_of_it"><joint name="left_a" value="0.3"/><joint name="left_b" value="0.1"/>
+<joint name="lift" value="0.5"/></group_state>
+"""
+MEMBERS = {
+    "left": {"left_a", "left_b"},
+    "right": {"right_a", "right_b"},
+    "left_chain": {"left_a", "left_b"},
+    "left_lifted": {"lift", "left_a", "left_b"},
+    "across": {
+        "lift",
+        "left_a",
+        "left_b",
+        "right_a",
+        "right_b",
+    },  # MoveIt takes the joint above the common link too
+    "both": {"left_a", "left_b", "right_a", "right_b"},
+    "all_of_it": {"lift", "left_a", "left_b", "right_a", "right_b", "thumb"},
+}
+MOVABLE = [joint for _, joint, _, kind, _ in JOINTS if kind != "fixed"]
+START = {joint: 0.05 + 0.02 * i for i, joint in enumerate(MOVABLE)}
+
+
+@pytest.fixture
+def two_arms(tmp_path: Path) -> RobotSpec:
+    """Two arms on a lift."""
+    shape = '<collision><geometry><box size="0.3 0.05 0.05"/></geometry></collision>'
+    links = {"root", *(child for _, _, child, _, _ in JOINTS)}
+    text = [f'<link name="{link}">{shape if link.endswith(("1", "2")) else ""}</link>' for link in sorted(links)]
+    for parent, joint, child, kind, (x, y, z) in JOINTS:
+        turn = "0.1 0.2 0.3" if kind == "fixed" else "0 0 0"
+        limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/><axis xyz="0 0 1"/>' if kind != "fixed" else ""
+        text.append(
+            f'<joint name="{joint}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+            f'<origin xyz="{x} {y} {z}" rpy="{turn}"/>{limit}</joint>'
+        )
+    (tmp_path / "pair.urdf").write_text(f'<robot name="pair">{"".join(text)}</robot>')
+    (tmp_path / "pair.srdf").write_text(f'<robot name="pair">{GROUPS}</robot>')
+    return RobotSpec(urdf=tmp_path / "pair.urdf", srdf=tmp_path / "pair.srdf")
+
+
+Loading = Callable[..., Scene]
+
+
+@pytest.fixture
+def moveit(two_arms: RobotSpec, tmp_path: Path) -> Loading:
+    """Load a MoveIt problem of that robot: the goal's joints, the group, objects and whatever else is given."""
+
+    def load(
+        goal: dict[str, float] | None = None,
+        group: str = "",
+        objects: list[Any] | None = None,
+        constraints: dict[str, Any] | None = None,
+        base: dict[str, Any] | None = None,
+        start: dict[str, float] | None = None,
+        path: dict[str, Any] | None = None,
+        **section: Any,
+    ) -> Scene:
+        start = START | (start or {})
+        joints = [{"joint_name": joint, "position": value} for joint, value in (goal or {}).items()]
+        scene = {"robot_model_name": "pair", "world": {"collision_objects": objects or []}}
+        request = {
+            "group_name": group,
+            "start_state": {"joint_state": {"name": list(start), "position": list(start.values())}},
+            "goal_constraints": [constraints or {"joint_constraints": joints}],
+            "path_constraints": path or {},
+        }
+        robot = {"urdf": str(two_arms.urdf), "srdf": str(two_arms.srdf), "base": base or {}, **section}
+        robot = {key.removeprefix("own_"): value for key, value in robot.items()}
+        for name, content in (("scene", scene), ("request", request), ("robot", {"robot": robot})):
+            (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump(content))
+        return load_scene(tmp_path / "scene.yaml", tmp_path / "request.yaml", tmp_path / "robot.yaml")
+
+    return load
+
+
+@pytest.mark.parametrize("group", MEMBERS)
+def test_a_group_is_its_joints_links_chains_and_groups(two_arms: RobotSpec, group: str) -> None:
+    for name in (group, f"pair_{group}"):  # MoveIt's own configurations put the robot's name before it
+        robot = load_robot(replace(two_arms, group=name))
+        assert set(robot.joint_names) == MEMBERS[group]
+        assert list(robot.joint_names) == [joint for joint in robot.joint_names if joint in MOVABLE]
+        assert set(robot.locked) == set(MOVABLE) - MEMBERS[group]
+        assert f"planned are the joints of the SRDF's group '{group}'" in robot.notes
+
+
+def test_a_group_that_is_not_there_is_refused_with_the_nearest(two_arms: RobotSpec, moveit: Loading) -> None:
+    for name, near in (("lift_chain", "left_chain"), ("pair_bth", "both")):
+        with pytest.raises(InputError, match=rf"robot\.group: unknown group '{name}' \(did you mean '{near}'\?\)"):
+            load_robot(replace(two_arms, group=name))
+        with pytest.raises(InputError, match=rf"request\.yaml: group_name: unknown group '{name}' .*'{near}'"):
+            moveit({"left_a": 0.0}, name)
+    with pytest.raises(InputError, match=r"robot\.group: the group 'tools' has no joint that can be planned"):
+        load_robot(replace(two_arms, group="tools"))
+
+
+def test_a_robot_without_groups_says_that_it_cannot_look_one_up() -> None:
+    robot = load_robot(RobotSpec(name="ur5", group="manipulator"))
+    assert robot.joint_names == load_robot(RobotSpec(name="ur5")).joint_names
+    assert any("'manipulator'" in note for note in robot.notes)
+
+
+@pytest.mark.parametrize("group", MEMBERS)
+def test_the_group_is_planned_and_the_rest_held_at_the_start(moveit: Loading, group: str) -> None:
+    goal = {joint: START[joint] + 0.1 for joint in MEMBERS[group]}
+    scene = moveit(goal, group)
+    robot = load_scene_robot(scene)
+    assert set(robot.joint_names) == MEMBERS[group]
+    assert robot.locked == {joint: START[joint] for joint in MOVABLE if joint not in MEMBERS[group]}
+    query = resolve_query(robot, scene)
+    np.testing.assert_array_equal(query.start, [START[joint] for joint in robot.joint_names])
+    np.testing.assert_array_equal(query.goal, [goal[joint] for joint in robot.joint_names])
+
+
+@pytest.mark.parametrize("group", ["left", "right", "across"])
+def test_a_goal_for_a_joint_that_is_held_is_met_or_refused(moveit: Loading, group: str) -> None:
+    """By plan and by the certificate; never left out."""
+    goal = {joint: START[joint] + 0.1 for joint in MEMBERS[group]}
+    for joint in set(MOVABLE) - MEMBERS[group]:
+        scene = moveit({**goal, joint: START[joint]}, group)
+        robot = load_scene_robot(scene)
+        query = resolve_query(robot, scene)
+        motion = Trajectory(robot.joint_names, np.array([query.start, query.goal]), robot.locked)
+        certify(scene, motion, robot)
+        for off in (1e-5, -0.3):
+            asked = moveit({**goal, joint: START[joint] + off}, group)
+            said = rf"goal \(.*request\.yaml\): joint '{joint}' is to be at .*, but is not planned, and held at "
+            with pytest.raises(InputError, match=said):
+                plan(asked, time_limit=1.0)
+            with pytest.raises(InputError, match=said):
+                certify(asked, motion, load_scene_robot(asked))
+
+
+def test_a_start_that_the_robots_own_section_contradicts_is_refused(moveit: Loading) -> None:
+    scene = moveit({"left_a": 0.2, "left_b": 0.2}, "left", locked={"lift": 0.4})
+    with pytest.raises(InputError, match=r"start .*: joint 'lift' is to be at 0.05, but is not .* held at 0.4"):
+        plan(scene)
+    goal = {"right_a": 0.2, "right_b": 0.2}
+    with pytest.raises(InputError, match=r"group_name: is 'left', but the robot's own section says 'right'"):
+        moveit(goal, "left", own_group="right")
+    for asked in ("", "right", "pair_right"):
+        assert moveit(goal, asked, own_group="right").robot.group == "right"
+
+
+def test_a_value_for_a_joint_that_the_robot_lacks_is_left_out_with_a_note(moveit: Loading) -> None:
+    scene = moveit({"left_a": 0.2, "left_b": 0.2, "wheel": 3.0}, "left", start={"caster": 1.0})
+    (note,) = resolve_query(load_scene_robot(scene), scene).notes
+    assert "wheel" in note
+    assert "caster" in note
+
+
+def test_a_named_state_that_speaks_of_joints_held_elsewhere_says_so(two_arms: RobotSpec) -> None:
+    start, goal = JointTarget("start", (0.0, 0.0)), JointTarget("goal", state="up")
+    for locked, notes in (({}, ("goal: state 'up' has lift at 0.5, held at 0.2",)), ({"lift": 0.1}, ())):
+        spec = replace(two_arms, group="left", locked=locked)
+        scene = Scene("up", Path("up.yaml"), spec, (), start, goal)
+        assert resolve_query(load_scene_robot(scene), scene).notes == notes
+
+
+# --- frames -----------------------------------------------------------------------------------------------------------
+
+BASE = {"position": [0.3, -0.2, 0.9], "rpy": [0.4, -0.3, 1.57]}
+GOAL = {"left_a": 0.2, "left_b": 0.2}
+PLACED = {"position": [0.6, -0.1, 0.4], "orientation": [0.5, 0.5, -0.5, 0.5]}
+
+
+def thing(frame: str | None, pose: dict[str, Any] = PLACED) -> dict[str, Any]:
+    header = {} if frame is None else {"header": {"frame_id": frame, "stamp": {"secs": 0, "nsecs": 0}}}
+    return {"id": "thing", **header, "pose": pose, "primitives": [{"type": "box", "dimensions": [0.1, 0.2, 0.3]}]}
+
+
+def as_pose(pose: dict[str, Any]) -> Pose:
+    return Pose(tuple(pose["position"]), tuple(pose["orientation"]))
+
+
+@pytest.mark.parametrize("base", [{}, BASE])
+@pytest.mark.parametrize("frame", ["root", "/root", "shelf_foot", "camera"])
+def test_what_stands_in_a_frame_that_stands_is_where_that_frame_is(
+    moveit: Loading, frame: str, base: dict[str, Any]
+) -> None:
+    """Objects, regions, orientations and boxes along the way; the frame's place by Pinocchio's own reading."""
+    region = {"primitives": [{"type": "box", "dimensions": [0.2, 0.2, 0.2]}], "primitive_poses": [PLACED]}
+    header = {"header": {"frame_id": frame}}
+    place = {"link_name": "left_tip", "constraint_region": region, **header}
+    turn = {"link_name": "left_tip", "orientation": PLACED["orientation"], **header}
+    turn |= {f"absolute_{axis}_axis_tolerance": 0.1 for axis in "xyz"}
+    goal = {"position_constraints": [place], "orientation_constraints": [turn]}
+    path = {"position_constraints": [place]}
+    scene = moveit(group="left", objects=[thing(frame)], constraints=goal, base=base, path=path)
+    robot = load_scene_robot(scene)
+    link = robot.model.frames[robot.model.getFrameId(frame.removeprefix("/"))]
+    assert link.parentJoint == 0
+    expected = link.placement.homogeneous @ as_pose(PLACED).matrix
+    (obstacle,) = scene.obstacles
+    np.testing.assert_allclose(obstacle.pose.matrix, expected, atol=1e-12)
+    assert obstacle.shape == Box((0.1, 0.2, 0.3))
+    (target,) = scene.goal.targets
+    assert isinstance(target, PoseTarget)
+    np.testing.assert_allclose(target.pose.matrix, expected, atol=1e-12)
+    assert isinstance(scene.path.position, Within)
+    np.testing.assert_allclose(scene.path.position.pose.matrix, expected, atol=1e-12)
+
+
+def test_the_robot_and_what_stands_on_it_move_together(moveit: Loading) -> None:
+    """The same distances wherever the base stands, for objects in the frame of the root; for others not."""
+    found = []
+    for frame, base in (("root", {}), ("root", BASE), ("world", {}), ("world", BASE), (None, BASE)):
+        scene = moveit(GOAL, "left", objects=[thing(frame)], base=base)
+        robot = load_scene_robot(scene)
+        place, _ = Certifier(scene, robot).nearest(resolve_query(robot, scene).start)
+        found.append(place.distance if place else None)
+    moved_along, fixed = found[:2], found[2:]
+    np.testing.assert_allclose(moved_along, found[0], atol=1e-9)
+    assert fixed[0] == pytest.approx(found[0], abs=1e-9)
+    assert fixed[1] == fixed[2] != pytest.approx(found[0], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("frame", "said"), [("column", "'column' moves"), ("left_tip", "moves"), ("cameras", "'camera'")]
+)
+def test_a_frame_that_moves_or_is_not_known_is_refused(moveit: Loading, frame: str, said: str) -> None:
+    with pytest.raises(InputError, match=rf"collision_objects\[0\]\.header\.frame_id: .*{said}"):
+        moveit(GOAL, "left", objects=[thing(frame)])
+
+
+def test_frames_of_the_scene_hang_on_others(moveit: Loading, tmp_path: Path) -> None:
+    base = Pose(tuple(BASE["position"]), from_rpy(*BASE["rpy"]))
+    with pytest.raises(InputError, match="unknown frame 'marker'"):
+        moveit(GOAL, "left", objects=[thing("marker")], base=BASE)
+    content = yaml.safe_load((tmp_path / "scene.yaml").read_text())
+    shift = {"translation": {"x": 1.0, "y": 0.0, "z": 0.0}, "rotation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
+    content["fixed_frame_transforms"] = [
+        {"header": {"frame_id": "root"}, "child_frame_id": "root", "transform": {}},
+        {"header": {"frame_id": "root"}, "child_frame_id": "marker", "transform": shift},
+    ]
+    (tmp_path / "scene.yaml").write_text(yaml.safe_dump(content))
+    (obstacle,) = load_scene(tmp_path / "scene.yaml", tmp_path / "request.yaml", tmp_path / "robot.yaml").obstacles
+    expected = compose(compose(base, Pose((1.0, 0.0, 0.0))), as_pose(PLACED))
+    np.testing.assert_allclose(obstacle.pose.matrix, expected.matrix, atol=1e-12)

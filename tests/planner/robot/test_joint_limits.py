@@ -1,0 +1,145 @@
+"""Laws of joint limits: the scene's values in the robot's order, the URDF's where it gives none, narrower positions."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from hdplan.planner.robot.joint_limits import acceleration_limits, jerk_limits, torque_limits, velocity_limits
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import JointTarget, JointValues, Limits, RobotSpec, Scene, SelfCollision, Timing
+from hdplan.scenes.yaml_format.reader import load_scene
+
+Limit = Callable[[Scene, Robot], NDArray[np.float64] | None]
+FUNCTIONS: Mapping[str, Limit] = {
+    "velocity": velocity_limits,
+    "acceleration": acceleration_limits,
+    "jerk": jerk_limits,
+    "torque": torque_limits,
+}
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return load_scene("panda_cage")
+
+
+@pytest.fixture(scope="module")
+def robot(scene: Scene) -> Robot:
+    return load_scene_robot(scene)
+
+
+def limited(scene: Scene, quantity: str, values: JointValues | None) -> Scene:
+    return replace(scene, limits=replace(Limits(), **{quantity: values}))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("quantity", FUNCTIONS)
+def test_values_are_those_of_the_scene_in_the_robots_order(scene: Scene, robot: Robot, quantity: str) -> None:
+    given = np.random.default_rng(0).uniform(0.1, 5.0, robot.n)
+    by_name = dict(reversed(list(zip(robot.joint_names, given.tolist(), strict=True))))
+    of = FUNCTIONS[quantity]
+    np.testing.assert_array_equal(of(limited(scene, quantity, tuple(given.tolist())), robot), given)
+    np.testing.assert_array_equal(of(limited(scene, quantity, by_name), robot), given)
+    np.testing.assert_array_equal(of(limited(scene, quantity, 1.5), robot), np.full(robot.n, 1.5))
+    assert of(scene, robot) is None
+
+
+def test_the_urdf_speaks_where_the_scene_does_not(scene: Scene, robot: Robot) -> None:
+    for quantity, of_urdf in (("velocity", robot.model.velocityLimit), ("torque", robot.model.effortLimit)):
+        of = FUNCTIONS[quantity]
+        np.testing.assert_array_equal(of(limited(scene, quantity, "urdf"), robot), of_urdf)
+        some = of(limited(scene, quantity, {"panda_joint3": 0.25}), robot)
+        assert some is not None
+        assert some[2] == 0.25
+        np.testing.assert_array_equal(np.delete(some, 2), np.delete(of_urdf, 2))
+
+
+def test_a_timed_motion_keeps_the_urdfs_speeds(scene: Scene, robot: Robot) -> None:
+    for timed in (replace(scene, timing=Timing(duration=2.0)), limited(scene, "acceleration", 3.0)):
+        np.testing.assert_array_equal(velocity_limits(timed, robot), robot.model.velocityLimit)
+        assert torque_limits(timed, robot) is None
+
+
+@pytest.mark.parametrize(
+    ("quantity", "values", "words"),
+    [
+        ("velocity", (1.0, 2.0), "limits.velocity: 2 values, but panda plans 7 joints: panda_joint1, "),
+        ("jerk", {"panda_jiont1": 1.0}, "limits.jerk: unknown joint 'panda_jiont1' (did you mean 'panda_joint1'?)"),
+        ("torque", {"panda_finger_joint1": 1.0}, "limits.torque: joint 'panda_finger_joint1' is held at 0.04, not"),
+        ("acceleration", {"panda_joint1": 1.0}, "limits.acceleration: no value for joint 'panda_joint2', and a URDF"),
+    ],
+)
+def test_what_does_not_fit_the_robot_is_refused(
+    scene: Scene, robot: Robot, quantity: str, values: JointValues, words: str
+) -> None:
+    with pytest.raises(InputError, match=re.escape(words)):
+        FUNCTIONS[quantity](limited(scene, quantity, values), robot)
+
+
+@pytest.mark.parametrize("missing", ["", 'effort="0" velocity="0"'])
+def test_a_urdf_without_limits_is_refused_where_they_are_asked_for(tmp_path: Path, missing: str) -> None:
+    limit = f"<limit {missing}/>" if missing else ""
+    urdf = tmp_path / "wheel.urdf"
+    urdf.write_text(
+        '<robot name="wheel"><link name="base"/><link name="rim"/><joint name="turn" type="continuous">'
+        f'<parent link="base"/><child link="rim"/><axis xyz="0 0 1"/>{limit}</joint></robot>'
+    )
+    ends = JointTarget("start", (0.0,)), JointTarget("goal", (1.0,))
+    scene = Scene("wheel", tmp_path / "wheel.yaml", RobotSpec(urdf=urdf), (), *ends)
+    robot = load_scene_robot(scene)
+    for quantity in ("velocity", "torque"):
+        with pytest.raises(InputError, match=f"limits.{quantity}: the URDF gives joint 'turn' no limit"):
+            FUNCTIONS[quantity](limited(scene, quantity, "urdf"), robot)
+        np.testing.assert_array_equal(FUNCTIONS[quantity](limited(scene, quantity, {"turn": 2.0}), robot), [2.0])
+
+
+# --- positions --------------------------------------------------------------------------------------------------------
+
+
+def test_positions_narrow_the_robot_and_nothing_else(scene: Scene, robot: Robot) -> None:
+    narrow = replace(scene, limits=Limits(position={"panda_joint7": (-1.0, 2.0), "panda_joint1": (-2.0, 1.0)}))
+    found = load_scene_robot(narrow)
+    assert load_scene_robot(narrow) is found
+    assert load_scene_robot(scene) is robot
+    np.testing.assert_array_equal(found.lower, [-2.0, *robot.lower[1:6], -1.0])
+    np.testing.assert_array_equal(found.upper, [1.0, *robot.upper[1:6], 2.0])
+    assert (found.model, found.self_pairs, found.notes) == (robot.model, robot.self_pairs, robot.notes)
+
+
+def test_an_end_outside_the_narrowed_positions_is_refused(scene: Scene, robot: Robot) -> None:
+    goal = resolve_query(robot, scene).goal
+    narrow = replace(scene, limits=Limits(position={"panda_joint1": (float(goal[0]) + 0.1, 2.8)}))
+    with pytest.raises(InputError, match=r"joint 'panda_joint1' is .*, outside its limits \["):
+        resolve_query(load_scene_robot(narrow), narrow)
+
+
+@pytest.mark.parametrize(
+    ("joint", "span", "words"),
+    [
+        ("panda_joint8", (0.0, 1.0), "unknown joint 'panda_joint8' (did you mean 'panda_joint"),
+        ("panda_joint1", (-3.0, 1.0), "must be a range within the URDF's [-2.8973, 2.8973], found [-3, 1]"),
+        ("panda_finger_joint1", (0.0, 0.02), "is held at 0.04, not planned"),
+    ],
+)
+def test_positions_that_the_joint_does_not_have_are_refused(
+    scene: Scene, joint: str, span: tuple[float, float], words: str
+) -> None:
+    narrow = replace(scene, limits=Limits(position={joint: span}))
+    with pytest.raises(InputError, match=re.escape(f"limits.position.{joint}: ") + ".*" + re.escape(words)):
+        load_scene_robot(narrow)
+
+
+def test_links_that_are_not_checked_leave_no_pair(scene: Scene, robot: Robot) -> None:
+    free = replace(scene, self_collision=SelfCollision(checked=False))
+    found = load_scene_robot(free)
+    assert found.self_pairs == ()
+    assert found.notes == (*robot.notes, "links are not checked against each other: self_collision: false")
+    assert load_scene_robot(free) is found

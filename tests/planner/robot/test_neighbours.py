@@ -1,0 +1,107 @@
+"""Which links are kept apart, judged by walking random trees of joints, with and without geometry on the links."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hdplan.planner.certificate.certifier import certify
+from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.robot import MOVE_AS_ONE, NEIGHBOURS, load_robot
+from hdplan.scenes.model import JointTarget, RobotSpec, Scene
+
+
+def random_tree(rng: np.random.Generator, folder: Path) -> tuple[RobotSpec, dict[int, tuple[int, bool]], set[int]]:
+    """A robot of small balls a metre apart; for each link but the first its parent, and whether the joint between
+    moves; and which links have geometry. Some joints that could move are held."""
+    count = int(rng.integers(4, 10))
+    shaped = {i for i in range(count) if rng.uniform() < 0.6}
+    parents, parts, held = dict[int, tuple[int, bool]](), [], {}
+    for i in range(count):
+        ball = "<collision><geometry><sphere radius='0.01'/></geometry></collision>" if i in shaped else ""
+        parts.append(f"<link name='l{i}'>{ball}</link>")
+    for i in range(1, count):
+        parent = int(rng.integers(max(0, i - 3), i))
+        kind = rng.choice(["fixed", "revolute", "prismatic", "continuous"])
+        locked = kind != "fixed" and rng.uniform() < 0.2
+        parents[i] = parent, kind != "fixed" and not locked
+        if locked:
+            held[f"j{i}"] = 0.1
+        x, y, z = rng.normal(size=3)
+        parts.append(
+            f"<joint name='j{i}' type='{kind}'><parent link='l{parent}'/><child link='l{i}'/>"
+            f"<origin xyz='{x} {y} {z}'/><axis xyz='0 0 1'/>"
+            "<limit lower='-1' upper='1' effort='1' velocity='1'/></joint>"
+        )
+    path = folder / f"tree{rng.integers(1 << 30)}.urdf"
+    path.write_text(f"<robot name='tree'>{''.join(parts)}</robot>")
+    return RobotSpec(urdf=path, locked=held), parents, shaped
+
+
+def way(a: int, b: int, parents: dict[int, tuple[int, bool]]) -> tuple[int, set[int]]:
+    """How many joints move between two links, and which links are between: by walking up from the later one, which is
+    never an ancestor of the other."""
+    moving, between, ends = 0, set(), {a, b}
+    while a != b:
+        later, a = max(a, b), min(a, b)
+        b, moves = parents[later]
+        moving += moves
+        between.add(b)
+    return moving, between - ends
+
+
+def test_neighbours_have_one_moving_joint_and_no_geometry_between(tmp_path: Path) -> None:
+    rng = np.random.default_rng(11)
+    seen = {"neighbours": 0, "one": 0, "checked": 0, "hidden": 0}
+    for _ in range(60):
+        spec, parents, shaped = random_tree(rng, tmp_path)
+        if not any(moves for _, moves in parents.values()):
+            continue
+        robot = load_robot(spec)
+        assert set(robot.links) == {f"l{i}" for i in shaped}
+        checked = {frozenset(pair) for pair in robot.self_pairs}
+        for i, j in itertools.combinations(sorted(shaped), 2):
+            moving, between = way(i, j, parents)
+            reason = robot.unchecked.get((f"l{i}", f"l{j}"))
+            if moving == 0:
+                assert reason == MOVE_AS_ONE
+                seen["one"] += 1
+            elif moving == 1 and not between & shaped:
+                assert reason == NEIGHBOURS
+                seen["neighbours"] += 1
+            else:
+                assert frozenset((f"l{i}", f"l{j}")) in checked
+                seen["checked"] += 1
+                seen["hidden"] += moving > 1 and not between & shaped
+    assert min(seen.values()) > 10, seen
+
+
+ARM = """<robot name="arm">
+ <link name="base"><collision><origin xyz="0.5 0 0"/><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link>
+ <link name="yoke"/>
+ <link name="arm"><collision><origin xyz="0.5 0 0"/><geometry><box size="1 0.05 0.05"/></geometry></collision></link>
+ <joint name="pan" type="revolute"><parent link="base"/><child link="yoke"/><axis xyz="0 0 1"/>
+  <limit lower="-3" upper="3" velocity="2" effort="10"/></joint>
+ <joint name="lift" type="revolute"><parent link="yoke"/><child link="arm"/><axis xyz="0 1 0"/>
+  <limit lower="-3" upper="3" velocity="2" effort="10"/></joint>
+</robot>"""
+
+
+@pytest.mark.parametrize("held", [None, "lift"])
+def test_an_arm_sweeps_through_its_base_unless_one_joint_alone_joins_them(held: str | None, tmp_path: Path) -> None:
+    """Two joints and a link without geometry between: a contact, named. With one of them held they are neighbours."""
+    (tmp_path / "arm.urdf").write_text(ARM)
+    spec = RobotSpec(urdf=tmp_path / "arm.urdf", locked={} if held is None else {held: 0.0})
+    robot = load_robot(spec)
+    ends = np.zeros((2, robot.n))
+    ends[:, 0] = -1.0, 1.0
+    start, goal = (JointTarget(f, tuple(q.tolist())) for f, q in zip(("start", "goal"), ends, strict=True))
+    verdict = certify(Scene("arm", tmp_path / "s.yaml", spec, (), start, goal), Trajectory(robot.joint_names, ends))
+    assert verdict.certified is (held is not None)
+    if held is None:
+        assert verdict.status is Status.IN_CONTACT
+        assert "arm and base" in verdict.text

@@ -1,0 +1,418 @@
+"""Robots: names, planned and locked joints, limits, pairs, and what is said when something is wrong."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import trimesh
+
+from hdplan.planner.geometry.meshes import TriangleMesh
+from hdplan.planner.robot.robot import Robot, load_robot, pin_model
+from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import JointTarget, Mesh, Pose, RobotSpec, Scene
+from hdplan.scenes.robot_files.library import robot_names
+
+ARMS = {"panda": 7, "ur3_gripper": 6, "ur5": 6, "ur5_gripper": 6, "ur10": 6, "xarm7": 7, "kinova": 6, "z1": 6}
+FINGERS = {"panda_finger_joint1": 0.065, "panda_finger_joint2": 0.065}  # beyond the URDF's 0.04
+READY = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785)
+ARM = """<robot name="arm">
+  <link name="base"><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>
+  <link name="upper"><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>
+  <link name="lower"><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>
+  <link name="tip"><collision><geometry><sphere radius="0.05"/></geometry></collision></link>
+  <joint name="a" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="2" effort="1" velocity="1"/></joint>
+  <joint name="b" type="{kind}"><parent link="upper"/><child link="lower"/><origin xyz="{offset} 0 0"/>
+    <axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="c" type="fixed"><parent link="lower"/><child link="tip"/></joint>
+</robot>"""
+
+
+def _scene(robot: RobotSpec, start: JointTarget, goal: JointTarget, from_request: bool = False) -> Scene:
+    return Scene("test", Path("some/scene.yaml"), robot, (), start, goal, from_request=from_request)
+
+
+def _file(folder: Path, kind: str = "revolute", offset: float = 1.0) -> Path:
+    path = folder / "arm.urdf"
+    path.write_text(ARM.format(kind=kind, offset=offset))
+    return path
+
+
+@pytest.fixture(scope="module")
+def panda() -> Robot:
+    return load_robot(RobotSpec(name="panda"))
+
+
+@pytest.mark.parametrize(("name", "count"), ARMS.items())
+def test_the_named_arms_load(name: str, count: int) -> None:
+    robot = load_robot(RobotSpec(name=name))
+    assert robot.n == count == robot.model.nv == len(robot.lower) == len(robot.upper)
+    assert robot.links
+    assert np.all(robot.lower < robot.upper)
+
+
+def test_names_are_unique_and_lead_to_files() -> None:
+    table = robot_names()
+    assert set(ARMS) <= set(table)
+    assert len({files.urdf for files in table.values()}) == len(table)
+    assert all(files.urdf.is_file() and (files.srdf is None or files.srdf.is_file()) for files in table.values())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", robot_names())
+def test_every_listed_robot_loads_or_says_why_not(name: str) -> None:
+    try:
+        robot = load_robot(RobotSpec(name=name))
+    except InputError as error:
+        said = str(error)
+    else:
+        said = " ".join(robot.notes)
+        assert robot.n > 0
+    assert "\n" not in said
+
+
+def test_unknown_robots_links_and_joints_are_refused_with_the_nearest_name() -> None:
+    with pytest.raises(InputError, match=r"'pamda' \(did you mean 'panda'\?\)"):
+        load_robot(RobotSpec(name="pamda"))
+    with pytest.raises(
+        InputError, match=r"robot.locked: unknown joint 'panda_joint77' \(did you mean 'panda_joint7'\?\)"
+    ):
+        load_robot(RobotSpec(name="panda", locked={"panda_joint77": 0.0}))
+    with pytest.raises(
+        InputError, match=r"robot.ignore_pairs: unknown link 'panda_hnd' \(did you mean 'panda_hand'\?\)"
+    ):
+        load_robot(RobotSpec(name="panda", ignore_pairs=(("panda_hnd", "panda_link1"),)))
+
+
+# --- locked joints ----------------------------------------------------------------------------------------------------
+
+
+def test_fingers_are_held_by_default_and_named(panda: Robot) -> None:
+    assert set(panda.locked) == set(FINGERS)
+    assert any("panda_finger_joint1" in note for note in panda.notes)
+
+
+def test_locked_joints_take_the_value_even_beyond_limits() -> None:
+    full = pin.buildModelFromUrdf(str(robot_names()["panda"].urdf))
+    robot = load_robot(RobotSpec(name="panda", locked={**FINGERS, "panda_joint3": 0.4}))
+    assert robot.n == 6
+    assert robot.locked == {**FINGERS, "panda_joint3": 0.4}
+    q = np.random.default_rng(0).uniform(robot.lower, robot.upper)
+    reduced, complete = robot.model.createData(), full.createData()
+    pin.framesForwardKinematics(robot.model, reduced, robot.pin_q(q))
+    pin.framesForwardKinematics(full, complete, np.concatenate([q[:2], [0.4], q[2:], [0.065, 0.065]]))
+    for link in robot.links:
+        a, b = reduced.oMf[robot.model.getFrameId(link)], complete.oMf[full.getFrameId(link)]
+        np.testing.assert_allclose(a.homogeneous, b.homogeneous, atol=1e-12)
+
+
+def test_a_mimic_joint_follows_the_joint_that_is_held() -> None:
+    robot = load_robot(RobotSpec(name="panda", locked={"panda_finger_joint1": 0.03}))
+    assert robot.locked == {"panda_finger_joint1": 0.03, "panda_finger_joint2": 0.03}
+
+
+def test_the_base_moves_everything() -> None:
+    pose = Pose((0.1, 0.2, 0.9144), (0.0, 0.0, 0.6, 0.8))
+    here, there = (load_robot(RobotSpec(name="ur5", base=base)) for base in (Pose(), pose))
+    q = here.pin_q(np.full(6, 0.3))
+    for robot in (here, there):
+        assert robot.model.frames[0].placement.isIdentity()
+    placed = []
+    for robot in (here, there):
+        data, geometry = robot.model.createData(), pin.GeometryData(robot.collision)
+        pin.updateGeometryPlacements(robot.model, data, robot.collision, geometry, q)
+        placed.append([placement.homogeneous for placement in geometry.oMg])
+    for a, b in zip(*placed, strict=True):
+        np.testing.assert_allclose(pose.matrix @ a, b, atol=1e-12)
+
+
+# --- configurations ---------------------------------------------------------------------------------------------------
+
+
+def test_configurations_by_position_name_and_state_agree(panda: Robot) -> None:
+    state = panda.named_states["default"]
+    values = tuple(state[joint] for joint in panda.joint_names)
+    by_name = dict(reversed(list(zip(panda.joint_names, values, strict=True))))
+    for target in (
+        JointTarget("start", positions=values),
+        JointTarget("start", by_name=by_name),
+        JointTarget("start", state="default"),
+    ):
+        np.testing.assert_array_equal(panda.configuration(target), values)
+
+
+@pytest.mark.parametrize(
+    ("target", "words"),
+    [
+        (JointTarget("goal", positions=(0.0,) * 6), "goal: 6 joint values, but panda plans 7 joints: panda_joint1, "),
+        (
+            JointTarget("goal", positions=(4.0, *READY[1:])),
+            r"'panda_joint1' is 4, outside its limits \[-2.8973, 2.8973\]",
+        ),
+        (JointTarget("goal", state="defualt"), r"unknown state 'defualt' \(did you mean 'default'\?\)"),
+        (JointTarget("goal", by_name={"panda_jiont1": 0.0}), r"'panda_jiont1' \(did you mean 'panda_joint1'\?\)"),
+        (JointTarget("goal", by_name={"panda_finger_joint1": 0.0}), "held at 0.001, not planned"),
+        (JointTarget("goal", by_name={"panda_joint1": 0.0}), "no value for panda_joint2, "),
+    ],
+)
+def test_wrong_configurations_are_refused(panda: Robot, target: JointTarget, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        panda.configuration(target)
+    scene = _scene(RobotSpec(name="panda"), JointTarget("start", positions=READY), target)
+    with pytest.raises(InputError, match=r"some/scene\.yaml: "):
+        resolve_query(panda, scene)
+
+
+def test_only_a_request_may_lie_beyond_a_limit_by_its_rounding(panda: Robot) -> None:
+    for excess, from_request, allowed in (
+        (0.0, False, True),
+        (5e-4, False, False),
+        (5e-4, True, True),
+        (2e-3, True, False),
+    ):
+        q = np.array(READY)
+        q[3] = panda.upper[3] + excess
+        target = JointTarget("start", positions=tuple(q))
+        if allowed:
+            np.testing.assert_array_equal(panda.configuration(target, from_request), q)
+        else:
+            with pytest.raises(InputError, match="panda_joint4"):
+                panda.configuration(target, from_request)
+
+
+def test_a_request_holds_joints_that_are_not_planned_and_drops_unknown_ones() -> None:
+    names = dict(zip((f"panda_joint{i}" for i in range(1, 8)), READY, strict=True))
+    start = JointTarget("start", by_name={"robotiq": 1.0, **names, **FINGERS})
+    scene = _scene(RobotSpec(name="panda"), start, JointTarget("goal", by_name=names), from_request=True)
+    robot = load_scene_robot(scene)
+    assert robot.locked == FINGERS
+    query = resolve_query(robot, scene)
+    np.testing.assert_array_equal(query.start, READY)
+    assert any("robotiq" in note for note in query.notes)
+    told = replace(scene, robot=RobotSpec(name="panda", locked={"panda_finger_joint1": 0.01}))
+    assert load_scene_robot(told).locked["panda_finger_joint1"] == 0.01
+
+
+def test_limits_make_room_for_a_request_that_lies_a_little_beyond(panda: Robot) -> None:
+    """Other descriptions of a Panda let joint 4 go to 0.0175; too far beyond is refused, as is a hand-written scene."""
+    joint = panda.joint_names.index("panda_joint4")
+    for excess, from_request, allowed in ((0.08, True, True), (0.2, True, False), (0.08, False, False)):
+        goal = dict(zip(panda.joint_names, READY, strict=True)) | {"panda_joint4": panda.upper[joint] + excess}
+        start = JointTarget("start", by_name=dict(zip(panda.joint_names, READY, strict=True)))
+        scene = _scene(RobotSpec(name="panda"), start, JointTarget("goal", by_name=goal), from_request)
+        robot = load_scene_robot(scene)
+        if not allowed:
+            np.testing.assert_array_equal(robot.upper, panda.upper)
+            with pytest.raises(InputError, match=r"panda_joint4.*outside its limits"):
+                resolve_query(robot, scene)
+            continue
+        assert robot.upper[joint] == goal["panda_joint4"]
+        assert np.sum(robot.upper != panda.upper) == 1
+        np.testing.assert_array_equal(robot.lower, panda.lower)
+        assert any("panda_joint4" in note and "widened" in note for note in robot.notes)
+        np.testing.assert_array_equal(resolve_query(robot, scene).goal, list(goal.values()))
+        assert load_scene_robot(scene) is robot
+
+
+@pytest.mark.parametrize(("excess", "allowed"), [(0.0, True), (0.08, True), (0.12, False)])
+def test_limits_make_room_for_a_named_state_that_lies_a_little_beyond(
+    tmp_path: Path, excess: float, allowed: bool
+) -> None:
+    srdf = tmp_path / "arm.srdf"
+    srdf.write_text(
+        f'<robot name="arm"><group_state name="up" group="arm"><joint name="a" value="{2 + excess}"/>'
+        '<joint name="b" value="0"/></group_state></robot>'
+    )
+    spec = RobotSpec(urdf=_file(tmp_path), srdf=srdf)
+    scene = _scene(spec, JointTarget("start", state="up"), JointTarget("goal", positions=(0.0, 0.0)))
+    robot = load_scene_robot(scene)
+    assert robot.upper.tolist() == [2 + excess if allowed else 2.0, 1.0]
+    assert any("joint 'a': limits [-1, 2] widened to" in note for note in robot.notes) == (allowed and excess > 0)
+    if allowed:
+        np.testing.assert_array_equal(resolve_query(robot, scene).start, [2 + excess, 0.0])
+    else:
+        with pytest.raises(InputError, match=r"start: state 'up': joint 'a' is 2.12, outside its limits \[-1, 2\]"):
+            resolve_query(robot, scene)
+    plain = _scene(spec, JointTarget("start", positions=(2.05, 0.0)), JointTarget("goal", positions=(0.0, 0.0)))
+    assert load_scene_robot(plain).upper.tolist() == [2.0, 1.0]
+
+
+def test_a_robot_is_loaded_once_until_its_files_change(tmp_path: Path) -> None:
+    file = tmp_path / "arm.urdf"
+    text = (
+        '<robot name="arm"><link name="base"/><link name="arm"><collision><geometry>'
+        '<box size="0.1 0.1 0.4"/></geometry></collision></link>'
+        '<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>'
+        '<axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>'
+    )
+    file.write_text(text)
+    ends = JointTarget("start", (0.0,)), JointTarget("goal", (0.5,))
+    first = load_scene_robot(_scene(RobotSpec(urdf=file), *ends))
+    assert load_scene_robot(_scene(RobotSpec(urdf=file), *ends)) is first
+    assert load_scene_robot(_scene(RobotSpec(urdf=file, base=Pose((0.0, 0.0, 1.0))), *ends)) is not first
+    file.write_text(text.replace('upper="1"', 'upper="1.25"'))
+    assert load_scene_robot(_scene(RobotSpec(urdf=file), *ends)).upper == 1.25
+
+
+def test_continuous_joints_are_one_angle() -> None:
+    kinova = load_robot(RobotSpec(name="kinova"))
+    assert kinova.model.nq > kinova.n
+    assert np.sum(np.isinf(kinova.upper)) == 3
+    q = np.random.default_rng(0).uniform(-9, 9, (4, 5, kinova.n))
+    configurations = kinova.pin_q(q)
+    assert configurations.shape == (4, 5, kinova.model.nq)
+    np.testing.assert_allclose(pin.normalize(kinova.model, configurations[0, 0]), configurations[0, 0], atol=1e-15)
+
+
+# --- pairs ------------------------------------------------------------------------------------------------------------
+
+
+def test_pairs_leave_out_neighbours_disabled_ignored_and_rigid_ones(panda: Robot) -> None:
+    pairs = {frozenset(pair) for pair in panda.self_pairs}
+    assert frozenset(("panda_link0", "panda_link5")) in pairs
+    for a, b in (("panda_link0", "panda_link1"), ("panda_link1", "panda_link3"), ("panda_hand", "panda_link7")):
+        assert frozenset((a, b)) not in pairs
+    assert all(panda.link_joint[a] != panda.link_joint[b] for a, b in panda.self_pairs)
+    fewer = load_robot(RobotSpec(name="panda", ignore_pairs=(("panda_link5", "panda_link0"),)))
+    assert pairs - {frozenset(pair) for pair in fewer.self_pairs} == {frozenset(("panda_link0", "panda_link5"))}
+
+
+def test_a_pair_that_always_touches_is_left_out_with_a_word(tmp_path: Path) -> None:
+    apart = load_robot(RobotSpec(urdf=_file(tmp_path)))
+    assert set(apart.self_pairs) == {("base", "lower"), ("base", "tip"), ("tip", "upper")}
+    assert not apart.notes
+    touching = load_robot(RobotSpec(urdf=_file(tmp_path, offset=0.0)))
+    assert not touching.self_pairs
+    assert any("base-lower" in note and "base-tip" in note for note in touching.notes)
+
+
+# --- files ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["floating", "planar"])
+def test_joints_of_several_coordinates_are_refused_by_name(tmp_path: Path, kind: str) -> None:
+    with pytest.raises(InputError, match="joint 'b' of arm has"):
+        load_robot(RobotSpec(urdf=_file(tmp_path, kind)))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (None, "no such file"),
+        ("<robot", "not well-formed XML"),
+        ("<sdf/>", "the outermost element is <sdf>"),
+        ('<robot name="x"><link name="a"/><link name="b"/></robot>', "not connected"),
+        ('<robot name="x"><link name="a"/></robot>', "no joint left to plan"),
+        (
+            ARM.format(kind="revolute", offset=1).replace('<sphere radius="0.05"/>', '<mesh filename="no.stl"/>'),
+            "no.stl",
+        ),
+    ],
+)
+def test_a_wrong_urdf_is_one_line(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], text: str | None, words: str
+) -> None:
+    path = tmp_path / "bad.urdf"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(InputError, match=words) as caught:
+        load_robot(RobotSpec(urdf=path))
+    assert "\n" not in str(caught.value)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_damaged_mesh_of_a_link_is_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Never half read: what is missing of a link would be proven free."""
+    ball = trimesh.creation.icosphere(1, 0.05)
+    path = tmp_path / "arm.urdf"
+    for ending, kind in (("stl", "stl_ascii"), ("stl", "stl"), ("obj", "obj"), ("ply", "ply"), ("dae", "dae")):
+        data = ball.export(file_type=kind)
+        data = data.encode() if isinstance(data, str) else data
+        mesh = tmp_path / f"ball.{ending}"
+        path.write_text(
+            ARM.format(kind="revolute", offset=1).replace(
+                '<sphere radius="0.05"/>', f'<mesh filename="package://{mesh.name}" scale="1 2 1"/>'
+            )
+        )
+        mesh.write_bytes(data)
+        (index,) = load_robot(RobotSpec(urdf=path)).link_geometry["tip"]
+        item = load_robot(RobotSpec(urdf=path)).collision.geometryObjects[index]
+        assert (item.meshPath, item.geometry.num_tris) == (str(mesh), len(ball.faces))
+        np.testing.assert_allclose(np.ptp(item.geometry.vertices(), axis=0), ball.extents * [1, 2, 1], atol=1e-6)
+        mesh.write_bytes(data[: len(data) * 2 // 3])
+        with pytest.raises(InputError, match=rf"arm\.urdf: link 'tip': mesh {mesh}: ") as caught:
+            load_robot(RobotSpec(urdf=path))
+        assert "\n" not in str(caught.value)
+        mesh.unlink()
+    os.mkfifo(tmp_path / "ball.dae")
+    with pytest.raises(InputError, match="is not a regular file"):
+        load_robot(RobotSpec(urdf=path))
+    assert capfd.readouterr() == ("", "")
+
+
+def test_groups_and_states_of_an_srdf(tmp_path: Path) -> None:
+    srdf = tmp_path / "arm.srdf"
+    srdf.write_text(
+        '<robot name="arm"><group name="arm"><chain base_link="base" tip_link="upper"/></group>'
+        '<group_state name="up" group="arm"><joint name="a" value="0.5"/><joint name="b" value="0.25"/></group_state>'
+        '<disable_collisions link1="tip" link2="base" reason="Never"/></robot>'
+    )
+    robot = load_robot(RobotSpec(urdf=_file(tmp_path), srdf=srdf))
+    assert robot.joint_names == ("a",)
+    assert robot.locked == {"b": 0.25}
+    np.testing.assert_array_equal(robot.configuration(JointTarget("start", state="up")), [0.5])
+    assert ("base", "tip") not in robot.self_pairs
+
+
+def test_a_mesh_that_a_urdf_mirrors_is_a_solid_still(tmp_path: Path) -> None:
+    """A negative scale is how URDFs make a left arm of a right one: what is outside stays outside."""
+    path, ball = tmp_path / "arm.urdf", trimesh.creation.icosphere(1, 0.05)
+    ball.apply_translation([0.1, 0.2, 0.3])
+    ball.export(tmp_path / "ball.ply")
+    for scale in itertools.product((-1, 2), repeat=3):
+        mesh = f'<mesh filename="ball.ply" scale="{" ".join(map(str, scale))}"/>'
+        path.write_text(ARM.format(kind="revolute", offset=1).replace('<sphere radius="0.05"/>', mesh))
+        robot = load_robot(RobotSpec(urdf=path))
+        tree = robot.collision.geometryObjects[robot.link_geometry["tip"][0]].geometry
+        corners = np.array([[t[0], t[1], t[2]] for t in map(tree.tri_indices, range(tree.num_tris))])
+        found = TriangleMesh(np.asarray(tree.vertices()), corners)
+        assert found.volume == pytest.approx(ball.volume * abs(np.prod(scale)), rel=1e-6)
+        np.testing.assert_allclose(np.sort(found.vertices, axis=0), np.sort(ball.vertices * scale, axis=0), atol=1e-6)
+
+
+def test_a_file_that_changes_while_it_is_read_is_read_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is kept of a robot is what its files say, even if one changes between its reading and the last one's."""
+    urdf, mesh = tmp_path / "arm.urdf", tmp_path / "ball.obj"
+    ball = '<sphere radius="0.05"/>'
+    urdf.write_text(ARM.format(kind="revolute", offset=1).replace(ball, '<mesh filename="ball.obj"/>'))
+    trimesh.creation.icosphere(1, 0.05).export(mesh)
+    target = JointTarget("start", (0.0, 0.0))
+    scene = _scene(RobotSpec(urdf=urdf), target, target)
+    true = pin_model.load_mesh
+
+    def changing(shape: Mesh, field: str) -> TriangleMesh:
+        found = true(shape, field)
+        trimesh.creation.icosphere(2, 0.07).export(mesh)
+        return found
+
+    def triangles() -> int:
+        robot = load_scene_robot(scene)
+        (index,) = robot.link_geometry["tip"]
+        return int(robot.collision.geometryObjects[index].geometry.num_tris)
+
+    monkeypatch.setattr(pin_model, "load_mesh", changing)
+    assert triangles() == 80
+    monkeypatch.setattr(pin_model, "load_mesh", true)
+    assert triangles() == 320
+    kept = load_scene_robot(scene)
+    assert load_scene_robot(scene) is kept
+    urdf.write_text(urdf.read_text().replace("ball.obj", "./ball.obj"))
+    assert load_scene_robot(scene) is not kept

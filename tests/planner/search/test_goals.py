@@ -1,0 +1,276 @@
+"""Laws of goals that leave a choice: poses are reached as they say, the best certified goal wins, absent is absent."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from hdplan.planner.build import build
+from hdplan.planner.certificate.certifier import Certifier, certify
+from hdplan.planner.certificate.pose_goals import miss_of
+from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.kinematics import inverse
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.plan import plan
+from hdplan.planner.result import PlanResult
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.search import goals as goal_search
+from hdplan.planner.search.goals import APART, goal_choice, reaching, settled
+from hdplan.planner.terminal.explain import explain
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import Goals, JointTarget, Pose, PoseTarget, Scene
+from hdplan.scenes.yaml_format.reader import load_scene
+
+
+def pose_of(placement: pin.SE3) -> Pose:
+    x, y, z, w = pin.Quaternion(placement.rotation).normalized().coeffs().tolist()
+    return Pose(tuple(placement.translation.tolist()), (x, y, z, w))
+
+
+def placed(robot: Robot, link: str, q: np.ndarray) -> pin.SE3:
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
+    return data.oMf[robot.model.getFrameId(link, pin.FrameType.BODY)].copy()
+
+
+def aimed(scene: Scene, *targets: Any) -> Scene:
+    return dataclasses.replace(scene, goal=Goals(targets))
+
+
+@pytest.mark.parametrize("name", ["planar_arm", "ur5_table", "panda_cage", "kinova_shelf"])
+@pytest.mark.parametrize("free", ["none", "z", "all"])
+def test_what_is_found_reaches_the_pose_within_limits(name: str, free: str) -> None:
+    scene = load_scene(name)
+    robot = load_scene_robot(scene)
+    link, start = robot.links[-1], robot.configuration(scene.start)
+    rng = np.random.default_rng(5)
+    for q in robot.draw(rng, 3):
+        target = PoseTarget("goal.pose", link, pose_of(placed(robot, link, q)), free_rotation=free)
+        found, least = reaching(robot, target, start, np.random.default_rng(0))
+        assert len(found)
+        assert least.within(target)
+        for row in found:
+            assert miss_of(robot, target, row).within(target)
+        assert np.all((found >= robot.lower) & (found <= robot.upper))
+        assert all(np.abs(a - b).max() > APART for a, b in itertools.combinations(found, 2))
+        lengths = np.linalg.norm(found - start, axis=1)
+        assert np.all(np.diff(lengths) >= 0)
+        again, _ = reaching(robot, target, start, np.random.default_rng(0))
+        assert again.tobytes() == found.tobytes()
+
+
+def test_a_miss_is_what_the_target_was_moved_by() -> None:
+    scene = load_scene("ur5_table")
+    robot = load_scene_robot(scene)
+    rng = np.random.default_rng(2)
+    for q in robot.draw(rng, 20):
+        place = placed(robot, "tool0", q)
+        shift, angle = rng.uniform(-0.1, 0.1, 3), rng.uniform(0.1, 3.0)
+        for axis, name in enumerate("xyz"):
+            turn = pin.exp3(angle * np.eye(3)[axis])
+            moved = pose_of(pin.SE3(place.rotation @ turn, place.translation + shift))
+            for free in ("none", "x", "y", "z", "all"):
+                miss = miss_of(robot, PoseTarget("goal.pose", "tool0", moved, free_rotation=free), q)
+                expected = 0.0 if free in (name, "all") else angle
+                assert miss == pytest.approx((np.linalg.norm(shift), expected), abs=1e-7)
+
+
+def test_a_turn_between_directions_is_as_long_as_their_angle() -> None:
+    rng = np.random.default_rng(4)
+    wanted, *others = (v / np.linalg.norm(v) for v in rng.normal(size=(20, 3)))
+    for direction in (*others, wanted, -wanted):
+        (turn,) = inverse._turn_between(direction[None], wanted)
+        np.testing.assert_allclose(pin.exp3(turn) @ direction, wanted, atol=1e-9)
+        assert np.linalg.norm(turn) == pytest.approx(np.arccos(np.clip(direction @ wanted, -1, 1)), abs=1e-7)
+
+
+def test_a_pose_out_of_reach_is_refused_with_how_close_it_came() -> None:
+    scene = load_scene("ur5_table")
+    robot = load_scene_robot(scene)
+    target = PoseTarget("goal.pose", "tool0", Pose((0.3, 0.0, 1.5)), 0.001, 0.01)
+    with pytest.raises(
+        InputError, match=r"goal\.pose: link 'tool0' is not brought there: the best of \d+ tries is .* mm"
+    ):
+        goal_choice(aimed(scene, target), robot, Certifier(scene, robot))
+
+
+def test_tolerances_are_held_by_the_certificate() -> None:
+    scene = load_scene("ur5_table")
+    robot = load_scene_robot(scene)
+    result = plan(scene)
+    place = placed(robot, "tool0", result.trajectory.positions[-1])
+    for off, allowed, met in ((0.009, 0.01, True), (0.011, 0.01, False)):
+        moved = pin.SE3(place.rotation, place.translation + [0, 0, off])
+        certificate = certify(
+            aimed(scene, PoseTarget("goal.pose", "tool0", pose_of(moved), allowed)), result.trajectory
+        )
+        assert (certificate.status is Status.WRONG_ENDS) != met
+        turned = pin.SE3(place.rotation @ pin.exp3(np.array([0, off * 10, 0])), place.translation)
+        target = PoseTarget("goal.pose", "tool0", pose_of(turned), 1e-6, allowed * 10)
+        certificate = certify(aimed(scene, target), result.trajectory)
+        assert (certificate.status is Status.WRONG_ENDS) != met
+        other = PoseTarget("goal.pose", "tool0", pose_of(place))
+        assert certify(aimed(scene, target, other), result.trajectory).certified  # one of them is enough
+    assert "the last waypoint has tool0 " in certificate.text
+    backwards = Trajectory(result.trajectory.joint_names, result.trajectory.positions[::-1].copy())
+    assert certify(aimed(scene, other), backwards).status is Status.WRONG_ENDS
+
+
+def test_the_shipped_grasp_needs_its_free_axis_and_many_starts() -> None:
+    scene = load_scene("panda_grasp")
+    assert isinstance(scene.goal, Goals)
+    robot, (target,) = load_scene_robot(scene), scene.goal.targets
+    assert isinstance(target, PoseTarget)
+    result = plan(scene)
+    assert result.certified
+    assert result.goal is not None
+    miss = miss_of(robot, target, result.trajectory.positions[-1])
+    assert miss.within(target)
+    assert max(miss) < 1e-6  # where the centre can be reached, the goal is there and not at the tolerance's edge
+    assert result.summary()["goal"] == {"of": "goal.pose", "joints": result.goal.positions}
+    np.testing.assert_array_equal(result.trajectory.positions[-1], result.goal.positions)
+    assert any(note.startswith("goal taken of ") for note in result.notes)
+
+    fixed = aimed(scene, dataclasses.replace(target, free_rotation="none"))
+    with pytest.raises(
+        InputError,
+        match=r"panda_grasp.yaml: goal\.pose: none of \d+ configurations found will do; the nearest is in collision: ",
+    ):
+        plan(fixed)
+
+    start = robot.configuration(scene.start)
+    nearest = reaching(robot, target, start, np.random.default_rng(0))[0][0]
+    guessed = dataclasses.replace(scene, goal=JointTarget("goal", tuple(nearest.tolist())))
+    with pytest.raises(InputError, match="goal: in collision"):
+        plan(guessed)
+
+
+def test_a_request_s_pose_is_planned_to_whatever_else_its_start_names() -> None:
+    """A MoveIt request speaks of whole robots: of joints that are held, and of some that are not there."""
+    scene = load_scene("panda_grasp")
+    start = load_scene_robot(scene).configuration(scene.start)
+    named = {**dict(zip(load_scene_robot(scene).joint_names, start.tolist(), strict=True)), "wheel": 1.0}
+    named["panda_finger_joint1"] = named["panda_finger_joint2"] = 0.04
+    asked = dataclasses.replace(scene, start=JointTarget("start", by_name=named), from_request=True)
+    result = plan(asked)
+    assert result.certificate.certified
+    assert any("wheel" in note for note in result.notes)
+
+
+def test_the_same_seed_gives_the_same_bytes() -> None:
+    scene = load_scene("panda_grasp")
+    first, second = plan(scene, seed=3), plan(scene, seed=3)
+    assert first.trajectory.positions.tobytes() == second.trajectory.positions.tobytes()
+    assert first.notes == second.notes
+
+
+def test_of_several_goals_the_least_smoothness_cost_wins() -> None:
+    scene = load_scene("planar_arm")
+    goals = tuple(JointTarget(f"goal.joints[{i}]", q) for i, q in enumerate([(1.6, 1.0), (-0.5, 0.2), (1.0, 0.4)]))
+    result = plan(aimed(scene, *goals))
+    costs = {}
+    for goal in goals:
+        alone = plan(dataclasses.replace(scene, goal=goal))
+        if alone.certified:
+            costs[goal.field] = build(scene).smoothness.value(alone.trajectory.positions)[0]
+    assert result.certified
+    assert result.goal is not None
+    assert result.goal.field == min(costs, key=lambda field: costs[field])
+
+
+def test_a_goal_in_collision_is_passed_over_and_said() -> None:
+    scene = load_scene("planar_arm")
+    bad, good = JointTarget("goal.joints[0]", (0.0, 0.0)), JointTarget("goal.joints[1]", (1.0, 0.4))
+    result = plan(aimed(scene, bad, good))
+    assert result.certified
+    assert any(note.startswith("goal.joints[0]: in collision") for note in result.notes)
+    with pytest.raises(InputError, match=r"goal\.joints\[0\]: in collision: .* and ball"):
+        plan(aimed(scene, bad))
+
+
+@pytest.mark.parametrize(
+    ("link", "words"),
+    [
+        ("tol0", r"goal\.pose\.link: unknown link 'tol0' \(did you mean 'tool0'\?\)"),
+        ("base_link", "fixed to the world"),
+    ],
+)
+def test_links_that_will_not_do_are_refused(link: str, words: str) -> None:
+    scene = aimed(load_scene("ur5_table"), PoseTarget("goal.pose", link, Pose()))
+    with pytest.raises(InputError, match=words):
+        plan(scene)
+
+
+def test_the_explanation_says_what_is_asked_for() -> None:
+    rows = dict(explain(build(load_scene("panda_grasp")))["scene"])
+    assert rows["goal.pose"] == (
+        "panda_hand_tcp within 1 mm of (0.55, 0.1, 0.39), within 0.01 rad, turning freely about its x axis"
+    )
+
+
+def test_a_motion_s_own_end_is_kept_for_viewing() -> None:
+    scene = load_scene("panda_grasp")
+    robot = load_scene_robot(scene)
+    ends = {goal.positions: goal for goal in goal_choice(scene, robot, Certifier(scene, robot)).goals}
+    last = list(ends)[-1]
+    motion = Trajectory(robot.joint_names, np.array([robot.configuration(scene.start), last]))
+    assert settled(scene, robot, motion).goal == JointTarget("goal", last)
+    assert settled(scene, robot).goal == next(iter(ends.values()))
+    elsewhere = Trajectory(robot.joint_names, np.array([last, robot.configuration(scene.start)]))
+    assert settled(scene, robot, elsewhere) == settled(scene, robot)
+
+
+def bytes_of(result: PlanResult) -> Any:
+    summary = result.summary()
+    del summary["time_s"]
+    return summary, result.trajectory.positions.tobytes(), result.steps
+
+
+@pytest.mark.parametrize("name", ["planar_arm", "panda_corridor", "ur5_table"])
+def test_absent_is_absent(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One configuration as goal: nothing of this is called, shown or written, and a choice of one changes nothing."""
+    scene = load_scene(name)
+    robot, goal = load_scene_robot(scene), scene.goal
+    assert isinstance(goal, JointTarget)
+    chosen = plan(aimed(scene, goal))
+
+    def never(*_: object) -> None:
+        raise AssertionError("called")
+
+    for part in ("reaching", "_free", "kinematics_of"):
+        monkeypatch.setattr(goal_search, part, never)
+    result = plan(scene)
+    assert settled(scene, robot) is scene
+    assert "goal" not in result.summary()
+    assert not any("goal" in note for note in result.notes)
+    assert [key for key, _ in explain(build(scene))["scene"] if key.startswith("goal")] == []
+    np.testing.assert_array_equal(result.trajectory.positions[-1], resolve_query(robot, scene).goal)
+    summary, positions, steps = bytes_of(chosen)
+    assert summary.pop("goal")["of"] == "goal"
+    assert (summary, positions, steps) == bytes_of(result)
+
+
+def test_a_pose_out_of_reach_does_not_keep_from_the_others() -> None:
+    scene = load_scene("ur5_table")
+    robot = load_scene_robot(scene)
+    far = PoseTarget("goal.poses[0]", "tool0", Pose((3.0, 0.0, 0.5)), free_rotation="all")
+    place = placed(robot, "tool0", resolve_query(robot, scene).goal)
+    near = PoseTarget("goal.poses[1]", "tool0", pose_of(place))
+    result = plan(aimed(scene, far, near))
+    assert result.certified
+    assert result.goal is not None
+    assert result.goal.field == "goal.poses[1]"
+    assert any(note.startswith("goal.poses[0]: link 'tool0' is not brought there") for note in result.notes)
+
+
+def test_without_time_the_best_there_is_is_given_back() -> None:
+    scene = load_scene("panda_grasp")
+    result = plan(scene, time_limit=1e-6)
+    assert result.attempts >= 1
+    assert certify(scene, result.trajectory).status is not Status.WRONG_ENDS

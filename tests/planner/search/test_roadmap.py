@@ -1,0 +1,88 @@
+"""Laws of first guesses: the straight line first, ends exact, limits kept, the same seed the same guesses."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from hdplan.planner.build import build
+from hdplan.planner.problem.problem import Problem
+from hdplan.planner.search.roadmap import seeds
+from hdplan.scenes.model import JointTarget
+from hdplan.scenes.yaml_format.reader import load_scene
+
+Array = NDArray[np.float64]
+
+EXACT = 1e-12  # [rad]
+COUNT = 9  # guesses looked at: every kind of draw comes up
+
+
+@pytest.fixture(scope="module", params=["planar_arm", "panda_cage"])
+def problem(request: pytest.FixtureRequest) -> Problem:
+    return build(load_scene(request.param))
+
+
+def first(problem: Problem, seed: int, count: int = COUNT) -> list[Array]:
+    return list(itertools.islice(seeds(problem, seed), count))
+
+
+def test_the_straight_line_comes_first(problem: Problem) -> None:
+    for seed in (0, 1):
+        line = np.linspace(problem.start, problem.goal, problem.waypoints)
+        np.testing.assert_allclose(first(problem, seed, 1)[0], line, rtol=0, atol=EXACT)
+
+
+def test_guesses_have_the_ends_and_keep_the_limits(problem: Problem) -> None:
+    for guess in first(problem, 3):
+        assert guess.shape == (problem.waypoints, problem.robot.n)
+        np.testing.assert_array_equal(guess[[0, -1]], [problem.start, problem.goal])
+        assert np.all((guess >= problem.robot.lower) & (guess <= problem.robot.upper))
+
+
+def test_the_same_seed_gives_the_same_guesses(problem: Problem) -> None:
+    for one, other in zip(first(problem, 5), first(problem, 5), strict=True):
+        assert one.tobytes() == other.tobytes()
+
+
+def test_guesses_differ_from_each_other_and_between_seeds(problem: Problem) -> None:
+    several = [guess.tobytes() for seed in (1, 2) for guess in first(problem, seed)[1:]]
+    assert len(set(several)) == len(several)
+
+
+def test_through_is_the_polyline_at_equal_steps(problem: Problem) -> None:
+    """Every waypoint lies on the polyline, and the way along it from one to the next is the same everywhere."""
+    via = [problem.start + 0.1, problem.goal - 0.3]
+    corners = np.array([problem.start, *via, problem.goal])
+    lengths = np.append(0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1)))
+    expected = []
+    for way in np.linspace(0, lengths[-1], problem.waypoints):
+        k = min(int(np.searchsorted(lengths, way, side="right")) - 1, len(corners) - 2)
+        share = (way - lengths[k]) / (lengths[k + 1] - lengths[k])
+        expected.append((1 - share) * corners[k] + share * corners[k + 1])
+    np.testing.assert_allclose(problem.polyline(via), expected, rtol=0, atol=EXACT)
+
+
+def test_random_guesses_are_chosen_by_their_penalty(
+    problem: Problem, penalties: Callable[[Problem, Array], Array]
+) -> None:
+    """On the whole they touch less than lines through any random configuration."""
+    low, high = np.maximum(problem.robot.lower, -np.pi), np.minimum(problem.robot.upper, np.pi)
+    drawn = np.random.default_rng(4).uniform(low, high, (COUNT, problem.robot.n))
+    blind = [penalties(problem, problem.polyline([via])).mean() for via in drawn]
+    chosen = [penalties(problem, guess).mean() for guess in first(problem, 4)[1:]]
+    assert np.mean(chosen) < np.mean(blind)
+
+
+def test_start_and_goal_may_be_one() -> None:
+    scene = load_scene("planar_arm")
+    same = dataclasses.replace(scene, goal=JointTarget("goal", state="right"))
+    problem = build(same)
+    for guess in first(problem, 0):
+        np.testing.assert_array_equal(guess[[0, -1]], [problem.start] * 2)
+        assert np.isfinite(guess).all()
+    assert np.ptp(first(problem, 0, 1)[0], axis=0).max() == 0

@@ -1,0 +1,233 @@
+"""Laws of the time law and of the check on rates: limits hold everywhere on the executed curve, none is given away
+without need, and what breaks them is told."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+
+import hdplan
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.rate_check import rates
+from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.motion.curve import Curve
+from hdplan.planner.motion.robot_curve import beyond_limits
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.joint_limits import acceleration_limits, jerk_limits, velocity_limits
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.timing.retiming import Timekeeper, smooth
+from hdplan.planner.timing.time_laws import Averaged, MinimumJerk
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import Limits, Scene, Timing
+from hdplan.scenes.yaml_format.reader import load_scene
+
+LIMITS = [
+    Limits(acceleration=5.0),
+    Limits(acceleration=5.0, jerk=40.0),
+    Limits(velocity=0.7, acceleration=3.0, jerk=400.0),
+]
+
+
+def limited(limits: Limits, timing: Timing | None = None, name: str = "empty") -> tuple[Scene, Robot]:
+    scene = dataclasses.replace(load_scene(name), limits=limits, timing=timing)
+    return scene, load_scene_robot(scene)
+
+
+def wild(robot: Robot, seed: int) -> Trajectory:
+    """A polyline with sharp corners and uneven pieces."""
+    rng = np.random.default_rng(seed)
+    corners = robot.draw(rng, 4)
+    pieces = [np.linspace(a, b, rng.integers(2, 14))[:-1] for a, b in itertools.pairwise(corners)]
+    return Trajectory(robot.joint_names, np.vstack([*pieces, corners[-1:]]), robot.locked)
+
+
+@pytest.mark.parametrize("limits", LIMITS, ids=["acceleration", "jerk", "all"])
+@pytest.mark.parametrize("seed", range(3))
+def test_limits_hold_everywhere_and_one_of_them_is_used(limits: Limits, seed: int) -> None:
+    scene, robot = limited(limits)
+    path = wild(robot, seed)
+    trajectory, parameter = Timekeeper(scene, robot)(path)
+    when = np.linspace(0.0, 1.0, 20_001)
+    shares = []
+    for order, limit in enumerate((f(scene, robot) for f in (velocity_limits, acceleration_limits, jerk_limits)), 1):
+        if limit is not None:
+            shares.append(np.max(np.abs(trajectory.curve.over_time(order).at_parameter(when)) / limit))
+    assert max(shares) <= 1.0
+    assert max(shares) >= 0.93  # time is not given away: whole rows, and bounds a little above the values
+    assert np.all(np.diff(parameter) >= 0)
+    assert (parameter[0], parameter[-1]) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize("timing", [None, Timing(duration=3.0), Timing(scale=0.4), Timing(rate=37.0)])
+def test_a_motion_begins_and_ends_at_rest_where_the_path_does(timing: Timing | None) -> None:
+    scene, robot = limited(LIMITS[1], timing)
+    path = wild(robot, 7)
+    trajectory, _ = Timekeeper(scene, robot)(path)
+    assert trajectory.velocities is not None
+    assert trajectory.accelerations is not None
+    assert trajectory.times is not None
+    np.testing.assert_allclose(trajectory.positions[[0, -1]], path.positions[[0, -1]], rtol=0, atol=1e-14)
+    assert np.abs(trajectory.velocities[[0, -1]]).max() < 1e-9
+    assert np.abs(trajectory.accelerations[[0, -1]]).max() < 1e-6
+    assert np.diff(trajectory.times).max() <= 1.0 / (timing or Timing()).rate + 1e-12
+    if timing and timing.duration:
+        assert trajectory.times[-1] == timing.duration
+
+
+def test_scale_slows_down_by_just_that_much() -> None:
+    full, half = (
+        Timekeeper(*limited(LIMITS[0], Timing(scale=scale)))(wild(limited(LIMITS[0])[1], 1)).trajectory
+        for scale in (1.0, 0.5)
+    )
+    assert half.times is not None
+    assert full.times is not None
+    assert half.times[-1] == pytest.approx(2.0 * full.times[-1], rel=1e-9)
+    assert half.curve.over_time(1).largest() == pytest.approx(0.5 * full.curve.over_time(1).largest(), rel=1e-3)
+
+
+def test_a_straight_motion_takes_no_longer_than_it_must() -> None:
+    """One joint, bang-bang: 2 √(way / acceleration), but for the averaging window and whole rows."""
+    scene, robot = limited(Limits(velocity=100.0, acceleration=2.0))
+    start = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
+    goal = start.copy()
+    goal[0] += 1.0
+    trajectory, _ = Timekeeper(scene, robot)(Trajectory(robot.joint_names, np.linspace(start, goal, 20), robot.locked))
+    assert trajectory.times is not None
+    least = 2.0 * np.sqrt(1.0 / 2.0)
+    assert least <= trajectory.times[-1] <= 1.05 * least
+
+
+def test_the_smooth_path_stays_within_the_hull_of_the_polyline() -> None:
+    """Within the limits wherever the waypoints are; on a straight line it is the line itself, at the same pace."""
+    rng = np.random.default_rng(0)
+    waypoints = np.clip(rng.normal(size=(12, 3)), -0.5, 0.5)  # many rest on a limit
+    found = smooth(waypoints)(np.linspace(0, 1, 1001))
+    assert np.abs(found).max() <= 0.5
+    np.testing.assert_allclose(found[[0, -1]], waypoints[[0, -1]], rtol=0, atol=1e-15)
+    line = np.linspace([0.0, 1.0], [1.0, -3.0], 9)
+    np.testing.assert_allclose(smooth(line)(np.linspace(0, 1, 9)), line, rtol=0, atol=1e-14)
+    for count in (2, 3, 4):
+        ends = np.linspace([0.0], [1.0], count)
+        np.testing.assert_allclose(smooth(ends)([0.0, 0.25, 1.0])[:, 0], [0.0, 0.25, 1.0], atol=1e-14)
+
+
+@pytest.mark.parametrize("law", ["minimum jerk", "averaged"])
+def test_derivatives_of_a_law_are_those_of_its_values(law: str) -> None:
+    knots = np.cumsum([0.0, 0.3, 0.5, 0.2, 0.4])
+    paces = np.array([0.0, 0.9, 1.1, 0.4, 0.0])
+    values = np.concatenate([[0.0], np.cumsum(np.diff(knots) * (paces[1:] + paces[:-1]) / 2)])
+    found = (
+        MinimumJerk(1.7) if law == "minimum jerk" else Averaged(knots, values / values[-1], paces / values[-1], 0.25)
+    )
+    times = np.linspace(0.01, found.duration - 0.01, 400)
+    step = 1e-6
+    at = found(times)
+    for order in (1, 2, 3):
+        slope = (found(times + step)[order - 1] - found(times - step)[order - 1]) / (2 * step)
+        differing = np.abs(slope - at[order]) > 1e-4 * np.abs(at[order]).max()
+        assert differing.mean() < (0.0 if order < 3 else 0.03) + 1e-9  # of jerk, but for where it jumps
+    np.testing.assert_allclose(found(np.array([0.0, found.duration]))[:3], [[0, 1], [0, 0], [0, 0]], atol=1e-9)
+    if isinstance(found, MinimumJerk):
+        np.testing.assert_allclose(found(found.time_at(np.linspace(0, 1, 77)))[0], np.linspace(0, 1, 77), atol=1e-6)
+
+
+# --- the check ----------------------------------------------------------------------------------------------------
+
+
+def test_a_limit_that_breaks_only_between_the_rows_is_told() -> None:
+    """At every row the velocity is 0: samples at the rows would find nothing."""
+    scene, robot = limited(Limits(velocity=1.0, acceleration=1e3))
+    rows = np.zeros((3, robot.n))
+    rows[1, 2] = 0.8
+    curve = Curve.through(rows, np.arange(3.0), np.zeros_like(rows), np.zeros_like(rows))
+    use = {use.quantity: use for use in rates(curve, scene, robot)}
+    assert use["velocity"].share == pytest.approx(0.8 * 1.875, rel=1e-2)
+    assert (use["velocity"].joint, use["velocity"].within) == (robot.joint_names[2], False)
+    assert use["acceleration"].within
+
+
+def test_corners_have_infinite_acceleration_and_cubics_infinite_jerk() -> None:
+    scene, robot = limited(Limits(velocity=10.0, acceleration=100.0, jerk=1e4))
+    rows = np.linspace(np.zeros(robot.n), np.full(robot.n, 0.1), 5)
+    times = np.arange(5.0)
+    shares = {use.quantity: use.share for use in rates(Curve.through(rows, times), scene, robot)}
+    assert shares["velocity"] < 1.0
+    assert np.isinf(shares["acceleration"])  # it starts and ends with a jump
+    velocities = np.zeros_like(rows)
+    velocities[1:-1] = 0.05
+    shares = {use.quantity: use.share for use in rates(Curve.through(rows, times, velocities), scene, robot)}
+    assert shares["acceleration"] < 1.0
+    assert np.isinf(shares["jerk"])
+
+
+def test_a_motion_too_fast_is_not_certified_and_one_without_times_is_refused() -> None:
+    scene, robot = limited(LIMITS[0], name="panda_bookshelf")
+    result = hdplan.plan(scene)
+    assert result.certified, result.certificate.text
+    certifier = Certifier(scene, robot)
+    slow = result.trajectory
+    assert slow.times is not None
+    assert slow.velocities is not None
+    assert slow.accelerations is not None
+    fast = dataclasses.replace(
+        slow, times=slow.times / 2, velocities=2 * slow.velocities, accelerations=4 * slow.accelerations
+    )
+    verdict = certifier.certify(fast)
+    assert verdict.status is Status.TOO_FAST
+    assert "acceleration" in verdict.text or "velocity" in verdict.text
+    with pytest.raises(InputError, match="has no times, and the scene limits rates"):
+        certifier.certify(Trajectory(slow.joint_names, slow.positions, slow.locked))
+
+
+def test_the_pallets_motion_is_too_rough_without_its_limit_of_jerk() -> None:
+    scene = load_scene("ur5_pallet")
+    result = hdplan.plan(scene)
+    assert result.certified, result.certificate.text
+    assert [use.quantity for use in result.certificate.uses] == ["velocity", "acceleration", "jerk"]
+    rough = hdplan.plan(dataclasses.replace(scene, limits=dataclasses.replace(scene.limits, jerk=None)))
+    assert rough.certified
+    verdict = Certifier(scene, load_scene_robot(scene)).certify(rough.trajectory)
+    assert verdict.status is Status.TOO_FAST
+    assert "jerk" in verdict.text
+
+
+def test_what_the_scene_does_not_limit_is_not_looked_at() -> None:
+    scene = load_scene("panda_bookshelf")
+    assert hdplan.plan(scene).certificate.uses == ()
+
+
+def test_a_duration_that_no_motion_can_keep_is_refused_by_name() -> None:
+    scene = dataclasses.replace(load_scene("panda_bookshelf"), timing=Timing(duration=0.01))
+    with pytest.raises(InputError, match=r"timing.duration: 0.01 s, but joint 'panda_joint\d' alone needs at least"):
+        hdplan.plan(scene)
+
+
+def test_a_duration_is_kept_by_the_fastest_law_where_that_of_minimum_jerk_is_too_fast() -> None:
+    scene, robot = limited(Limits(acceleration=4.0))
+    path = wild(robot, 2)
+    fastest = Timekeeper(scene, robot)(path).trajectory
+    assert fastest.times is not None
+    for factor, within in ((0.9, False), (1.05, True), (4.0, True)):
+        timing = Timing(duration=factor * float(fastest.times[-1]))
+        timed = Timekeeper(*limited(Limits(acceleration=4.0), timing))(path).trajectory
+        assert timed.times is not None
+        assert timed.times[-1] == timing.duration
+        assert all(use.within for use in rates(timed.curve, scene, robot)) == within
+    even = Timekeeper(*limited(Limits(), Timing(duration=timing.duration)))(path).trajectory
+    np.testing.assert_array_equal(even.positions, timed.positions)  # minimum jerk, where there is time enough
+
+
+@pytest.mark.parametrize("rate", [20.0, 100.0, 1000.0])
+def test_a_path_along_a_joint_limit_stays_within_it(rate: float) -> None:
+    """Between rows a quintic leaves the path a little: not beyond the limits, wherever waypoints rest on them."""
+    scene, robot = limited(Limits(acceleration=5.0), Timing(rate=rate))
+    rng = np.random.default_rng(0)
+    for _ in range(4):
+        drawn = robot.draw(rng, 1) + np.cumsum(rng.normal(scale=0.5, size=(32, robot.n)), axis=0)
+        rows = np.clip(drawn, robot.lower, robot.upper)  # many rest on a limit
+        trajectory, _ = Timekeeper(scene, robot)(Trajectory(robot.joint_names, rows, robot.locked))
+        assert beyond_limits(trajectory.curve, robot) is None

@@ -1,0 +1,391 @@
+"""MoveIt planning scenes with their requests: small ones written here, and the benchmark's if it is at hand."""
+
+from __future__ import annotations
+
+import copy
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import Attached, Box, Cylinder, Pose, RobotSpec, Sphere
+from hdplan.scenes.yaml_format.reader import load_scene
+
+MBM = Path(__file__).parents[4] / "shared" / "mbm"
+
+STILL = {"rotation": [0, 0, 0, 1], "translation": [0, 0, 0]}
+TURNED = {"rotation": [0, 0, math.sqrt(0.5), math.sqrt(0.5)], "translation": [0, 0, 0]}
+MOVED = {"rotation": [0, 0, 0, 1], "translation": [0, 0, 1]}
+
+SCENE: dict[str, Any] = {
+    "name": "",
+    "robot_model_name": "panda",
+    "robot_state": {
+        "joint_state": {"name": ["panda_joint1", "panda_finger_joint1"], "position": [0.5, 0.02]},
+        "multi_dof_joint_state": {"joint_names": ["virtual_joint"], "transforms": [STILL], "twist": [], "wrench": []},
+    },
+    "fixed_frame_transforms": [{"child_frame_id": "world", "transform": STILL}],
+    "allowed_collision_matrix": {"entry_names": ["link0", "link1"], "entry_values": [[False, True], [True, False]]},
+    "world": {
+        "collision_objects": [
+            {
+                "id": "can",
+                "primitives": [{"type": "cylinder", "dimensions": [0.14, 0.03]}],
+                "primitive_poses": [{"position": [0.5, 0, 0.2], "orientation": [0, 0, 0, 1]}],
+            },
+            {
+                "id": "stand",
+                "pose": {"position": [1, 0, 0], "orientation": TURNED["rotation"]},
+                "primitives": [{"type": "box", "dimensions": [1, 2, 3]}, {"type": "sphere", "dimensions": [0.1]}],
+                "primitive_poses": [
+                    {"position": [0, 0, 0], "orientation": [0, 0, 0, 1]},
+                    {"position": [1, 0, 2], "orientation": [0, 0, 0, 1]},
+                ],
+            },
+        ]
+    },
+}
+REQUEST: dict[str, Any] = {
+    "group_name": "panda_arm",
+    "start_state": {"joint_state": {"name": ["panda_joint2", "panda_joint1"], "position": [0.2, 0.1]}},
+    "goal_constraints": [{"joint_constraints": [{"joint_name": "panda_joint1", "position": 1.0}]}],
+}
+
+
+def at(message: dict[str, Any], path: str) -> tuple[Any, Any]:
+    """Return the container and the last key of a path such as ``world.collision_objects.0.id``."""
+    *way, last = (int(step) if step.isdigit() else step for step in path.split("."))
+    here: Any = message
+    for step in way:
+        here = here.setdefault(step, {}) if isinstance(here, dict) else here[step]
+    return here, last
+
+
+class Files:
+    """A planning scene and a request in a folder, both of them good until one is edited."""
+
+    def __init__(self, folder: Path) -> None:
+        self.scene_file, self.request_file = folder / "scene.yaml", folder / "request.yaml"
+        self.scene, self.request = copy.deepcopy(SCENE), copy.deepcopy(REQUEST)
+
+    def edit(self, which: str, path: str, value: object) -> Files:
+        container, key = at(getattr(self, which), path)
+        container[key] = value
+        return self
+
+    def load(self, **options: Any) -> Any:
+        self.scene_file.write_text(yaml.safe_dump(self.scene), encoding="utf-8")
+        self.request_file.write_text(yaml.safe_dump(self.request), encoding="utf-8")
+        chosen: dict[str, Any] = {"request": self.request_file, "robot": "panda"} | options
+        return load_scene(self.scene_file, **chosen)
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Files:
+    return Files(tmp_path)
+
+
+def test_what_stands_around(files: Files) -> None:
+    scene = files.load()
+    assert scene.robot == RobotSpec(name="panda", group="arm")
+    assert scene.from_request
+    assert scene.notes == ()
+    assert {o.name: o.shape for o in scene.obstacles} == {
+        "can": Cylinder(radius=0.03, length=0.14),
+        "stand": Box((1.0, 2.0, 3.0)),
+        "stand/1": Sphere(0.1),
+    }
+
+
+def test_object_pose_multiplies_primitive_pose(files: Files) -> None:
+    can, stand, ball = files.load().obstacles
+    assert can.pose == Pose((0.5, 0.0, 0.2))
+    np.testing.assert_allclose(stand.pose.matrix, [[0, -1, 0, 1], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], atol=1e-15)
+    np.testing.assert_allclose(ball.pose.position, [1, 1, 2], atol=1e-15)
+
+
+def test_object_pose_alone_is_enough(files: Files) -> None:
+    del files.scene["world"]["collision_objects"][1]["primitive_poses"]
+    _, stand, ball = files.load().obstacles
+    assert stand.pose == ball.pose
+    assert ball.pose.position == (1.0, 0.0, 0.0)
+
+
+def test_start_lies_over_the_scene_state(files: Files) -> None:
+    scene = files.load()
+    assert scene.start.by_name == {"panda_joint1": 0.1, "panda_joint2": 0.2, "panda_finger_joint1": 0.02}
+    assert scene.goal.by_name == {"panda_joint1": 1.0}
+
+
+def test_scene_state_is_the_start_where_the_request_has_none(files: Files) -> None:
+    del files.request["start_state"]
+    assert files.load().start.by_name == {"panda_joint1": 0.5, "panda_finger_joint1": 0.02}
+
+
+def test_an_empty_world_is_fine(files: Files) -> None:
+    del files.scene["world"]
+    assert files.load().obstacles == ()
+
+
+def test_numbers_of_the_ros_messages_name_primitives(files: Files) -> None:
+    scene = files.edit("scene", "world.collision_objects.0.primitives.0.type", 3).load()
+    assert scene.obstacles[0].shape == Cylinder(radius=0.03, length=0.14)
+
+
+def test_numbers_that_yaml_takes_for_text_are_numbers(files: Files) -> None:
+    scene = files.edit("scene", "world.collision_objects.0.primitive_poses.0.position", [0, "1e-05", "-2E3"]).load()
+    assert scene.obstacles[0].pose.position == (0.0, 1e-5, -2000.0)
+
+
+def test_objects_without_id_are_counted(files: Files) -> None:
+    files.edit("scene", "world.collision_objects.0.id", "")
+    del files.scene["world"]["collision_objects"][1]["id"]
+    assert [o.name for o in files.load().obstacles] == ["obstacle0", "obstacle1", "obstacle1/1"]
+
+
+def test_empty_messages_are_no_constraints(files: Files) -> None:
+    nothing = {"name": "", "joint_constraints": [], "position_constraints": []}
+    files.edit("request", "path_constraints", nothing).edit("request", "goal_constraints.0.position_constraints", [])
+    files.edit("scene", "world.octomap", {"header": {"frame_id": ""}, "octomap": {"id": "", "data": []}})
+    assert files.load().notes == ()
+
+
+def test_a_link_that_may_touch_an_object_is_told(files: Files) -> None:
+    matrix = {"entry_names": ["link0", "can"], "entry_values": [[True, True], [True, True]]}
+    (note,) = files.edit("scene", "allowed_collision_matrix", matrix).load().notes
+    assert "link0-can" in note
+    assert "still keeps them apart" in note
+    matrix["entry_values"] = [[True, False], [False, True]]
+    assert files.edit("scene", "allowed_collision_matrix", matrix).load().notes == ()
+    ros2 = {"entry_names": ["link0", "can"], "entry_values": [{"enabled": [True, True]}, {"enabled": [True, True]}]}
+    assert len(files.edit("scene", "allowed_collision_matrix", ros2).load().notes) == 1
+    default = {"default_entry_names": ["can"], "default_entry_values": [True]}
+    assert len(files.edit("scene", "allowed_collision_matrix", default).load().notes) == 1
+
+
+def test_a_pair_that_the_srdf_leaves_out_and_the_matrix_checks_is_told(files: Files) -> None:
+    """By its entry, or by the defaults of its links; not where the matrix says nothing or allows it."""
+    names = ["panda_link0", "panda_link1", "panda_link5"]  # the SRDF disables link0-link1, and not link0-link5
+    for touch, told in ((False, True), (True, False)):
+        rows = [[True, touch, False], [touch, True, False], [False, False, True]]
+        notes = (
+            files.edit("scene", "allowed_collision_matrix", {"entry_names": names, "entry_values": rows}).load().notes
+        )
+        assert [note for note in notes if "wants panda_link0-panda_link1 checked" in note] == list(notes)
+        assert bool(notes) == told
+    uneven = [[True, False, False], [True, True, False], [False, False, True]]
+    files.edit("scene", "allowed_collision_matrix", {"entry_names": names, "entry_values": uneven})
+    assert len(files.load().notes) == 1
+    defaults = {"default_entry_names": ["panda_link0", "panda_link1"], "default_entry_values": [False, True]}
+    (note,) = files.edit("scene", "allowed_collision_matrix", defaults).load().notes
+    assert "panda_link0-panda_link1" in note
+    defaults["default_entry_values"] = [True, True]
+    assert files.edit("scene", "allowed_collision_matrix", defaults).load().notes == ()
+
+
+def test_another_robots_name_is_told(files: Files) -> None:
+    (note,) = files.edit("scene", "robot_model_name", "fr3").load().notes
+    assert note == "scene.yaml: robot_model_name: speaks of the robot 'fr3', not panda"
+    assert files.edit("scene", "robot_model_name", "").load().notes == ()
+
+
+def test_what_differs_from_an_unknown_state_is_told(files: Files) -> None:
+    (note,) = files.edit("scene", "robot_state.is_diff", True).load().notes
+    assert "robot_state: is_diff is true" in note
+    files.edit("scene", "robot_state.is_diff", False).edit("scene", HELD, [{**held("cup"), "weight": 0.0}])
+    (note,) = files.load().notes
+    assert "start_state: is_diff is not true, but what the scene's state attaches is still held" in note
+    assert files.edit("request", "start_state.is_diff", True).load().notes == ()
+
+
+def test_padding_and_scale_are_told_where_they_ask_for_something(files: Files) -> None:
+    for key, value, nothing in (("padding", 0.1, 0.0), ("scale", 1.1, 1.0)):
+        (note,) = files.edit("scene", f"link_{key}", [{"link_name": "a", key: value}]).load().notes
+        assert f"link_{key}[0].{key}: is not applied: links keep their size" in note
+        assert files.edit("scene", f"link_{key}", [{"link_name": "a", key: nothing}]).load().notes == ()
+
+
+def held(name: str, frame: str = "hand") -> dict[str, Any]:
+    thing = {"id": name, "header": {"frame_id": frame}, "pose": {"position": [0, 0, 0.1]}}
+    primitives = [{"type": "box", "dimensions": [1, 2, 3]}, {"type": "sphere", "dimensions": [0.1]}]
+    poses = [{"position": [0, 0, 0]}, {"position": [0, 1, 0]}]
+    thing |= {"primitives": primitives, "primitive_poses": poses}
+    return {"link_name": "hand", "object": thing, "touch_links": ["finger"], "weight": 0.2}
+
+
+def test_attached_objects_are_held(files: Files) -> None:
+    """The request's object takes the place of the scene's of that name."""
+    files.edit("scene", HELD, [held("cup"), held("lid")])
+    first, knob, *lid = files.load().attached
+    assert first == Attached("cup", "hand", Box((1, 2, 3)), Pose((0, 0, 0.1)), ("finger",))
+    assert knob == Attached("cup/1", "hand", Sphere(0.1), Pose((0, 1, 0.1)), ("finger",))
+    assert [part.name for part in lid] == ["lid", "lid/1"]
+    bare = {**held("cup"), "touch_links": []}
+    found = files.edit("request", "start_state.attached_collision_objects", [bare]).load().attached
+    assert [(part.name, part.touch_links) for part in found] == [
+        ("cup", ()),
+        ("cup/1", ()),
+        ("lid", ("finger",)),
+        ("lid/1", ("finger",)),
+    ]
+
+
+def test_attached_objects_without_a_name_do_not_replace_each_other(files: Files) -> None:
+    files.edit("scene", HELD, [held("")]).edit("request", "start_state.attached_collision_objects", [held("")])
+    names = [part.name for part in files.load().attached]
+    objects = "attached_collision_objects[0]"
+    assert names == [f"{state}.{objects}{part}" for state in ("robot_state", "start_state") for part in ("", "/1")]
+
+
+HELD = "robot_state.attached_collision_objects"
+OBJECT = "world.collision_objects.1"
+REFUSED = [
+    ("scene", "worlds", {}, ["unknown key 'worlds'", "'world'"]),
+    ("scene", "world.octomap.octomap.data", [1, 2], ["world.octomap", "octomaps are not supported"]),
+    ("scene", f"{OBJECT}.primitves", [], ["collision_objects[1]: ", "'primitves'", "'primitives'"]),
+    (
+        "scene",
+        f"{OBJECT}.meshes",
+        [{"vertices": [[0, 0, 0]], "triangles": [[0, 0, 0]]}],
+        [".meshes: ", "not supported"],
+    ),
+    ("scene", f"{OBJECT}.planes", [{"coef": [0, 0, 1, 0]}], ["collision_objects[1].planes: ", "not supported"]),
+    ("scene", f"{OBJECT}.primitives.0.type", "cone", ["primitives[0].type: ", "'cone'", "box, cylinder and sphere"]),
+    ("scene", f"{OBJECT}.primitives.0.type", 4, ["primitives[0].type: ", "'cone'"]),
+    ("scene", f"{OBJECT}.primitives.0.type", "bax", ["primitives[0].type: ", "box, cylinder or sphere", "'bax'"]),
+    ("scene", f"{OBJECT}.primitives.0.dimensions", [1, 2], ["dimensions: ", "list of 3 numbers", "list of 2"]),
+    ("scene", f"{OBJECT}.primitives.0.dimensions", [1, 2, 0], ["dimensions[2]: ", "greater than 0 [m]", "found 0"]),
+    ("scene", f"{OBJECT}.primitives", [], ["collision_objects[1]: ", "'stand'", "no primitives"]),
+    ("scene", f"{OBJECT}.primitive_poses", [{}], ["primitive_poses: ", "as many as the 2", "found 1"]),
+    ("scene", f"{OBJECT}.pose.orientation", [0, 0, 0, 0], ["pose.orientation: ", "unit quaternion", "length 0"]),
+    ("scene", f"{OBJECT}.pose.position", [0, float("nan"), 0], ["pose.position[1]: ", "finite", "nan"]),
+    ("scene", f"{OBJECT}.id", "can", ["collision_objects[1]: ", "'can'", "differ"]),
+    ("scene", f"{OBJECT}.header.frame_id", "panda_hand", ["header.frame_id: ", "world frame", "'panda_hand' moves"]),
+    ("scene", f"{OBJECT}.header.frame_id", "panda_lik0", ["header.frame_id: ", "'panda_lik0'", "'panda_link0'"]),
+    ("scene", f"{OBJECT}.primitives.0.type", True, ["primitives[0].type: ", "box, cylinder or sphere", "true"]),
+    ("scene", f"{OBJECT}.meshes", "box.stl", ["collision_objects[1].meshes: ", "not supported"]),
+    ("scene", "world.octomap.octomap.data", b"\x01\x02", ["world.octomap", "octomaps are not supported"]),
+    ("scene", "world.octomap.octomap.data", "AQI=", ["world.octomap", "octomaps are not supported"]),
+    ("scene", "is_diff", True, ["is_diff: ", "whole scene"]),
+    ("scene", "allowed_collision_matrix.entry_values.0", [True], ["entry_values[0]: ", "list of 2", "list of 1"]),
+    ("scene", "allowed_collision_matrix.entry_values", [], ["entry_values", "list of 0"]),
+    ("scene", "allowed_collision_matrix.default_entry_names", ["a"], ["default_entry_values", "found 0 and 1"]),
+    ("scene", f"{OBJECT}.operation", 1, ["operation: ", "0 (ADD)", "found 1"]),
+    (
+        "scene",
+        "fixed_frame_transforms",
+        [{"transform": MOVED}],
+        ["fixed_frame_transforms[0].transform: ", "fixed frame"],
+    ),
+    (
+        "scene",
+        "fixed_frame_transforms",
+        [{"child_frame_id": "panda_link0", "transform": MOVED}],
+        ["fixed_frame_transforms[0].transform: ", "'panda_link0' stands elsewhere"],
+    ),
+    (
+        "scene",
+        "fixed_frame_transforms",
+        [{"child_frame_id": "panda_hand", "transform": STILL}],
+        ["fixed_frame_transforms[0].child_frame_id: ", "'panda_hand' moves"],
+    ),
+    (
+        "scene",
+        "robot_state.multi_dof_joint_state.header.frame_id",
+        "odom",
+        ["multi_dof_joint_state.header.frame_id: ", "unknown frame 'odom'"],
+    ),
+    ("scene", "robot_state.multi_dof_joint_state.transforms", [TURNED], ["transforms[0]: ", "moves the robot's base"]),
+    ("scene", HELD, [{"link_name": "a"}], ["attached_collision_objects[0]: ", "'object' is missing"]),
+    ("scene", HELD, [{"link_name": "a", "object": {}}], ["objects[0].object: ", "frame of its link 'a'", "found ''"]),
+    ("scene", HELD, [held("cup", "world")], ["object.header.frame_id: ", "frame of its link 'hand'", "'world'"]),
+    ("scene", HELD, [held("can")], ["attached_collision_objects[0]: ", "'can'", "differ"]),
+    ("scene", HELD, [held("cup"), held("cup")], ["attached_collision_objects[1]: ", "'cup'", "differ"]),
+    ("scene", HELD, [{**held("cup"), "touch_links": "hand"}], ["touch_links: ", "list"]),
+    ("scene", HELD, [{**held("cup"), "object": {"meshes": [{"triangles": [1]}]}}], [".meshes: ", "not supported"]),
+    ("scene", "allowed_collision_matrix.entry_values", [[True]], ["entry_values: ", "list of 2", "list of 1"]),
+    (
+        "request",
+        "start_state.multi_dof_joint_state.transforms",
+        [MOVED],
+        ["start_state.multi_dof_joint_state", "moves"],
+    ),
+    ("request", "start_state.attached_collision_objects", [{"link_name": "a"}], ["start_state.attached", "'object'"]),
+    ("request", "start_state.joint_state.position", [1], ["start_state.joint_state: ", "found 1 and 2"]),
+    ("request", "start_state.joint_state.name", ["a", "a"], ["joint_state.name: ", "twice", "'a'"]),
+    ("request", "start_state.joint_state.position", [1, float("inf")], ["joint_state.position[1]: ", "finite", "inf"]),
+    ("request", "goal_constraints", [], ["goal_constraints: ", "one goal", "found 0"]),
+    ("request", "goal_constraints", [{}, {}], ["goal_constraints: ", "one goal", "found 2"]),
+    ("request", "goal_constraints.0.joint_constraints", [], ["goal_constraints[0]: ", "no joint_constraints"]),
+    (
+        "request",
+        "goal_constraints.0.position_constraints",
+        [{"link_name": "a"}],
+        ["position_constraints: ", "beside joint_constraints"],
+    ),
+    ("request", "trajectory_constraints.constraints", [{"name": "a"}], ["trajectory_constraints: ", "not supported"]),
+    ("request", "goal_constraints.0.joint_constraints.0", {"joint_name": "a"}, ["'position' is missing"]),
+    ("request", "group_name", "panda_am", ["group_name: ", "unknown group 'panda_am'", "'arm'"]),
+    ("request", "start_state.joint_state.velocty", [], ["unknown key 'velocty'", "'velocity'"]),
+    ("request", "goal_constrants", [], ["unknown key 'goal_constrants'", "'goal_constraints'"]),
+]
+
+
+@pytest.mark.parametrize(("which", "path", "value", "fragments"), REFUSED)
+def test_refused_by_name(files: Files, which: str, path: str, value: object, fragments: list[str]) -> None:
+    with pytest.raises(InputError) as caught:
+        files.edit(which, path, value).load()
+    message = str(caught.value)
+    assert message.startswith(f"{getattr(files, which + '_file')}: ")
+    assert "\n" not in message
+    for fragment in fragments:
+        assert fragment in message
+
+
+def test_a_joint_has_one_goal(files: Files) -> None:
+    files.request["goal_constraints"][0]["joint_constraints"] *= 2
+    with pytest.raises(InputError, match=r"joint_constraints\[1\]: the joint 'panda_joint1' has a goal already"):
+        files.load()
+
+
+def test_no_start_anywhere(files: Files) -> None:
+    del files.request["start_state"], files.scene["robot_state"]
+    with pytest.raises(InputError, match="there is no start"):
+        files.load()
+
+
+def test_missing_flags_are_named(files: Files) -> None:
+    with pytest.raises(InputError, match=r"has no goal.*--request"):
+        files.load(request=None)
+    with pytest.raises(InputError, match="--robot"):
+        files.load(robot=None)
+
+
+def test_swapped_files_are_told(files: Files) -> None:
+    files.load()
+    with pytest.raises(InputError, match="is a MoveIt motion plan request; name the planning scene first"):
+        load_scene(files.request_file, files.scene_file, "panda")
+    with pytest.raises(InputError, match="a motion plan request is wanted"):
+        load_scene(files.scene_file, files.scene_file, "panda")
+    with pytest.raises(InputError, match="no such file"):
+        load_scene(files.scene_file, files.scene_file.with_name("none.yaml"), "panda")
+
+
+@pytest.mark.skipif(not MBM.is_dir(), reason="the MotionBenchMaker problems are not beside this repository")
+@pytest.mark.parametrize(
+    ("arm", "group"),
+    [("panda", "arm"), ("ur5", "manipulator"), ("fetch", "arm_with_torso"), ("baxter", "both_arms")],
+)
+def test_every_benchmark_problem_loads(arm: str, group: str) -> None:
+    files = sorted((MBM / arm).glob("*/scene*.yaml"))
+    assert files
+    for file in files[::5]:
+        scene = load_scene(file, file.with_name(file.name.replace("scene", "request")), MBM / arm / "robot.yaml")
+        assert scene.obstacles
+        assert scene.robot.group == group
+        assert sum("speaks of the robot 'ur5_robotiq85', not ur5" in note for note in scene.notes) == (arm == "ur5")
+        assert set(scene.goal.by_name or {}) <= set(scene.start.by_name or {})

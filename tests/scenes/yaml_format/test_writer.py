@@ -1,0 +1,381 @@
+"""A scene that is read, written and read is the same scene: equal, and with the same verdicts."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from hdplan.planner.certificate.certifier import Certifier, certify
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import (
+    Attached,
+    Box,
+    Capsule,
+    Cylinder,
+    Goals,
+    JointTarget,
+    Limits,
+    Mesh,
+    Obstacle,
+    PathConstraints,
+    Payload,
+    PlannerSettings,
+    Points,
+    Pose,
+    PoseTarget,
+    RobotSpec,
+    Scene,
+    SelfCollision,
+    Shape,
+    Sphere,
+    SteadyMotion,
+    TimedPoses,
+    Timing,
+    Upright,
+    Within,
+)
+from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
+from hdplan.scenes.yaml_format.writer import scene_text
+
+MBM = Path(__file__).parents[4] / "shared" / "mbm"
+HOOK = shipped_scenes()["empty"].with_name("hook.obj")
+
+HOSTILE = [
+    *("null", "~", "yes", "no", "on", "off", "true", "1e3", "12", "0x1f", "0o7", "1_000", ".inf", ".nan", "12:30:45"),
+    *("2001-01-01", "a: b", "a:", "#c", "a #c", "- a", "? a", "?", "{a}", "[b]", ",", "'\"é\\", "\\n", " lead", "a "),
+    *("<<", "=", "!tag", "&anchor", "*alias", "%d", "@at", "`tick`", "|", "> x", "---", "...", "käse😀", "日本語"),
+    *("👩\u200d🚀", "e\u0301", "\u200b", "\ufeffbom", "a\u00a0", "\ue000", "\ufffe", "\U0010ffff"),
+    *("x" * 1100, "é" * 2000, "a/1"),
+]
+NO_NAMES = ["", " ", "a\nb", "tab\t", "\r", "\x00", "\x7f", "\x85", "\u2028", "\ud83d", "\ude00", "a\ud800b"]
+
+
+def back(scene: Scene, folder: Path) -> Scene:
+    """The scene written and read, from another folder and by another name."""
+    file = folder / "written.yaml"
+    file.write_text(scene_text(scene), encoding="utf-8")
+    return load_scene(file)
+
+
+def assert_same(scene: Scene, folder: Path) -> None:
+    again = back(scene, folder)
+    assert again == scene
+    assert scene_text(again) == scene_text(scene)
+
+
+def verdicts(scene: Scene, rng: np.random.Generator) -> tuple[object, ...]:
+    """What the certificate says of some motions, and of how close some configurations come."""
+    robot = load_scene_robot(scene)
+    certifier = Certifier(scene, robot)
+    rows = robot.draw(rng, 4)
+    if isinstance(scene.goal, JointTarget):
+        query = resolve_query(robot, scene)
+        rows = np.vstack([query.start, rows[:1], query.goal])
+    times = np.linspace(0.0, scene.end_time or 5.0, len(rows)) if scene.timed or scene.moving else None
+    rates = None if times is None else np.zeros_like(rows)
+    found = certifier.certify(Trajectory(robot.joint_names, rows, robot.locked, times, rates, rates))
+    said = (robot.joint_names, robot.locked, robot.lower.tolist(), robot.upper.tolist(), robot.self_pairs)
+    return *said, found.text, found.notes, certifier.contacts(rows[0])
+
+
+@pytest.mark.parametrize("name", shipped_scenes())
+def test_shipped_scenes_read_back_the_same(name: str, tmp_path: Path) -> None:
+    scene = load_scene(name)
+    assert_same(scene, tmp_path)
+    again = back(scene, tmp_path)
+    assert verdicts(again, np.random.default_rng(3)) == verdicts(scene, np.random.default_rng(3))
+
+
+# --- MoveIt's files ---------------------------------------------------------------------------------------------------
+
+READY = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
+ARM = [f"panda_joint{i}" for i in range(1, 8)]
+FINGERS = {"panda_finger_joint1": 0.065, "panda_finger_joint2": 0.065}  # beyond what the URDF allows
+BEYOND = [0.4, 0.2, 0.1, -3.1218, 0.0, 1.9, 0.8]  # joint 4 a little beyond its limit
+
+
+def moveit(folder: Path, name: str = "cup", **request: Any) -> Scene:
+    start = dict(zip(ARM, READY, strict=True)) | FINGERS | {"a wheel: 1": 0.3, name: 1.0}
+    joints = [{"joint_name": joint, "position": value} for joint, value in zip(ARM, BEYOND, strict=True)]
+    shape = {"primitives": [{"type": "box", "dimensions": [0.1, 0.1, 0.2]}, {"type": "sphere", "dimensions": [0.05]}]}
+    place = {"primitive_poses": [{"position": [0.6, 0.4, "1e-05"]}, {"position": [0.6, -0.4, 0.3]}]}
+    cup = {"id": f"held {name}", "header": {"frame_id": "panda_hand"}, "pose": {"position": [0, 0, 0.15]}}
+    cup["primitives"] = [{"type": "cylinder", "dimensions": [0.1, 0.02]}]
+    held = {"link_name": "panda_hand", "touch_links": ["panda_leftfinger"], "object": cup}
+    scene = {
+        "robot_model_name": "panda",
+        "robot_state": {"attached_collision_objects": [held]},
+        "world": {"collision_objects": [{"id": name, "header": {"frame_id": "panda_link0"}, **shape, **place}]},
+    }
+    asked = {
+        "group_name": "panda_arm",
+        "start_state": {"joint_state": {"name": list(start), "position": list(start.values())}},
+        "goal_constraints": [{"joint_constraints": [*joints, {"joint_name": "a wheel: 1", "position": 3.0}]}],
+        **request,
+    }
+    for file, content in (("scene", scene), ("request", asked)):
+        (folder / f"{file}.yaml").write_text(yaml.safe_dump(content, allow_unicode=True), encoding="utf-8")
+    return load_scene(folder / "scene.yaml", folder / "request.yaml", "panda")
+
+
+def test_moveit_problems_read_back_the_same_with_their_fingers_and_limits(tmp_path: Path) -> None:
+    scene = moveit(tmp_path)
+    assert_same(scene, tmp_path)
+    robot = load_scene_robot(back(scene, tmp_path))
+    assert robot.locked == FINGERS
+    assert robot.lower[3] == BEYOND[3]
+    again = back(scene, tmp_path)
+    assert verdicts(again, np.random.default_rng(5)) == verdicts(scene, np.random.default_rng(5))
+    assert resolve_query(robot, again).notes == resolve_query(load_scene_robot(scene), scene).notes != ()
+
+
+def test_moveit_goals_by_pose_and_constraints_read_back_the_same(tmp_path: Path) -> None:
+    def placed(radius: float) -> dict[str, Any]:
+        region = {
+            "primitives": [{"type": "sphere", "dimensions": [radius]}],
+            "primitive_poses": [{"position": [0.5, 0, 0.4]}],
+        }
+        return {"link_name": "panda_hand", "header": {"frame_id": "panda_link0"}, "constraint_region": region}
+
+    def turned(*tolerances: float) -> dict[str, Any]:
+        named = {f"absolute_{axis}_axis_tolerance": t for axis, t in zip("xyz", tolerances, strict=True)}
+        return {"link_name": "panda_hand", "orientation": [1.0, 0.0, 0.0, 0.0], **named}
+
+    path = {"orientation_constraints": [turned(0.2, 0.2, 3.2)]}
+    for goal in ({}, turned(0.1, 0.2, 0.3), turned(0.1, 0.1, 3.2), turned(4, 4, 4)):
+        constraint = {"position_constraints": [placed(3.0 if goal else 0.01)]}
+        constraint |= {"orientation_constraints": [goal]} if goal else {}
+        scene = moveit(tmp_path, goal_constraints=[constraint], path_constraints=path)
+        assert isinstance(scene.goal, Goals)
+        assert scene.path.upright
+        assert_same(scene, tmp_path)
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_names_of_all_kinds_read_back_the_same(name: str, tmp_path: Path) -> None:
+    scene = moveit(tmp_path, name)
+    assert scene.obstacles[0].name == name
+    assert_same(scene, tmp_path)
+    assert_same(load_scene("empty"), tmp_path)
+    plain = load_scene("empty")
+    robot = replace(plain.robot, group=name, locked={name: 0.1}, ignore_pairs=((name, f"{name}2"),))
+    start = JointTarget("start", by_name={name: 1.0, f"{name}2": -1e-9})
+    assert_same(replace(plain, robot=robot, start=start, goal=JointTarget("goal", state=name)), tmp_path)
+
+
+@pytest.mark.parametrize("name", NO_NAMES)
+def test_what_no_file_can_hold_as_a_name_is_refused(name: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError):
+        back(replace(load_scene("empty"), obstacles=(Obstacle(name, Sphere(0.1)),)), tmp_path)
+
+
+def problems(every: int) -> list[Any]:
+    return [
+        pytest.param(arm, file, id=f"{arm}-{file.parent.name}-{file.stem}")
+        for arm in ("panda", "ur5", "fetch", "baxter")
+        for file in sorted((MBM / arm).glob("*/scene*.yaml"))[::every]
+    ]
+
+
+def problem(arm: str, file: Path) -> Scene:
+    return load_scene(file, file.with_name(file.name.replace("scene", "request")), MBM / arm / "robot.yaml")
+
+
+@pytest.mark.skipif(not MBM.is_dir(), reason="the MotionBenchMaker problems are not beside this repository")
+@pytest.mark.parametrize(("arm", "file"), problems(100))
+def test_benchmark_problems_read_back_with_the_same_verdicts(arm: str, file: Path, tmp_path: Path) -> None:
+    scene = problem(arm, file)
+    assert_same(scene, tmp_path)
+    again = back(scene, tmp_path)
+    assert verdicts(again, np.random.default_rng(7)) == verdicts(scene, np.random.default_rng(7))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not MBM.is_dir(), reason="the MotionBenchMaker problems are not beside this repository")
+@pytest.mark.parametrize("arm", ["panda", "ur5", "fetch", "baxter"])
+def test_every_benchmark_problem_reads_back_the_same(arm: str, tmp_path: Path) -> None:
+    files = sorted((MBM / arm).glob("*/scene*.yaml"))
+    assert files
+    for file in files:
+        assert_same(problem(arm, file), tmp_path)
+
+
+# --- every effect -----------------------------------------------------------------------------------------------------
+
+
+class Maker:
+    """Random scenes that use every field of the model."""
+
+    def __init__(self, seed: int) -> None:
+        self.rng = np.random.default_rng(seed)
+        self.count = 0
+
+    def name(self) -> str:
+        self.count += 1
+        return f"{HOSTILE[int(self.rng.integers(len(HOSTILE)))]}{self.count}"
+
+    def number(self, low: float = 1e-6, high: float = 10.0) -> float:
+        return float(np.exp(self.rng.uniform(np.log(low), np.log(high))))
+
+    def vector(self) -> tuple[float, float, float]:
+        x, y, z = self.rng.normal(scale=self.number(), size=3).tolist()
+        return x, y, z
+
+    def pose(self) -> Pose:
+        turn = self.rng.normal(size=4)
+        x, y, z, w = (turn / np.linalg.norm(turn)).tolist()
+        return Pose(self.vector(), (x, y, z, w))
+
+    def shape(self) -> Shape:
+        a, b, c = (self.number() for _ in range(3))
+        corners = tuple(tuple(corner) for corner in (self.rng.normal(size=(6, 3))).tolist())
+        kinds: list[Shape] = [Box((a, b, c)), Sphere(a), Cylinder(a, b), Capsule(a, b), Points(corners)]
+        kinds.append(Mesh(HOOK, (a, b, c)))
+        return kinds[int(self.rng.integers(len(kinds)))]
+
+    def maybe(self, value: Any, otherwise: Any) -> Any:
+        return value if self.rng.random() < 0.6 else otherwise
+
+    def obstacle(self) -> Obstacle:
+        shape, clearance = self.shape(), self.maybe(float(self.rng.uniform()), None)
+        match int(self.rng.integers(3)):
+            case 0:
+                return Obstacle(self.name(), shape, self.pose(), clearance)
+            case 1:
+                motion = SteadyMotion(self.vector(), self.vector())
+                return Obstacle(self.name(), shape, self.pose(), clearance, motion)
+            case _:
+                poses = (self.pose(), self.pose(), self.pose())
+                times = tuple(np.cumsum(self.rng.uniform(0.1, 1.0, size=3)).tolist())
+                return Obstacle(self.name(), shape, poses[0], clearance, TimedPoses(times, poses))
+
+    def target(self, field: str) -> JointTarget:
+        values = self.rng.normal(size=3).tolist()
+        match int(self.rng.integers(3)):
+            case 0:
+                return JointTarget(field, tuple(values))
+            case 1:
+                return JointTarget(field, by_name={self.name(): value for value in values})
+            case _:
+                return JointTarget(field, state=self.name())
+
+    def pose_target(self, field: str) -> PoseTarget:
+        free = str(self.rng.choice(["none", "x", "y", "z", "all"]))
+        if free == "all":
+            return PoseTarget(field, self.name(), Pose(self.vector()), self.number(high=1.0), free_rotation=free)
+        tolerances = self.number(high=1.0), self.number(high=3.0)
+        return PoseTarget(field, self.name(), self.pose(), *tolerances, free)
+
+    def goal(self) -> JointTarget | Goals:
+        match int(self.rng.integers(4)):
+            case 0:
+                return self.target("goal")
+            case 1:
+                return Goals((self.pose_target("goal.pose"),))
+            case 2:
+                return Goals(tuple(self.pose_target(f"goal.poses[{i}]") for i in range(3)))
+            case _:
+                targets = (self.target("a"), self.target("b"), self.target("c"))
+                return Goals(tuple(replace(t, state=None, by_name={"a": 1.0}) if t.state else t for t in targets))
+
+    def values(self) -> Any:
+        named = {self.name(): self.number(), self.name(): self.number()}
+        choices = [self.number(), tuple(self.number() for _ in range(3)), named]
+        return choices[int(self.rng.integers(3))]
+
+    def scene(self) -> Scene:
+        spec = RobotSpec(name=self.name()) if self.rng.random() < 0.5 else RobotSpec(urdf=HOOK, srdf=HOOK)
+        folders = () if spec.name else (HOOK.parent,)
+        spec = replace(spec, package_dirs=folders, base=self.pose(), group=self.maybe(self.name(), None))
+        spec = replace(spec, locked={self.name(): -1e-7}, ignore_pairs=((self.name(), self.name()),))
+        axis = self.rng.normal(size=3)
+        x, y, z = (axis / np.linalg.norm(axis)).tolist()
+        torque = self.maybe("urdf", self.values())
+        limits = Limits(
+            {self.name(): (-1.5, 1e-7)}, self.maybe(self.values(), "urdf"), self.values(), self.values(), torque
+        )
+        payload = Payload(self.name(), self.number(), self.vector(), (0.01, 0.0, 0.0, 0.01, 0.0, 0.01))
+        upright = Upright(self.name(), (x, y, z), self.number(high=3.0))
+        within = Within(self.name(), (np.inf, self.number(), self.number()), self.pose(), self.vector())
+        timing = Timing(self.number(0.1), rate=float(self.rng.uniform(1, 1000)))
+        settings = PlannerSettings(
+            17, self.number(high=1.0), self.number(high=1.0), 5, 1e-5, "fcl", "box", True, "faces"
+        )
+        own = [SelfCollision(), SelfCollision(False), SelfCollision(clearance=self.number(high=1.0))]
+        held = Attached(self.name(), self.name(), self.shape(), self.pose(), (self.name(),), self.number())
+        return Scene(
+            name="random",
+            source=Path("random.yaml"),
+            robot=spec,
+            obstacles=tuple(self.obstacle() for _ in range(5)),
+            start=self.target("start"),
+            goal=self.goal(),
+            planner=self.maybe(settings, PlannerSettings()),
+            from_request=self.rng.random() < 0.5,
+            attached=self.maybe((held,), ()),
+            self_collision=own[int(self.rng.integers(3))],
+            limits=limits,
+            payload=self.maybe(payload, None),
+            path=PathConstraints(self.maybe(upright, None), self.maybe(within, None)),
+            timing=timing,
+        )
+
+
+def test_random_scenes_of_every_field_read_back_the_same(tmp_path: Path) -> None:
+    """And every field counts: a scene in which it differs is another scene, and written otherwise."""
+    seen: dict[type, set[str]] = {}
+    kinds = set()
+
+    def look(value: Any) -> None:
+        if dataclasses.is_dataclass(value) and not isinstance(value, type):
+            kinds.add(type(value))
+            for each in dataclasses.fields(value):
+                item = getattr(value, each.name)
+                default = each.default if each.default_factory is dataclasses.MISSING else each.default_factory()
+                if item != default:
+                    seen.setdefault(type(value), set()).add(each.name)
+                look(item)
+        elif isinstance(value, tuple):
+            for item in value:
+                look(item)
+
+    for seed in range(60):
+        scene = Maker(seed).scene()
+        assert_same(scene, tmp_path)
+        look(scene)
+    aside = {"source", "notes", "field", "scale"}  # of the file; timing.scale stands in place of a duration, below
+    for kind in kinds:
+        assert {each.name for each in dataclasses.fields(kind)} - seen[kind] <= aside, kind
+    slow = replace(load_scene("empty"), timing=Timing(scale=0.3, rate=50.0), limits=Limits(acceleration=2.0))
+    assert_same(slow, tmp_path)
+
+
+def test_numbers_of_other_kinds_are_written_as_what_they_are(tmp_path: Path) -> None:
+    scene = load_scene("empty")
+    ball = Obstacle("ball", Sphere(np.float64(1e-5)), Pose((np.float32(0.5), np.int64(2), -0.0)))  # type: ignore[arg-type]
+    again = back(replace(scene, obstacles=(ball,)), tmp_path)
+    assert again.obstacles[0].shape == Sphere(1e-5)
+    assert again.obstacles[0].pose.position == (0.5, 2.0, 0.0)
+
+
+def test_a_mesh_behind_a_link_keeps_its_name(tmp_path: Path) -> None:
+    """What a link points to may say nothing of the kind of file."""
+    (tmp_path / "blob").write_bytes(HOOK.read_bytes())
+    (tmp_path / "hook.obj").symlink_to(tmp_path / "blob")
+    scene = load_scene("empty")
+    (tmp_path / "scene.yaml").write_text(
+        scene_text(replace(scene, obstacles=(Obstacle("hook", Mesh(tmp_path / "hook.obj")),))), encoding="utf-8"
+    )
+    read = load_scene(tmp_path / "scene.yaml")
+    assert_same(read, tmp_path)
+    robot = load_scene_robot(read)
+    query = resolve_query(robot, read)
+    certify(back(read, tmp_path), Trajectory(robot.joint_names, np.array([query.start, query.goal])), robot)
