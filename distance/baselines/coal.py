@@ -2,7 +2,7 @@
 
 In: two bodies and their poses (4, 4), world from body [m]. Out: ``Proximity``, or for many poses at once the distances
 alone; exact to about 1e-9 of the bodies' size, positive = separated. coal is fast, but wrong in about one of a thousand
-exactly parallel contacts; so its answer counts only if it proves itself, and otherwise ``sat.ground_truth`` decides.
+exactly parallel contacts; so its answer counts only if it proves itself, and otherwise ``ground_truth`` decides.
 ``CoalPair`` is coal without that guard, for timing.
 """
 

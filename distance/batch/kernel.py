@@ -1,7 +1,7 @@
 """The HD-SDF in JAX: value, gradient and Hessian of a pair of bodies, at as many poses at once as an array has lanes.
 
 Every array has the poses last (N), so that one instruction works on many of them. The derivatives are closed forms: the
-shaped Hölder minimum gives its derivatives as sums over the vertices (moments), and ``batch_axes`` turns moments into
+shaped Hölder minimum gives its derivatives as sums over the vertices (moments), and ``axes`` turns moments into
 wrenches. Automatic ones would come from branches not taken, where they are 0/0.
 """
 

@@ -1,4 +1,4 @@
-"""A pair of bodies as arrays, for ``batch_kernel``: what its axes are, and what is constant about them.
+"""A pair of bodies as arrays, for ``kernel``: what its axes are, and what is constant about them.
 
 Exact reductions: a body's projections on its own directions are constants, equal ones enter once with their count; and
 vertices that differ along an edge only have one projection across it.

@@ -28,7 +28,7 @@ def hdsdf_function(
     epsilon: float | None = None,
     normals: str = "paper",
 ) -> ca.Function:
-    """Return D of ``reference.hdsdf`` as a CasADi Function ``(pose_a (4,4), pose_b (4,4)) -> distance`` [m].
+    """Return D of ``numpy_reference.hdsdf`` as a CasADi Function ``(pose_a (4,4), pose_b (4,4)) -> distance`` [m].
 
     A lower bound of the signed distance in sign (paper: Definition ``def:set2set-signed-distance``). Usable in any SX
     or MX graph, and with ``factory``. Gradient and Hessian are closed forms, right at every pose, aligned and touching
@@ -36,7 +36,7 @@ def hdsdf_function(
     not exist: CasADi says so. Derivatives mean something along rigid motions only: compose the Function with a
     kinematics or another parametrization of the pose. A graph cannot refuse: at poses that are not rigid D is NaN.
 
-    Arguments and errors as ``reference.hdsdf``.
+    Arguments and errors as ``numpy_reference.hdsdf``.
     """
     length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
     pose_a, pose_b = ca.MX.sym("pose_a", 4, 4), ca.MX.sym("pose_b", 4, 4)

@@ -2,7 +2,7 @@
 
 Scene and trajectory -> `Simulation`. Without `limits.torque` the motion is kinematics alone: the file is read as a
 controller would, a thousand times a second by its own rule of interpolation. With it the robot and its loads are
-simulated (`execution`), and what it did counts. Samples prove nothing; the certificate does.
+simulated (`computed_torque`), and what it did counts. Samples prove nothing; the certificate does.
 """
 
 from __future__ import annotations

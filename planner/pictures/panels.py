@@ -1,4 +1,4 @@
-"""The panels of a motion's sheet: joints and clearance along it, the solver's progress; `plot_rates` has the others."""
+"""The panels of a motion's sheet: joints and clearance along it, the solver's progress; `rates` has the others."""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@ def _holding(robot: Robot, attached: tuple[Attached, ...], stamps: Stamps) -> Ro
 def resolve_query(robot: Robot, scene: Scene) -> Query:
     """Return the scene's start and goal for this robot. Raises InputError, naming the scene's file.
 
-    A goal that leaves a choice (`Goals`) is no one configuration: `goal_search.settled` chooses.
+    A goal that leaves a choice (`Goals`) is no one configuration: `search.goals.settled` chooses.
     """
     if isinstance(scene.goal, Goals):
         raise InputError(f"{scene.source}: {scene.goal.field}: leaves a choice; one configuration is needed here")

@@ -1,6 +1,6 @@
 """MoveIt files: a planning scene (what stands around) and a motion plan request (from where to where) become a `Scene`.
 
-The keys are the fields of the ROS messages moveit_msgs/PlanningScene and MotionPlanRequest; `moveit_fields` says what
+The keys are the fields of the ROS messages moveit_msgs/PlanningScene and MotionPlanRequest; `fields` says what
 is done with each. Whatever would change the problem and is not supported is refused by name.
 """
 
@@ -45,8 +45,8 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
     earlier one of the same name.
 
     Raises:
-        InputError: a bad file or field, an unknown group, or something that hdplan cannot plan for: see `moveit_fields`
-            and `moveit_constraints`; objects attached in another frame than their link's, moved bases, several goals.
+        InputError: a bad file or field, an unknown group, or something that hdplan cannot plan for: see `fields`
+            and `constraints`; objects attached in another frame than their link's, moved bases, several goals.
     """
     scene, request = scene.with_text_numbers(), read_document(request_file).with_text_numbers()
     if is_moveit_scene(request.mapping()):

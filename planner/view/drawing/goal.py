@@ -1,6 +1,6 @@
 """Inverse kinematics for dragging: the goal's configuration follows the tip's handle.
 
-Damped least squares on the tip's placement (`goal_search`), from the goal as it was, within the joint limits. It
+Damped least squares on the tip's placement (`search.goals`), from the goal as it was, within the joint limits. It
 follows the handle from where the arm is; it does not search for another posture.
 """
 
