@@ -25,8 +25,8 @@ class CompiledDistance:
     """D of two bodies (Definition ``def:set2set-signed-distance``) at poses (..., 4, 4); leading axes broadcast.
 
     A lower bound of the signed distance in sign; ``separation`` D̃ (eq. ``eq:Dtilde``) is one in value, and has the
-    sign of D where D itself is too small for a number. Rounding, and which derivatives exist where: ``numpy_reference``.
-    Raises InputError, naming the pose, for poses of another shape, not finite or not rigid. Runs as C where a
+    sign of D where D itself is too small for a number. Rounding, and which derivatives exist where:
+    ``numpy_reference``. Raises InputError, naming the pose, for poses of another shape, not finite or not rigid. Runs as C where a
     compiler is found, in CasADi's interpreter elsewhere; threads may share it. Made by ``hdsdf_compiled``.
     """
 
@@ -105,7 +105,7 @@ def hdsdf_compiled(
     normals: str = "paper",
     witness_count: int = 0,
 ) -> CompiledDistance:
-    """Return the distance of ``numpy_reference.hdsdf`` for these bodies, fast: for many poses, with gradient and Hessian.
+    """Return the distance of ``numpy_reference.hdsdf`` for these bodies, fast: for many poses, with derivatives.
 
     ``witness_count``: how many witness normals will be given with each pose. Other arguments and errors as
     ``numpy_reference.hdsdf``. Another shaping length compiles nothing anew.

@@ -2,8 +2,8 @@
 
 It shares nothing with the planner that made the trajectory: Pinocchio's own kinematics, the robot's real collision
 geometry, the scene's own shapes (`exact_proximity`), and bounds on the executed curve between samples (`curve`,
-`motion_bounds`, `collision_proof`). Where the scene says so, it covers moving obstacles, limits of the joints (`rate_check`) and
-what is to hold all along the way (`path_check`).
+`motion_bounds`, `collision_proof`). Where the scene says so, it covers moving obstacles, limits of the joints
+(`rate_check`) and what is to hold all along the way (`path_check`).
 Distances are proven *lower bounds* in metres, positive = separated. Two bodies that do not move against each other (a
 robot's base and the floor on which it stands) are no part of a motion and are not compared.
 """

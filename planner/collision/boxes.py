@@ -1,4 +1,4 @@
-"""Distances of pairs of boxes at samples, as `pair_distance.PairDistance`: the paper's own HD-SDF, and the GDF baseline.
+"""Distances of pairs of boxes at samples, as a `PairDistance`: the paper's own HD-SDF, and the GDF baseline.
 
 Both know boxes alone: links by the setting `link_bodies: box`, and obstacles that are boxes. Which distance is what:
 `BoxPairs` a lower bound in sign and an approximation in value, `GdfPairs` an unsigned approximation.
