@@ -26,8 +26,8 @@ class CompiledDistance:
 
     A lower bound of the signed distance in sign; ``separation`` D̃ (eq. ``eq:Dtilde``) is one in value, and has the
     sign of D where D itself is too small for a number. Rounding, and which derivatives exist where:
-    ``numpy_reference``. Raises InputError, naming the pose, for poses of another shape, not finite or not rigid. Runs as C where a
-    compiler is found, in CasADi's interpreter elsewhere; threads may share it. Made by ``hdsdf_compiled``.
+    ``numpy_reference``. Raises InputError, naming the pose, for poses of another shape, not finite or not rigid. Runs
+    as C where a compiler is found, in CasADi's interpreter elsewhere; threads may share it. Made by ``hdsdf_compiled``.
     """
 
     def __init__(
