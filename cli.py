@@ -342,8 +342,7 @@ def simulate(
 
     Exit code 1 where tracking is lost, a limit is exceeded, or something touches.
     """
-    from hdplan.planner.control.replay import fitting
-    from hdplan.planner.control.replay import simulate as replay
+    from hdplan.planner.control.replay import fitting, replay
     from hdplan.planner.motion.trajectory import Trajectory
     from hdplan.planner.pictures.plot import check_picture, plot_simulation
     from hdplan.planner.robot.scene_robot import load_scene_robot, notes_on

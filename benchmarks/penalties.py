@@ -45,7 +45,7 @@ from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.search import Event
 from hdplan.planner.solvers import SOLVERS
-from hdplan.planner.solvers.solution import Step
+from hdplan.planner.solvers.solution import Iteration
 from hdplan.scenes.model import Scene
 from hdplan.scenes.yaml_format.reader import shipped_scenes
 
@@ -76,7 +76,7 @@ class Run:
     shape: Shape
     clearance: float  # [m] proven; NaN without proof
     words: str
-    steps: tuple[tuple[Step, ...], ...] = field(repr=False)  # of each attempt
+    steps: tuple[tuple[Iteration, ...], ...] = field(repr=False)  # of each attempt
 
     @property
     def iterations(self) -> int:
@@ -132,7 +132,7 @@ def metered() -> Iterator[Meter]:
 
 def run(group: str, name: str, scene: Scene, variant: str, time_limit: float) -> Run:
     """Plan one problem with one penalty. Raises InputError for ends in collision."""
-    steps: dict[int, list[Step]] = {}
+    steps: dict[int, list[Iteration]] = {}
 
     def note(event: Event) -> None:
         if event.step:

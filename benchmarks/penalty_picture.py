@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from penalty_faces import EDGE, GAP, Tilted
 
 from hdplan.planner.pictures.style import GOAL, INK, RC, START
-from hdplan.planner.solvers.solution import Step
+from hdplan.planner.solvers.solution import Iteration
 
 Array = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ BANDS = ("hdsdf", "fcl")  # whose quartiles are shown
 WEIGHT = 1e6  # [1/m²] of the penalty in the picture, whatever the solver's weight is at that iteration
 SHOWN, FAR = 40, 1000  # iterations: of the cost, and until found
 
-Attempts = Sequence[Sequence[Sequence[Step]]]  # problem, attempt, iteration
+Attempts = Sequence[Sequence[Sequence[Iteration]]]  # problem, attempt, iteration
 
 
 def draw(attempts: dict[str, Attempts], certified: dict[str, list[bool]], tilted: Tilted, file: Path) -> None:
@@ -85,7 +85,7 @@ def _words(axes: object, side: str) -> dict[str, object]:
     return {"transform": axes.transAxes, "ha": side, "fontsize": 7.5, "color": INK}  # type: ignore[attr-defined]
 
 
-def _cost(steps: Sequence[Step]) -> Array:
+def _cost(steps: Sequence[Iteration]) -> Array:
     """Cost (SHOWN,) at one weight, the last one held once the solver has ended."""
     costs = [step.smoothness + WEIGHT * (step.cost - step.smoothness) / step.weight for step in steps[:SHOWN]]
     return np.array(costs + [costs[-1]] * (SHOWN - len(costs)))

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 import hdplan
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.control.replay import simulate
+from hdplan.planner.control.replay import replay
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
@@ -82,7 +82,7 @@ def outcome(asked: Scene, judged: Scene, robot: Robot) -> Outcome:
     result = plan(asked, robot=robot, time_limit=TIME_LIMIT)
     seconds = time.perf_counter() - began
     certificate = Certifier(judged, robot).certify(result.trajectory)
-    tracked = certificate.certified and simulate(judged, result.trajectory, robot).succeeded
+    tracked = certificate.certified and replay(judged, result.trajectory, robot).succeeded
     return Outcome(certificate.certified, bool(certificate.overloaded), tracked, seconds)
 
 

@@ -25,7 +25,7 @@ FOR_MESHES = 0.5  # share of what is left of a limit to all, for taking meshes a
 RESERVED, MOST_RESERVED = 0.2, 1.0  # share of what is left, at most [s], that is kept for the certificate
 
 if TYPE_CHECKING:
-    from hdplan.planner.timing.retiming import Timekeeper
+    from hdplan.planner.timing.retiming import Retimer
 
 
 def plan(
@@ -74,10 +74,10 @@ def plan(
     goals, found = _goals(scene, robot, certifier, seed)
     aims = [replace(scene, goal=goal) for goal in goals]
     clearances = [reachable_clearance(aim, robot, certifier) for aim in aims]  # ends in collision: before all fitting
-    timekeeper = _timekeeper(scene, robot)
+    retimer = _timekeeper(scene, robot)
     problems = [build(aim, robot, began + min(time_limit, FOR_MESHES * seconds_left())) for aim in aims]
-    if timekeeper is not None:
-        hurried = [timekeeper.too_short(problem.start, problem.goal) for problem in problems]
+    if retimer is not None:
+        hurried = [retimer.too_short(problem.start, problem.goal) for problem in problems]
         if all(hurried):
             raise InputError(f"{scene.source}: {hurried[0]}")
     built = time.perf_counter()
@@ -86,7 +86,7 @@ def plan(
     left = seconds_left()  # of what bounds more than this search
     deadline = built + min(time_limit, left - min(RESERVED * left, MOST_RESERVED) if left < math.inf else left)
     searches = [
-        Search(problem, certifier, timekeeper, run, required, deadline, report, stop)
+        Search(problem, certifier, retimer, run, required, deadline, report, stop)
         for problem, (required, _) in zip(problems, clearances, strict=True)
     ]
     try:
@@ -133,13 +133,13 @@ def _goals(
     return goal_choice(scene, robot, certifier, seed)
 
 
-def _timekeeper(scene: Scene, robot: Robot) -> Timekeeper | None:
+def _timekeeper(scene: Scene, robot: Robot) -> Retimer | None:
     """Return what gives motions their times, where the scene asks for them."""
     if not scene.timed:
         return None
-    from hdplan.planner.timing.retiming import Timekeeper
+    from hdplan.planner.timing.retiming import Retimer
 
-    return Timekeeper(scene, robot)
+    return Retimer(scene, robot)
 
 
 def _taken(searches: Sequence[Search], taken: int, goals: Sequence[JointTarget]) -> str:

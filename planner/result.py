@@ -11,12 +11,12 @@ import numpy as np
 
 from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.solvers.solution import Step
+from hdplan.planner.solvers.solution import Iteration
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.files import read_file
 from hdplan.scenes.model import JointTarget
 
-_FIGURES = tuple(field.name for field in fields(Step))
+_FIGURES = tuple(field.name for field in fields(Iteration))
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class PlanResult:
     seed: int
     attempts: int  # first guesses tried
     iterations: int  # of the solver, all attempts together
-    steps: tuple[Step, ...]  # of the attempt that is given back
+    steps: tuple[Iteration, ...]  # of the attempt that is given back
     times: Times
     notes: tuple[str, ...]  # what was assumed or left out, in words
     goal: JointTarget | None = None  # the one that was taken, where the scene leaves a choice
@@ -120,7 +120,7 @@ def verdict(certificate: Certificate) -> dict[str, Any]:
     }
 
 
-def read_steps(path: str | Path) -> tuple[Step, ...]:
+def read_steps(path: str | Path) -> tuple[Iteration, ...]:
     """Read the solver's steps from a trajectory file; none where it says nothing of them.
 
     Raises InputError naming the file where they are not lists of numbers, equally long.
@@ -136,4 +136,4 @@ def read_steps(path: str | Path) -> tuple[Step, ...]:
         table = np.array(np.nan)
     if table.ndim != 2 or not np.isfinite(table).all():
         raise InputError(f"{path}: steps: expected are lists of numbers, equally long: {', '.join(_FIGURES)}")
-    return tuple(Step(round(number), *figures) for number, *figures in table.T.tolist())
+    return tuple(Iteration(round(number), *figures) for number, *figures in table.T.tolist())

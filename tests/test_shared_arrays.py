@@ -14,7 +14,7 @@ import pytest
 import hdplan
 from hdplan.distance.symbolic.halfspaces import box_directions
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.collision.collision_model import outline_of
+from hdplan.planner.collision.collision_model import collision_model_of
 from hdplan.planner.kinematics.forward import kinematics_of
 from hdplan.planner.kinematics.inverse_dynamics import dynamics_of
 from hdplan.planner.robot.scene_robot import load_scene_robot
@@ -63,12 +63,12 @@ def test_what_is_kept_of_a_scene_and_its_robot_is_read_only(name: str) -> None:
     robot = load_scene_robot(scene)
     certifier = Certifier(scene, robot)
     assert certifier.contacts(np.clip(np.zeros(robot.n), robot.lower, robot.upper)) is not None
-    outline = outline_of(robot, "fitted", "box")
+    collision_model = collision_model_of(robot, "fitted", "box")
     shared = {
         "scene": scene,
         "poses": [obstacle.pose.matrix for obstacle in scene.obstacles],
         "robot": robot,
-        "outline": outline,
+        "collision_model": collision_model,
         "kinematics": kinematics_of(robot),
         "bodies": [body for body in certifier.sweep.bodies.bodies if body.name in robot.links],
         "dynamics": dynamics_of(scene, robot) if scene.limits.torque else None,

@@ -16,7 +16,7 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.symbolic.boxes import box_distance
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.collision.broad_phase import BodyPairs, Floats, Rows
-from hdplan.planner.collision.halfspace_bodies import PlaneBody
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.scenes.errors import InputError
@@ -29,10 +29,10 @@ RIGHT_ANGLE = 1e-9  # the cosine of a box's right angles is this close to 0
 class _Boxes:
     """The pairs' boxes as rows [R (9) | t (3) | half sides (3)] in the frames of what carries them."""
 
-    def __init__(self, pairs: BodyPairs, bodies: Sequence[LinkBody], plane_bodies: Sequence[PlaneBody]) -> None:
+    def __init__(self, pairs: BodyPairs, bodies: Sequence[LinkBody], halfspace_bodies: Sequence[HalfspaceBody]) -> None:
         self.pairs, self.margins = pairs, pairs.margins[:, None]
         self.first = np.array([_box_row(body.body, np.eye(4), body.link) for body in bodies])
-        self.second = np.array([_box_row(body.shape, body.placement, body.name) for body in plane_bodies])
+        self.second = np.array([_box_row(body.shape, body.placement, body.name) for body in halfspace_bodies])
 
 
 class BoxPairs(_Boxes):
@@ -42,13 +42,13 @@ class BoxPairs(_Boxes):
         self,
         pairs: BodyPairs,
         bodies: Sequence[LinkBody],
-        plane_bodies: Sequence[PlaneBody],
+        halfspace_bodies: Sequence[HalfspaceBody],
         gamma: int,
         shaping_length: float,
         normals: str = "paper",
     ) -> None:
         """Take the pairs and the bodies that their indices mean; normals: "paper" or "paper-multiset"."""
-        super().__init__(pairs, bodies, plane_bodies)
+        super().__init__(pairs, bodies, halfspace_bodies)
         self.kernel = _kernel(gamma, shaping_length, normals)
 
     @property

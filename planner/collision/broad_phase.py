@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hdplan.planner.collision.halfspace_bodies import FEW, PlaneBody
+from hdplan.planner.collision.halfspace_bodies import FEW, HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import KinematicsBatch
 
@@ -128,7 +128,7 @@ class BodyPairs:
 
 def body_pairs(
     bodies: Sequence[LinkBody],
-    plane_bodies: Sequence[PlaneBody],
+    halfspace_bodies: Sequence[HalfspaceBody],
     pairs: Sequence[tuple[int, int]],
     margin: ArrayLike,
     supports: NDArray[np.bool_],
@@ -140,21 +140,24 @@ def body_pairs(
     supports: (nj, n) whether a joint moves what another joint carries (Kinematics.supports).
     slots: vertex slots of the tables at least, so that other pairs would have tables of the same width.
     """
-    margins = np.full(len(plane_bodies), margin, dtype=np.float64)
+    margins = np.full(len(halfspace_bodies), margin, dtype=np.float64)
     slots = max(slots, *(len(bodies[a].body.vertices) for a, _ in pairs))
     first = np.array([a for a, _ in pairs], dtype=np.int64)
     second = np.array([b for _, b in pairs], dtype=np.int64)
-    plane_slots = np.array([len(body.supports) for body in plane_bodies], dtype=np.int64)
-    rows = np.zeros(len(plane_bodies), dtype=np.int64)
+    plane_slots = np.array([len(body.supports) for body in halfspace_bodies], dtype=np.int64)
+    rows = np.zeros(len(halfspace_bodies), dtype=np.int64)
     tables = {}
     for count in sorted(set(plane_slots.tolist())):
         chosen = np.flatnonzero(plane_slots == count)
         rows[chosen] = np.arange(len(chosen))
         tables[count] = np.array(
-            [np.append(plane_bodies[b].normals.ravel(), plane_bodies[b].supports + margins[b]) for b in chosen.tolist()]
+            [
+                np.append(halfspace_bodies[b].normals.ravel(), halfspace_bodies[b].supports + margins[b])
+                for b in chosen.tolist()
+            ]
         )
     joint_a = np.array([body.joint for body in bodies], dtype=np.int64)[first]
-    joint_b = np.array([body.joint for body in plane_bodies], dtype=np.int64)[second]
+    joint_b = np.array([body.joint for body in halfspace_bodies], dtype=np.int64)[second]
     middles = [(body.body.vertices.min(axis=0) + body.body.vertices.max(axis=0)) / 2 for body in bodies]
     spans = [np.linalg.norm(b.body.vertices - middle, axis=1).max() for b, middle in zip(bodies, middles, strict=True)]
     return BodyPairs(
@@ -170,8 +173,8 @@ def body_pairs(
         centres=np.array(middles),
         radii=np.array([span + body.body.radius for span, body in zip(spans, bodies, strict=True)]),
         widest=WIDEST if plane_slots.min() >= FEW else WIDEST_OF_FACES,
-        boxes=np.array([body.box for body in plane_bodies]),
-        half_sizes=np.array([body.half_size for body in plane_bodies]) + margins[:, None],
+        boxes=np.array([body.box for body in halfspace_bodies]),
+        half_sizes=np.array([body.half_size for body in halfspace_bodies]) + margins[:, None],
         margins=margins,
     )
 

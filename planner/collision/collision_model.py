@@ -1,6 +1,6 @@
 """A robot as the problem sees it, whatever the scene: kinematics, outer bodies, and which of them to keep apart.
 
-Robot -> `Outline`, made once per robot in a process: a second plan with the same robot starts from it.
+Robot -> `CollisionModel`, made once per robot in a process: a second plan with the same robot starts from it.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdplan.planner.collision.broad_phase import body_pairs
-from hdplan.planner.collision.halfspace_bodies import PlaneBody, from_link_body
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_link_body
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody, link_bodies
 from hdplan.planner.collision.reach import Reach, reach_of
@@ -24,17 +24,17 @@ GAMMA, LENGTH = 2, 1e-3  # of the distance that tells; its sign, which alone cou
 SELF_ACTIVATION = 0.005  # [m] links of one arm are close by design: their penalty sets in late
 OFTEN = 0.5  # share of them in which a link pair's outer bodies may overlap before it is left to the certificate
 
-BodyPair = tuple[int, int]  # rows of Outline.bodies: the one that gives vertices, the one that gives planes
+BodyPair = tuple[int, int]  # rows of CollisionModel.bodies: the one that gives vertices, the one that gives planes
 LinkPair = tuple[str, str]
 
 
 @dataclass(frozen=True, eq=False)
-class Outline:
+class CollisionModel:
     """Everything about a robot that does not depend on the scene around it."""
 
     kinematics: Kinematics
     bodies: tuple[LinkBody, ...]  # the links' outer bodies, from base to tip
-    planes: tuple[PlaneBody, ...]  # the same bodies by planes, for the second side of a pair
+    planes: tuple[HalfspaceBody, ...]  # the same bodies by planes, for the second side of a pair
     reach: tuple[Reach, ...]  # balls that they never leave
     self_pairs: tuple[BodyPair, ...]  # to be kept apart
     distances_kept: tuple[float, ...]  # that each of them keeps anyway, at all limits [m]; 0 where none is proven
@@ -42,22 +42,22 @@ class Outline:
 
 
 @made_once(8)
-def outline_of(robot: Robot, geometry: str, normals: str) -> Outline:
-    """Return the outline of a robot with the bodies and normals of these settings, the same object for the same
+def collision_model_of(robot: Robot, geometry: str, normals: str) -> CollisionModel:
+    """Return the collision_model of a robot with the bodies and normals of these settings, the same object for the same
     ones."""
     kinematics, bodies = kinematics_of(robot), link_bodies(robot, geometry)
     planes = tuple(from_link_body(body.link, body.joint, body.body, normals) for body in bodies)
     reach = tuple(reach_of(robot, body.joint, body.body) for body in bodies)
     pairs, unresolved = _separable_pairs(robot, kinematics, bodies, planes)
     kept = _distances_kept(robot, kinematics, bodies, planes, pairs)
-    return Outline(kinematics, bodies, planes, reach, pairs, kept, unresolved)
+    return CollisionModel(kinematics, bodies, planes, reach, pairs, kept, unresolved)
 
 
 def _distances_kept(
     robot: Robot,
     kinematics: Kinematics,
     bodies: tuple[LinkBody, ...],
-    planes: tuple[PlaneBody, ...],
+    planes: tuple[HalfspaceBody, ...],
     pairs: tuple[BodyPair, ...],
 ) -> tuple[float, ...]:
     """What is proven of each pair; first the links' own, which are the same whatever the robot holds."""
@@ -75,7 +75,7 @@ def _distances_kept(
 
 
 def _separable_pairs(
-    robot: Robot, kinematics: Kinematics, bodies: tuple[LinkBody, ...], planes: tuple[PlaneBody, ...]
+    robot: Robot, kinematics: Kinematics, bodies: tuple[LinkBody, ...], planes: tuple[HalfspaceBody, ...]
 ) -> tuple[tuple[BodyPair, ...], tuple[LinkPair, ...]]:
     """Body pairs of the robot's self pairs, and the link pairs whose outer bodies overlap so often that they would
     mislead."""

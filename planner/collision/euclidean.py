@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from hdplan.distance.baselines.coal import coal_hull
 from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.collision.broad_phase import BodyPairs, Floats, Rows
-from hdplan.planner.collision.halfspace_bodies import PlaneBody
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.scenes.model import Box, Capsule, Cylinder, Points, Shape, Sphere
@@ -49,12 +49,12 @@ class FclPairs:
     it overlap deeply, coal may give a direction out that is not the shortest: there D is a lower bound only.
     """
 
-    def __init__(self, pairs: BodyPairs, bodies: Sequence[LinkBody], plane_bodies: Sequence[PlaneBody]) -> None:
+    def __init__(self, pairs: BodyPairs, bodies: Sequence[LinkBody], halfspace_bodies: Sequence[HalfspaceBody]) -> None:
         """Take the pairs and the bodies that their indices mean; the second's margin comes off every distance."""
         self.pairs = pairs
         self.first = {a: _swept(bodies[a].body) for a in set(pairs.body.tolist())}
-        self.second = {b: _solid(plane_bodies[b].shape) for b in set(pairs.plane_body.tolist())}
-        self.placements = np.array([body.placement for body in plane_bodies])  # (B, 4, 4) in the joints' frames
+        self.second = {b: _solid(halfspace_bodies[b].shape) for b in set(pairs.plane_body.tolist())}
+        self.placements = np.array([body.placement for body in halfspace_bodies])  # (B, 4, 4) in the joints' frames
 
     @property
     def how(self) -> str:

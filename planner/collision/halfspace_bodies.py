@@ -1,7 +1,7 @@
 """Bodies as the planner's distance wants them on its second side: planes with exact supports, and a box for the broad
 phase.
 
-In: scene shapes or outer link bodies. Out: PlaneBody: unit normals n_k and supports h(n_k) = max_{b in B} n_k·b,
+In: scene shapes or outer link bodies. Out: HalfspaceBody: unit normals n_k and supports h(n_k) = max_{b in B} n_k·b,
 exact for the shape itself (a true cylinder, not a polygon). What the planes enclose is slightly more than the shape
 (an outer body).
 
@@ -33,7 +33,7 @@ SPREAD = 96  # more of them for normals "sphere"
 
 
 @dataclass(frozen=True)
-class PlaneBody:
+class HalfspaceBody:
     """The intersection of half-spaces n_k · y ≤ h_k around a convex body, in the frame of what carries it."""
 
     name: str  # of the obstacle or link
@@ -52,7 +52,7 @@ class PlaneBody:
 
 def from_obstacle(
     obstacle: Obstacle, normals: str = "box", seconds: float = MOST_SECONDS
-) -> tuple[tuple[PlaneBody, ...], tuple[str, ...]]:
+) -> tuple[tuple[HalfspaceBody, ...], tuple[str, ...]]:
     """Enclose an obstacle: one body, or one for each convex piece of its mesh; and words on what was made of it.
 
     A mesh that cannot be split, or not within `seconds`, is enclosed by its hull.
@@ -72,7 +72,7 @@ def from_obstacle(
     return bodies, (f"{about} split into {len(pieces)} convex pieces",) if len(pieces) > 1 else ()
 
 
-def from_shape(name: str, shape: Shape, placement: Floats, normals: str = "box") -> PlaneBody:
+def from_shape(name: str, shape: Shape, placement: Floats, normals: str = "box") -> HalfspaceBody:
     """Enclose a scene shape that stands at `placement` in the world. Meshes come as the convex Points of their
     pieces."""
     match shape:
@@ -98,7 +98,7 @@ def from_shape(name: str, shape: Shape, placement: Floats, normals: str = "box")
     raise TypeError(f"{name}: a {type(shape).__name__} has to be split into convex pieces first")
 
 
-def from_points(name: str, points: Floats, placement: Floats, normals: str = "box") -> PlaneBody:
+def from_points(name: str, points: Floats, placement: Floats, normals: str = "box") -> HalfspaceBody:
     """Enclose the hull of points (m, 3), flat ones too, that stands at `placement` in the world."""
     frame = _box_frame(points)
     local = (points - frame[:3, 3]) @ frame[:3, :3]
@@ -110,7 +110,7 @@ def from_points(name: str, points: Floats, placement: Floats, normals: str = "bo
     return _placed(name, 0, placement, ConvexBody.from_points(points), directions, supports, half, frame)
 
 
-def from_link_body(link: str, joint: int, body: ConvexBody, normals: str = "box") -> PlaneBody:
+def from_link_body(link: str, joint: int, body: ConvexBody, normals: str = "box") -> HalfspaceBody:
     """Enclose an outer link body by the directions of its box; it moves with `joint`."""
     frame, directions = _box_frame(body.vertices), _few(normals)
     local = (body.vertices - frame[:3, 3]) @ frame[:3, :3]
@@ -145,12 +145,12 @@ def _placed(
     supports: Floats,
     half_size: Floats,
     frame: Floats | None = None,
-) -> PlaneBody:
+) -> HalfspaceBody:
     """Express planes given in the frame of the body's box, the shape's own frame if none is given, in that of what
     carries the body: h' = h + n'·t."""
     box = placement if frame is None else placement @ frame
     turned = normals @ box[:3, :3].T
-    return PlaneBody(name, joint, turned, supports + turned @ box[:3, 3], box, half_size, shape, placement)
+    return HalfspaceBody(name, joint, turned, supports + turned @ box[:3, 3], box, half_size, shape, placement)
 
 
 def _fill(normals: Floats, supports: Floats, spare: int) -> tuple[Floats, Floats]:

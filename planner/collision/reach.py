@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.distance.bodies import ConvexBody
-from hdplan.planner.collision.halfspace_bodies import PlaneBody
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.once import freeze
 
@@ -28,7 +28,7 @@ class Reach:
         """Share its arrays read-only."""
         freeze(self)
 
-    def meets(self, others: Sequence[PlaneBody], margin: ArrayLike) -> NDArray[np.bool_]:
+    def meets(self, others: Sequence[HalfspaceBody], margin: ArrayLike) -> NDArray[np.bool_]:
         """For each standing body (B,), whether the ball touches its box enlarged by `margin`, one for all or one for
         each [m]; if not, the pair never matters."""
         margins = np.full(len(others), margin, dtype=np.float64)

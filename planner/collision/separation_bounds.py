@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from hdplan.distance.cache import content_key, load, store
 from hdplan.planner.collision.broad_phase import Floats, Rows, body_pairs
 from hdplan.planner.collision.euclidean import FclPairs
-from hdplan.planner.collision.halfspace_bodies import PlaneBody
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.robot.robot import Robot
@@ -48,7 +48,7 @@ def distances_kept(
     robot: Robot,
     kinematics: Kinematics,
     bodies: Sequence[LinkBody],
-    planes: Sequence[PlaneBody],
+    planes: Sequence[HalfspaceBody],
     pairs: Sequence[tuple[int, int]],
     wanted: float,
 ) -> Floats:

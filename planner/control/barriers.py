@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from hdplan.planner.collision.boxes import BoxPairs, GdfPairs
 from hdplan.planner.collision.broad_phase import BodyPairs, Rows, body_pairs
-from hdplan.planner.collision.collision_model import outline_of
+from hdplan.planner.collision.collision_model import collision_model_of
 from hdplan.planner.collision.euclidean import FclPairs
-from hdplan.planner.collision.halfspace_bodies import PlaneBody, from_link_body, from_obstacle
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_link_body, from_obstacle
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody, link_bodies
 from hdplan.planner.collision.pair_distance import PairDistance
@@ -35,14 +35,14 @@ from hdplan.scenes.values import Checked, Choice, Number, Whole, instance
 
 Floats = NDArray[np.float64]
 
-DISTANCES = ("hdsdf", "hdsdf-boxes", "euclidean", "gdf")
+BARRIER_DISTANCES = ("hdsdf", "hdsdf-boxes", "euclidean", "gdf")
 
 
 @dataclass(frozen=True)
 class BarrierSettings(Checked):
     """Which distance, and what it is taken to."""
 
-    distance: Annotated[str, Choice(DISTANCES)] = "hdsdf"
+    distance: Annotated[str, Choice(BARRIER_DISTANCES)] = "hdsdf"
     """hdsdf (planes of the obstacle), hdsdf-boxes (the paper's set), euclidean (exact) or gdf."""
     gamma: Annotated[int, Whole(1, 1000)] = 2  # order of differentiability of the HD-SDF
     shaping_length: Annotated[float, Number(above=0.0, unit="m")] = 1e-3  # width of its flat spot [m]
@@ -75,9 +75,9 @@ class Barriers:
         kinematics: Kinematics,
         bodies: Sequence[LinkBody],
         self_pairs: Sequence[tuple[int, int]],
-        obstacles: Sequence[PlaneBody],
+        obstacles: Sequence[HalfspaceBody],
         settings: BarrierSettings,
-        movers: Sequence[tuple[Passages, Sequence[PlaneBody]]] = (),
+        movers: Sequence[tuple[Passages, Sequence[HalfspaceBody]]] = (),
         clearances: Mapping[str, float] | None = None,
         hulls: Sequence[LinkBody] = (),
         unguarded: Sequence[tuple[str, str]] = (),
@@ -207,7 +207,7 @@ class _Moment(NamedTuple):
 def _distance(
     pairs: BodyPairs,
     bodies: Sequence[LinkBody],
-    others: Sequence[PlaneBody],
+    others: Sequence[HalfspaceBody],
     settings: BarrierSettings,
 ) -> PairDistance:
     match settings.distance:
@@ -233,9 +233,9 @@ def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Bar
     instance(settings, BarrierSettings, "settings")
     boxes = settings.distance in ("hdsdf-boxes", "gdf")
     planes = settings.normals if settings.distance == "hdsdf" else "box"
-    outline = outline_of(robot, "box" if boxes else scene.planner.link_bodies, planes)
-    standing: list[PlaneBody] = []
-    movers: list[tuple[Passages, Sequence[PlaneBody]]] = []
+    collision_model = collision_model_of(robot, "box" if boxes else scene.planner.link_bodies, planes)
+    standing: list[HalfspaceBody] = []
+    movers: list[tuple[Passages, Sequence[HalfspaceBody]]] = []
     with naming(scene.source):
         for obstacle in scene.obstacles:
             if obstacle.motion is None:
@@ -246,13 +246,13 @@ def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Bar
                 )
         return Barriers(
             robot,
-            outline.kinematics,
-            outline.bodies,
-            outline.self_pairs,
+            collision_model.kinematics,
+            collision_model.bodies,
+            collision_model.self_pairs,
             standing,
             settings,
             movers,
             scene.clearances,
             link_bodies(robot, "hull"),
-            outline.unresolved,
+            collision_model.unresolved,
         )

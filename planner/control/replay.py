@@ -152,7 +152,7 @@ def _check_steps(times: Array) -> None:
         )
 
 
-def simulate(scene: Scene, trajectory: Trajectory, robot: Robot) -> Simulation:
+def replay(scene: Scene, trajectory: Trajectory, robot: Robot) -> Simulation:
     """Replay a trajectory of the scene's robot.
 
     Raises:

@@ -38,7 +38,7 @@ CLEARANCE_STEPS = 128  # pieces of the motion between which distances are comput
 POINTS = 800  # of a curve that is not straight between its waypoints, at least
 LANE = 0.84  # of the distance between two joints' lanes: a joint's range
 WIDE = 30.0  # ratio of costs from which on their axis is logarithmic
-DISTANCES = {"hdsdf": "HD-SDF’s D̃", "fcl": "FCL"}  # of the planner's bodies
+DISTANCE_WORDS = {"hdsdf": "HD-SDF’s D̃", "fcl": "FCL"}  # of the planner's bodies
 
 
 # --- along the motion -------------------------------------------------------------------------------------------------
@@ -91,7 +91,7 @@ def draw_clearance(axis: Any, subject: Subject) -> None:
     curves = [
         ("to obstacles, exact", found.to_obstacles, {"color": ROBOT_TO_OBSTACLES, "linewidth": 1.6}),
         (
-            f"to obstacles, planner’s ({DISTANCES[certifier.scene.planner.distance]})",
+            f"to obstacles, planner’s ({DISTANCE_WORDS[certifier.scene.planner.distance]})",
             np.where(np.isfinite(found.outer), found.outer, np.nan),
             {"color": OUTER, "linewidth": 1.2, "linestyle": "-."},
         ),

@@ -17,7 +17,7 @@ from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.solvers.solution import Step
+from hdplan.planner.solvers.solution import Iteration
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Scene
 from hdplan.scenes.output import check_writable, write_output
@@ -36,11 +36,11 @@ class Subject:
     certifier: Certifier  # of the scene and its robot
     trajectory: Trajectory  # the robot's planned joints, in its order
     certificate: Certificate
-    steps: tuple[Step, ...]  # of the solver; empty where they are not known
+    steps: tuple[Iteration, ...]  # of the solver; empty where they are not known
     origin: str  # where the motion comes from, in a few words
 
     @classmethod
-    def of(cls, certifier: Certifier, trajectory: Trajectory, steps: tuple[Step, ...], name: str) -> Subject:
+    def of(cls, certifier: Certifier, trajectory: Trajectory, steps: tuple[Iteration, ...], name: str) -> Subject:
         """Take a trajectory of any planner, its joints in any order, and certify it.
 
         Raises InputError for joints that do not fit the robot.

@@ -12,9 +12,9 @@ import numpy as np
 
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
-from hdplan.planner.collision.collision_model import SELF_ACTIVATION, outline_of
+from hdplan.planner.collision.collision_model import SELF_ACTIVATION, collision_model_of
 from hdplan.planner.collision.euclidean import FclPairs
-from hdplan.planner.collision.halfspace_bodies import PlaneBody, from_obstacle, plane_counts
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_obstacle, plane_counts
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
@@ -53,29 +53,29 @@ def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf
     if settings.swept and settings.distance != "hdsdf":
         raise InputError(f"{scene.source}: planner.swept: true needs planner.distance hdsdf, found {settings.distance}")
     compiled_before = RowFunction.spent.seconds
-    outline = outline_of(robot, settings.link_bodies, settings.normals)
-    kinematics, bodies = outline.kinematics, outline.bodies
+    model = collision_model_of(robot, settings.link_bodies, settings.normals)
+    kinematics, bodies = model.kinematics, model.bodies
     with naming(scene.source):
         enclosed = [
             from_obstacle(obstacle, settings.normals, deadline - time.perf_counter()) for obstacle in scene.standing
         ]
-    plane_bodies = tuple(body for pieces, _ in enclosed for body in pieces)
+    halfspace_bodies = tuple(body for pieces, _ in enclosed for body in pieces)
     notes = [*scene.notes, *robot.notes, *query.notes, *(word for _, words in enclosed for word in words)]
 
     terms: list[Term | MotionTerm] = []
     clearances = scene.clearances
-    margins = np.array([clearances[body.name] + settings.activation for body in plane_bodies])
+    margins = np.array([clearances[body.name] + settings.activation for body in halfspace_bodies])
     pairs = [
         (a, b)
         for a, body in enumerate(bodies)
         if body.joint > 0
-        for b in np.flatnonzero(outline.reach[a].meets(plane_bodies, margins)).tolist()
+        for b in np.flatnonzero(model.reach[a].meets(halfspace_bodies, margins)).tolist()
     ]
     if pairs:
         # room for every body and kernels for every shape: other obstacles then need nothing new compiled
         slots = max(len(body.body.vertices) for body in bodies if body.joint > 0)
-        laid_out = body_pairs(bodies, plane_bodies, pairs, margins, kinematics.supports, slots)
-        distance = _distance(laid_out, bodies, plane_bodies, settings, plane_counts(settings.normals))
+        laid_out = body_pairs(bodies, halfspace_bodies, pairs, margins, kinematics.supports, slots)
+        distance = _distance(laid_out, bodies, halfspace_bodies, settings, plane_counts(settings.normals))
         terms.append(
             SweptClearance("obstacles", laid_out, distance, settings.gamma, settings.shaping_length)
             if settings.swept
@@ -96,13 +96,13 @@ def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf
                 deadline,
             )
         terms += [term, pace(scene, robot)]
-        plane_bodies, notes = (*plane_bodies, *drifting), [*notes, *words]
+        halfspace_bodies, notes = (*halfspace_bodies, *drifting), [*notes, *words]
     margin = self_margin(scene)
-    kept = [(pair, kept > margin) for pair, kept in zip(outline.self_pairs, outline.distances_kept, strict=True)]
+    kept = [(pair, kept > margin) for pair, kept in zip(model.self_pairs, model.distances_kept, strict=True)]
     own = [pair for pair, proven in kept if not proven]
     if own:
-        laid_out = body_pairs(bodies, outline.planes, own, margin, kinematics.supports)
-        distance = _distance(laid_out, bodies, outline.planes, settings)
+        laid_out = body_pairs(bodies, model.planes, own, margin, kinematics.supports)
+        distance = _distance(laid_out, bodies, model.planes, settings)
         terms.append(Clearance("self-collision", laid_out, distance))
     if scene.path != PathConstraints():
         from hdplan.planner.problem.path_terms import path_terms
@@ -120,11 +120,11 @@ def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf
         goal=query.goal,
         kinematics=kinematics,
         bodies=bodies,
-        plane_bodies=plane_bodies,
+        halfspace_bodies=halfspace_bodies,
         smoothness=Smoothness(settings.waypoints),
         terms=tuple(terms),
         samples=Samples((SAMPLES_PER_INTERVAL,) * (settings.waypoints - 1)),
-        unresolved=outline.unresolved,
+        unresolved=model.unresolved,
         apart=tuple(pair for pair, proven in kept if proven),
         notes=tuple(notes),
         compile_seconds=RowFunction.spent.seconds - compiled_before,
@@ -134,10 +134,10 @@ def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf
 def _distance(
     pairs: BodyPairs,
     bodies: tuple[LinkBody, ...],
-    plane_bodies: tuple[PlaneBody, ...],
+    halfspace_bodies: tuple[HalfspaceBody, ...],
     settings: PlannerSettings,
     counts: tuple[int, ...] = (),
 ) -> PairDistance:
     if settings.distance == "fcl":
-        return FclPairs(pairs, bodies, plane_bodies)
+        return FclPairs(pairs, bodies, halfspace_bodies)
     return HdsdfPairs(pairs, settings.gamma, settings.shaping_length, counts)

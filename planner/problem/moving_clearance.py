@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
-from hdplan.planner.collision.halfspace_bodies import PlaneBody, from_obstacle
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_obstacle
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.kinematics.forward import KinematicsBatch
@@ -59,9 +59,9 @@ def moving_clearance(
     scene: Scene,
     bodies: tuple[LinkBody, ...],
     supports: NDArray[np.bool_],
-    distance: Callable[[BodyPairs, tuple[LinkBody, ...], tuple[PlaneBody, ...]], PairDistance],
+    distance: Callable[[BodyPairs, tuple[LinkBody, ...], tuple[HalfspaceBody, ...]], PairDistance],
     deadline: float,
-) -> tuple[MovingClearance, tuple[PlaneBody, ...], tuple[str, ...]]:
+) -> tuple[MovingClearance, tuple[HalfspaceBody, ...], tuple[str, ...]]:
     """Lay out the pairs of every moving link body with every moving obstacle; also the obstacles' convex pieces, and
     words on what was made of them.
 
@@ -86,7 +86,7 @@ def moving_clearance(
 
 def _carried(
     obstacle: Obstacle, joint: int, scene: Scene, deadline: float
-) -> tuple[tuple[PlaneBody, ...], tuple[str, ...]]:
+) -> tuple[tuple[HalfspaceBody, ...], tuple[str, ...]]:
     """Enclose an obstacle in its own frame, which `joint` carries."""
     standing = replace(obstacle, pose=Pose(), motion=None)
     pieces, words = from_obstacle(standing, scene.planner.normals, deadline - time.perf_counter())

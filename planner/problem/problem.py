@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.planner.collision.halfspace_bodies import PlaneBody
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.problem.samples import Samples
@@ -56,7 +56,7 @@ class Problem:
     goal: Floats  # (n,)
     kinematics: Kinematics
     bodies: tuple[LinkBody, ...]  # the links' outer bodies
-    plane_bodies: tuple[PlaneBody, ...]  # the obstacles' convex pieces, those last that move
+    halfspace_bodies: tuple[HalfspaceBody, ...]  # the obstacles' convex pieces, those last that move
     smoothness: Smoothness
     terms: tuple[Term | MotionTerm, ...]  # what the scene calls for: obstacles, self-collision, …
     samples: Samples

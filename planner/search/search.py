@@ -17,11 +17,11 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.problem import Floats, Problem
 from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.solvers import Solver
-from hdplan.planner.solvers.solution import FIRST_WEIGHT, RAISE, Budget, Solution, Status, Step
+from hdplan.planner.solvers.solution import FIRST_WEIGHT, RAISE, Budget, Iteration, Solution, SolverStatus
 from hdplan.scenes.deadline import seconds_left
 
 if TYPE_CHECKING:
-    from hdplan.planner.timing.retiming import Timekeeper
+    from hdplan.planner.timing.retiming import Retimer
 
 DETOUR_WEIGHT = FIRST_WEIGHT * RAISE**3  # [1/m²] a guess that leads around obstacles is to stay there
 GUESSES = 3  # first guesses for a goal before it is the next one's turn
@@ -33,7 +33,7 @@ class Event:
     """Progress, for displays: a solver's step, or a certificate."""
 
     attempt: int
-    step: Step | None = None
+    step: Iteration | None = None
     positions: Floats | None = None  # (N, n) the waypoints after that step; the caller may keep, not change them
     certificate: Certificate | None = None
 
@@ -44,7 +44,7 @@ class Best(NamedTuple):
     solution: Solution
     trajectory: Trajectory  # its motion, with times where the scene asks for them
     certificate: Certificate
-    steps: tuple[Step, ...]
+    steps: tuple[Iteration, ...]
     whole: bool  # whether the certificate names every failure
 
 
@@ -55,7 +55,7 @@ class Search:
         self,
         problem: Problem,
         certifier: Certifier,
-        timekeeper: Timekeeper | None,
+        retimer: Retimer | None,
         solver: Solver,
         required: float,
         deadline: float,
@@ -63,12 +63,12 @@ class Search:
         stop: Callable[[], bool],
     ) -> None:
         """Search for a motion that keeps `required` [m], until `deadline` (time.perf_counter())."""
-        self.problem, self.certifier, self.timekeeper = problem, certifier, timekeeper
+        self.problem, self.certifier, self.retimer = problem, certifier, retimer
         self.solver, self.required = solver, required
         self.deadline, self.report, self.stop = deadline, report, stop
         self.last: Solution | None = None  # solved, not yet certified
         self.best: Best | None = None
-        self.steps: tuple[Step, ...] = ()  # of the attempt under way
+        self.steps: tuple[Iteration, ...] = ()  # of the attempt under way
         self.attempts = self.iterations = 0
         self.certify_seconds = 0.0
 
@@ -82,13 +82,13 @@ class Search:
             budget = Budget(self.deadline, first_weight=weight, report=self._report_step, stop=self.stop)
             solution = self.last = self.solver(problem, guess, budget)
             certificate, intervals = self._certify(solution)
-            if solution.status is Status.INTERRUPTED or self.stop() or budget.spent():
+            if solution.status is SolverStatus.INTERRUPTED or self.stop() or budget.spent():
                 return True
             if certificate.certified:
                 return True
             if turn == 0 and self.attempts == 1 and self._straight(solution, guess):
                 return True
-            if solution.status is Status.STALLED or not certificate.unproven:
+            if solution.status is SolverStatus.STALLED or not certificate.unproven:
                 break
             guess, weight = solution.trajectory.positions, solution.weight * RAISE
             problem = problem.resampled(guess).refined(intervals)
@@ -99,15 +99,15 @@ class Search:
         links are free, a solver leaves it for worse."""
         before = self.best
         trajectory = replace(solution.trajectory, positions=line)
-        certificate, _ = self._certify(replace(solution, trajectory=trajectory, status=Status.STALLED, steps=()))
+        certificate, _ = self._certify(replace(solution, trajectory=trajectory, status=SolverStatus.STALLED, steps=()))
         if not certificate.certified:
             self.best = before
         return certificate.certified
 
-    def _report_step(self, step: Step, positions: Floats) -> None:
+    def _report_step(self, step: Iteration, positions: Floats) -> None:
         self.report(Event(self.attempts, step=self._numbered(step), positions=positions))
 
-    def _numbered(self, step: Step) -> Step:
+    def _numbered(self, step: Iteration) -> Iteration:
         """A repair's steps go on counting where the attempt's earlier ones ended."""
         return replace(step, iteration=len(self.steps) + step.iteration)
 
@@ -142,10 +142,10 @@ class Search:
 
     def _certify(self, solution: Solution) -> tuple[Certificate, list[int]]:
         """Certify a motion, and keep it if it is the best so far; return the waypoint intervals that fail, too."""
-        hopeless = solution.status is Status.STALLED  # seldom certified: the first contact found settles it
+        hopeless = solution.status is SolverStatus.STALLED  # seldom certified: the first contact found settles it
         trajectory, parameter = solution.trajectory, None
-        if self.timekeeper is not None:
-            trajectory, parameter = self.timekeeper(trajectory)
+        if self.retimer is not None:
+            trajectory, parameter = self.retimer(trajectory)
         certificate = self.certifier.certify(trajectory, required=self.required, stop_at_contact=hopeless)
         self.last = None
         self.iterations += solution.iterations

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from hdplan.planner.problem.problem import Evaluation, Problem
-from hdplan.planner.solvers.solution import SAME, Budget, Progress, Solution, Status
+from hdplan.planner.solvers.solution import SAME, Budget, Progress, Solution, SolverStatus
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -43,7 +43,7 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
                 damping = min(damping * 6, MOST_DAMPING)
             if progress.step(before, state, positions):
                 state, damping = problem.evaluate(positions, progress.weight), max(damping, FIRST_DAMPING)
-            if progress.status is Status.CLEAR:
+            if progress.status is SolverStatus.CLEAR:
                 # Without damping: where nothing bends the motion, this is its minimum; and small steps may only have
                 # been too careful.
                 trial = problem.clip(positions + _step(problem, positions, state, 0.0))

@@ -22,7 +22,7 @@ from hdplan.planner.problem.problem import Evaluation, Problem
 Floats = NDArray[np.float64]
 
 
-class Status(enum.Enum):
+class SolverStatus(enum.Enum):
     """Why a solver stopped; each value says cause and remedy."""
 
     CLEAR = "every sample keeps its distance: the motion is ready for the certificate"
@@ -42,7 +42,7 @@ ENDS = 0.2  # share of the duration over which an end that is itself too close e
 
 
 @dataclass(frozen=True)
-class Step:
+class Iteration:
     """One iteration, for progress displays and plots."""
 
     iteration: int
@@ -59,7 +59,7 @@ class Budget:
     deadline: float = float("inf")  # time.perf_counter() at which to stop
     iterations: int = 1000
     first_weight: float = FIRST_WEIGHT  # of the penalty [1/m²]
-    report: Callable[[Step, Floats], None] = field(
+    report: Callable[[Iteration, Floats], None] = field(
         default=lambda step, positions: None
     )  # called once per iteration, with the waypoints (N, n) that it ended at
     stop: Callable[[], bool] = field(
@@ -76,9 +76,9 @@ class Solution:
     """A motion and how it was found; only a certificate says whether it is free."""
 
     trajectory: Trajectory
-    status: Status
+    status: SolverStatus
     weight: float  # the penalty weight of the last iteration
-    steps: tuple[Step, ...]
+    steps: tuple[Iteration, ...]
     seconds: float
 
     @property
@@ -98,26 +98,26 @@ class Progress:
         self.weight = budget.first_weight
         self.allowed = _allowed_depth(problem)
         self.budget = budget
-        self.status: Status | None = None
-        self.steps: list[Step] = []
+        self.status: SolverStatus | None = None
+        self.steps: list[Iteration] = []
         self.stalled = 0.0
         self.refused = 0  # steps in a row
 
     def goes_on(self) -> bool:
         """Whether another step may be taken."""
         if self.status is None and self.budget.stop():
-            self.status = Status.INTERRUPTED
+            self.status = SolverStatus.INTERRUPTED
         if self.status is None and self.budget.spent():
-            self.status = Status.TIME
+            self.status = SolverStatus.TIME
         if self.status is None and len(self.steps) >= self.budget.iterations:
-            self.status = Status.ITERATIONS
+            self.status = SolverStatus.ITERATIONS
         return self.status is None
 
     def step(self, before: float, state: Evaluation, positions: Floats) -> bool:
         """Record a step from cost `before` to `state` at `positions` (N, n), at the same weight; True if the weight was
         raised after it."""
         depth = float(state.depth.max(initial=0.0))
-        self.steps.append(Step(len(self.steps) + 1, state.cost, state.smoothness, depth, self.weight))
+        self.steps.append(Iteration(len(self.steps) + 1, state.cost, state.smoothness, depth, self.weight))
         self.budget.report(self.steps[-1], positions)
         gain = before - state.cost
         self.stalled = 0.0 if gain > SLOW * before else self.stalled + (1.0 if gain > 0.0 else REFUSED)
@@ -125,9 +125,9 @@ class Progress:
         if self.stalled < self.patience:
             return False
         if self.is_clear(state):
-            self.status = Status.CLEAR
+            self.status = SolverStatus.CLEAR
         elif self.weight >= LAST_WEIGHT or self.refused >= GIVE_UP:
-            self.status = Status.STALLED
+            self.status = SolverStatus.STALLED
         else:
             self.weight, self.stalled = self.weight * RAISE, 0.0
             return True
@@ -138,7 +138,7 @@ class Progress:
         self.status = None
         self.step(before, state, positions)
         if self.stalled:
-            self.status = Status.CLEAR
+            self.status = SolverStatus.CLEAR
 
     def is_clear(self, state: Evaluation) -> bool:
         """Whether every sample keeps its distance."""
@@ -150,13 +150,13 @@ class Progress:
         try:
             yield
         except KeyboardInterrupt:
-            self.status = Status.INTERRUPTED
+            self.status = SolverStatus.INTERRUPTED
 
     def solution(self, positions: Floats) -> Solution:
         """Wrap up."""
         trajectory = Trajectory(self.problem.robot.joint_names, positions, self.problem.robot.locked)
         seconds = time.perf_counter() - self.began
-        return Solution(trajectory, self.status or Status.ITERATIONS, self.weight, tuple(self.steps), seconds)
+        return Solution(trajectory, self.status or SolverStatus.ITERATIONS, self.weight, tuple(self.steps), seconds)
 
 
 def _allowed_depth(problem: Problem) -> Floats:

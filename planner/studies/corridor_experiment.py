@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.collision.halfspace_bodies import PlaneBody, from_obstacle
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_obstacle
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.control.barrier_safety import refuse_unsafe
 from hdplan.planner.control.barriers import Barriers, BarrierSettings
@@ -313,7 +313,7 @@ def _obstacles(growth: float) -> tuple[Obstacle, ...]:
     )
 
 
-def _planes(growth: float) -> list[PlaneBody]:
+def _planes(growth: float) -> list[HalfspaceBody]:
     return [piece for obstacle in _obstacles(growth) for piece in from_obstacle(obstacle)[0]]
 
 

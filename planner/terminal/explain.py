@@ -120,10 +120,10 @@ def _joints(problem: Problem) -> Rows:
 
 def _obstacles(problem: Problem) -> Rows:
     """One row for each obstacle: its shape, its own clearance, how it moves, and how much of the robot can reach it."""
-    pieces = Counter(piece.name for piece in problem.plane_bodies)
+    pieces = Counter(piece.name for piece in problem.halfspace_bodies)
     met: Counter[str] = Counter()
     if standing := _term(problem, "obstacles"):
-        met = Counter(problem.plane_bodies[index].name for index in standing.pairs.plane_body.tolist())
+        met = Counter(problem.halfspace_bodies[index].name for index in standing.pairs.plane_body.tolist())
     moving = sum(body.joint > 0 for body in problem.bodies)
     rows: Rows = []
     for obstacle in problem.scene.obstacles[:MOST_OBSTACLES]:
@@ -164,11 +164,11 @@ def _pairs(problem: Problem) -> Rows:
     rows: Rows = []
     moving = sum(body.joint > 0 for body in problem.bodies)
     standing = [obstacle.name for obstacle in problem.scene.standing]
-    if total := moving * sum(piece.name in standing for piece in problem.plane_bodies):
+    if total := moving * sum(piece.name in standing for piece in problem.halfspace_bodies):
         kept = _kept(problem, "obstacles")
         why = "" if kept == total else f"; {total - kept} can never meet within the joint limits"
         rows.append(("robot and obstacles", f"{kept} of {total} pairs of bodies kept{why}"))
-    if total := moving * sum(piece.name not in standing for piece in problem.plane_bodies):
+    if total := moving * sum(piece.name not in standing for piece in problem.halfspace_bodies):
         rows.append(("moving obstacles", f"{_kept(problem, 'moving obstacles')} of {total} pairs of bodies kept"))
     links = len(robot.links)
     if total := links * (links - 1) // 2:

@@ -58,7 +58,7 @@ class Timed(NamedTuple):
     parameter: Array  # (rows,) where each row is on the planned path, 0 to 1
 
 
-class Timekeeper:
+class Retimer:
     """Gives paths of one scene their times."""
 
     def __init__(self, scene: Scene, robot: Robot) -> None:

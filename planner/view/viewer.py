@@ -24,7 +24,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import resolve_query
 from hdplan.planner.search.goals import settled
 from hdplan.planner.view.drawing.colors import CONTACT, GOAL, OTHERS, START, clearance_colors, hex_of, legend
-from hdplan.planner.view.drawing.motion import Motion, Tip
+from hdplan.planner.view.drawing.motion import ShownMotion, Tip
 from hdplan.planner.view.drawing.nodes import (
     ClosestNodes,
     ObstacleNode,
@@ -59,7 +59,7 @@ OUTDATED = "the scene is being changed: nothing is known of this motion in it ye
 class Shown:
     """A motion with what stands for it in the scene."""
 
-    motion: Motion
+    motion: ShownMotion
     robot: RobotNodes
     path: Any  # viser's node
 
@@ -89,7 +89,7 @@ class Viewer:
         motions = []
         for name, trajectory in trajectories:
             with naming(name):  # several may have come, and one not fit
-                motions.append(Motion.of(name, trajectory, self.certifier))
+                motions.append(ShownMotion.of(name, trajectory, self.certifier))
         self.skins, self.note = _skins(scene, robot)
         self.worker = Worker(self._failed)
 
@@ -173,7 +173,7 @@ class Viewer:
     def put(self, name: str, trajectory: Trajectory, certificate: Certificate | None = None) -> Certificate:
         """Add a motion, or replace the one of that name, and make it the active one; return what holds of it in the
         scene as it is now: `certificate`, if it is of this scene. By the worker's thread."""
-        motion = Motion.of(name, trajectory, self.certifier, certificate)
+        motion = ShownMotion.of(name, trajectory, self.certifier, certificate)
         self._add(motion)
         self._redraw()
         return motion.certificate
@@ -196,7 +196,7 @@ class Viewer:
         self._show_verdict()
         self._show(self.player.time)
 
-    def holds(self, motion: Motion) -> bool:
+    def holds(self, motion: ShownMotion) -> bool:
         """Whether what is known of a motion is of the scene as it is now."""
         return motion.scene is self.scene
 
@@ -211,7 +211,7 @@ class Viewer:
         """Certify and sample the motions again that are not of the scene as it is now. By the worker's thread."""
         outdated = [shown for shown in self.shown if not self.holds(shown.motion)]
         for shown in outdated:
-            motion = Motion.of(shown.motion.name, shown.motion.trajectory, self.certifier)
+            motion = ShownMotion.of(shown.motion.name, shown.motion.trajectory, self.certifier)
             shown.motion = motion
             shown.path = self._draw_path(motion)
         if outdated:
@@ -236,12 +236,12 @@ class Viewer:
 
     # --- drawing: by the worker's thread --------------------------------------------------------------------------
 
-    def _begin(self, motions: Sequence[Motion]) -> None:
+    def _begin(self, motions: Sequence[ShownMotion]) -> None:
         for motion in motions:
             self._add(motion)
         self._redraw()
 
-    def _add(self, motion: Motion) -> None:
+    def _add(self, motion: ShownMotion) -> None:
         number = next((i for i, shown in enumerate(self.shown) if shown.motion.name == motion.name), len(self.shown))
         if number < len(self.shown):
             self.shown[number].motion, self.shown[number].path = motion, self._draw_path(motion)
@@ -256,7 +256,7 @@ class Viewer:
         self._choice.value = motion.name if number else self.shown[0].motion.name
         self._choice.visible = len(self.shown) > 1
 
-    def _draw_path(self, motion: Motion, color: Color | None = None) -> Any:
+    def _draw_path(self, motion: ShownMotion, color: Color | None = None) -> Any:
         """Draw a motion's path by its clearance, or in one colour where that is not known."""
         name = "path/" + "".join(c if c.isalnum() else "_" for c in motion.name)
         path = draw_path(self.server, name, motion.tip, color or clearance_colors(motion.clearance))

@@ -160,7 +160,7 @@ def test_a_held_object_is_in_no_pair_of_a_scene_without_it() -> None:
             }
             for problem, term in ((whole, one), (less, other))
             for own in (term.name == "self-collision",)
-            for bodies in (problem.bodies if own else problem.plane_bodies,)
+            for bodies in (problem.bodies if own else problem.halfspace_bodies,)
         )
         assert second == {pair for pair in first if "bottle" not in pair}
 

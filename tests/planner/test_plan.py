@@ -19,8 +19,7 @@ from hdplan.planner.problem.problem import Problem, build
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.search.search import Event, Search
-from hdplan.planner.solvers.solution import Budget, Solution
-from hdplan.planner.solvers.solution import Status as SolverStatus
+from hdplan.planner.solvers.solution import Budget, Solution, SolverStatus
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Box, Goals, JointTarget, Obstacle, PathConstraints, Pose, Scene, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes

@@ -16,7 +16,7 @@ from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.collision import convex_pieces, link_bodies
 from hdplan.planner.control.barriers import BarrierSettings
 from hdplan.planner.control.controller import Controller, ControlSettings, Step
-from hdplan.planner.control.replay import simulate
+from hdplan.planner.control.replay import replay
 from hdplan.planner.control.tasks import standing
 from hdplan.planner.geometry.meshes import TriangleMesh, load_mesh
 from hdplan.planner.kinematics.inverse_dynamics import dynamics_of
@@ -50,9 +50,9 @@ def motions(name: str, count: int = 4) -> list[Trajectory]:
     for guess, _ in zip(seeds(problem, 1), range(count), strict=False):
         trajectory = Trajectory(problem.robot.joint_names, guess, problem.robot.locked)
         if scene.timed or scene.moving:
-            from hdplan.planner.timing.retiming import Timekeeper
+            from hdplan.planner.timing.retiming import Retimer
 
-            trajectory = Timekeeper(scene, problem.robot)(trajectory).trajectory
+            trajectory = Retimer(scene, problem.robot)(trajectory).trajectory
         found.append(trajectory)
     return found
 
@@ -95,13 +95,13 @@ def test_dynamics_and_simulation_are_as_alone() -> None:
     q, v, a = np.random.default_rng(4).normal(size=(3, 300, robot.n))
     alone = dynamics_of(scene, robot).torques(q, v, a)
     (motion, *_) = motions("ur5_payload", 1)
-    replay = simulate(scene, motion, robot).summary()
+    replayed = replay(scene, motion, robot).summary()
 
     def work(index: int) -> None:
         order = np.random.default_rng(index).permutation(len(q))
         np.testing.assert_array_equal(dynamics_of(scene, robot).torques(q[order], v[order], a[order]), alone[order])
         if index < 2:
-            assert simulate(scene, motion, robot).summary() == replay
+            assert replay(scene, motion, robot).summary() == replayed
 
     together(work)
 
@@ -199,8 +199,8 @@ def test_meshes_are_cut_as_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         """The union of two boxes, as a letter L."""
         import trimesh
 
-        outline = [[0, 0], [0.4, 0], [0.4, 0.1], [0.1, 0.1], [0.1, 0.3], [0, 0.3]]
-        corners, triangles = np.array(outline), [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]]
+        collision_model = [[0, 0], [0.4, 0], [0.4, 0.1], [0.1, 0.1], [0.1, 0.3], [0, 0.3]]
+        corners, triangles = np.array(collision_model), [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]]
         mesh = trimesh.creation.extrude_triangulation(corners, triangles, height)
         return TriangleMesh.merged(mesh.vertices, mesh.faces)
 

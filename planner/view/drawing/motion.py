@@ -1,6 +1,6 @@
 """One motion as the viewer shows it: joint values, clearance and the hand's path, sampled along it.
 
-Trajectory -> `Motion`. Path parameters run from 0 to 1; distances are exact ones of the robot's real meshes at the
+Trajectory -> `ShownMotion`. Path parameters run from 0 to 1; distances are exact ones of the robot's real meshes at the
 samples [m], so they are no lower bound between the samples: that is the certificate's.
 """
 
@@ -28,7 +28,7 @@ TIP = 0.01  # [m] depth of the part of the last link whose middle is its tip
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class ShownMotion:
     """A trajectory with what the panels and the path need of it."""
 
     name: str
@@ -45,7 +45,7 @@ class Motion:
     @classmethod
     def of(
         cls, name: str, trajectory: Trajectory, certifier: Certifier, certificate: Certificate | None = None
-    ) -> Motion:
+    ) -> ShownMotion:
         """Sample a trajectory; certify it, if that has not been done. Raises InputError if its joints do not fit the
         robot."""
         robot = certifier.robot

@@ -14,7 +14,7 @@ import viser
 from numpy.typing import NDArray
 
 from hdplan.planner.view.drawing.colors import CONTACT, INK, LINKS, OTHERS, START, hex_of
-from hdplan.planner.view.drawing.motion import Motion
+from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.drawing.skins import Color
 from hdplan.planner.view.drawing.timeline import Timeline
 
@@ -124,7 +124,7 @@ class MotionPlots:
             [*colors, *[INK] * (len(motions) - len(colors)), LINKS],
         )
 
-    def set(self, active: Motion, motions: Sequence[Motion], timeline: Timeline, now: float) -> None:
+    def set(self, active: ShownMotion, motions: Sequence[ShownMotion], timeline: Timeline, now: float) -> None:
         """Show the joints of the active motion and the clearance of all, each from its start to its goal."""
         spread = float(np.ptp(active.joints)) or 1.0
         low, high = float(active.joints.min()) - 0.05 * spread, float(active.joints.max()) + 0.05 * spread

@@ -13,7 +13,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.pictures.plot import Subject
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
-from hdplan.planner.view.drawing.motion import Motion
+from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.scenes.model import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
 
@@ -71,7 +71,7 @@ def test_every_door_says_the_same_as_plan() -> None:
         certify(scene, result.trajectory, robot),
         certify(scene, result.trajectory, robot, check_ends=False),
         Subject.of(certifier, result.trajectory, (), "motion").certificate,
-        Motion.of("motion", result.trajectory, certifier).certificate,
+        ShownMotion.of("motion", result.trajectory, certifier).certificate,
     ]
     for certificate in doors:
         assert (certificate.status, certificate.text) == (result.certificate.status, result.certificate.text)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
-from hdplan.planner.collision.halfspace_bodies import PlaneBody, from_link_body, from_shape
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_link_body, from_shape
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody, link_bodies
 from hdplan.planner.collision.reach import reach_of
@@ -48,7 +48,7 @@ def random_pose(rng: np.random.Generator, spread: float) -> Pose:
     )
 
 
-def clutter(count: int, seed: int, spread: float = 1.0, normals: str = "box") -> tuple[PlaneBody, ...]:
+def clutter(count: int, seed: int, spread: float = 1.0, normals: str = "box") -> tuple[HalfspaceBody, ...]:
     rng = np.random.default_rng(seed)
     return tuple(
         from_shape(f"body {k}", random_shape(rng), random_pose(rng, spread).matrix, normals) for k in range(count)
@@ -115,7 +115,7 @@ def small_bodies(places: Array, radius: float) -> list[LinkBody]:
     return [LinkBody("probe", 0, ConvexBody.from_points([place], radius)) for place in places]
 
 
-def assert_probes_kept(bodies: Sequence[LinkBody], plane: PlaneBody, margin: float) -> int:
+def assert_probes_kept(bodies: Sequence[LinkBody], plane: HalfspaceBody, margin: float) -> int:
     every = [(a, 0) for a in range(len(bodies))]
     return assert_nothing_dropped(body_pairs(bodies, [plane], every, margin, np.zeros((1, 1), np.bool_)), still(1))
 

@@ -17,9 +17,9 @@ from hdplan.cli import app
 from hdplan.distance.baselines.coal import signed_distance, signed_distances
 from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.collision.broad_phase import body_pairs
-from hdplan.planner.collision.collision_model import outline_of
+from hdplan.planner.collision.collision_model import collision_model_of
 from hdplan.planner.collision.euclidean import FclPairs
-from hdplan.planner.collision.halfspace_bodies import PlaneBody, from_link_body, from_shape
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_link_body, from_shape
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.problem.terms import Clearance
@@ -35,7 +35,7 @@ EXACT = 1e-6  # [m]
 NO_JOINTS = np.zeros((2, 0), dtype=np.bool_)
 
 
-def clutter(count: int, seed: int, spread: float = 1.0) -> tuple[PlaneBody, ...]:
+def clutter(count: int, seed: int, spread: float = 1.0) -> tuple[HalfspaceBody, ...]:
     """Obstacles of all shapes, in turn."""
     rng = np.random.default_rng(seed)
     bodies = []
@@ -71,7 +71,7 @@ def placed(poses: Array) -> KinematicsBatch:
     return KinematicsBatch(rows, np.zeros((len(poses), 0, 6)))
 
 
-def fcl(bodies: Sequence[LinkBody], others: Sequence[PlaneBody], margin: float = MARGIN) -> FclPairs:
+def fcl(bodies: Sequence[LinkBody], others: Sequence[HalfspaceBody], margin: float = MARGIN) -> FclPairs:
     """Each body against the other of the same number."""
     pairs = body_pairs(bodies, others, [(k, k) for k in range(len(bodies))], margin, NO_JOINTS)
     return FclPairs(pairs, bodies, others)
@@ -90,7 +90,7 @@ def everything(pairs: FclPairs, at: Array) -> tuple[Array, Array]:
     return distance.reshape(len(at), -1), wrench.reshape(len(at), -1, 6)
 
 
-def convex(body: PlaneBody) -> ConvexBody | None:
+def convex(body: HalfspaceBody) -> ConvexBody | None:
     """The same body for the oracle; none for a cylinder, which is no swept polytope."""
     match body.shape:
         case Box(size):
@@ -203,16 +203,16 @@ def panda() -> Robot:
 
 def test_links_among_each_other_and_the_gradient_in_joint_space(panda: Robot) -> None:
     """The chain to the joints holds where both bodies move; the value is the oracle's."""
-    outline = outline_of(panda, "fitted", "box")
+    collision_model = collision_model_of(panda, "fitted", "box")
     joints = Kinematics(panda.model)
-    pairs = body_pairs(outline.bodies, outline.planes, outline.self_pairs, 0.1, joints.supports)
-    term = Clearance("self-collision", pairs, FclPairs(pairs, outline.bodies, outline.planes))
+    pairs = body_pairs(collision_model.bodies, collision_model.planes, collision_model.self_pairs, 0.1, joints.supports)
+    term = Clearance("self-collision", pairs, FclPairs(pairs, collision_model.bodies, collision_model.planes))
     positions = panda.draw(np.random.default_rng(12), 40)
     kinematics = joints.evaluate(positions)
     inside = term.inside(kinematics)
     assert len(inside.sample) > 50
     for s, p, found in zip(inside.sample, inside.pair, inside.distance, strict=True):
-        a, b = outline.bodies[pairs.body[p]], outline.bodies[pairs.plane_body[p]]
+        a, b = collision_model.bodies[pairs.body[p]], collision_model.bodies[pairs.plane_body[p]]
         truth = signed_distance(a.body, pose_of(kinematics, s, a.joint), b.body, pose_of(kinematics, s, b.joint))
         assert found + 0.1 == pytest.approx(truth.distance, abs=EXACT)
     step, agree = 1e-5, []
@@ -233,11 +233,11 @@ def pose_of(kinematics: KinematicsBatch, sample: int, joint: int) -> Array:
 
 
 def test_the_broad_phase_drops_no_pair_inside_the_margin(panda: Robot) -> None:
-    outline, others = outline_of(panda, "fitted", "box"), clutter(30, 13)
-    every = [(a, b) for a in range(len(outline.bodies)) for b in range(len(others))]
-    pairs = body_pairs(outline.bodies, others, every, MARGIN, outline.kinematics.supports)
-    distance = FclPairs(pairs, outline.bodies, others)
-    kinematics = outline.kinematics.evaluate(panda.draw(np.random.default_rng(14), 60))
+    collision_model, others = collision_model_of(panda, "fitted", "box"), clutter(30, 13)
+    every = [(a, b) for a in range(len(collision_model.bodies)) for b in range(len(others))]
+    pairs = body_pairs(collision_model.bodies, others, every, MARGIN, collision_model.kinematics.supports)
+    distance = FclPairs(pairs, collision_model.bodies, others)
+    kinematics = collision_model.kinematics.evaluate(panda.draw(np.random.default_rng(14), 60))
     wide = dataclasses.replace(pairs, half_sizes=pairs.half_sizes + 1e3)
     quick, whole = (Clearance("obstacles", each, distance).inside(kinematics) for each in (pairs, wide))
     assert len(whole.sample) > 100

@@ -15,7 +15,7 @@ from hdplan.distance.symbolic.halfspaces import FAR, box_directions
 from hdplan.planner.collision.halfspace_bodies import (
     FEW,
     MANY,
-    PlaneBody,
+    HalfspaceBody,
     from_link_body,
     from_obstacle,
     from_points,
@@ -56,7 +56,7 @@ def directions(count: int, seed: int) -> Array:
     return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
 
 
-def enclosed(name: str, shape: Shape | Array, placement: Array, normals: str = "box") -> PlaneBody:
+def enclosed(name: str, shape: Shape | Array, placement: Array, normals: str = "box") -> HalfspaceBody:
     around = from_points if isinstance(shape, np.ndarray) else from_shape
     return around(name, shape, placement, normals)
 
@@ -95,7 +95,7 @@ def placements() -> list[Array]:
     return result
 
 
-def check(body: PlaneBody, points: Array, size: float, touches: bool = True, normals: str = "box") -> None:
+def check(body: HalfspaceBody, points: Array, size: float, touches: bool = True, normals: str = "box") -> None:
     """The planes hold the points (m, 3), in the carrier's frame, and so does the box."""
     assert len(body.normals) == len(body.supports)
     assert len(body.supports) in SLOTS[normals]

@@ -21,9 +21,9 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.build import build
 from hdplan.planner.collision import separation_bounds
 from hdplan.planner.collision.broad_phase import body_pairs
-from hdplan.planner.collision.collision_model import Outline, outline_of
+from hdplan.planner.collision.collision_model import CollisionModel, collision_model_of
 from hdplan.planner.collision.euclidean import FclPairs
-from hdplan.planner.collision.halfspace_bodies import PlaneBody, from_shape
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_shape
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
@@ -82,36 +82,36 @@ class Witness:
     """Exact distances of a robot's outer bodies, by coal, at poses by Pinocchio."""
 
     def __init__(self, robot: Robot) -> None:
-        self.robot, self.outline = robot, outline_of(robot, "fitted", "box")
-        self.hulls = [coal_hull(body.body) for body in self.outline.bodies]
+        self.robot, self.model = robot, collision_model_of(robot, "fitted", "box")
+        self.hulls = [coal_hull(body.body) for body in self.model.bodies]
         self.data = robot.model.createData()
 
     def at(self, q: Array, pair: int) -> float:
         pin.forwardKinematics(self.robot.model, self.data, self.robot.pin_q(q))
-        a, b = self.outline.self_pairs[pair]
-        return self.between(a, b, *(self.data.oMi[self.outline.bodies[index].joint] for index in (a, b)))
+        a, b = self.model.self_pairs[pair]
+        return self.between(a, b, *(self.data.oMi[self.model.bodies[index].joint] for index in (a, b)))
 
     def between(self, a: int, b: int, place_a: pin.SE3, place_b: pin.SE3) -> float:
         placed = [coal.Transform3s(place.rotation, place.translation) for place in (place_a, place_b)]
         request, result = coal.DistanceRequest(), coal.DistanceResult()
         found = coal.distance(self.hulls[a], placed[0], self.hulls[b], placed[1], request, result)
-        return float(found) - self.outline.bodies[a].body.radius - self.outline.bodies[b].body.radius
+        return float(found) - self.model.bodies[a].body.radius - self.model.bodies[b].body.radius
 
 
-def proven(outline: Outline) -> list[tuple[int, float]]:
-    return [(pair, kept) for pair, kept in enumerate(outline.distances_kept) if kept > 0.0]
+def proven(model: CollisionModel) -> list[tuple[int, float]]:
+    return [(pair, kept) for pair, kept in enumerate(model.distances_kept) if kept > 0.0]
 
 
 def assert_kept(robot: Robot, count: int, seed: int) -> int:
     """No configuration has a pair below its bound: all at once by balls around the bodies, the near ones exactly."""
     witness, rng = Witness(robot), np.random.default_rng(seed)
-    outline, kinematics = witness.outline, witness.outline.kinematics
+    model, kinematics = witness.model, witness.model.kinematics
     looked = 0
     for q in np.array_split(robot.draw(rng, count), max(count // 5_000, 1)):
         batch = kinematics.evaluate(q)
-        for pair, kept in proven(outline):
+        for pair, kept in proven(model):
             centres, radii = [], []
-            for body in (outline.bodies[index] for index in outline.self_pairs[pair]):
+            for body in (model.bodies[index] for index in model.self_pairs[pair]):
                 middle = body.body.vertices.mean(axis=0)
                 centres.append(batch.rotations[:, body.joint] @ middle + batch.translations[:, body.joint])
                 radii.append(np.linalg.norm(body.body.vertices - middle, axis=1).max() + body.body.radius)
@@ -125,7 +125,7 @@ def assert_kept(robot: Robot, count: int, seed: int) -> int:
 @pytest.mark.parametrize("name", ROBOTS)
 def test_random_configurations_keep_the_bound(name: str, folder: Path) -> None:
     arm = named(name, folder)
-    assert proven(outline_of(arm, "fitted", "box"))
+    assert proven(collision_model_of(arm, "fitted", "box"))
     assert assert_kept(arm, SOME, 1) > 100
 
 
@@ -138,7 +138,7 @@ def test_a_hundred_thousand_configurations_keep_the_bound(name: str, folder: Pat
 def assert_searched(arm: Robot, starts: int) -> None:
     witness, rng = Witness(arm), np.random.default_rng(3)
     low, high = np.maximum(arm.lower, -np.pi), np.minimum(arm.upper, np.pi)
-    for pair, kept in proven(witness.outline):
+    for pair, kept in proven(witness.model):
         corners = np.where(rng.random((20, arm.n)) < 0.5, low, high)
         found = [witness.at(q, pair) for q in corners]
         for start in rng.uniform(low, high, size=(starts, arm.n)):
@@ -164,14 +164,20 @@ def test_a_box_keeps_what_is_said_of_it(name: str, folder: Path) -> None:
     """The inequality of the module's head, at random places and corners of random boxes, of any pair at all."""
     arm, rng = named(name, folder), np.random.default_rng(4)
     witness = Witness(arm)
-    outline = witness.outline
-    laid_out = body_pairs(outline.bodies, outline.planes, outline.self_pairs, 0.0, outline.kinematics.supports)
-    distance = FclPairs(laid_out, outline.bodies, outline.planes)
-    search = separation_bounds._Search(arm, outline.kinematics, outline.bodies, outline.self_pairs, distance)
+    model = witness.model
+    laid_out = body_pairs(
+        model.bodies,
+        model.planes,
+        model.self_pairs,
+        0.0,
+        model.kinematics.supports,
+    )
+    distance = FclPairs(laid_out, model.bodies, model.planes)
+    search = separation_bounds._Search(arm, model.kinematics, model.bodies, model.self_pairs, distance)
     low, high = np.maximum(arm.lower, -np.pi), np.minimum(arm.upper, np.pi)
     tight = 0
     for _ in range(60):
-        pair = int(rng.integers(len(outline.self_pairs)))
+        pair = int(rng.integers(len(model.self_pairs)))
         between = laid_out.moves[pair] != 0
         half = np.where(between, (high - low) / 2 * rng.uniform(0, 1, arm.n) * 10.0 ** rng.uniform(-3, 0), 0.0)
         centre = rng.uniform(low + half, high - half)
@@ -208,9 +214,9 @@ def test_a_wider_margin_brings_pairs_back_and_narrower_limits_take_more_out() ->
 
 def test_bounds_are_kept_on_disk_by_content(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     arm = robot("ur5")
-    outline = outline_of(arm, "fitted", "box")
+    model = collision_model_of(arm, "fitted", "box")
     monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path))
-    given = (outline.kinematics, outline.bodies, outline.planes, outline.self_pairs[:6])
+    given = (model.kinematics, model.bodies, model.planes, model.self_pairs[:6])
     first = separation_bounds.distances_kept(arm, *given, 0.005)
     monkeypatch.setattr(separation_bounds, "FclPairs", None)  # nothing is computed any more
     np.testing.assert_array_equal(separation_bounds.distances_kept(arm, *given, 0.005), first)
@@ -224,10 +230,10 @@ def test_bounds_are_kept_on_disk_by_content(tmp_path: Path, monkeypatch: pytest.
 
 def assert_out_of_reach(arm: Robot, count: int, seed: int) -> int:
     """Obstacles that a body's reach rules out stay outside their margin: by the ball around the body, or exactly."""
-    rng, outline, margin = np.random.default_rng(seed), outline_of(arm, "fitted", "box"), 0.025
-    centre = np.mean([reach.centre for reach in outline.reach], axis=0)
-    size = max(reach.radius for reach in outline.reach)
-    planes: list[PlaneBody] = []
+    rng, model, margin = np.random.default_rng(seed), collision_model_of(arm, "fitted", "box"), 0.025
+    centre = np.mean([reach.centre for reach in model.reach], axis=0)
+    size = max(reach.radius for reach in model.reach)
+    planes: list[HalfspaceBody] = []
     for number in range(40):
         placement = np.eye(4)
         placement[:3, :3] = np.linalg.qr(rng.normal(size=(3, 3)))[0]
@@ -236,8 +242,8 @@ def assert_out_of_reach(arm: Robot, count: int, seed: int) -> int:
     boxes, halves = np.array([body.box for body in planes]), np.array([body.half_size for body in planes])
     out = 0
     for q in np.array_split(arm.draw(rng, count), max(count // 5_000, 1)):
-        batch = outline.kinematics.evaluate(q)
-        for body, reach in zip(outline.bodies, outline.reach, strict=True):
+        batch = model.kinematics.evaluate(q)
+        for body, reach in zip(model.bodies, model.reach, strict=True):
             ruled_out = np.flatnonzero(~reach.meets(planes, margin)) if body.joint else []
             out += len(ruled_out)
             vertices = np.einsum("kij,vj->kvi", batch.rotations[:, body.joint], body.body.vertices)

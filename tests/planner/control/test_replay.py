@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hdplan.planner.certificate.torque_check import check_torques
 from hdplan.planner.control.computed_torque import Arm, execute
-from hdplan.planner.control.replay import Simulation, simulate
+from hdplan.planner.control.replay import Simulation, replay
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.loads import loaded_model
 from hdplan.planner.robot.robot import Robot, load_robot
@@ -119,7 +119,7 @@ def test_other_arms_are_tracked_too(name: str) -> None:
 
 
 def _replay(scene: Scene, motion: Trajectory) -> Simulation:
-    return simulate(scene, motion, load_scene_robot(scene))
+    return replay(scene, motion, load_scene_robot(scene))
 
 
 def test_a_load_that_the_plan_did_not_know_of_is_lost() -> None:

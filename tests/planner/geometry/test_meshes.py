@@ -29,8 +29,8 @@ def read(mesh: trimesh.Trimesh, path: Path, scale: tuple[float, float, float] = 
 
 def l_shape() -> trimesh.Trimesh:
     """One solid that is not convex: an L of 1 m legs and 0.2 m thickness, extruded 0.3 m."""
-    outline = np.array([[0, 0], [1, 0], [1, 0.2], [0.2, 0.2], [0.2, 1], [0, 1.0]])
-    bottom, top = np.c_[outline, np.zeros(6)], np.c_[outline, np.full(6, 0.3)]
+    collision_model = np.array([[0, 0], [1, 0], [1, 0.2], [0.2, 0.2], [0.2, 1], [0, 1.0]])
+    bottom, top = np.c_[collision_model, np.zeros(6)], np.c_[collision_model, np.full(6, 0.3)]
     caps = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]]
     sides = [t for i in range(6) for j in [(i + 1) % 6] for t in ([i, j, 6 + j], [i, 6 + j, 6 + i])]
     faces = [t[::-1] for t in caps] + [[6 + i for i in t] for t in caps] + sides

@@ -24,7 +24,7 @@ from hdplan.planner.result import PlanResult, read_steps
 from hdplan.planner.robot.loads import loaded_model
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.planner.timing.retiming import Timekeeper
+from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import (
     Box,
@@ -185,7 +185,7 @@ def crossed(planned: Planned) -> tuple[Certifier, Trajectory]:
     )
     limits = Limits(velocity=3.0, acceleration=(9.0, 7.0), torque=50.0)
     scene = replace(scene, obstacles=obstacles, limits=limits, timing=Timing(duration=3.0))
-    motion, _ = Timekeeper(scene, robot)(result.trajectory)
+    motion, _ = Retimer(scene, robot)(result.trajectory)
     return Certifier(scene, robot), motion
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier, Status
-from hdplan.planner.control.replay import simulate
+from hdplan.planner.control.replay import replay
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.plan import plan
 from hdplan.planner.problem.gravity_torque import GravityTorques, StaticTorque, static_torque
@@ -162,8 +162,8 @@ def test_where_the_straight_way_is_too_heavy_another_is_found() -> None:
     model = loaded_model(scene, robot)
     held = [pin.rnea(model, model.createData(), q, still, still)[0] for q in result.trajectory.positions]
     assert np.abs(held).max() < 12.0
-    assert simulate(scene, result.trajectory, robot).succeeded
-    assert not simulate(scene, blind.trajectory, robot).succeeded
+    assert replay(scene, result.trajectory, robot).succeeded
+    assert not replay(scene, blind.trajectory, robot).succeeded
 
 
 @pytest.mark.parametrize(("name", "slower"), [("ur5_payload", True), ("panda_heavy", True)])
@@ -176,7 +176,7 @@ def test_scenes_that_need_their_torque_limits(name: str, slower: bool) -> None:
     assert blind.certified
     verdict = certifier.certify(blind.trajectory)
     assert verdict.status is Status.OVERLOADED
-    replayed = simulate(scene, blind.trajectory, robot)
+    replayed = replay(scene, blind.trajectory, robot)
     assert not replayed.succeeded
     assert "needs a torque of" in replayed.text
     result = plan(scene, robot=robot)
@@ -185,7 +185,7 @@ def test_scenes_that_need_their_torque_limits(name: str, slower: bool) -> None:
     assert blind.trajectory.times is not None
     assert result.trajectory.times is not None
     assert result.trajectory.times[-1] > blind.trajectory.times[-1]
-    replayed = simulate(scene, result.trajectory, robot)
+    replayed = replay(scene, result.trajectory, robot)
     assert replayed.succeeded
     assert all((joint.error or 0.0) < 1e-3 for joint in replayed.joints)
 

@@ -19,7 +19,7 @@ from hdplan.planner.problem.moving_clearance import MovingClearance
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.velocity_penalty import Pace
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.planner.timing.retiming import Timekeeper
+from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Box, Obstacle, Pose, Scene, Sphere, SteadyMotion, TimedPoses, Timing
 from hdplan.scenes.moving import Passages
@@ -219,7 +219,7 @@ def test_what_is_clear_of_the_pace_is_within_the_limits_when_it_is_executed(prob
     (pace,) = (term for term in problem.terms if isinstance(term, Pace))
     robot, half = problem.robot, 0.5 * crossing.planner.activation
     rng = np.random.default_rng(8)
-    keeper = Timekeeper(crossing, robot)
+    keeper = Retimer(crossing, robot)
     for _ in range(5):
         bend = rng.normal(scale=0.6, size=robot.n) * np.sin(np.pi * np.linspace(0, 1, 32))[:, None]
         rows = np.clip(np.linspace(problem.start, problem.goal, 32) + bend, robot.lower, robot.upper)

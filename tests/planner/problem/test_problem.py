@@ -354,7 +354,7 @@ def test_terms_exist_where_the_scene_calls_for_them(scene: Scene, names: list[st
 
 def test_obstacles_out_of_reach_are_in_no_pair() -> None:
     alone, more = build(bare(NEAR)), build(bare(NEAR, FAR_AWAY, dataclasses.replace(FAR_AWAY, name="other")))
-    assert len(more.plane_bodies) == len(alone.plane_bodies) + 2
+    assert len(more.halfspace_bodies) == len(alone.halfspace_bodies) + 2
     for one, other in zip(alone.terms, more.terms, strict=True):
         assert len(one.pairs) == len(other.pairs)
 

@@ -25,7 +25,7 @@ from hdplan.planner.build import build
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.solvers import SOLVERS, solve
-from hdplan.planner.solvers.solution import Budget, Solution, Status
+from hdplan.planner.solvers.solution import Budget, Solution, SolverStatus
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Box, Capsule, Cylinder, JointTarget, Obstacle, Points, Pose, RobotSpec, Scene, Sphere
 
@@ -474,7 +474,7 @@ def test_an_empty_scene_is_solved_by_the_straight_line(name: str, solver: str) -
     problem = build(ignoring(scene))  # a wild guess may leave links on the wrong side of each other
     for words, guess in {"line": line(problem), **wild_guesses(problem, 2 if solver == "ipopt" else 20)}.items():
         solution = solve(problem, solver=solver, guess=guess)
-        assert solution.status is Status.CLEAR, words
+        assert solution.status is SolverStatus.CLEAR, words
         np.testing.assert_allclose(solution.trajectory.positions, line(problem), rtol=0, atol=MINIMUM, err_msg=words)
 
 

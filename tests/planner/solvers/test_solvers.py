@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from hdplan.planner.build import build
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.solvers import SOLVERS, solve
-from hdplan.planner.solvers.solution import SAME, Budget, Solution, Status, Step
+from hdplan.planner.solvers.solution import SAME, Budget, Iteration, Solution, SolverStatus
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Box, JointTarget, Obstacle, Pose, Scene, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
@@ -94,7 +94,7 @@ def test_without_penalty_the_minimum_is_the_straight_line(free: Problem, solver:
     assert free.terms == ()
     for guess in (None, wild(free)):
         solution = run(free, solver, guess, iterations=300)
-        assert solution.status is Status.CLEAR
+        assert solution.status is SolverStatus.CLEAR
         np.testing.assert_allclose(solution.trajectory.positions, line(free), rtol=0, atol=MINIMUM)
 
 
@@ -138,7 +138,7 @@ def test_a_guess_deep_in_an_obstacle_stays_finite(solver: str) -> None:
     solution = run(problem, solver, wild(problem), iterations=min(10, SAMPLED[solver]))
     assert np.isfinite(solution.trajectory.positions).all()
     assert all(np.isfinite([step.cost, step.depth]).all() for step in solution.steps)
-    assert solution.status is not Status.CLEAR
+    assert solution.status is not SolverStatus.CLEAR
 
 
 @every_solver
@@ -172,26 +172,26 @@ def test_start_and_goal_may_be_one(solver: str) -> None:
 def test_a_deadline_in_the_past_takes_no_step(problem: Problem, solver: str) -> None:
     guess = problem.clip(wild(problem))
     solution = run(problem, solver, guess, deadline=time.perf_counter() - 1)
-    assert (solution.status, solution.steps) == (Status.TIME, ())
+    assert (solution.status, solution.steps) == (SolverStatus.TIME, ())
     np.testing.assert_array_equal(solution.trajectory.positions, guess)
 
 
 @every_solver
 def test_no_iterations_left_is_said(problem: Problem, solver: str) -> None:
-    assert run(problem, solver, iterations=1).status is Status.ITERATIONS
+    assert run(problem, solver, iterations=1).status is SolverStatus.ITERATIONS
 
 
 @every_solver
 def test_an_interrupt_gives_the_best_so_far(problem: Problem, solver: str) -> None:
-    seen: list[Step] = []
+    seen: list[Iteration] = []
 
-    def interrupt(step: Step, _: Array) -> None:
+    def interrupt(step: Iteration, _: Array) -> None:
         seen.append(step)
         if len(seen) == 2:
             raise KeyboardInterrupt
 
     solution = run(problem, solver, report=interrupt)
-    assert solution.status is Status.INTERRUPTED
+    assert solution.status is SolverStatus.INTERRUPTED
     assert solution.steps == tuple(seen)
     found = solution.trajectory.positions
     np.testing.assert_array_equal(found[[0, -1]], [problem.start, problem.goal])
@@ -200,7 +200,7 @@ def test_an_interrupt_gives_the_best_so_far(problem: Problem, solver: str) -> No
 
 @every_solver
 def test_every_step_is_reported_with_its_waypoints(problem: Problem, solver: str) -> None:
-    seen: list[tuple[Step, Array]] = []
+    seen: list[tuple[Iteration, Array]] = []
     solution = run(problem, solver, report=lambda *step: seen.append(step))
     assert solution.steps == tuple(step for step, _ in seen)
     for step, positions in seen:
@@ -214,7 +214,7 @@ def test_the_weight_goes_up_until_bodies_keep_their_distance(problem: Problem) -
     weights = [step.weight for step in solution.steps]
     assert weights[0] == 7.0
     assert weights == sorted(weights)
-    assert solution.status is Status.CLEAR
+    assert solution.status is SolverStatus.CLEAR
     assert solution.steps[-1].depth <= problem.scene.planner.activation
 
 
@@ -222,7 +222,7 @@ def test_an_enclosed_goal_stalls() -> None:
     """Nothing but the ends is within the margin where the two are separated by a wall: the solver says so itself."""
     problem = build(arm(Obstacle("wall", Box((3.0, 0.02, 1.0)), Pose((0.6, 0.0, 0.1)))))
     solution = solve(problem)
-    assert solution.status in (Status.STALLED, Status.ITERATIONS)
+    assert solution.status in (SolverStatus.STALLED, SolverStatus.ITERATIONS)
     assert solution.status.value
 
 

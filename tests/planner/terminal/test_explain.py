@@ -198,7 +198,7 @@ def test_scene_says_which_robot_and_which_ends() -> None:
 
 def test_pieces_of_meshes_are_counted_and_noted() -> None:
     problem = build(load_scene("panda_table_pick"))
-    pieces = sum(body.name == "hook" for body in problem.plane_bodies)
+    pieces = sum(body.name == "hook" for body in problem.halfspace_bodies)
     assert pieces > 1
     assert f"mesh hook.obj in {pieces} convex pieces" in rows(problem, "obstacles")["hook"]
     assert list(rows(problem, "obstacles")) == [obstacle.name for obstacle in problem.scene.obstacles]

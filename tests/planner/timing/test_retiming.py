@@ -19,7 +19,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.joint_limits import acceleration_limits, jerk_limits, velocity_limits
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.planner.timing.retiming import Timekeeper, smooth
+from hdplan.planner.timing.retiming import Retimer, smooth
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Limits, Scene, Timing
@@ -50,7 +50,7 @@ def wild(robot: Robot, seed: int) -> Trajectory:
 def test_limits_hold_everywhere_and_one_of_them_is_used(limits: Limits, seed: int) -> None:
     scene, robot = limited(limits)
     path = wild(robot, seed)
-    trajectory, parameter = Timekeeper(scene, robot)(path)
+    trajectory, parameter = Retimer(scene, robot)(path)
     when = np.linspace(0.0, 1.0, 20_001)
     shares = []
     for order, limit in enumerate((f(scene, robot) for f in (velocity_limits, acceleration_limits, jerk_limits)), 1):
@@ -66,7 +66,7 @@ def test_limits_hold_everywhere_and_one_of_them_is_used(limits: Limits, seed: in
 def test_a_motion_begins_and_ends_at_rest_where_the_path_does(timing: Timing | None) -> None:
     scene, robot = limited(LIMITS[1], timing)
     path = wild(robot, 7)
-    trajectory, _ = Timekeeper(scene, robot)(path)
+    trajectory, _ = Retimer(scene, robot)(path)
     assert trajectory.velocities is not None
     assert trajectory.accelerations is not None
     assert trajectory.times is not None
@@ -80,7 +80,7 @@ def test_a_motion_begins_and_ends_at_rest_where_the_path_does(timing: Timing | N
 
 def test_scale_slows_down_by_just_that_much() -> None:
     full, half = (
-        Timekeeper(*limited(LIMITS[0], Timing(scale=scale)))(wild(limited(LIMITS[0])[1], 1)).trajectory
+        Retimer(*limited(LIMITS[0], Timing(scale=scale)))(wild(limited(LIMITS[0])[1], 1)).trajectory
         for scale in (1.0, 0.5)
     )
     assert half.times is not None
@@ -95,7 +95,7 @@ def test_a_straight_motion_takes_no_longer_than_it_must() -> None:
     start = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
     goal = start.copy()
     goal[0] += 1.0
-    trajectory, _ = Timekeeper(scene, robot)(Trajectory(robot.joint_names, np.linspace(start, goal, 20), robot.locked))
+    trajectory, _ = Retimer(scene, robot)(Trajectory(robot.joint_names, np.linspace(start, goal, 20), robot.locked))
     assert trajectory.times is not None
     least = 2.0 * np.sqrt(1.0 / 2.0)
     assert least <= trajectory.times[-1] <= 1.05 * least
@@ -209,15 +209,15 @@ def test_a_duration_that_no_motion_can_keep_is_refused_by_name() -> None:
 def test_a_duration_is_kept_by_the_fastest_law_where_that_of_minimum_jerk_is_too_fast() -> None:
     scene, robot = limited(Limits(acceleration=4.0))
     path = wild(robot, 2)
-    fastest = Timekeeper(scene, robot)(path).trajectory
+    fastest = Retimer(scene, robot)(path).trajectory
     assert fastest.times is not None
     for factor, within in ((0.9, False), (1.05, True), (4.0, True)):
         timing = Timing(duration=factor * float(fastest.times[-1]))
-        timed = Timekeeper(*limited(Limits(acceleration=4.0), timing))(path).trajectory
+        timed = Retimer(*limited(Limits(acceleration=4.0), timing))(path).trajectory
         assert timed.times is not None
         assert timed.times[-1] == timing.duration
         assert all(use.within for use in rates(timed.curve, scene, robot)) == within
-    even = Timekeeper(*limited(Limits(), Timing(duration=timing.duration)))(path).trajectory
+    even = Retimer(*limited(Limits(), Timing(duration=timing.duration)))(path).trajectory
     np.testing.assert_array_equal(even.positions, timed.positions)  # minimum jerk, where there is time enough
 
 
@@ -229,5 +229,5 @@ def test_a_path_along_a_joint_limit_stays_within_it(rate: float) -> None:
     for _ in range(4):
         drawn = robot.draw(rng, 1) + np.cumsum(rng.normal(scale=0.5, size=(32, robot.n)), axis=0)
         rows = np.clip(drawn, robot.lower, robot.upper)  # many rest on a limit
-        trajectory, _ = Timekeeper(scene, robot)(Trajectory(robot.joint_names, rows, robot.locked))
+        trajectory, _ = Retimer(scene, robot)(Trajectory(robot.joint_names, rows, robot.locked))
         assert beyond_limits(trajectory.curve, robot) is None

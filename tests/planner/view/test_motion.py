@@ -15,7 +15,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
 from hdplan.planner.view.drawing.colors import FAR, SCALE, clearance_colors
 from hdplan.planner.view.drawing.goal import follow
-from hdplan.planner.view.drawing.motion import SAMPLES, Motion, Tip, sample_parameters
+from hdplan.planner.view.drawing.motion import SAMPLES, ShownMotion, Tip, sample_parameters
 from hdplan.planner.view.drawing.plots import joint_table, with_bar
 from hdplan.planner.view.drawing.timeline import PATH_DURATION, Timeline
 from hdplan.planner.view.handles import moved
@@ -48,7 +48,7 @@ def test_a_motion_is_sampled_as_the_trajectory_and_the_certificate_have_it(certi
     query = resolve_query(certifier.robot, certifier.scene)
     line = np.linspace(query.start, query.goal, 5)
     names = certifier.robot.joint_names[::-1]  # found by name, in any order
-    motion = Motion.of("line", Trajectory(names, line[:, ::-1]), certifier)
+    motion = ShownMotion.of("line", Trajectory(names, line[:, ::-1]), certifier)
     np.testing.assert_allclose(motion.joints, motion.trajectory.at(motion.parameter)[:, ::-1], rtol=0, atol=1e-12)
     joints = [np.interp(motion.parameter, np.linspace(0, 1, 5), column) for column in line.T]
     np.testing.assert_allclose(np.transpose(joints), motion.joints, rtol=0, atol=1e-12)
