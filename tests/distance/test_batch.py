@@ -237,7 +237,7 @@ def test_finite_at_every_hard_pose(shape, gamma, dtype):
     ("settings", "message"),
     [
         ({"dtype": "float16"}, "did you mean 'float"),
-        ({"dtype": "double"}, "dtype: unknown 'double'"),
+        ({"dtype": "double"}, "dtype: unknown value 'double'"),
         ({"gamma": 0}, "gamma"),
         ({"shaping_length": -1.0}, "shaping_length"),
         ({"normals": "papers"}, "did you mean 'paper'"),
