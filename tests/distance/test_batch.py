@@ -241,8 +241,8 @@ def test_finite_at_every_hard_pose(shape, gamma, dtype):
         ({"gamma": 0}, "gamma"),
         ({"shaping_length": -1.0}, "shaping_length"),
         ({"normals": "papers"}, "did you mean 'paper'"),
-        ({"witness_count": -1}, "witness_count: found -1"),
-        ({"witness_count": 1.5}, "witness_count: found 1.5"),
+        ({"witness_count": -1}, "witness_count: must be a whole number 0 to 1000, found -1"),
+        ({"witness_count": 1.5}, "witness_count: must be a whole number 0 to 1000, found 1.5"),
     ],
     ids=str,
 )
