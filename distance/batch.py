@@ -174,15 +174,18 @@ def hdsdf_batch(
 
 
 def _checked(name: str, poses: ArrayLike) -> Array:
-    """Return poses (..., 4, 4) that ``check_poses`` accepts: JAX's on their device, others as NumPy's in float64."""
+    """Return poses (..., 4, 4) that ``check_poses`` accepts, in float64: JAX's on their device, others as NumPy's."""
     jax = importlib.import_module("jax")
     if not isinstance(poses, jax.Array):
         return check_poses(name, poses)
     from hdplan.distance.batch_traced import all_rigid
 
-    if poses.shape[-2:] != (4, 4) or not all_rigid(poses):
-        check_poses(name, np.asarray(poses))  # says what is wrong
-    return poses
+    if poses.dtype.kind == "c":
+        return check_poses(name, np.asarray(poses))
+    array = poses.astype(np.float64)  # differences of narrower numbers round, those of small integers wrap around
+    if array.shape[-2:] != (4, 4) or not all_rigid(array):
+        check_poses(name, np.asarray(array))  # says what is wrong
+    return array
 
 
 def _in_blocks(run: Callable[..., Any], rows: list[Array], lanes: int, numpy: Any) -> list[Array]:

@@ -84,7 +84,9 @@ class Step:
     slack: float  # least Δ − δ there [m]; inf without pairs
     closest: int  # the pair of the least, a row of Barriers.names; −1 without pairs
     gave: tuple[int, ...]  # the pairs whose barrier the command does not meet, rows of Barriers.names
-    proven: float | None  # a lower bound of the true clearance to obstacles over the whole period [m]; None: no proof
+    proven: float | None
+    """a lower bound of the true clearance of the links that move to the obstacles, over the whole period [m]; None: no
+    proof"""
     distance_seconds: float
     program_seconds: float
 

@@ -12,7 +12,6 @@ import json
 import logging
 import os
 import re
-import threading
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -22,6 +21,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from hdplan.distance.once import Turn
 from hdplan.scenes.errors import InputError, nearest
 
 Floats = NDArray[np.float64]
@@ -32,7 +32,7 @@ MOST_BYTES = 100_000_000
 MOST_TRIANGLES = 1_000_000  # more would take minutes to be made ready for a proof
 FAN = 6  # the mode of a glTF primitive that trimesh leaves out
 
-_reading = threading.Lock()  # of warnings and trimesh's log, which are the process's
+_reading = Turn()  # of warnings and trimesh's log, which are the process's
 
 
 def read_mesh_file(path: Path) -> Triangles:

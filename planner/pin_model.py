@@ -10,7 +10,6 @@ import math
 import os
 import sys
 import tempfile
-import threading
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from typing import Any, TypeVar
 import numpy as np
 import pinocchio as pin
 
+from hdplan.distance.once import Turn
 from hdplan.planner.coal_shapes import triangle_tree
 from hdplan.planner.meshes import TriangleMesh, load_mesh
 from hdplan.scenes.errors import InputError, naming
@@ -28,7 +28,7 @@ from hdplan.scenes.model import Mesh, Vector3
 
 Result = TypeVar("Result")
 
-_reading = threading.Lock()  # the error stream is the whole process's: one reader at a time may turn it aside
+_reading = Turn()  # the error stream is the whole process's: one reader at a time may turn it aside
 
 
 @dataclass(frozen=True)
