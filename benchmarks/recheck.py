@@ -33,11 +33,12 @@ Array = NDArray[np.float64]
 STEP = 0.005  # [rad] or [m], largest joint step between two samples
 NEAR = 0.05  # [m] pairs farther apart than this, by their bounding balls, are not asked for their distance
 SAME_END = 1e-6  # [rad] or [m] between the trajectory's ends and the request's
-AT_LIMIT = 1e-3  # [rad] or [m] by which the ends may lie beyond a joint limit
-DATA = Path(sysconfig.get_path("purelib")) / "cmeel.prefix" / "share" / "example-robot-data" / "robots"
-ROBOTS = {
-    "panda": ("panda_description/urdf/panda.urdf", "panda_description/srdf/panda.srdf"),
-    "ur5": ("ur_description/urdf/ur5_robot.urdf", "ur_description/srdf/ur5.srdf"),
+WITHIN = 1e-9  # [rad] or [m] of a limit, that is rounding; a request's own end may lie farther beyond, and only there
+SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix" / "share"
+DATA = SHARE / "example-robot-data" / "robots"
+ROBOTS = {  # that go by a name; the others say where their files are
+    "panda": {"urdf": "panda_description/urdf/panda.urdf", "srdf": "panda_description/srdf/panda.srdf"},
+    "ur5": {"urdf": "ur_description/urdf/ur5_robot.urdf", "srdf": "ur_description/srdf/ur5.srdf"},
 }
 
 
@@ -85,7 +86,8 @@ def main(trajectory: str, scene: str, request: str, robot: str, distances: bool)
     distances."""
     content = json.loads(Path(trajectory).read_text())
     asked, placed = _yaml(request), _yaml(robot)["robot"]
-    urdf, srdf = (DATA / name for name in ROBOTS[placed["name"]])
+    folder, files = (DATA, ROBOTS[placed["name"]]) if "name" in placed else (Path(robot).parent, placed)
+    urdf, srdf = folder / files["urdf"], folder / files["srdf"]
     tree = ElementTree.parse(urdf).getroot()
     joints = [_joint(element) for element in tree.findall("joint")]
     values = dict(
@@ -106,16 +108,17 @@ def main(trajectory: str, scene: str, request: str, robot: str, distances: bool)
     for joint in joints:
         if joint.name in names and joint.kind != "continuous":
             column = waypoints[:, names.index(joint.name)]
-            slack = np.full(len(column), 1e-9)
-            slack[[0, -1]] = AT_LIMIT
-            if np.any((column < joint.limits[0] - slack) | (column > joint.limits[1] + slack)):
+            ends = values[joint.name], goal.get(joint.name, column[-1])
+            low, high = (np.full(len(column), limit) for limit in joint.limits)
+            low[[0, -1]], high[[0, -1]] = np.minimum(low[0], ends), np.maximum(high[0], ends)
+            if np.any((column < low - WITHIN) | (column > high + WITHIN)):
                 faults.append(f"limits: {joint.name}")
 
     samples, times = _dense(waypoints)
     fixed = {joint.name: np.full(len(samples), values.get(joint.name, 0.0)) for joint in joints}
     moved = {name: samples[:, i] for i, name in enumerate(names)}
     frames = _forward(joints, {**fixed, **moved}, _base(placed.get("base", {})))
-    links = [solid for element in tree.findall("link") for solid in _link_solids(element)]
+    links = [solid for element in tree.findall("link") for solid in _link_solids(element, urdf)]
     obstacles = _obstacles(_yaml(scene))
     pairs = [(a, b) for a in links for b in obstacles]
     apart = _kept_apart(joints, srdf, placed.get("ignore_pairs", []))
@@ -206,13 +209,14 @@ def _forward(joints: list[Joint], values: dict[str, Array], base: Array) -> dict
     return frames
 
 
-def _link_solids(link: ElementTree.Element) -> list[Solid]:
+def _link_solids(link: ElementTree.Element, urdf: Path) -> list[Solid]:
     solids = []
     for collision in link.findall("collision"):
         shape = next(iter(collision.find("geometry") or []))
         size = _floats((shape.get("size") or "").split())
         if shape.tag == "mesh":
-            file = DATA.parent / shape.get("filename", "").removeprefix("package://example-robot-data/")
+            name = shape.get("filename", "").removeprefix("package://")
+            file = next(file for file in (urdf.parent / name, SHARE / name) if file.exists())
             scale = _floats(shape.get("scale", "1 1 1").split())
             solids.append(_mesh_solid(link.get("name", ""), file, scale, _origin(collision)))
         else:

@@ -19,11 +19,13 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.holder import check_gamma, resolve_shaping_length
 from hdplan.distance.normals import check_witness_count, check_witnesses
 from hdplan.distance.poses import check_poses
-from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.values import Choice, Whole, checked
 
 Array = Any  # NumPy's or JAX's
 
 DTYPES = ("float64", "float32")
+MOST_WITNESSES = 1000  # with each pose
 SIZES = (2, 2, 1, 2)  # axes of one rotation of A and of B, an offset, and witnesses
 
 # How many poses are worked on at once, powers of two because every number is compiled for anew.
@@ -159,10 +161,8 @@ def hdsdf_batch(
     Other arguments and errors as ``reference.hdsdf``; InputError too where JAX is not installed.
     """
     length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
-    if dtype not in DTYPES:
-        raise InputError(f"dtype: unknown '{dtype}'{nearest(dtype, DTYPES)}, allowed are {', '.join(DTYPES)}")
-    if not isinstance(witness_count, int) or witness_count < 0:
-        raise InputError(f"witness_count: found {witness_count!r}, allowed is an integer >= 0")
+    dtype = checked(Choice(DTYPES), dtype, "dtype")
+    witness_count = checked(Whole(0, MOST_WITNESSES), witness_count, "witness_count")
     tables = pair_tables(normals, body_a, body_b)
     try:
         jax = importlib.import_module("jax")
@@ -174,15 +174,18 @@ def hdsdf_batch(
 
 
 def _checked(name: str, poses: ArrayLike) -> Array:
-    """Return poses (..., 4, 4) that ``check_poses`` accepts: JAX's on their device, others as NumPy's in float64."""
+    """Return poses (..., 4, 4) that ``check_poses`` accepts, in float64: JAX's on their device, others as NumPy's."""
     jax = importlib.import_module("jax")
     if not isinstance(poses, jax.Array):
         return check_poses(name, poses)
     from hdplan.distance.batch_traced import all_rigid
 
-    if poses.shape[-2:] != (4, 4) or not all_rigid(poses):
-        check_poses(name, np.asarray(poses))  # says what is wrong
-    return poses
+    if poses.dtype.kind == "c":
+        return check_poses(name, np.asarray(poses))
+    array = poses.astype(np.float64)  # differences of narrower numbers round, those of small integers wrap around
+    if array.shape[-2:] != (4, 4) or not all_rigid(array):
+        check_poses(name, np.asarray(array))  # says what is wrong
+    return array
 
 
 def _in_blocks(run: Callable[..., Any], rows: list[Array], lanes: int, numpy: Any) -> list[Array]:

@@ -19,7 +19,7 @@ from jax import lax
 from hdplan.distance.batch_kernel import Places, evaluate, separation_gradient
 from hdplan.distance.batch_tables import Pair
 from hdplan.distance.normals import check_witness_count
-from hdplan.distance.poses import RIGID
+from hdplan.distance.poses import FAR, RIGID
 from hdplan.scenes.errors import InputError
 
 Array = jax.Array
@@ -103,12 +103,12 @@ def _run(settings: Settings, pair: Pair, length: Array, a: Array, b: Array, witn
     """Return the kernel's results for rows of poses, filled up to whole blocks of lanes."""
     given, count = a.dtype, len(a)
     lanes = max(1, min(settings.lanes, count))
-    offset = b[:, :3, 3] - a[:, :3, 3]
     mark = jnp.where(_rigid(a) & _rigid(b), 0.0, jnp.nan).astype(given)
-    rows = [a[:, :3, :3], b[:, :3, :3], offset, witnesses]
     missing = -count % lanes
-    rows = [jnp.concatenate([x, jnp.broadcast_to(x[:1], (missing, *x.shape[1:]))]) if missing else x for x in rows]
     with jax.enable_x64(settings.dtype == "float64" or given == np.float64):
+        a, b = (lax.convert_element_type(x, jnp.promote_types(given, settings.dtype)) for x in (a, b))
+        rows = [a[:, :3, :3], b[:, :3, :3], b[:, :3, 3] - a[:, :3, 3], witnesses]  # digits are cut afterwards
+        rows = [jnp.concatenate([x, jnp.broadcast_to(x[:1], (missing, *x.shape[1:]))]) if missing else x for x in rows]
         *places, units = (lax.convert_element_type(x, settings.dtype) for x in rows)
         found: tuple[Array, ...]
         if settings.order < 0:
@@ -136,13 +136,20 @@ def _rigid(poses: Array) -> Array:
     amiss = jnp.maximum(amiss, jnp.abs(jnp.sum(x * y, -1)))
     amiss = jnp.maximum(amiss, jnp.max(jnp.abs(jnp.cross(x, y) - z), -1))
     amiss = jnp.maximum(amiss, jnp.max(jnp.abs(last - jnp.array([0, 0, 0, 1], poses.dtype)), -1))
-    return (amiss <= RIGID) & jnp.all(jnp.isfinite(far), -1)
+    within = jnp.isfinite(far)
+    if poses.dtype == np.float64:  # the others hold nothing so far away
+        within &= jnp.abs(far) <= FAR
+    return (amiss <= RIGID) & jnp.all(within, -1)
 
 
 def _pose(name: str, pose: Any) -> Array:
-    array = jnp.asarray(pose)
-    if array.shape[-2:] != (4, 4):
-        raise InputError(f"{name}: found an array of shape {array.shape}, allowed is an array (..., 4, 4)")
+    try:
+        array = jnp.asarray(pose)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: found what is no array of numbers, allowed is an array (..., 4, 4)") from None
+    if array.shape[-2:] != (4, 4) or array.dtype.kind == "c":
+        found = f"{array.dtype} array of shape {array.shape}"
+        raise InputError(f"{name}: found a {found}, allowed is an array of real numbers (..., 4, 4)")
     return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(float)
 
 

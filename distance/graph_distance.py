@@ -65,7 +65,7 @@ def hdsdf_function(
         CLOSED | {"enable_jacobian": False},
     )
     first = ca.Function("jac_hdsdf", [pose_a, pose_b, ignored[0]], slopes, CLOSED | {"custom_jacobian": second})
-    value = twisted(0)[0] + rigid_or_nan(pose_a[:3, :3], pose_b[:3, :3])
+    value = twisted(0)[0] + rigid_or_nan(pose_a, pose_b)
     closed = ca.Function("hdsdf", [pose_a, pose_b], [value], CLOSED | {"custom_jacobian": first})
     names = ["pose_a", "pose_b"], ["distance"]
     return ca.Function("hdsdf", [pose_a, pose_b], [closed(pose_a, pose_b)], *names, {"always_inline": True})

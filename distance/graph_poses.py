@@ -19,17 +19,20 @@ def relative_pose(pose_a: ca.MX, pose_b: ca.MX) -> tuple[ca.MX, ca.MX]:
     return turned @ pose_b[:3, :3], turned @ (pose_b[:3, 3] - pose_a[:3, 3])
 
 
-def rigid_or_nan(*rotations: ca.MX) -> ca.MX:
-    """Return 0 where all are rotations (3, 3), to ``poses.RIGID``, else NaN: a summand of what they lead to."""
-    return _mark(len(rotations))(*rotations)
+def rigid_or_nan(*matrices: ca.MX) -> ca.MX:
+    """Return 0 where all are rotations (3, 3) or rigid transforms (4, 4), last row and all, to ``poses.RIGID``, else
+    NaN: a summand of what they lead to."""
+    return _mark(tuple(matrix.shape[0] for matrix in matrices))(*matrices)
 
 
 @functools.cache
-def _mark(count: int) -> ca.Function:
-    rotations = [ca.SX.sym("rotation", 3, 3) for _ in range(count)]
+def _mark(sizes: tuple[int, ...]) -> ca.Function:
+    matrices = [ca.SX.sym("matrix", size, size) for size in sizes]
     amiss = ca.SX(0)  # the sum of squares is the cheapest to ask once
-    for rotation in rotations:
-        x, y, z = ca.horzsplit(rotation)
+    for matrix in matrices:
+        x, y, z = ca.horzsplit(matrix[:3, :3])
         amiss += (ca.dot(x, x) - 1) ** 2 + (ca.dot(y, y) - 1) ** 2 + ca.dot(x, y) ** 2
         amiss += ca.sumsqr(ca.cross(x, y) - z)  # right-handed
-    return ca.Function("rigid_or_nan", rotations, [ca.if_else(amiss <= RIGID**2, 0, math.nan)])
+        if matrix.shape[0] == 4:  # a transposed pose has a rotation too
+            amiss += ca.sumsqr(matrix[3, :] - ca.DM([[0, 0, 0, 1]]))
+    return ca.Function("rigid_or_nan", matrices, [ca.if_else(amiss <= RIGID**2, 0, math.nan)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import os
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
@@ -31,6 +32,26 @@ def freeze(holder: Any) -> None:
             object.__setattr__(holder, name, read_only(value))
 
 
+class Turn:
+    """A lock that is open in the child of a fork: the thread that would have opened it is not there."""
+
+    def __init__(self) -> None:
+        """Make the lock, and again in each child."""
+        self._lock = threading.Lock()
+        os.register_at_fork(after_in_child=self._make)
+
+    def __enter__(self) -> None:
+        """Wait for one's turn."""
+        self._lock.acquire()
+
+    def __exit__(self, *_: object) -> None:
+        """Let the next one on."""
+        self._lock.release()
+
+    def _make(self) -> None:
+        self._lock = threading.Lock()
+
+
 def made_once(most: int) -> Callable[[Callable[Arguments, Made]], Callable[Arguments, Made]]:
     """Keep the `most` values of a function that were asked for last, by its arguments, which must be hashable.
 
@@ -42,7 +63,8 @@ def made_once(most: int) -> Callable[[Callable[Arguments, Made]], Callable[Argum
     def decorate(make: Callable[Arguments, Made]) -> Callable[Arguments, Made]:
         made: OrderedDict[Hashable, Made] = OrderedDict()
         under_way: dict[Hashable, threading.Lock] = {}
-        changing = threading.Lock()  # of the two above; never held while something is made
+        changing = Turn()  # of the two above; never held while something is made
+        os.register_at_fork(after_in_child=under_way.clear)
 
         @functools.wraps(make)
         def find(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Made:

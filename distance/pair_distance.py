@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -43,6 +44,10 @@ class CompiledDistance:
         self._functions: dict[int, RowFunction] = {}
         self._length = np.array([[shaping_length]])
         self._witness_count = witness_count
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What another process is sent: it compiles, or finds, functions of its own."""
+        return vars(self) | {"_functions": {}}
 
     def value(self, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None = None) -> tuple[Array, Array]:
         """Return D and D̃ (...,) [m]. ``witnesses``: (..., W, 3) axes in B's frame, as many as the distance has."""
@@ -87,7 +92,7 @@ class CompiledDistance:
             tables.append(array.reshape(count, width))
             rows.append(np.broadcast_to(np.arange(count).reshape(axes), shape).ravel())
         results = self.function(order)(tables, rows)
-        return [results[0].reshape(shape), results[1].reshape(shape)] + [r.reshape(*shape, -1) for r in results[2:]]
+        return [part.reshape(shape + part.shape[1:] * (k > 1)) for k, part in enumerate(results)]
 
 
 def hdsdf_compiled(

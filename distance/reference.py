@@ -25,7 +25,7 @@ from hdplan.distance.holder import (
 )
 from hdplan.distance.jets import Jet, fixed, moving, stack
 from hdplan.distance.normals import candidate_normals, check_witnesses, separating_axes
-from hdplan.distance.poses import check_poses
+from hdplan.distance.poses import check_pose, check_poses
 from hdplan.distance.projections import Along, separations
 
 Array = NDArray[np.float64]
@@ -137,7 +137,7 @@ def separating_axis_distance(body_a: ConvexBody, pose_a: ArrayLike, body_b: Conv
     D = max over n in N(A, B) of min n·(a - b) - r_A - r_B. Where the polytopes touch or overlap it is the exact signed
     distance; where they are apart a lower bound of it, positive before the radii are taken off.
     """
-    a, b = check_poses("pose_a", pose_a), check_poses("pose_b", pose_b)
+    a, b = check_pose("pose_a", pose_a), check_pose("pose_b", pose_b)
     axes = separating_axes(body_a, a[:3, :3], body_b, b[:3, :3])
     along_a = axes @ (body_a.vertices @ a[:3, :3].T + (a[:3, 3] - b[:3, 3])).T
     along_b = axes @ (body_b.vertices @ b[:3, :3].T).T

@@ -55,7 +55,7 @@ def best_velocity(hessian: Array, linear: Array, low: Array, high: Array, wishes
     matrix, wish, hold = matrix[kept] / length[:, None], wish[kept] / length, hold[kept] / length
     found = _solved(hessian, linear, matrix, low, high, wish)
     if found is not None:
-        return found
+        return np.clip(found, low, high)  # DAQP's bounds hold to 1e-12
     price = price[kept] * length
     n, gives = len(linear), hold < wish
     count = int(gives.sum())
@@ -74,7 +74,7 @@ def best_velocity(hessian: Array, linear: Array, low: Array, high: Array, wishes
         np.append(high, np.full(count, UNBOUNDED)),
         np.concatenate([hold[firm], wish[gives] * price[gives] / scale]),
     )
-    return None if found is None else found[:n]
+    return None if found is None else np.clip(found[:n], low, high)
 
 
 def _solved(hessian: Array, linear: Array, matrix: Array, low: Array, high: Array, bound: Array) -> Array | None:

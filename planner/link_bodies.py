@@ -11,7 +11,6 @@ with: one capsule, one box, polytopes of a fixed number of vertices in all, or t
 from __future__ import annotations
 
 import itertools
-import threading
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +25,7 @@ from threadpoolctl import threadpool_limits
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.cache import content_key, load, store
+from hdplan.distance.once import Turn
 from hdplan.planner.meshes import below
 from hdplan.planner.robot import Robot
 from hdplan.planner.swept_fit import MARGIN, Reference, Swept, distance_to_hull, fit_swept, outside, spread
@@ -51,7 +51,7 @@ CANDIDATES = (
 FIXED = {"capsule": (1, 2), "outer-4": (1, 4), "outer-12": (3, 4)}  # the one candidate of the settings named so
 ROUND_SIDES = 16  # sides of the prism around a cylinder
 
-_fitting = threading.Lock()  # how many threads BLAS may use is set for the whole process
+_fitting = Turn()  # how many threads BLAS may use is set for the whole process
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,6 @@ Reading a URDF and its meshes takes longer than many a plan; a robot is kept unt
 
 from __future__ import annotations
 
-import threading
 from collections import OrderedDict
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
@@ -13,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.distance.once import made_once
+from hdplan.distance.once import Turn, made_once
 from hdplan.planner.robot import SAME_PLACE, Robot, load_robot
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import Stamps, stamps_of
@@ -24,7 +23,7 @@ Array = NDArray[np.float64]
 MOST = 8  # robots kept
 ROOM = 0.1  # how far beyond a limit a request or a named state may lie [rad or m]: descriptions of one robot differ
 _kept: OrderedDict[Hashable, Robot] = OrderedDict()
-_loading = threading.Lock()  # one robot at a time: threads that ask for the same one are to get the same
+_loading = Turn()  # one robot at a time: threads that ask for the same one are to get the same
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,8 @@ def _batch(pose_a, pose_b):
 
 def _on_device(pose_a, pose_b):
     jax = pytest.importorskip("jax")
-    return _batch(jax.numpy.asarray(pose_a), jax.numpy.asarray(pose_b))
+    with jax.enable_x64(True):
+        return _batch(jax.numpy.asarray(pose_a), jax.numpy.asarray(pose_b))
 
 
 DOORS = {
@@ -54,6 +55,12 @@ DOORS = {
     "hdsdf_batch": _batch,
     "hdsdf_batch on the device": _on_device,
 }
+
+
+def _place(*position, dtype=float):
+    pose = np.eye(4, dtype=dtype)
+    pose[:3, 3] = position
+    return pose
 
 
 def _with(row, column, number):
@@ -74,6 +81,8 @@ WRONG = {
     "nan below": (_with(3, 1, np.nan), "found nan in row 3, column 1"),
     "infinite": (_with(2, 3, np.inf), "found inf in row 2, column 3"),
     "huge": (_with(2, 3, 1e200), "allowed is up to 1e"),
+    "transposed": (_place(0.9, 0.2, 0.1).T, "last row"),
+    "complex": (np.eye(4) + 0j, "no array of numbers"),
 }
 WRONG = {
     name: (np.block([[pose, np.zeros((3, 1))], [np.zeros((1, 3)), 1.0]]) if len(pose) == 3 else pose, message)
@@ -83,13 +92,52 @@ WRONG = {
 
 @pytest.mark.parametrize("door", DOORS)
 def test_every_door_refuses_what_is_not_rigid(door):
-    for name, (pose, message) in WRONG.items():
-        if name == "huge" and "device" in door:
-            continue  # infinite in float32
+    for pose, message in WRONG.values():
         with pytest.raises(InputError, match=message):
             DOORS[door](HERE, pose)
         with pytest.raises(InputError, match=r"poses?_a"):
             DOORS[door](pose, HERE)
+
+
+@pytest.mark.parametrize("door", DOORS)
+def test_numbers_of_any_kind_are_the_numbers_that_they_are(door):
+    """Small integers whose difference is none of their kind, single precision: what counts is what is written."""
+    for dtype, first, second in (
+        (np.uint8, (0, 0, 0), (2, 0, 0)),
+        (np.int8, (-100, 0, 0), (100, 0, 0)),
+        (np.int64, (0, 0, 0), (0, 3, 0)),
+        (np.bool_, (0, 0, 0), (1, 0, 0)),
+        (np.float32, (0.1, 0, 0), (1.1000001, 0.3, 0)),
+    ):
+        for a, b in ((first, second), (second, first)):
+            poses = _place(*a, dtype=dtype), _place(*b, dtype=dtype)
+            found, right = (DOORS[door](*(pose.astype(kind) for pose in poses)) for kind in (dtype, float))
+            assert str(found) == str(right), (dtype, door)
+
+
+def test_a_list_of_poses_is_refused_where_one_is_asked_for():
+    with pytest.raises(InputError, match="pose_a: found an array of shape"):
+        separating_axis_distance(CUBE, np.tile(HERE, (3, 1, 1)), CUBE, HERE)
+
+
+def test_no_poses_have_no_distances():
+    fast, none = hdsdf_compiled(CUBE, CUBE), np.empty((0, 4, 4))
+    assert [part.shape for part in fast.hessian(none, HERE)] == [(0,), (0,), (0, 12), (0, 12, 12)]
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_under_jit_what_is_not_rigid_reads_nan(dtype):
+    jax = pytest.importorskip("jax")
+    from hdplan.distance import hdsdf_batch
+
+    value = jax.jit(lambda a, b: hdsdf_batch(CUBE, CUBE, dtype=dtype).value(a, b)[0])
+    with jax.enable_x64(True):
+        for name, (pose, message) in WRONG.items():
+            if name == "complex":
+                with pytest.raises(InputError, match="real numbers"):
+                    value(HERE, pose)
+            else:
+                assert np.isnan([value(HERE, pose), value(pose, HERE)]).all(), (name, message)
 
 
 @pytest.mark.parametrize("count", [2, 12, 13, 5000])
@@ -130,6 +178,11 @@ def test_a_graph_reads_nan():
             box_distance(2, 1e-3, "paper")(flat[a], flat[b], box, box, 0.0)[0],
         ]
         assert [bool(np.isnan(float(ca.DM(value)))) for value in values] == [not (a and b)] * 4
+    for pose, _ in WRONG.values():
+        if np.isrealobj(pose):
+            far = np.abs(pose[:3, 3]).max() > 1e100 and np.isfinite(pose).all()
+            assert np.isnan(float(function(HERE, pose))) != far
+            assert np.isnan(float(function(pose, HERE))) != far
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,10 @@ it gives alone; what takes long to make is made once."""
 
 from __future__ import annotations
 
+import copy
 import functools
+import pickle
+import subprocess
 import sys
 import threading
 from collections.abc import Callable
@@ -271,3 +274,45 @@ def test_a_failure_is_not_kept() -> None:
 
     assert sorted(together(work)) == [-1] + [7] * (THREADS - 1)
     assert tries == [7, 7]
+
+
+FORKED = """
+import os, signal, threading, warnings
+from hdplan.distance.once import Turn, made_once
+
+inside, leave, turn = threading.Event(), threading.Event(), Turn()
+
+@made_once(4)
+def slow(number):
+    with turn:
+        if threading.current_thread() is not threading.main_thread():
+            inside.set()
+            leave.wait()
+    return number
+
+thread = threading.Thread(target=slow, args=(7,))
+thread.start()
+inside.wait()
+warnings.simplefilter("ignore")
+child = os.fork()
+if not child:
+    signal.alarm(20)
+    os._exit(slow(7))
+status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+leave.set()
+thread.join()
+print(status)
+"""
+
+
+def test_a_forked_process_waits_for_no_thread_that_it_has_not() -> None:
+    """The thread that was making a value when a process was forked is not there to hand it over."""
+    done = subprocess.run([sys.executable, "-c", FORKED], capture_output=True, text=True, timeout=60)
+    assert (done.stdout.strip(), done.stderr) == ("7", "")
+
+
+@pytest.mark.parametrize("again", [lambda it: pickle.loads(pickle.dumps(it)), copy.deepcopy], ids=["pickle", "copy"])
+def test_a_distance_that_was_used_goes_to_another_process(again: Callable[[Any], Any]) -> None:
+    distance, pose = hdsdf_compiled(ConvexBody.box([1.0, 1.0, 1.0]), ConvexBody.sphere(0.2)), np.eye(4)
+    right = distance.value(pose, pose)
+    np.testing.assert_array_equal(again(distance).value(pose, pose), right)

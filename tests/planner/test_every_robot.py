@@ -45,6 +45,15 @@ def freed(certifier: Certifier, q: np.ndarray) -> np.ndarray:
     return q
 
 
+def beside(robot: Robot, q: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """A configuration in which every joint stands a little elsewhere: 0.01 to 0.02 rad or m, or a tenth of its
+    range."""
+    step = rng.uniform(0.5, 1.0, robot.n) * np.minimum(0.02, 0.2 * (robot.upper - robot.lower))
+    step *= rng.choice((-1.0, 1.0), robot.n)
+    inside = (q + step <= robot.upper) & (q + step >= robot.lower)
+    return np.where(inside, q + step, q - step)
+
+
 def small_motion(robot: Robot) -> Scene:
     """From a free configuration, every joint a little farther: the least that a robot must be able to do.
 
@@ -64,16 +73,17 @@ def small_motion(robot: Robot) -> Scene:
         start = freed(certifier, rest)
         stuck = tuple((contact.link, contact.other) for contact in certifier.contacts(start))
         assert len(stuck) <= 4
-    rng, step = np.random.default_rng(0), np.minimum(0.02, 0.2 * (robot.upper - robot.lower))
-    goals = (np.clip(start + step * rng.uniform(-1, 1, robot.n), robot.lower, robot.upper) for _ in range(100))
+    goals = (beside(robot, start, np.random.default_rng(seed)) for seed in range(100))
     goal = next(q for q in goals if {(each.link, each.other) for each in certifier.contacts(q)} <= {*stuck})
     return scene_of(RobotSpec(name=robot.name, ignore_pairs=stuck), start, goal)
 
 
 def plans(name: str) -> None:
     robot = load_robot(RobotSpec(name=name))
-    result = hdplan.plan(small_motion(robot))
+    result = hdplan.plan(small_motion(robot), time_limit=300.0)
     assert result.certificate.certified, result.certificate.text
+    moved = np.abs(result.trajectory.positions[-1] - result.trajectory.positions[0])
+    assert (moved >= 0.09 * np.minimum(0.1, robot.upper - robot.lower)).all()
     assert np.abs(result.trajectory.positions).max() < 100.0
     assert bool(robot.links) == (
         not any("has collision geometry: it can touch nothing" in note for note in robot.notes)

@@ -13,8 +13,12 @@ import pytest
 
 from hdplan.planner.certificate import ENDS_KEEP, Certifier, certify
 from hdplan.planner.plan import plan
+from hdplan.planner.problem import Problem, build
 from hdplan.planner.result import PlanResult
-from hdplan.planner.search import Event
+from hdplan.planner.scene_robot import load_scene_robot
+from hdplan.planner.search import Event, Search
+from hdplan.planner.solvers.solution import Budget, Solution
+from hdplan.planner.solvers.solution import Status as SolverStatus
 from hdplan.planner.trajectory import Trajectory
 from hdplan.planner.verdict import Status
 from hdplan.scenes.errors import InputError
@@ -266,3 +270,24 @@ def test_an_interrupt_within_the_first_certificate_does_not_lose_the_motion(monk
     result = plan(scene)
     assert len(calls) == 2
     assert_sound(result, scene)
+
+
+def test_the_straight_line_is_taken_where_the_solver_leaves_it_for_worse() -> None:
+    """As a solver does where outer bodies overlap at an end, though the links are free: it is not believed either."""
+    scene = planar(Obstacle("pea", Sphere(0.05), Pose((0.0, -0.9, 0.1))))
+    robot, rounds = load_scene_robot(scene), []
+
+    def astray(problem: Problem, guess: np.ndarray, budget: Budget) -> Solution:
+        rounds.append(guess)
+        worse = guess - np.sin(np.linspace(0.0, np.pi, len(guess)))[:, None] * [2.0, 0.4]
+        return Solution(Trajectory(robot.joint_names, worse), SolverStatus.CLEAR, budget.first_weight, (), 0.0)
+
+    problem, certifier = build(scene, robot), Certifier(scene, robot)
+    search = Search(problem, certifier, None, astray, 0.005, np.inf, lambda event: None, lambda: False)
+    line = np.linspace(START, GOAL, problem.waypoints)
+    assert search.attempt(line)
+    best = search.conclude()
+    assert best.certificate.certified
+    assert len(rounds) == 1
+    assert np.array_equal(best.trajectory.positions, line)
+    assert certify(scene, best.trajectory, robot).certified

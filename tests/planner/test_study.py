@@ -100,7 +100,7 @@ def test_an_interrupted_study_is_written_and_says_so(
 def test_a_study_stopped_before_the_first_gamma_to_take_has_nothing_to_show(
     measured: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    partial = replace(measured, entries=measured.entries[:6], complete=False)
+    partial = replace(measured, entries=measured.entries[:3], complete=False)
     monkeypatch.setattr(measuring, "study", lambda plan, **_: partial)
     with pytest.raises(KeyboardInterrupt):
         study_distance(tmp_path, False, nothing, nothing)
