@@ -23,7 +23,8 @@ stays at or above δ_k, or at least does not fall where it is below already; oth
 the rows that fell as they are at that end, and at last the robot is stopped. Then Δ_k ≥ δ_k at every sample for all
 time once it holds at the first, whatever the distance's kinks, against obstacles that stand; standing still is always
 allowed. Below its margin Δ says too little, as outer bodies may overlap where the links do not: there the exact
-distance of the links' hulls is kept from falling below NEAR as well, by a barrier and by the same look. Against an
+distance of the links' hulls is kept from falling below NEAR as well, by a barrier and by the same look. And there the
+HD-SDF's shaping is undone (`barrier_rules.straightened`), as on its flat spot it gives no direction back. Against an
 obstacle that moves, standing still may not be enough: then the command that is best at its end is taken.
 
 Settings that are provably not safe are refused by name (`barrier_rules.refuse_unsafe`). A controller like this is no
