@@ -19,11 +19,13 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.holder import check_gamma, resolve_shaping_length
 from hdplan.distance.normals import check_witness_count, check_witnesses
 from hdplan.distance.poses import check_poses
-from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.values import Choice, Whole, checked
 
 Array = Any  # NumPy's or JAX's
 
 DTYPES = ("float64", "float32")
+MOST_WITNESSES = 1000  # with each pose
 # [m] below, a touch, which counts as the largest number below 0, would not be flattened to 0; above, it has no number
 SHAPING = {"float64": (1e-290, 1e290), "float32": (1e-30, 1e30)}
 SIZES = (2, 2, 1, 2)  # axes of one rotation of A and of B, an offset, and witnesses
@@ -163,10 +165,8 @@ def hdsdf_batch(
     Other arguments and errors as ``reference.hdsdf``; InputError too where JAX is not installed.
     """
     length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
-    if dtype not in DTYPES:
-        raise InputError(f"dtype: unknown '{dtype}'{nearest(dtype, DTYPES)}, allowed are {', '.join(DTYPES)}")
-    if not isinstance(witness_count, int) or witness_count < 0:
-        raise InputError(f"witness_count: found {witness_count!r}, allowed is an integer >= 0")
+    dtype = checked(Choice(DTYPES), dtype, "dtype")
+    witness_count = checked(Whole(0, MOST_WITNESSES), witness_count, "witness_count")
     least, most = SHAPING[dtype]
     if not least <= length <= most:
         raise InputError(f"shaping_length: found {length:g} m, allowed in {dtype} is {least:g} to {most:g} m")

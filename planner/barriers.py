@@ -31,7 +31,7 @@ from hdplan.planner.terms import PairDistance
 from hdplan.scenes.errors import FieldError, naming, nearest
 from hdplan.scenes.model import Pose, Scene
 from hdplan.scenes.moving import Passages
-from hdplan.scenes.values import Checked, Choice, Number, Whole, instance
+from hdplan.scenes.values import Checked, Choice, Number, Whole, instance, shorten, text
 
 Floats = NDArray[np.float64]
 
@@ -48,12 +48,14 @@ class BarrierSettings(Checked):
     shaping_length: Annotated[float, Number(above=0.0, unit="m")] = 1e-3  # width of its flat spot [m]
     growth: Annotated[float, Number(0.0, 1.0, unit="m")] = 0.02  # of the obstacles [m], g
     self_growth: Annotated[float, Number(0.0, 1.0, unit="m")] = 0.005  # of a link beside another [m]
-    normals: str = "box"  # planes of an obstacle: faces, box or sphere; of hdsdf-boxes: paper or paper-multiset
+    normals: Annotated[str, text] = "box"
+    """Planes of an obstacle: faces, box or sphere; of hdsdf-boxes: paper or paper-multiset."""
 
     def _check_whole(self) -> None:
         known = ("paper", "paper-multiset") if self.distance == "hdsdf-boxes" else ("faces", "box", "sphere")
         if self.normals not in known:
-            raise FieldError(f"'{self.normals}' for {self.distance}{nearest(self.normals, known)}", "normals")
+            wanted = nearest(self.normals, known)
+            raise FieldError(f"{shorten(repr(self.normals))} for {self.distance}{wanted}", "normals")
 
 
 @dataclass(frozen=True, eq=False)

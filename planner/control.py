@@ -43,7 +43,7 @@ from numpy.typing import NDArray
 
 from hdplan.planner.barrier_rules import sufficient_separation
 from hdplan.planner.barriers import BarrierRows, Barriers, scene_barriers
-from hdplan.planner.control_inputs import joint_numbers, number, quadratic
+from hdplan.planner.control_inputs import joint_numbers, quadratic
 from hdplan.planner.control_program import Wishes, best_velocity
 from hdplan.planner.control_settings import ControlSettings
 from hdplan.planner.control_tasks import Task
@@ -51,7 +51,7 @@ from hdplan.planner.joint_limits import velocity_limits
 from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.scenes.model import Scene
-from hdplan.scenes.values import instance
+from hdplan.scenes.values import Number, checked, instance
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -145,7 +145,7 @@ class Controller:
         Raises InputError, before anything is commanded, for a q, a time or a task's objective that is not finite or
         has another shape.
         """
-        q, time = joint_numbers("q", q, self.robot.joint_names), number("time", time)
+        q, time = joint_numbers("q", q, self.robot.joint_names), checked(Number(unit="s"), time, "time")
         began = perf_counter()
         rows = self.barriers.evaluate(q, time)
         slacks = rows.value - self._margins

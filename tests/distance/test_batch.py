@@ -237,12 +237,12 @@ def test_finite_at_every_hard_pose(shape, gamma, dtype):
     ("settings", "message"),
     [
         ({"dtype": "float16"}, "did you mean 'float"),
-        ({"dtype": "double"}, "dtype: unknown 'double'"),
+        ({"dtype": "double"}, "dtype: unknown value 'double'"),
         ({"gamma": 0}, "gamma"),
         ({"shaping_length": -1.0}, "shaping_length"),
         ({"normals": "papers"}, "did you mean 'paper'"),
-        ({"witness_count": -1}, "witness_count: found -1"),
-        ({"witness_count": 1.5}, "witness_count: found 1.5"),
+        ({"witness_count": -1}, "witness_count: must be a whole number 0 to 1000, found -1"),
+        ({"witness_count": 1.5}, "witness_count: must be a whole number 0 to 1000, found 1.5"),
     ],
     ids=str,
 )
@@ -289,8 +289,8 @@ def _at_rest(shift):
 )
 def test_it_composes_with_the_transformations_of_jax(allowed):
     """grad, hessian, jit, vmap and scan, in any order, aligned as the bodies are: what the closed forms say."""
-    distance, place = hdsdf_batch(BOX, BOX), np.eye(4)
-    place[:3, 3] = [1.2, 0.2, 0.1]
+    distance, place = hdsdf_batch(BOX, CAPSULE), np.eye(4)
+    place[:3, 3] = [0.75, 0.1, 0.1]
     value, _, gradient, hessian = distance.hessian(np.eye(4), place)
     with jax.enable_x64(allowed):
         numpy = jax.numpy
