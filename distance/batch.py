@@ -26,8 +26,7 @@ Array = Any  # NumPy's or JAX's
 
 DTYPES = ("float64", "float32")
 MOST_WITNESSES = 1000  # with each pose
-# [m] below, a touch, which counts as the largest number below 0, would not be flattened to 0; above, it has no number
-SHAPING = {"float64": (1e-290, 1e290), "float32": (1e-30, 1e30)}
+SHORTEST = {"float64": 1e-290, "float32": 1e-30}  # [m] shaping that flattens to 0 what touches: the largest number < 0
 SIZES = (2, 2, 1, 2)  # axes of one rotation of A and of B, an offset, and witnesses
 
 # How many poses are worked on at once, powers of two because every number is compiled for anew.
@@ -167,9 +166,8 @@ def hdsdf_batch(
     length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
     dtype = checked(Choice(DTYPES), dtype, "dtype")
     witness_count = checked(Whole(0, MOST_WITNESSES), witness_count, "witness_count")
-    least, most = SHAPING[dtype]
-    if not least <= length <= most:
-        raise InputError(f"shaping_length: found {length:g} m, allowed in {dtype} is {least:g} to {most:g} m")
+    if length < SHORTEST[dtype]:
+        raise InputError(f"shaping_length: found {length:g} m, allowed in {dtype} is {SHORTEST[dtype]:g} m or more")
     tables = pair_tables(normals, body_a, body_b)
     for name, body in (("body_a", body_a), ("body_b", body_b)):
         if (size := float(np.abs(body.vertices).max()) + body.radius) > FARTHEST[dtype]:
