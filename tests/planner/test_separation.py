@@ -219,6 +219,30 @@ def test_bounds_are_kept_on_disk_by_content(tmp_path: Path, monkeypatch: pytest.
         separation.distances_kept(other, *given, 0.005)
 
 
+def test_all_pairs_together_stay_within_the_budget(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A robot with both hands has thousands of pairs: each has its share, and what is proven with less still holds."""
+    arm, looked = robot("kinova"), []
+    look, outline = separation._Search._look, outline_of(arm, "fitted", "box")
+
+    def counted(self: separation._Search, pair: int, centres: Array, halves: Array) -> tuple[Array, Array, Array]:
+        looked.append(len(centres))
+        return look(self, pair, centres, halves)
+
+    monkeypatch.setattr(separation._Search, "_look", counted)
+    monkeypatch.setattr(separation, "load", lambda kind, key: None)
+    monkeypatch.setattr(separation, "store", lambda kind, key, value: None)
+    given = (arm, outline.kinematics, outline.bodies, outline.planes, outline.self_pairs, 0.005)
+    everything = separation.distances_kept(*given)
+    np.testing.assert_array_equal(everything, outline.distances_kept)
+    for budget in (0, 300, 3_000):
+        looked.clear()
+        monkeypatch.setattr(separation, "BUDGET", budget)
+        kept = separation.distances_kept(*given)
+        assert sum(looked) <= budget + 2 * separation.BATCH * len(kept)
+        assert (kept > 0.0).sum() <= (everything > 0.0).sum()
+        assert (kept <= everything / separation.TIGHT + EXACT).all()  # the least distance met is no less
+
+
 # --- obstacles out of reach -------------------------------------------------------------------------------------------
 
 
