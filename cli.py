@@ -8,6 +8,7 @@ Results go to the output stream; errors, one line each, and progress go to the e
 from __future__ import annotations
 
 import contextlib
+import errno
 import io
 import json
 import math
@@ -638,12 +639,14 @@ def main() -> None:
         code = _complain(f"{error.format_message().rstrip('.')} (see {command} --help)")  # type: ignore[attr-defined]
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
-    except BrokenPipeError:  # of a help text; what hdplan prints itself looks after itself
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = 0
+    except OSError as error:  # of a help text; what hdplan prints itself looks after itself
+        if error.errno not in (errno.EPIPE, errno.ENOSPC):
+            code = _internal(error)
+        else:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            code = 0 if error.errno == errno.EPIPE else _complain(f"the output cannot be written ({error.strerror})")
     except Exception as error:
-        say(f"internal error, please report it to the project with scene and command: {_fault(error)}", "red")
-        code = INTERNAL
+        code = _internal(error)
     if code == INTERRUPTED:
         _complain("interrupted before anything was found")
     sys.exit(code)
@@ -652,6 +655,12 @@ def main() -> None:
 def _terminated(*_: object) -> None:
     """End as asked, after files under way are taken away."""
     sys.exit(TERMINATED)
+
+
+def _internal(error: Exception) -> int:
+    """Print one line about an error that should not be and return its exit code."""
+    say(f"internal error, please report it to the project with scene and command: {_fault(error)}", "red")
+    return INTERNAL
 
 
 def _fault(error: Exception) -> str:

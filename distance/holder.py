@@ -6,14 +6,15 @@ every ratio lies in [0, 1], for any gamma and any scale.
 
 from __future__ import annotations
 
-import numbers
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.values import Number, Whole, checked
 
 Array = NDArray[np.float64]
+
+HIGHEST = 1_000_000  # of gamma: far beyond, 1/gamma and powers by it are nothing but rounding
 
 
 def holder_minimum(values: ArrayLike, gamma: int, multiplicities: ArrayLike | None = None) -> Array:
@@ -106,10 +107,8 @@ def shaped_minimum(
 
 
 def check_gamma(gamma: int) -> int:
-    """Return ``gamma`` if it is an integer >= 1, else raise InputError."""
-    if isinstance(gamma, bool) or not isinstance(gamma, (int, np.integer)) or gamma < 1:
-        raise InputError(f"gamma: found {gamma!r}, allowed is an integer >= 1")
-    return int(gamma)
+    """Return ``gamma`` if it is a whole number from 1 to HIGHEST, else raise InputError."""
+    return int(checked(Whole(1, HIGHEST), gamma, "gamma"))
 
 
 def _values(name: str, values: ArrayLike) -> Array:
@@ -129,6 +128,5 @@ def resolve_shaping_length(gamma: int, shaping_length: float, epsilon: float | N
     Raises InputError unless the one that counts is positive and finite.
     """
     name, value = ("shaping_length", shaping_length) if epsilon is None else ("epsilon", epsilon)
-    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not 0 < value < np.inf:
-        raise InputError(f"{name}: found {value!r}, allowed is a positive number")
-    return float(value) if epsilon is None else float(value) ** (1.0 / check_gamma(gamma))
+    length = float(checked(Number(above=0.0), value, name))
+    return length if epsilon is None else length ** (1.0 / check_gamma(gamma))

@@ -32,6 +32,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hdplan.distance.bodies import ConvexBody, check_bodies, unique_directions
 from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.values import describe, shorten
 
 Array = NDArray[np.float64]
 
@@ -94,7 +95,7 @@ def candidate_normals(name: str, body_a: ConvexBody, body_b: ConvexBody) -> Cand
     """
     check_bodies(body_a, body_b)
     if not isinstance(name, str):
-        raise InputError(f"normals: found {name!r}, allowed is the name of a set, such as 'paper+edges'")
+        raise InputError(f"normals: found {describe(name)}, allowed is the name of a set, such as 'paper+edges'")
     base, *parts = name.split("+")
     if base not in BASES or len(set(parts)) < len(parts):
         raise _unknown(name)
@@ -191,4 +192,5 @@ def separating_axes(body_a: ConvexBody, rotation_a: Array, body_b: ConvexBody, r
 
 
 def _unknown(name: str) -> InputError:
-    return InputError(f"normals: unknown set '{name}'{nearest(name, RUNGS)}, allowed are {', '.join(RUNGS)}")
+    unknown = f"unknown set {shorten(repr(name))}{nearest(name, RUNGS)}"
+    return InputError(f"normals: {unknown}, allowed are {', '.join(RUNGS)}")

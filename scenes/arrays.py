@@ -15,24 +15,11 @@ Array = NDArray[np.float64]
 LARGEST = 1e6  # [rad], [m] or [s], and per second: beyond, a period's step is lost in rounding
 
 
-def number(name: str, value: float, low: float = -LARGEST, high: float = LARGEST, *, above: bool = False) -> float:
-    """Return a number from `low` (greater, if `above`) to `high`. Raises InputError."""
-    try:
-        found = float(value)
-    except (TypeError, ValueError):
-        raise InputError(f"{name}: found {value!r}, expected a number") from None
-    if not low <= found <= high or (above and found == low):
-        allowed = f"more than {low:g}, up to {high:g}" if above else f"{low:g} to {high:g}"
-        raise InputError(f"{name}: found {found:g}, allowed is {allowed}")
-    return found
-
-
 def joint_numbers(name: str, values: ArrayLike, joints: Sequence[str], *, positive: bool = False) -> Array:
     """Return one number for each joint (n,), of a size up to LARGEST; above 0 if `positive`. Raises InputError."""
-    try:
-        found = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"{name}: expected {len(joints)} numbers, one for each of {', '.join(joints)}") from None
+    found = as_numbers(values)
+    if found is None:
+        raise InputError(f"{name}: expected {len(joints)} numbers, one for each of {', '.join(joints)}")
     least = np.finfo(np.float64).tiny if positive else -LARGEST
     if found.shape == (len(joints),) and found.min() >= least and found.max() <= LARGEST:  # not so of nan
         return found
@@ -43,12 +30,23 @@ def joint_numbers(name: str, values: ArrayLike, joints: Sequence[str], *, positi
     raise InputError(f"{name}: found {found[at]:g} for joint '{joints[at]}', allowed is {allowed}")
 
 
+def as_numbers(values: object) -> Array | None:
+    """Return an array of numbers as one of floats; None for what is none: texts and truth values are no numbers."""
+    try:
+        found = np.asarray(values)
+    except ValueError:  # rows of different lengths
+        return None
+    return found.astype(np.float64, copy=False) if found.dtype.kind in "iuf" else None
+
+
 def quadratic(objective: object, joints: Sequence[str]) -> tuple[Array, Array]:
     """Return a task's H (n, n), symmetric and positive definite, and f (n,). Raises InputError."""
     try:
-        hessian, linear = (np.asarray(part, dtype=np.float64) for part in objective)  # type: ignore[attr-defined]
+        hessian, linear = (as_numbers(part) for part in objective)  # type: ignore[attr-defined]
     except (TypeError, ValueError):
-        raise InputError("task.objective: expected H and f, a matrix and a row of numbers") from None
+        hessian = linear = None
+    if hessian is None or linear is None:
+        raise InputError("task.objective: expected H and f, a matrix and a row of numbers")
     linear = joint_numbers("task.objective: f", linear, joints)
     count = len(joints)
     if hessian.shape != (count, count):

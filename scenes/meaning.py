@@ -139,6 +139,8 @@ class JointRates:
     def __call__(self, value: object) -> Any:
         """Return a float, a tuple, a dictionary, or "urdf"; None as it is."""
         number = Number(above=0.0, unit=self.unit)
+        if isinstance(value, np.ndarray) and value.ndim:  # it equals no word
+            value = list(value)
         match value:
             case None:
                 return None
@@ -150,7 +152,7 @@ class JointRates:
                 return number(value)
             case {**named} if named:
                 return Named(number)(value)
-            case list() | tuple() | np.ndarray() if is_row(value) and len(value):
+            case [_, *_]:
                 return Row(number)(value)
             case bool() | str() | dict() | list() | tuple() | np.ndarray():
                 raise self._wrong(value)

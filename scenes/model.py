@@ -30,6 +30,7 @@ Length = Annotated[float, Number(above=0.0, unit="m")]
 Clearance = Annotated[float, Number(0.0, 1.0, unit="m")]
 JointValue = Number(unit="rad or m")
 FREE_ROTATIONS = ("none", "x", "y", "z", "all")
+NO_TURN = "has no meaning with free_rotation: all, which lets the link turn as it likes; leave it out"
 MOST_ROWS = 100_000  # of a motion in time
 LINK_BODIES = ("fitted", "capsule", "outer-4", "outer-12", "box", "hull")
 
@@ -219,6 +220,10 @@ class PoseTarget(Checked):
     free_rotation: Annotated[str, Choice(FREE_ROTATIONS)] = "none"
     """About which axis of the link it may turn freely: none, x, y, z, or all (any turn)."""
 
+    def _check_whole(self) -> None:
+        if self.free_rotation == "all" and self.orientation_tolerance != PoseTarget.orientation_tolerance:
+            raise FieldError(NO_TURN, "orientation_tolerance")
+
 
 def _choices(value: object) -> tuple[object, ...]:
     kinds = {type(target) for target in value} if isinstance(value, list | tuple) else set()
@@ -241,6 +246,10 @@ class SelfCollision(Checked):
 
     checked: bool = True
     clearance: Clearance = 0.0  # to be proven free between them [m]
+
+    def _check_whole(self) -> None:
+        if self.clearance and not self.checked:
+            raise FieldError("has no meaning where nothing is checked; leave it out", "clearance")
 
 
 FromUrdf = Literal["urdf"]

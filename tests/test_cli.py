@@ -667,9 +667,10 @@ def test_a_pipe_gets_plain_text_and_may_close_early() -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
-def test_a_full_disk_is_one_line() -> None:
+@pytest.mark.parametrize("words", [["explain", "planar_arm"], ["plan", "--help"]])
+def test_a_full_disk_is_one_line(words: list[str]) -> None:
     with open("/dev/full", "w") as full:
-        done = subprocess.run([*COMMAND, "explain", "planar_arm"], stdout=full, stderr=subprocess.PIPE, text=True)
+        done = subprocess.run([*COMMAND, *words], stdout=full, stderr=subprocess.PIPE, text=True)
     refused(Done(done.returncode, "", done.stderr), "the output cannot be written")
 
 

@@ -244,6 +244,36 @@ def test_what_is_no_file_is_refused_at_once(
         assert len(os.listdir(tmp_path)) == len(before), wanted
 
 
+LINKED = """<robot name="r"><link name="a"><collision><geometry><mesh filename="{}"/></geometry></collision></link>
+<link name="b"/><joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "a/" * 3000 + "a", "circle"])
+def test_names_that_the_system_refuses_are_refused_in_one_line(tmp_path: Path, name: str) -> None:
+    """Too long for a name, too long for a path, and a link that leads to itself, wherever a file is named."""
+    import hdplan
+    from hdplan.planner.geometry.meshes import load_mesh
+    from hdplan.scenes.model import Mesh, RobotSpec
+
+    for ending in (".yaml", ".json", ".urdf", ".stl"):
+        (tmp_path / f"circle{ending}").symlink_to(tmp_path / f"circle{ending}")
+    refusal(lambda: load_scene(tmp_path / f"{name}.yaml"))
+    refusal(lambda: load_scene(ARM, robot=tmp_path / f"{name}.yaml"))
+    refusal(lambda: Trajectory.load(tmp_path / f"{name}.json"))
+    refusal(lambda: GOOD.save(tmp_path / f"{name}/m.json"))
+    refusal(lambda: hdplan.load_robot(RobotSpec(urdf=tmp_path / f"{name}.urdf")))
+    refusal(lambda: load_mesh(Mesh(tmp_path / f"{name}.stl"), "mesh"))
+    robot = tmp_path / "robot.urdf"
+    for address in (f"{name}.stl", f"file://{tmp_path}/{name}.stl", f"package://{name}.stl"):
+        robot.write_text(LINKED.format(address), encoding="utf-8")
+        refusal(lambda: hdplan.load_robot(RobotSpec(urdf=robot, package_dirs=(tmp_path,))))
+    scene = tmp_path / "scene.yaml"
+    for line in (f"obstacles: [{{shape: {{type: mesh, file: '{name}.stl'}}}}]", f"robot: {{urdf: '{name}.urdf'}}"):
+        scene.write_text(f"hdplan: 1\nstart: {{state: a}}\ngoal: {{state: a}}\n{line}\n", encoding="utf-8")
+        refusal(lambda: load_scene(scene))
+
+
 # --- results, whole or not at all -------------------------------------------------------------------------------------
 
 

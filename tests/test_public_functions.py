@@ -17,7 +17,19 @@ from hdplan.scenes.model import RobotSpec, Scene
 NAN = float("nan")
 NONE = np.empty((0, 3))
 STRANGE: tuple[Any, ...] = ("a", None, 3, [1, "a"], {"a": 1}, object())
-NO_NUMBERS: tuple[Any, ...] = ("a", None, NAN, [1, "a"], {"a": 1}, object(), 1j)
+NO_NUMBERS: tuple[Any, ...] = (
+    "a",
+    "1",
+    None,
+    NAN,
+    [1, "a"],
+    {"a": 1},
+    object(),
+    1j,
+    10**400,
+    b"1",
+    np.full((9, 9), NAN),
+)
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +71,7 @@ def test_planning_and_certifying(scene: Scene, robot: hdplan.Robot, problem: hdp
         lambda value: control.scene_barriers(scene, robot, value),
         lambda value: control.simulate(value, control.standing(np.zeros(2)), np.zeros(2), 1.0),
         lambda value: control.PoseTask(value, value),
+        control.TrackTask,
     ):
         refused(call, *STRANGE)
     refused(
@@ -73,6 +86,15 @@ def test_planning_and_certifying(scene: Scene, robot: hdplan.Robot, problem: hdp
     refused(lambda value: hdplan.solve(problem, budget=value), 3, "a")
     refused(lambda value: hdplan.solve(problem, guess=value), "a", [[NAN]], np.full((32, 2), NAN), [[0, 0]])
     refused(lambda value: control.Controller.of(scene, value), 3, "a")
+    reference = control.standing(np.zeros(2)).reference
+    for name in ("gain", "end", "tolerance"):
+        refused(lambda value, name=name: control.TrackTask(reference, **{name: value}), *NO_NUMBERS, True)
+    refused(control.standing, *NO_NUMBERS, ["1", "2"], [True, False], [[0, 0]], [0, 10**400])
+    controller = control.Controller.of(scene, robot=robot)
+    refused(lambda q: controller.step(q, control.standing(np.zeros(2))), *NO_NUMBERS, ["1", "2"], [True, False])
+    refused(lambda time: controller.step([0, 0], control.standing(np.zeros(2)), time), *NO_NUMBERS, True)
+    for found in (*STRANGE, ("a", "b"), ([0, 0], [NAN, 0]), ([0, 0], ["0", "0"]), ([0, 0],)):
+        refused(lambda found: controller.step([0, 0], control.TrackTask(lambda time: found)), found)
     refused(lambda value: control.ControlSettings(rate=value), *NO_NUMBERS, 0, -1)
     refused(lambda value: control.ControlSettings(margin=value), *NO_NUMBERS)
     refused(lambda value: control.ControlSettings(barriers=value), *STRANGE)

@@ -18,7 +18,9 @@ those before it, i < j, have turned this chord by their sum at most. Only the ve
 of them on one side has their hull there; the balls that sweep the bodies turn onto themselves.
 
 Boxes are halved (branch and bound) until the least bound is close to the least distance that was met, the two come too
-close for anything to be gained, or the budget is spent. No random draws; the result is kept on disk by its content.
+close for anything to be gained, or the pair's share of the budget is spent: a robot with both hands has thousands of
+pairs. Pairs with few joints between come first, as they are proven soonest. No random draws; the result is kept on disk
+by its content.
 """
 
 from __future__ import annotations
@@ -37,8 +39,8 @@ from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.robot.robot import Robot
 
-VERSION = "1"  # changes with anything that changes a bound, so that old cache entries are not used
-BUDGET = 4000  # boxes looked at for a pair
+VERSION = "2"  # changes with anything that changes a bound, so that old cache entries are not used
+MOST, BUDGET = 4000, 300_000  # boxes looked at for a pair, and for all pairs of a robot
 BATCH = 64  # of them halved at once
 TIGHT = 0.9  # share of the least distance met, at which a bound is good enough
 ROUNDING = 1e-6  # [m] taken off a bound, for all that is computed in floating point
@@ -61,7 +63,11 @@ def distances_kept(
     if known is None:
         laid_out = body_pairs(bodies, planes, pairs, 0.0, kinematics.supports)
         search = _Search(robot, kinematics, bodies, pairs, FclPairs(laid_out, bodies, planes))
-        known = [search.bound(row, wanted) for row in range(len(pairs))]
+        known, left = [0.0] * len(pairs), BUDGET
+        order = np.argsort(np.count_nonzero(laid_out.moves, axis=1), kind="stable").tolist()
+        for done, row in enumerate(order):
+            known[row], looked = search.bound(row, wanted, min(MOST, left // (len(order) - done)))
+            left -= looked
         store("separation", key, known)
     return np.array(known)
 
@@ -76,14 +82,15 @@ class _Search:
     pairs: Sequence[tuple[int, int]]
     distance: FclPairs  # of the same pairs, exact; in doubt a lower bound
 
-    def bound(self, pair: int, wanted: float) -> float:
-        """Return the bound of one pair [m], 0 if it is not above `wanted`."""
+    def bound(self, pair: int, wanted: float, most: int) -> tuple[float, int]:
+        """Return the bound of one pair [m], 0 if it is not above `wanted`, and how many boxes were looked at; hardly
+        more than `most`."""
         low, high = _ranges(self.robot, self.kinematics)
         between = self.distance.pairs.moves[pair] != 0.0
         centres, halves = ((low + high) / 2)[None], np.where(between, (high - low) / 2, 0.0)[None]
         distances, bounds, widest = self._look(pair, centres, halves)
         least, looked = float(distances[0]), 1
-        while bounds.min() < TIGHT * least and least > wanted and looked < BUDGET:
+        while bounds.min() < TIGHT * least and least > wanted and looked < most:
             order = np.argsort(bounds, kind="stable")
             count = min(BATCH, int(np.count_nonzero(bounds < TIGHT * least)))
             halved, kept, rows = order[:count], order[count:], np.arange(count)
@@ -97,7 +104,7 @@ class _Search:
             centres, halves = np.vstack([centres[kept], inner]), np.vstack([halves[kept], half, half])
             bounds, widest = np.append(bounds[kept], inner_bounds), np.append(widest[kept], inner_widest)
         proven = float(bounds.min()) - ROUNDING
-        return proven if proven > wanted else 0.0
+        return (proven if proven > wanted else 0.0), looked
 
     def _look(self, pair: int, centres: Floats, halves: Floats) -> tuple[Floats, Floats, Rows]:
         """Return the distance at the centres of K boxes, the bound over each of them (K,) [m], and the joint (K,) that

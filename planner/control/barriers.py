@@ -26,12 +26,13 @@ from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody, link_bodies
 from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.collision.reach import levers
+from hdplan.planner.control.barrier_safety import guaranteed_clearance, least_distance
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import FieldError, naming, nearest
 from hdplan.scenes.model import Pose, Scene
 from hdplan.scenes.moving import Passages
-from hdplan.scenes.values import Checked, Choice, Number, Whole, instance
+from hdplan.scenes.values import Checked, Choice, Number, Whole, instance, shorten, text
 
 Floats = NDArray[np.float64]
 
@@ -46,14 +47,16 @@ class BarrierSettings(Checked):
     """hdsdf (planes of the obstacle), hdsdf-boxes (the paper's set), euclidean (exact) or gdf."""
     gamma: Annotated[int, Whole(1, 1000)] = 2  # order of differentiability of the HD-SDF
     shaping_length: Annotated[float, Number(above=0.0, unit="m")] = 1e-3  # width of its flat spot [m]
-    growth: Annotated[float, Number(0.0, 1.0, unit="m")] = 0.02  # of the obstacles [m], g
+    growth: Annotated[float, Number(0.0, 1.0, unit="m")] = 0.006  # of the obstacles [m], g
     self_growth: Annotated[float, Number(0.0, 1.0, unit="m")] = 0.005  # of a link beside another [m]
-    normals: str = "box"  # planes of an obstacle: faces, box or sphere; of hdsdf-boxes: paper or paper-multiset
+    normals: Annotated[str, text] = "box"
+    """Planes of an obstacle: faces, box or sphere; of hdsdf-boxes: paper or paper-multiset."""
 
     def _check_whole(self) -> None:
         known = ("paper", "paper-multiset") if self.distance == "hdsdf-boxes" else ("faces", "box", "sphere")
         if self.normals not in known:
-            raise FieldError(f"'{self.normals}' for {self.distance}{nearest(self.normals, known)}", "normals")
+            wanted = nearest(self.normals, known)
+            raise FieldError(f"{shorten(repr(self.normals))} for {self.distance}{wanted}", "normals")
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +126,7 @@ class Barriers:
             pairs = body_pairs(hulls, solids, unique, 0.0, supports)
             rows = np.array([unique.index(pair) for pair in same], dtype=np.int64)
             self._true.append((_Group(pairs, FclPairs(pairs, hulls, solids)), rows))
+        self._directions = [body.directions for body in obstacles] if settings.distance == "hdsdf" else []
         self._nothing = BarrierRows(np.empty(0), np.empty((0, kinematics.n)), np.empty(0), np.empty(0))
         self.names = tuple(names)  # (P,) link and obstacle, or link and link
         self.coming = np.zeros(len(names), dtype=np.bool_)  # (P,) pairs with an obstacle that moves
@@ -130,6 +134,14 @@ class Barriers:
         self.obstacle_pairs = len(outer)  # the first of the P
         self.corners = max((len(body.body.vertices) for body in bodies), default=1)  # of a link's body, at most
         self.levers = levers(robot, [(body.joint, body.body) for body in bodies])  # (n,) [m]
+
+    def clearance(self, margin: float) -> float | None:
+        """Return the true clearance [m] to what stands that Δ ≥ margin [m] proves at that instant, by the planes that
+        the obstacles have: a lower bound; None if nothing is proven."""
+        b = self.settings
+        any_planes = guaranteed_clearance(b.distance, margin, b.growth, b.gamma, b.shaping_length, b.normals)
+        proven = (least_distance(each, margin, b.growth, b.gamma, b.shaping_length) for each in self._directions)
+        return min(proven, default=any_planes)
 
     def evaluate(self, q: Floats, time: float = 0.0, chosen: Rows | None = None) -> BarrierRows:
         """Return Δ and its derivatives at configuration q (n,) and a time [s]; of `chosen` pairs, ascending, or all."""
@@ -145,10 +157,10 @@ class Barriers:
 
     def certain(self, rows: BarrierRows, velocity: Floats, period: float, needed: Floats) -> NDArray[np.bool_]:
         """Return which pairs (P,) have a D̃ above `needed` (P,) [m] after a period of a velocity, whatever else it is,
-        by how far the robot's points move: the plain maximum over planes fixed in an obstacle that stands changes by no
-        more."""
+        by how far the robot's points move: the plain maximum over planes fixed in an obstacle that stands, or the exact
+        distance, changes by no more."""
         known = np.arange(len(self.names)) < self.obstacle_pairs
-        if self.settings.distance != "hdsdf" or self.movers:
+        if self.settings.distance not in ("hdsdf", "euclidean") or self.movers:
             return np.zeros(len(known), dtype=np.bool_)
         return np.asarray(known & (rows.separation > needed + period * float(np.abs(velocity) @ self.levers)))
 

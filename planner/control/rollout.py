@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from hdplan.planner.control.controller import Controller, Mode, Step
 from hdplan.planner.control.tasks import Task
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.scenes.arrays import joint_numbers, number
-from hdplan.scenes.values import instance
+from hdplan.scenes.arrays import joint_numbers
+from hdplan.scenes.values import Number, checked, instance
 
 Array = NDArray[np.float64]
 
@@ -88,7 +88,8 @@ def simulate(
     duration or a begin that is none.
     """
     instance(controller, Controller, "controller")
-    duration, begin = number("duration", duration, 0.0), number("begin", begin)
+    duration = checked(Number(low=0.0, unit="s"), duration, "duration")
+    begin = checked(Number(unit="s"), begin, "begin")
     period, q = controller.settings.period, joint_numbers("start", start, controller.robot.joint_names).copy()
     positions, steps, met = [q], [], None
     for index in range(round(duration / period)):

@@ -12,11 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.kinematics.inverse import LinkPose
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.arrays import joint_numbers, number
+from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.model import PoseTarget
-from hdplan.scenes.values import instance
+from hdplan.scenes.values import Number, checked, instance, is_row, wrong
 
 Array = NDArray[np.float64]
+
+GAIN = Number(0.0, 1e3, unit="1/s")
 
 
 class Task(Protocol):
@@ -44,8 +46,8 @@ class PoseTask:
         """Refuse a gain or a regularization that is none."""
         instance(self.robot, Robot, "robot")
         instance(self.target, PoseTarget, "target")
-        number("gain", self.gain, 0.0, 1e3)
-        number("regularization", self.regularization, 0.0, 1e3, above=True)
+        checked(GAIN, self.gain, "gain")
+        checked(Number(high=1e3, above=0.0), self.regularization, "regularization")
 
     @cached_property
     def _pose(self) -> LinkPose:
@@ -73,15 +75,19 @@ class TrackTask:
     tolerance: float = 1e-3  # [rad] or [m] of each joint
 
     def __post_init__(self) -> None:
-        """Refuse a gain, an end or a tolerance that is none."""
-        number("gain", self.gain, 0.0, 1e3)
-        number("end", self.end)
-        number("tolerance", self.tolerance, 0.0)
+        """Refuse a reference, a gain, an end or a tolerance that is none."""
+        if not callable(self.reference):
+            raise wrong("a function of the time [s]", self.reference).within("reference")
+        checked(GAIN, self.gain, "gain")
+        checked(Number(unit="s"), self.end, "end")
+        checked(Number(low=0.0, unit="rad or m"), self.tolerance, "tolerance")
 
     def objective(self, q: Array, time: float) -> tuple[Array, Array]:
         """The quadratic at q and a time."""
-        joints = _counted(q)
-        wanted, speed = (joint_numbers("reference", row, joints) for row in self.reference(time))
+        joints, found = _counted(q), self.reference(time)
+        if not is_row(found) or len(found) != 2:
+            raise wrong("a configuration and its velocity", found).within("reference")
+        wanted, speed = (joint_numbers("reference", row, joints) for row in found)
         return np.eye(len(q)), -(speed + self.gain * (wanted - q))
 
     def met(self, q: Array, time: float) -> bool:

@@ -10,6 +10,7 @@ import io
 import itertools
 import json
 import logging
+import os
 import re
 import warnings
 from collections.abc import Callable, Sequence
@@ -39,9 +40,9 @@ def read_mesh_file(path: Path) -> Triangles:
 
     Raises InputError: no such file, no regular one, too large, of an unknown format, or damaged.
     """
-    if not path.exists():
+    if not os.path.exists(path):  # unlike Path.exists, no error for names that are too long
         raise InputError("no such file")
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise InputError("is not a regular file")
     ending = path.suffix.lower().lstrip(".")
     if ending not in FORMATS:
@@ -178,7 +179,7 @@ class _Beside(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
     def get(self, name: str) -> bytes:
         """Return a file's content."""
         found = Path(self.parent) / name
-        if not found.is_file() or found.stat().st_size > MOST_BYTES:
+        if not os.path.isfile(found) or found.stat().st_size > MOST_BYTES:
             raise InputError(f"names the file {_shown(name)}, which is missing, no regular file, or too large")
         return bytes(super().get(name))
 

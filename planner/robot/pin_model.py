@@ -124,13 +124,13 @@ def _mesh_file(address: str, urdf: Path, package_dirs: tuple[Path, ...]) -> Path
     below = rest.lstrip("/")
     if not told or scheme == "file":
         file = Path(rest or address)
-        return next((each for each in (urdf.parent / file, file) if each.exists()), file)
+        return next((each for each in (urdf.parent / file, file) if os.path.exists(each)), file)
     if scheme not in ("package", "model"):
         raise InputError(f"mesh '{address}': '{scheme}://' is not known (allowed: package://, model://, file://)")
     ros = [Path(word) for word in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if word]
     ament = [Path(word) / "share" for word in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if word]
     folders = (*package_dirs, *ros, *(folder.parent for folder in ros), *ament)
-    found = next((folder / below for folder in folders if (folder / below).exists()), None)
+    found = next((folder / below for folder in folders if os.path.exists(folder / below)), None)
     if found is None:
         raise InputError(f"mesh '{address}': there is no such file in any package folder (package_dirs, ROS)")
     return found

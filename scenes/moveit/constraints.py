@@ -105,6 +105,9 @@ def _joints(section: Field) -> dict[str, float]:
         if name in joints:
             raise entry.error(f"the joint {name!r} has a goal already")
         joints[name] = joint["position"].number(unit="rad or m")
+        for key in ("tolerance_above", "tolerance_below"):
+            if key in joint:
+                joint[key].number(low=0.0, unit="rad or m")
     return joints
 
 

@@ -75,7 +75,8 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
         )
     attached = _all_attached(scene_keys.get("robot_state"), request_keys.get("start_state"), obstacles)
     if "allowed_collision_matrix" in scene_keys:
-        note_allowed(scene_keys["allowed_collision_matrix"], [*obstacles, *attached], semantics.disabled)
+        objects = [*obstacles, *(part.name for part in attached)]
+        note_allowed(scene_keys["allowed_collision_matrix"], objects, semantics.disabled)
     constraints = request_keys.get("path_constraints")
     return scene.make(
         Scene,
@@ -83,7 +84,7 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
         source=scene.document.file,
         robot=robot,
         obstacles=tuple(obstacles.values()),
-        attached=tuple(attached.values()),
+        attached=attached,
         start=JointTarget(f"start ({request_file})", by_name=start),
         goal=read_goal_constraints(request_keys["goal_constraints"], f"goal ({request_file})", frames),
         path=read_path_constraints(constraints, frames) if constraints else PathConstraints(),
@@ -143,15 +144,15 @@ def _collision_object(entry: Field, keys: Mapping[str, Field], frame: Pose, defa
     ]
 
 
-def _all_attached(state: Field | None, start: Field | None, standing: Collection[str]) -> dict[str, Attached]:
-    """Return what the robot holds: by the scene's state, and over it by the request's."""
+def _all_attached(state: Field | None, start: Field | None, standing: Collection[str]) -> tuple[Attached, ...]:
+    """Return what the robot holds: by the scene's state, and over it by the request's, each object whole."""
     held, more = (_attached(each, standing) for each in (state, start))
     whole = start is not None and not _is_diff(start)
     if state is not None and _is_diff(state):
         state.note("is_diff is true: what it does not name, joints and held objects, is not known and left as it is")
     if start is not None and whole and held.keys() - more.keys():
         start.note("is_diff is not true, but what the scene's state attaches is still held")
-    return held | more
+    return tuple(part for parts in (held | more).values() for part in parts)
 
 
 def _is_diff(state: Field) -> bool:
@@ -159,10 +160,11 @@ def _is_diff(state: Field) -> bool:
     return keys["is_diff"].boolean() if "is_diff" in keys else False
 
 
-def _attached(state: Field | None, standing: Collection[str]) -> dict[str, Attached]:
-    """Return what a robot state attaches to its links, each primitive by a name of its own."""
+def _attached(state: Field | None, standing: Collection[str]) -> dict[str, list[Attached]]:
+    """Return what a robot state attaches to its links: object -> its primitives, each by a name of its own."""
     keys = state.mapping(MESSAGES["RobotState"]) if state is not None else {}
-    attached: dict[str, Attached] = {}
+    attached: dict[str, list[Attached]] = {}
+    taken = set(standing)
     entries = keys["attached_collision_objects"].items() if "attached_collision_objects" in keys else []
     for entry in entries:
         said = entry.mapping(MESSAGES["AttachedCollisionObject"], required=["link_name", "object"])
@@ -174,10 +176,11 @@ def _attached(state: Field | None, standing: Collection[str]) -> dict[str, Attac
         if frame != link:
             where = header.get("frame_id", said["object"])
             raise where.error(f"must be given in the frame of its link '{link}' (frame_id), found {frame!r}")
-        for part in _collision_object(said["object"], body, Pose(), entry.key):
-            if part.name in attached or part.name in standing:
-                raise entry.error(f"the name {part.name!r} is taken by an earlier object; names must differ")
-            attached[part.name] = Attached(part.name, link, part.shape, part.pose, touching)
+        parts = _collision_object(said["object"], body, Pose(), entry.key)
+        if again := [part.name for part in parts if part.name in taken]:
+            raise entry.error(f"the name {again[0]!r} is taken by an earlier object; names must differ")
+        taken |= {part.name for part in parts}
+        attached[parts[0].name] = [Attached(part.name, link, part.shape, part.pose, touching) for part in parts]
     return attached
 
 

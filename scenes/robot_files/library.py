@@ -5,6 +5,7 @@ The package is data only. Its files are asked for at its installed distribution,
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
@@ -94,5 +95,5 @@ def description_of(spec: RobotSpec) -> tuple[str, Path, Path | None, tuple[Path,
         return spec.name, files.urdf, spec.srdf or files.srdf, (*spec.package_dirs, *library_package_dirs())
     if spec.urdf is None:
         raise InputError("robot: neither name nor urdf is given")
-    urdf = spec.urdf.resolve()
+    urdf = Path(os.path.realpath(spec.urdf))  # unlike Path.resolve, no error for links that lead to each other
     return urdf.stem, urdf, spec.srdf, (*spec.package_dirs, *urdf.parents)

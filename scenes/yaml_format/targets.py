@@ -7,7 +7,7 @@ called is checked when the robot is loaded.
 from __future__ import annotations
 
 from hdplan.scenes.fields import Field
-from hdplan.scenes.model import FREE_ROTATIONS, Goals, JointTarget, JointValue, PoseTarget
+from hdplan.scenes.model import FREE_ROTATIONS, NO_TURN, Goals, JointTarget, JointValue, PoseTarget
 from hdplan.scenes.poses import pose_of
 from hdplan.scenes.values import Named, Row
 
@@ -75,7 +75,7 @@ def _pose_target(section: Field) -> PoseTarget:
     free = keys["free_rotation"].choice(FREE_ROTATIONS) if "free_rotation" in keys else PoseTarget.free_rotation
     turn = next((keys[key] for key in ("quaternion_xyzw", "rpy", "orientation_tolerance") if key in keys), None)
     if free == "all" and turn is not None:
-        raise turn.error("has no meaning with free_rotation: all, which lets the link turn as it likes; leave it out")
+        raise turn.error(NO_TURN)
     if free != "all" and "quaternion_xyzw" not in keys and "rpy" not in keys:
         raise section.error("has no orientation: give 'quaternion_xyzw' or 'rpy', or free_rotation: all")
     values = {name: keys[name] for name in ("position_tolerance", "orientation_tolerance") if name in keys}

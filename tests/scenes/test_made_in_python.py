@@ -361,3 +361,21 @@ def test_a_program_that_plans_is_refused_what_a_file_is(tmp_path: Path) -> None:
         file.write_text(scene_text(scene), encoding="utf-8")
         with pytest.raises(InputError, match=f"scene.yaml: {words}"):
             load_scene(file)
+
+
+def test_what_would_have_no_meaning_is_refused() -> None:
+    """A file cannot say it, so that it would be lost when the scene is saved."""
+    with pytest.raises(InputError, match=r"orientation_tolerance: has no meaning with free_rotation: all"):
+        PoseTarget("goal", "hand", Pose(), orientation_tolerance=0.5, free_rotation="all")
+    with pytest.raises(InputError, match=r"clearance: has no meaning where nothing is checked"):
+        SelfCollision(False, 0.01)
+
+
+@pytest.mark.parametrize(
+    "rows", [[[1.0, 2.0]], np.eye(3), np.empty((0, 3)), np.array(["a"]), np.array([]), np.array([None])]
+)
+def test_limits_are_rows_of_numbers(rows: Any) -> None:
+    for name in ("velocity", "acceleration", "jerk", "torque"):
+        with pytest.raises(InputError, match=rf"Limits\.{name}.*: must be ") as caught:
+            Limits(**{name: rows})
+        assert "\n" not in str(caught.value)

@@ -225,6 +225,39 @@ def test_bounds_are_kept_on_disk_by_content(tmp_path: Path, monkeypatch: pytest.
         separation_bounds.distances_kept(other, *given, 0.005)
 
 
+def test_all_pairs_together_stay_within_the_budget(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A robot with both hands has thousands of pairs: each has its share, and what is proven with less still holds."""
+    arm, looked = robot("kinova"), []
+    look, collision_model = separation_bounds._Search._look, collision_model_of(arm, "fitted", "box")
+
+    def counted(
+        self: separation_bounds._Search, pair: int, centres: Array, halves: Array
+    ) -> tuple[Array, Array, Array]:
+        looked.append(len(centres))
+        return look(self, pair, centres, halves)
+
+    monkeypatch.setattr(separation_bounds._Search, "_look", counted)
+    monkeypatch.setattr(separation_bounds, "load", lambda kind, key: None)
+    monkeypatch.setattr(separation_bounds, "store", lambda kind, key, value: None)
+    given = (
+        arm,
+        collision_model.kinematics,
+        collision_model.bodies,
+        collision_model.planes,
+        collision_model.self_pairs,
+        0.005,
+    )
+    everything = separation_bounds.distances_kept(*given)
+    np.testing.assert_array_equal(everything, collision_model.distances_kept)
+    for budget in (0, 300, 3_000):
+        looked.clear()
+        monkeypatch.setattr(separation_bounds, "BUDGET", budget)
+        kept = separation_bounds.distances_kept(*given)
+        assert sum(looked) <= budget + 2 * separation_bounds.BATCH * len(kept)
+        assert (kept > 0.0).sum() <= (everything > 0.0).sum()
+        assert (kept <= everything / separation_bounds.TIGHT + EXACT).all()  # the least distance met is no less
+
+
 # --- obstacles out of reach -------------------------------------------------------------------------------------------
 
 

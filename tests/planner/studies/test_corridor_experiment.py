@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hdplan.planner.control.rollout import simulate
+from hdplan.planner.control.barriers import BarrierSettings
+from hdplan.planner.control.controller import Controller
+from hdplan.planner.control.rollout import fast_energy, simulate, total_variation
 from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.kinematics.forward import kinematics_of
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.planner.studies import paper_corridor
+from hdplan.planner.studies import paper_corridor as reproduce_corridor
 from hdplan.planner.studies.corridor_experiment import (
     AS_SAFE,
     NAMES,
@@ -31,6 +33,7 @@ from hdplan.planner.studies.corridor_experiment import (
     tool_task,
 )
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import Pose
 
 Array = NDArray[np.float64]
 
@@ -122,6 +125,32 @@ def test_the_euclidean_distance_chatters_and_the_hd_sdf_does_not(exact: Outcome,
         assert outcome.mesh_clearance > 0.0
 
 
+@pytest.mark.parametrize("turn", [0.0, 0.12])
+def test_fitted_bodies_are_commanded_as_smoothly_as_by_the_exact_distance(turn: float) -> None:
+    """Walls parallel and turned, our controller and its defaults, at about the same clearance."""
+    place, robot = corridor_scene(), load_scene_robot(corridor_scene())
+    walls = []
+    for number, wall in enumerate(place.obstacles):
+        half = 0.5 * turn * (-1) ** number  # the walls away from each other
+        pose = Pose(wall.pose.position, (0.0, 0.0, float(np.sin(half)), float(np.cos(half))))
+        walls.append(replace(wall, pose=pose))
+    scene = replace(place, obstacles=tuple(walls))
+    ours = ControlSettings(period=0.01)
+    fitted = Controller.of(scene, ours, robot)
+    bare = BarrierSettings("euclidean", growth=0.0, self_growth=0.0)
+    exact = Controller.of(scene, replace(ours, barriers=bare, margin=0.02, self_margin=1e-4), robot)
+    seconds, runs, clearances = 4.0, [], []
+    for controller in (fitted, exact):
+        run = simulate(controller, np.array(START), tool_task(robot), seconds, until_met=False)
+        seen = [exact.barriers.evaluate(q).value[: exact.barriers.obstacle_pairs].min() for q in run.positions[::10]]
+        runs.append(run)
+        clearances.append(min(seen))
+    assert clearances[0] == pytest.approx(clearances[1], abs=0.005)
+    assert clearances[0] < 0.04  # the walls are near
+    assert total_variation(runs[0].velocities) <= 1.1 * total_variation(runs[1].velocities)
+    assert fast_energy(runs[0].velocities, 0.01) <= 2.0 * fast_energy(runs[1].velocities, 0.01)
+
+
 def test_what_is_proven_of_a_margin_holds_and_what_is_refused_was_published(smooth: Outcome) -> None:
     proven = smooth.variant.clearance
     assert proven is not None
@@ -148,12 +177,12 @@ def test_the_controller_that_looks_ahead_does_the_same_here() -> None:
 
 def test_report(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    monkeypatch.setattr(paper_corridor, "VARIANTS", tuple(VARIANTS[k] for k in (0, NAMES.index(AS_SAFE))))
-    monkeypatch.setattr(paper_corridor, "NAMES", (NAMES[0], AS_SAFE))
+    monkeypatch.setattr(reproduce_corridor, "VARIANTS", tuple(VARIANTS[k] for k in (0, NAMES.index(AS_SAFE))))
+    monkeypatch.setattr(reproduce_corridor, "NAMES", (NAMES[0], AS_SAFE))
     for name, seconds in (("CRITICAL", 0.3), ("DURATION", 0.4), ("SWEPT", 0.2)):
-        monkeypatch.setattr(paper_corridor, name, seconds)
+        monkeypatch.setattr(reproduce_corridor, name, seconds)
     seen: list[str] = []
-    found = paper_corridor.reproduce_corridor(
+    found = reproduce_corridor.reproduce_corridor(
         tmp_path, False, lambda done, of, what: seen.append(f"{done} {of} {what}"), lambda: False
     )
     assert found.complete
@@ -169,4 +198,4 @@ def test_report(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     assert rules["δ 0 mm"] == "refused"
     assert "safe" in rules.values()
     with pytest.raises(KeyboardInterrupt):
-        paper_corridor.reproduce_corridor(tmp_path, True, lambda *_: None, lambda: True)
+        reproduce_corridor.reproduce_corridor(tmp_path, True, lambda *_: None, lambda: True)

@@ -235,3 +235,12 @@ def test_refused_by_name(tmp_path: Path, where: str, constraints: dict[str, Any]
     assert "\n" not in message
     for fragment in fragments:
         assert fragment in message
+
+
+@pytest.mark.parametrize("key", ["tolerance_above", "tolerance_below"])
+def test_tolerances_of_joints_are_numbers_that_can_be_met(tmp_path: Path, key: str) -> None:
+    goal = {"joint_name": "j1", "position": 1.0}
+    for value in (-1e-3, math.nan, "wide", True, [0.1]):
+        with pytest.raises(InputError, match=rf"joint_constraints\[0\]\.{key}: must be a finite number at least 0"):
+            request(tmp_path, {"joint_constraints": [{**goal, key: value}]})
+    assert isinstance(request(tmp_path, {"joint_constraints": [{**goal, key: 0.5}]}).goal, JointTarget)

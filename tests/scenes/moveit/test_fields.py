@@ -97,8 +97,6 @@ LABELS = {
     ("Header", "seq"),
     ("Header", "stamp"),
     ("MultiDOFJointState", "joint_names"),
-    ("JointConstraint", "tolerance_above"),
-    ("JointConstraint", "tolerance_below"),
     ("JointConstraint", "weight"),
     ("PositionConstraint", "weight"),
     ("OrientationConstraint", "weight"),

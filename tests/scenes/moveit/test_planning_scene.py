@@ -234,6 +234,15 @@ def test_attached_objects_are_held(files: Files) -> None:
     ]
 
 
+def test_an_attached_object_takes_the_place_of_another_whole(files: Files) -> None:
+    """No part of the earlier one stays, be the later one of fewer parts, or of more."""
+    whole, one = held("cup"), held("cup")
+    one["object"] |= {"primitives": one["object"]["primitives"][:1], "primitive_poses": []}
+    for state, start, names in (([whole], [one], ["cup"]), ([one], [whole], ["cup", "cup/1"])):
+        files.edit("scene", HELD, state).edit("request", "start_state.attached_collision_objects", start)
+        assert [part.name for part in files.load().attached] == names
+
+
 def test_attached_objects_without_a_name_do_not_replace_each_other(files: Files) -> None:
     files.edit("scene", HELD, [held("")]).edit("request", "start_state.attached_collision_objects", [held("")])
     names = [part.name for part in files.load().attached]
