@@ -51,7 +51,7 @@ def main() -> int:
         name,
         given.count or count,
         given.seed,
-        given.output / name,
+        given.output.resolve() / name,
         limit,
         seconds=given.seconds,
         jobs=given.jobs,

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hdplan.distance.batch_tables import Pair, pair_tables
+from hdplan.distance.batch_tables import FARTHEST, Pair, pair_tables
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.holder import check_gamma, resolve_shaping_length
 from hdplan.distance.normals import check_witness_count, check_witnesses
@@ -26,6 +26,7 @@ Array = Any  # NumPy's or JAX's
 
 DTYPES = ("float64", "float32")
 MOST_WITNESSES = 1000  # with each pose
+SHORTEST = {"float64": 1e-290, "float32": 1e-30}  # [m] shaping that flattens to 0 what touches: the largest number < 0
 SIZES = (2, 2, 1, 2)  # axes of one rotation of A and of B, an offset, and witnesses
 
 # How many poses are worked on at once, powers of two because every number is compiled for anew.
@@ -115,8 +116,10 @@ class BatchDistance:
             offset = numpy.asarray(b[..., :3, 3]) - numpy.asarray(a[..., :3, 3])  # before digits are cut
             parts = [a[..., :3, :3], b[..., :3, :3], offset, units]
             parts = [numpy.asarray(part, dtype=self.dtype) for part in parts]
-        if self.dtype == "float32" and not bool(numpy.isfinite(parts[2]).all()):
-            raise InputError("pose_b: found a body too far from the other, allowed is what float32 holds: 3.4e+38 m")
+            near = bool((abs(offset) <= FARTHEST[self.dtype]).all())
+        if not near:
+            most = f"up to {FARTHEST[self.dtype]:g} m"
+            raise InputError(f"pose_b: found a body too far from the other, allowed in {self.dtype} is {most}")
         with jax.enable_x64(self.dtype == "float64"):
             shape = np.broadcast_shapes(*(part.shape[:-size] for part, size in zip(parts, SIZES, strict=True)))
             rows = [
@@ -156,14 +159,19 @@ def hdsdf_batch(
     Args:
         witness_count: how many witness normals will be given with each pose.
         dtype: of the computation, ``float64`` or ``float32``; the latter is twice as fast on a CPU and resolves gaps
-            down to about 1e-6 of the bodies' extents and their distance from each other.
+            down to about 1e-6 of the bodies' extents and their distance from each other, of up to 1e15 m each.
 
     Other arguments and errors as ``reference.hdsdf``; InputError too where JAX is not installed.
     """
     length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
     dtype = checked(Choice(DTYPES), dtype, "dtype")
     witness_count = checked(Whole(0, MOST_WITNESSES), witness_count, "witness_count")
+    if length < SHORTEST[dtype]:
+        raise InputError(f"shaping_length: found {length:g} m, allowed in {dtype} is {SHORTEST[dtype]:g} m or more")
     tables = pair_tables(normals, body_a, body_b)
+    for name, body in (("body_a", body_a), ("body_b", body_b)):
+        if (size := float(np.abs(body.vertices).max()) + body.radius) > FARTHEST[dtype]:
+            raise InputError(f"{name}: found a size of {size:g} m, allowed in {dtype} is up to {FARTHEST[dtype]:g} m")
     try:
         jax = importlib.import_module("jax")
     except ModuleNotFoundError:

@@ -18,6 +18,8 @@ from hdplan.distance.normals import CentreAxis, EdgeAxes, candidate_normals
 Floats = NDArray[np.float64]
 Array = Any  # NumPy's here, JAX's on the device
 
+# [m] what a body may extend, and be away from the other: the squares must be numbers of the type, and sums of them
+FARTHEST = {"float64": 1e101, "float32": 1e15}
 SAME = 1e-14  # projections this close, relative to the largest, are one
 
 

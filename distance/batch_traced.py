@@ -17,7 +17,7 @@ import numpy as np
 from jax import lax
 
 from hdplan.distance.batch_kernel import Places, evaluate, separation_gradient
-from hdplan.distance.batch_tables import Pair
+from hdplan.distance.batch_tables import FARTHEST, Pair
 from hdplan.distance.normals import check_witness_count
 from hdplan.distance.poses import FAR, RIGID
 from hdplan.scenes.errors import InputError
@@ -109,6 +109,7 @@ def _run(settings: Settings, pair: Pair, length: Array, a: Array, b: Array, witn
         a, b = (lax.convert_element_type(x, jnp.promote_types(given, settings.dtype)) for x in (a, b))
         rows = [a[:, :3, :3], b[:, :3, :3], b[:, :3, 3] - a[:, :3, 3], witnesses]  # digits are cut afterwards
         rows = [jnp.concatenate([x, jnp.broadcast_to(x[:1], (missing, *x.shape[1:]))]) if missing else x for x in rows]
+        mark += jnp.where(jnp.all(jnp.abs(rows[2][:count]) <= FARTHEST[settings.dtype], -1), 0, jnp.nan).astype(given)
         *places, units = (lax.convert_element_type(x, settings.dtype) for x in rows)
         found: tuple[Array, ...]
         if settings.order < 0:

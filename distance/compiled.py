@@ -241,21 +241,23 @@ def _library(function: ca.Function) -> ctypes.CDLL | None:
                 return ctypes.CDLL(str(found))
         except OSError:  # unreadable, or where nothing may be run: as if it were not there
             continue
-    with tempfile.TemporaryDirectory() as folder:
-        text, built = Path(folder) / "function.c", Path(folder) / "function.so"
-        text.write_text(source)
-        build = [*command, *flags, str(text), "-o", str(built), "-lm"]
-        try:
-            outcome = subprocess.run(build, capture_output=True, text=True, timeout=most_seconds())
-        except subprocess.TimeoutExpired:
-            check_time("compiling the distance")
-            raise
-        if outcome.returncode:
-            warnings.warn(
-                f"{command[0]} failed on {function.name()}: {outcome.stderr.strip().splitlines()[-1:]}; interpreting",
-                stacklevel=2,
-            )
-            return None
-        data = built.read_bytes()
-        write_whole(home / f"{stem}-{content_key(data)}.so", data)
-        return ctypes.CDLL(str(built))  # stays loaded when its file is gone
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            text, built = Path(folder) / "function.c", Path(folder) / "function.so"
+            text.write_text(source)
+            build = [*command, *flags, str(text), "-o", str(built), "-lm"]
+            try:
+                outcome = subprocess.run(build, capture_output=True, text=True, timeout=most_seconds())
+            except subprocess.TimeoutExpired:
+                check_time("compiling the distance")
+                raise
+            if outcome.returncode:
+                said = outcome.stderr.strip().splitlines()[-1:]
+                warnings.warn(f"{command[0]} failed on {function.name()}: {said}; interpreting", stacklevel=2)
+                return None
+            data = built.read_bytes()
+            write_whole(home / f"{stem}-{content_key(data)}.so", data)
+            return ctypes.CDLL(str(built))  # stays loaded when its file is gone
+    except OSError as error:  # a disk that is full, a folder from which nothing may be run
+        warnings.warn(f"nowhere to compile {function.name()} ({error}); interpreting", stacklevel=2)
+        return None

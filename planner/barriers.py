@@ -17,6 +17,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.planner.barrier_rules import guaranteed_clearance, least_distance
 from hdplan.planner.box_pairs import BoxPairs, GdfPairs
 from hdplan.planner.fcl_pairs import FclPairs
 from hdplan.planner.hdsdf_pairs import HdsdfPairs
@@ -46,7 +47,7 @@ class BarrierSettings(Checked):
     """hdsdf (planes of the obstacle), hdsdf-boxes (the paper's set), euclidean (exact) or gdf."""
     gamma: Annotated[int, Whole(1, 1000)] = 2  # order of differentiability of the HD-SDF
     shaping_length: Annotated[float, Number(above=0.0, unit="m")] = 1e-3  # width of its flat spot [m]
-    growth: Annotated[float, Number(0.0, 1.0, unit="m")] = 0.02  # of the obstacles [m], g
+    growth: Annotated[float, Number(0.0, 1.0, unit="m")] = 0.006  # of the obstacles [m], g
     self_growth: Annotated[float, Number(0.0, 1.0, unit="m")] = 0.005  # of a link beside another [m]
     normals: Annotated[str, text] = "box"
     """Planes of an obstacle: faces, box or sphere; of hdsdf-boxes: paper or paper-multiset."""
@@ -125,6 +126,7 @@ class Barriers:
             pairs = body_pairs(hulls, solids, unique, 0.0, supports)
             rows = np.array([unique.index(pair) for pair in same], dtype=np.int64)
             self._true.append((_Group(pairs, FclPairs(pairs, hulls, solids)), rows))
+        self._directions = [body.directions for body in obstacles] if settings.distance == "hdsdf" else []
         self._nothing = BarrierRows(np.empty(0), np.empty((0, kinematics.n)), np.empty(0), np.empty(0))
         self.names = tuple(names)  # (P,) link and obstacle, or link and link
         self.coming = np.zeros(len(names), dtype=np.bool_)  # (P,) pairs with an obstacle that moves
@@ -132,6 +134,14 @@ class Barriers:
         self.obstacle_pairs = len(outer)  # the first of the P
         self.corners = max((len(body.body.vertices) for body in bodies), default=1)  # of a link's body, at most
         self.levers = levers(robot, [(body.joint, body.body) for body in bodies])  # (n,) [m]
+
+    def clearance(self, margin: float) -> float | None:
+        """Return the true clearance [m] to what stands that Δ ≥ margin [m] proves at that instant, by the planes that
+        the obstacles have: a lower bound; None if nothing is proven."""
+        b = self.settings
+        any_planes = guaranteed_clearance(b.distance, margin, b.growth, b.gamma, b.shaping_length, b.normals)
+        proven = (least_distance(each, margin, b.growth, b.gamma, b.shaping_length) for each in self._directions)
+        return min(proven, default=any_planes)
 
     def evaluate(self, q: Floats, time: float = 0.0, chosen: Rows | None = None) -> BarrierRows:
         """Return Δ and its derivatives at configuration q (n,) and a time [s]; of `chosen` pairs, ascending, or all."""
@@ -147,10 +157,10 @@ class Barriers:
 
     def certain(self, rows: BarrierRows, velocity: Floats, period: float, needed: Floats) -> NDArray[np.bool_]:
         """Return which pairs (P,) have a D̃ above `needed` (P,) [m] after a period of a velocity, whatever else it is,
-        by how far the robot's points move: the plain maximum over planes fixed in an obstacle that stands changes by no
-        more."""
+        by how far the robot's points move: the plain maximum over planes fixed in an obstacle that stands, or the exact
+        distance, changes by no more."""
         known = np.arange(len(self.names)) < self.obstacle_pairs
-        if self.settings.distance != "hdsdf" or self.movers:
+        if self.settings.distance not in ("hdsdf", "euclidean") or self.movers:
             return np.zeros(len(known), dtype=np.bool_)
         return np.asarray(known & (rows.separation > needed + period * float(np.abs(velocity) @ self.levers)))
 

@@ -23,7 +23,8 @@ stays at or above δ_k, or at least does not fall where it is below already; oth
 the rows that fell as they are at that end, and at last the robot is stopped. Then Δ_k ≥ δ_k at every sample for all
 time once it holds at the first, whatever the distance's kinks, against obstacles that stand; standing still is always
 allowed. Below its margin Δ says too little, as outer bodies may overlap where the links do not: there the exact
-distance of the links' hulls is kept from falling below NEAR as well, by a barrier and by the same look. Against an
+distance of the links' hulls is kept from falling below NEAR as well, by a barrier and by the same look. And there the
+HD-SDF's shaping is undone (`barrier_rules.straightened`), as on its flat spot it gives no direction back. Against an
 obstacle that moves, standing still may not be enough: then the command that is best at its end is taken.
 
 Settings that are provably not safe are refused by name (`barrier_rules.refuse_unsafe`). A controller like this is no
@@ -41,7 +42,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.planner.barrier_rules import sufficient_separation
+from hdplan.planner.barrier_rules import straightened, sufficient_separation
 from hdplan.planner.barriers import BarrierRows, Barriers, scene_barriers
 from hdplan.planner.control_inputs import joint_numbers, quadratic
 from hdplan.planner.control_program import Wishes, best_velocity
@@ -112,8 +113,13 @@ class Controller:
             sufficient_separation(margin, b.gamma, b.shaping_length, barriers.corners)
             for margin in (settings.margin, settings.self_margin)
         ]
+        bent = [
+            margin - straightened(margin, b.gamma, b.shaping_length)[0]
+            for margin in (settings.margin, settings.self_margin)
+        ]
+        self._bent = np.where(np.arange(count) < outer, *bent)  # δ − u(δ) [m]
         self._sure = np.where(np.arange(count) < outer, *sure)  # D̃ [m] from which on Δ ≥ δ is certain
-        self._clearance = settings.clearance
+        self._clearance = barriers.clearance(settings.margin)
         given = robot.model.velocityLimit if limits is None else limits
         self.fastest = settings.speed * joint_numbers("limits", given, robot.joint_names, positive=True)  # (n,)
 
@@ -151,7 +157,7 @@ class Controller:
         slacks = rows.value - self._margins
         inside = np.flatnonzero(slacks < 0.0) if self.settings.look_ahead else np.empty(0, dtype=np.int64)
         near = self.barriers.nearness(q, time, inside)
-        now = _Now(q, time, rows, near, inside[: len(near.value)])
+        now = _Now(q, time, self._straight(rows, np.arange(len(slacks)), inside), near, inside)
         distances = perf_counter() - began
         hessian, linear = quadratic(task.objective(q, time), self.robot.joint_names)
         wishes = self._wishes(now)
@@ -161,7 +167,7 @@ class Controller:
             command, mode, kept, looking = self._looked_at(command, now, hessian, linear, wishes)
             distances += looking
         velocity = np.zeros_like(q) if command is None else command
-        pairs = np.append(np.arange(len(slacks)), now.inside)
+        pairs = np.append(np.arange(len(slacks)), now.near_pairs)
         missed = (wishes.matrix @ velocity < wishes.wish - MISSED)[: len(pairs)]
         gave = tuple(sorted(set(pairs[missed].tolist())))
         if command is None:
@@ -186,13 +192,28 @@ class Controller:
         rate, robot, fastest = self.settings.rate, self.robot, self.fastest
         return np.clip(rate * (robot.lower - q), -fastest, 0.0), np.clip(rate * (robot.upper - q), 0.0, fastest)
 
+    def _straight(self, rows: BarrierRows, pairs: Rows, inside: Rows) -> BarrierRows:
+        """Return the rows of `pairs`, ascending, with Δ of those inside their margins as u(Δ) − u(δ) + δ, by the u that
+        the HD-SDF shapes: it grows as Δ does and is δ where Δ is, but has a slope on the flat spot too."""
+        b, found = self.settings.barriers, np.flatnonzero(np.isin(pairs, inside))
+        if not b.distance.startswith("hdsdf") or not len(found):
+            return rows
+        straight = [straightened(value, b.gamma, b.shaping_length) for value in rows.value[found].tolist()]
+        separation, slope = np.array(straight).T
+        steep = np.divide(1.0, slope, out=np.zeros_like(slope), where=slope > 0.0)
+        value, gradient, drift = rows.value.copy(), rows.gradient.copy(), rows.drift.copy()
+        value[found] = separation + self._bent[pairs[found]]
+        gradient[found] *= steep[:, None]
+        drift[found] *= steep
+        return replace(rows, value=value, gradient=gradient, drift=drift)
+
     def _wishes(self, now: _Now) -> Wishes:
         """Return the barriers as rows: of all pairs, of those inside their margins, of joints beyond their limits."""
         rate, rows, near = self.settings.rate, now.rows, now.near
         drift = np.concatenate([rows.drift, near.drift])
         wish = -rate * np.concatenate([rows.value - self._margins, np.maximum(near.value - NEAR, 0.0)]) - drift
         gap = np.concatenate([rows.separation, near.value])
-        coming = np.concatenate([self.barriers.coming, self.barriers.coming[now.inside]])
+        coming = np.concatenate([self.barriers.coming, self.barriers.coming[now.near_pairs]])
         beyond = np.maximum(now.q - self.robot.upper, self.robot.lower - now.q)  # [rad] or [m]
         joints = np.flatnonzero(beyond > 0.0)
         back = np.eye(len(beyond))[joints] * np.where(now.q > self.robot.upper, -1.0, 1.0)[joints, None]
@@ -219,11 +240,11 @@ class Controller:
             began = perf_counter()
             looked = np.flatnonzero(~self.barriers.certain(now.rows, velocity, period, self._sure))
             ahead, then = now.q + period * velocity, now.time + period
-            after = self.barriers.evaluate(ahead, then, looked)
+            after = self._straight(self.barriers.evaluate(ahead, then, looked), looked, now.inside)
             near = self.barriers.nearness(ahead, then, now.inside)
             seconds += perf_counter() - began
             rows = np.append(looked, len(self._margins) + np.arange(len(near.value)))
-            coming = self.barriers.coming[np.append(looked, now.inside)]
+            coming = self.barriers.coming[np.append(looked, now.near_pairs)]
             over = np.append(after.value, near.value) - floors[rows]
             fallen = over < -ROUNDING
             if not fallen.any():
@@ -255,9 +276,14 @@ class _Now(NamedTuple):
 
     q: Array  # (n,)
     time: float  # [s]
-    rows: BarrierRows
-    near: BarrierRows  # exact distances of the pairs inside their margins
-    inside: Rows  # those pairs; none where exact distances are not known
+    rows: BarrierRows  # straight where they are inside their margins
+    near: BarrierRows  # exact distances of the pairs inside their margins; none where those are not known
+    inside: Rows  # those pairs
+
+    @property
+    def near_pairs(self) -> Rows:
+        """The pairs of `near`."""
+        return self.inside[: len(self.near.value)]
 
 
 def _wished(matrix: Array, wish: Array, urgency: Array) -> Wishes:

@@ -15,7 +15,9 @@ class ControlSettings(Checked):
     """How a controller works."""
 
     barriers: BarrierSettings = field(default_factory=BarrierSettings)
-    margin: Annotated[float, Number(unit="m")] = -2.5e-4  # δ between robot and obstacles: where the barrier stops
+    margin: Annotated[float, Number(unit="m")] = 0.014
+    """δ between robot and obstacles: where the barrier stops. D bends over a length of about itself, so that commands
+    are as smooth as this is large, however far obstacles are grown."""
     self_margin: Annotated[float, Number(unit="m")] = -2.5e-4  # the same between links
     rate: Annotated[float, Number(high=1e3, above=0.0, unit="1/s")] = 2.0
     """η: how fast a barrier may be approached, the part per second [1/s]."""
@@ -36,7 +38,8 @@ class ControlSettings(Checked):
 
     @property
     def clearance(self) -> float | None:
-        """True clearance [m] to obstacles that Δ ≥ δ proves at a sample; None if nothing is proven."""
+        """True clearance [m] to obstacles that Δ ≥ δ proves at a sample, whatever planes they have: of those in a scene
+        `Barriers.clearance` proves more. None if nothing is proven."""
         return self._proven(self.margin, self.barriers.growth)
 
     @property

@@ -42,7 +42,8 @@ SETTLED = 5e-7  # the same at which the run ends, so that the executed motion en
 SETTLING = 3.0  # or this long after it has arrived [s], where a barrier holds it off
 SHARE = 0.5  # of the speed limits that a path without times is followed at
 PATIENCE = 3.0, 10.0  # times the trajectory's own duration, and [s] beside, after which it is given up
-GROWTH = 0.005  # [m] of obstacles and links: plans pass closer than a controller that goes where it likes should
+MARGIN = -2.5e-4  # [m] of obstacles and links, and
+GROWTH = 0.005  # [m] of both: plans pass closer than a controller that goes where it likes should
 HELD = 0.05  # [rad] or [m] behind the trajectory, in some joint, from which on the robot counts as held up
 
 
@@ -111,7 +112,7 @@ def follow(
     Raises InputError for joints that do not fit, settings that are provably not safe, and joints without a speed limit.
     """
     robot = robot or load_scene_robot(scene)
-    settings = settings or ControlSettings(BarrierSettings(growth=GROWTH, self_growth=GROWTH), rate=4.0)
+    settings = settings or ControlSettings(BarrierSettings(growth=GROWTH, self_growth=GROWTH), MARGIN, MARGIN, rate=4.0)
     controller = Controller.of(scene, settings, robot)
     curve = curve_of(robot, trajectory)
     if curve.times is None:

@@ -49,6 +49,13 @@ class PlaneBody:
         """Share its arrays read-only."""
         freeze(self)
 
+    @property
+    def directions(self) -> Floats:
+        """Its normals (k, 3) in the frame of its box, without slots that were only filled."""
+        reach = self.supports - self.normals @ self.box[:3, 3]
+        used: Floats = (self.normals @ self.box[:3, :3])[reach < np.linalg.norm(self.half_size) + FAR / 2]
+        return used
+
 
 def from_obstacle(
     obstacle: Obstacle, normals: str = "box", seconds: float = MOST_SECONDS

@@ -96,7 +96,9 @@ class Search:
 
     def _straight(self, solution: Solution, line: Floats) -> bool:
         """Whether the straight line (N, n) is certified as it is: where outer bodies overlap at an end, though the
-        links are free, a solver leaves it for worse."""
+        links are free, a solver leaves it for worse. Not where motions are timed: it may have no law of time."""
+        if self.timekeeper is not None:
+            return False
         before = self.best
         trajectory = replace(solution.trajectory, positions=line)
         certificate, _ = self._certify(replace(solution, trajectory=trajectory, status=Status.STALLED, steps=()))

@@ -264,7 +264,7 @@ def test_bad_poses_and_witnesses_are_refused():
         plain.value(one, np.eye(3))
     for dtype, number, message in (
         ("float64", np.nan, "pose_a: found nan in row 0, column 3"),
-        ("float32", 1e39, "allowed is what float32 holds"),
+        ("float32", 1e39, "allowed in float32 is up to 1e"),
     ):
         far = np.eye(4)
         far[0, 3] = number
@@ -344,3 +344,26 @@ def test_float32_far_from_the_origin_is_float32_at_the_origin():
         value, least = distance.value(a, b)
         assert np.all(value <= 0)
         np.testing.assert_allclose(least, b[:, 0, 3] - away - 1.0, atol=2e-7)
+
+
+def test_what_a_type_cannot_hold_is_refused_and_what_it_can_is_finite():
+    """A size of 1e38 m gave NaN in float32, a shaping length of 1e-40 m a touch that read as apart."""
+    for size, length in ((1e14, 1e-3), (1e-15, 1e-30), (1.0, 1e6)):
+        cube = ConvexBody.box(np.full(3, size))
+        distance = hdsdf_batch(cube, cube, dtype="float32", shaping_length=length, normals="paper+centre")
+        poses = np.tile(np.eye(4), (3, 1, 1))
+        poses[:, 0, 3] = size, 1.5 * size, 5e14
+        found = distance.gradient(np.eye(4), poses)
+        assert all(np.isfinite(part).all() for part in found)
+        assert found[0][0] <= 0
+        assert (found[0][1:] >= 0).all()
+        poses[2, 0, 3] = 2e15
+        with pytest.raises(
+            InputError, match="pose_b: found a body too far from the other, allowed in float32 is up to"
+        ):
+            distance.value(np.eye(4), poses)
+    cube = ConvexBody.box(np.full(3, 1e16))
+    with pytest.raises(InputError, match=r"body_a: found a size of 5e\+15 m, allowed in float32 is up to 1e\+15 m"):
+        hdsdf_batch(cube, BOX, dtype="float32")
+    with pytest.raises(InputError, match="shaping_length: found 1e-40 m, allowed in float32 is 1e-30 m or more"):
+        hdsdf_batch(BOX, BOX, dtype="float32", shaping_length=1e-40)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import subprocess
 import sys
 import warnings
@@ -229,6 +230,17 @@ def test_a_failing_compiler_is_named_and_its_last_words(monkeypatch: pytest.Monk
     assert not function.is_compiled
     tables, rows = some_rows(10)
     np.testing.assert_allclose(function(tables, rows)[0][0], np.sin(tables[0][rows[0][0]]) * tables[1][rows[1][0], 0])
+
+
+def test_a_full_disk_is_named(monkeypatch: pytest.MonkeyPatch, cache: Path) -> None:
+    """Nowhere to write the C code: the distance is interpreted, and says so."""
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    with pytest.warns(UserWarning, match=r"nowhere to compile .*No space left on device.*; interpreting"):
+        assert not RowFunction(small()).is_compiled
 
 
 def test_cc_names_the_compiler(monkeypatch: pytest.MonkeyPatch) -> None:

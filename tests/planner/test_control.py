@@ -19,9 +19,9 @@ from hdplan.distance.gdf import gdf
 from hdplan.distance.graph_distance import hdsdf_function
 from hdplan.distance.reference import hdsdf, hdsdf_derivatives
 from hdplan.planner.barrier_rules import (
-    boundary_slope,
     separation_bound,
     shaped,
+    straightened,
     sufficient_separation,
     touching_value,
     unshaped,
@@ -41,7 +41,20 @@ from hdplan.planner.robot import Robot
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.planner.trajectory import Trajectory
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Box, JointTarget, Obstacle, Pose, PoseTarget, RobotSpec, Scene, Sphere, SteadyMotion
+from hdplan.scenes.model import (
+    Box,
+    Capsule,
+    Cylinder,
+    JointTarget,
+    Obstacle,
+    Points,
+    Pose,
+    PoseTarget,
+    RobotSpec,
+    Scene,
+    Sphere,
+    SteadyMotion,
+)
 from hdplan.scenes.moving import Passages
 
 Array = NDArray[np.float64]
@@ -280,10 +293,51 @@ def test_what_is_called_certain_is(robot: Robot) -> None:
     assert 0.0 <= tightest < 2e-3  # and it is not empty words
 
 
+def test_what_known_planes_prove_is_so(robot: Robot) -> None:
+    """D ≥ δ keeps the true distance no less than `least_distance` of the obstacle's planes, and that is far more than
+    what is proven of planes that are not known."""
+    rng = np.random.default_rng(15)
+    corner = tuple(map(tuple, rng.uniform(-0.1, 0.1, (12, 3)).tolist()))
+    shapes = (Box((0.2, 0.1, 0.3)), Sphere(0.1), Cylinder(0.1, 0.3), Capsule(0.08, 0.2), Points(corner))
+    tightest = np.inf
+    for shape in shapes:
+        for growth, delta, gamma, length in ((0.006, 0.014, 2, 1e-3), (0.0, 0.05, 1, 1e-2), (0.02, 4e-3, 4, 1e-3)):
+            obstacle = Obstacle("it", shape, random_pose(rng))
+            bodies = from_obstacle(obstacle)[0]
+            settings = BarrierSettings(gamma=gamma, shaping_length=length, growth=growth, self_growth=0.0)
+            links = [LinkBody("five", 5, ConvexBody.from_points(rng.uniform(-0.1, 0.1, (4, 3))))]
+            made = [
+                Barriers(robot, kinematics_of(robot), links, [], bodies, each)
+                for each in (settings, BarrierSettings("euclidean", growth=0.0))
+            ]
+            proven = made[0].clearance(delta)
+            assert proven is not None
+            assert proven >= separation_bound(delta, gamma, length, 50, 1) + growth - 1e-9
+            for q in robot.draw(rng, 300):
+                value, true = (barriers.evaluate(q).value[0] for barriers in made)
+                if value >= delta:
+                    assert true >= proven - 1e-6
+                    tightest = min(tightest, true / proven)
+    assert tightest < 2.0  # and it is not empty words
+
+
 def test_flat_spot_is_where_the_gradient_fades() -> None:
-    assert boundary_slope(0.0, 2, 1e-3) == 0.0
-    slopes = [boundary_slope(-delta, 2, 1e-3) for delta in np.geomspace(1e-15, 1e-3, 20)]
+    assert straightened(0.0, 2, 1e-3) == (0.0, 0.0)
+    slopes = [straightened(-delta, 2, 1e-3)[1] for delta in np.geomspace(1e-15, 1e-3, 20)]
     assert (np.diff(slopes) > 0).all()
+
+
+def test_straightened_is_the_shaping_undone() -> None:
+    rng = np.random.default_rng(16)
+    for u in (rng.choice([-1.0, 1.0], 40) * np.geomspace(1e-6, 1.0, 40)).tolist():
+        for gamma, length in ((1, 1e-3), (2, 1e-3), (4, 1e-2)):
+            read = [shaped(shaped(each, gamma, length), gamma, length) for each in (u, u * (1 + 1e-6), u * (1 - 1e-6))]
+            found, slope = straightened(read[0], gamma, length)
+            assert found == pytest.approx(u, rel=1e-6)
+            assert slope == pytest.approx((read[1] - read[2]) / (2e-6 * u), rel=1e-5)
+    for tiny in (5e-324, -1e-300, 1e-200, 0.0):  # where a distance underflows
+        for gamma in (1, 2, 20, 1000):
+            assert all(math.isfinite(each) for each in straightened(tiny, gamma, 1e-3))
 
 
 # --- the quadratic program ---------------------------------------------------------------------------------
@@ -437,6 +491,41 @@ def test_a_wall_that_no_joint_can_leave_does_not_freeze_the_arm(robot: Robot) ->
         motion = Trajectory(robot.joint_names, run.positions, robot.locked)
         assert Certifier(scene, robot).certify(motion, check_ends=False).certified
     assert inside >= 3
+
+
+def test_a_robot_on_the_flat_spot_moves_on(robot: Robot) -> None:
+    """Inside the margin, where D and its derivative vanish: the arm leaves toward what is free, and slides along the
+    obstacle toward what is not; it does not stand, and never touches."""
+    rng, done = np.random.default_rng(3), 0
+    while done < 5:
+        scene = scene_of(*random_boxes(rng, 4))
+        controller = Controller.of(scene, ControlSettings(period=0.01), robot)
+        certifier, outer = Certifier(scene, robot), controller.barriers.obstacle_pairs
+
+        def least(q: Array, barriers: Barriers = controller.barriers, outer: int = outer) -> float:
+            return float(barriers.evaluate(q).separation[:outer].min())
+
+        drawn = robot.draw(rng, 12)
+        free, deep = ([q for q in drawn if wanted(least(q))] for wanted in (lambda d: d > 0.03, lambda d: d < -0.02))
+        if not free or not deep:
+            continue
+        out, into = free[0], deep[0]
+        for _ in range(40):  # to where D is 0
+            middle = 0.5 * (out + into)
+            out, into = (middle, into) if least(middle) > 0.0 else (out, middle)
+        start = out if done % 2 else into
+        if certifier.contacts(start):
+            continue
+        for goal in (free[0], deep[0]):
+            run = simulate(controller, start, replace(standing(goal, gain=4.0), tolerance=0.05), 0.8)
+            assert run.slacks[0] == pytest.approx(-0.014, abs=1e-6)
+            assert np.abs(run.positions - start).max() > 0.1
+            assert run.counted[Mode.STOPPED] == 0
+            motion = Trajectory(robot.joint_names, run.positions, robot.locked)
+            assert certifier.certify(motion, check_ends=False).certified
+            if goal is free[0]:
+                assert run.slacks[-1] >= 0.0
+        done += 1
 
 
 def test_a_joint_beyond_its_limit_comes_back_as_fast_as_it_may(robot: Robot) -> None:

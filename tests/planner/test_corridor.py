@@ -12,7 +12,9 @@ import pytest
 from numpy.typing import NDArray
 
 from hdplan.planner import reproduce_corridor
-from hdplan.planner.control_run import simulate
+from hdplan.planner.barriers import BarrierSettings
+from hdplan.planner.control import Controller
+from hdplan.planner.control_run import fast_energy, simulate, total_variation
 from hdplan.planner.control_settings import ControlSettings
 from hdplan.planner.corridor import (
     AS_SAFE,
@@ -31,6 +33,7 @@ from hdplan.planner.corridor import (
 from hdplan.planner.outline import kinematics_of
 from hdplan.planner.scene_robot import load_scene_robot
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import Pose
 
 Array = NDArray[np.float64]
 
@@ -120,6 +123,32 @@ def test_the_euclidean_distance_chatters_and_the_hd_sdf_does_not(exact: Outcome,
         assert outcome.clearances.min() > 0.02
         assert outcome.between_links.min() > 0.0
         assert outcome.mesh_clearance > 0.0
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.12])
+def test_fitted_bodies_are_commanded_as_smoothly_as_by_the_exact_distance(turn: float) -> None:
+    """Walls parallel and turned, our controller and its defaults, at about the same clearance."""
+    place, robot = corridor_scene(), load_scene_robot(corridor_scene())
+    walls = []
+    for number, wall in enumerate(place.obstacles):
+        half = 0.5 * turn * (-1) ** number  # the walls away from each other
+        pose = Pose(wall.pose.position, (0.0, 0.0, float(np.sin(half)), float(np.cos(half))))
+        walls.append(replace(wall, pose=pose))
+    scene = replace(place, obstacles=tuple(walls))
+    ours = ControlSettings(period=0.01)
+    fitted = Controller.of(scene, ours, robot)
+    bare = BarrierSettings("euclidean", growth=0.0, self_growth=0.0)
+    exact = Controller.of(scene, replace(ours, barriers=bare, margin=0.02, self_margin=1e-4), robot)
+    seconds, runs, clearances = 4.0, [], []
+    for controller in (fitted, exact):
+        run = simulate(controller, np.array(START), tool_task(robot), seconds, until_met=False)
+        seen = [exact.barriers.evaluate(q).value[: exact.barriers.obstacle_pairs].min() for q in run.positions[::10]]
+        runs.append(run)
+        clearances.append(min(seen))
+    assert clearances[0] == pytest.approx(clearances[1], abs=0.005)
+    assert clearances[0] < 0.04  # the walls are near
+    assert total_variation(runs[0].velocities) <= 1.1 * total_variation(runs[1].velocities)
+    assert fast_energy(runs[0].velocities, 0.01) <= 2.0 * fast_energy(runs[1].velocities, 0.01)
 
 
 def test_what_is_proven_of_a_margin_holds_and_what_is_refused_was_published(smooth: Outcome) -> None:

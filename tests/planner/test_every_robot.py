@@ -47,7 +47,7 @@ def freed(certifier: Certifier, q: np.ndarray) -> np.ndarray:
 
 def beside(robot: Robot, q: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """A configuration in which every joint stands a little elsewhere: 0.01 to 0.02 rad or m, or a tenth of its
-    range; those of two double pendulums have none, as their URDF gives no limits."""
+    range; joints whose URDF gives them none stand still (two double pendulums, the quadruped)."""
     step = rng.uniform(0.5, 1.0, robot.n) * np.minimum(0.02, 0.2 * (robot.upper - robot.lower))
     step *= rng.choice((-1.0, 1.0), robot.n)
     inside = (q + step <= robot.upper) & (q + step >= robot.lower)
