@@ -101,6 +101,14 @@ class Certifier:
         instance(robot, Robot, "robot")
         if robot.attached != scene.attached:
             raise InputError("the robot does not hold what the scene attaches: take the scene's own (load_scene_robot)")
+        if robot.base != scene.robot.base:
+            raise InputError("the robot stands elsewhere than the scene's: take the scene's own (load_scene_robot)")
+        for joint, value in scene.robot.locked.items():
+            if robot.locked.get(joint) != value:
+                raise InputError(
+                    f"the robot's joint '{joint}' is not held where the scene's is: take the scene's own "
+                    "(load_scene_robot)"
+                )
         if scene.self_collision.checked and not robot.self_pairs and load_scene_robot(scene).self_pairs:
             raise InputError(
                 "the robot's links are not checked against each other, the scene's are: take the scene's own"

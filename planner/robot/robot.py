@@ -22,7 +22,7 @@ from hdplan.planner.robot.pin_model import move_base, read_model, without_joints
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.files import Stamps, stamps_of
-from hdplan.scenes.model import Attached, JointTarget, RobotSpec
+from hdplan.scenes.model import Attached, JointTarget, Pose, RobotSpec
 from hdplan.scenes.once import freeze
 from hdplan.scenes.robot_files.description import LinkPair, Semantics, Tree, link_pair, read_semantics, read_tree
 from hdplan.scenes.robot_files.library import description_of
@@ -61,6 +61,7 @@ class Robot:
     unchecked: Mapping[LinkPair, str] = field(default_factory=dict)  # pairs of links told apart, and by what
     files: Stamps = ()  # that it was read from, as they were before
     attached: tuple[Attached, ...] = ()  # held objects: by their names among the links, their geometry and pairs
+    base: Pose = field(default_factory=Pose)  # of the URDF's root link in the world
 
     def __post_init__(self) -> None:
         """Share its arrays read-only."""
@@ -214,6 +215,7 @@ def load_robot(spec: RobotSpec) -> Robot:
         named_states=semantics.states,
         notes=(),
         files=(*files, *meshes),
+        base=spec.base,
     )
     unchecked = _told_apart(robot, tree, semantics, spec)
     every = (link_pair(a, b) for a, b in itertools.combinations(robot.links, 2))

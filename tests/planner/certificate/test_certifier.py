@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import coal
 import numpy as np
@@ -523,3 +524,16 @@ def test_a_robot_whose_links_are_not_checked_certifies_no_scene_in_which_they_ar
     assert Certifier(blind, load_scene_robot(blind)).sweep.pairs.group.max(initial=0) == 0
     with pytest.raises(InputError, match="links are not checked against each other, the scene's are"):
         Certifier(scene, load_scene_robot(blind))
+
+
+@pytest.mark.parametrize("change", [{"base": Pose()}, {"locked": {"panda_finger_joint1": 0.0}}])
+def test_a_robot_that_stands_or_is_held_elsewhere_is_not_the_scenes(change: dict[str, Any]) -> None:
+    """A proof for it would be none for the scene's; what differs is said."""
+    scene = load_scene("panda_cage")
+    spec = dataclasses.replace(
+        scene.robot, base=Pose((0.0, 0.0, 0.1)), locked={"panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}
+    )
+    scene = dataclasses.replace(scene, robot=spec)
+    Certifier(scene, load_robot(spec))
+    with pytest.raises(InputError, match=r"take the scene's own \(load_scene_robot\)"):
+        Certifier(scene, load_robot(dataclasses.replace(spec, **change)))
