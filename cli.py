@@ -666,7 +666,7 @@ def _internal(error: Exception) -> int:
 def _fault(error: Exception) -> str:
     """Name an error that should not be, and the line of hdplan from which it came."""
     frames = traceback.extract_tb(error.__traceback__)
-    own = [frame for frame in frames if Path(frame.filename).parent.name in ("planner", "distance", "scenes", "view")]
+    own = [frame for frame in frames if {"planner", "distance", "scenes"} & set(Path(frame.filename).parts)]
     place = next((f" ({Path(frame.filename).stem}, line {frame.lineno})" for frame in reversed(own)), "")
     return f"{type(error).__name__}: {' '.join(str(error).split())}{place}"
 
