@@ -7,7 +7,7 @@ import math
 from hdplan.planner.problem.lay_out import lay_out
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.robot.scene_robot import check_robot, load_scene_robot, resolve_query
 from hdplan.scenes.errors import naming
 from hdplan.scenes.model import JointTarget, Scene
 from hdplan.scenes.values import instance
@@ -26,6 +26,7 @@ def build(scene: Scene, robot: Robot | None = None, deadline: float = math.inf) 
         scene.check_effects()
     robot = load_scene_robot(scene) if robot is None else robot
     instance(robot, Robot, "robot")
+    check_robot(scene, robot)
     return lay_out(scene, robot, resolve_query(robot, _settled(scene, robot)), deadline)
 
 

@@ -37,7 +37,7 @@ from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.motion.robot_curve import beyond_limits, curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.scene_robot import check_robot, load_scene_robot
 from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import InputError, naming
@@ -99,20 +99,7 @@ class Certifier:
         """Gather links, obstacles and the pairs to be kept apart. The robot holds what the scene attaches to it."""
         instance(scene, Scene, "scene")
         instance(robot, Robot, "robot")
-        if robot.attached != scene.attached:
-            raise InputError("the robot does not hold what the scene attaches: take the scene's own (load_scene_robot)")
-        if robot.base != scene.robot.base:
-            raise InputError("the robot stands elsewhere than the scene's: take the scene's own (load_scene_robot)")
-        for joint, value in scene.robot.locked.items():
-            if robot.locked.get(joint) != value:
-                raise InputError(
-                    f"the robot's joint '{joint}' is not held where the scene's is: take the scene's own "
-                    "(load_scene_robot)"
-                )
-        if scene.self_collision.checked and not robot.self_pairs and load_scene_robot(scene).self_pairs:
-            raise InputError(
-                "the robot's links are not checked against each other, the scene's are: take the scene's own"
-            )
+        check_robot(scene, robot)
         self.scene, self.robot = scene, robot
         bodies = list(_link_bodies(robot))
         links: dict[str, list[int]] = {link: [] for link in robot.links}

@@ -29,6 +29,7 @@ from hdplan.planner.collision.reach import levers
 from hdplan.planner.control.barrier_safety import guaranteed_clearance, least_distance
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.scene_robot import check_robot
 from hdplan.scenes.errors import FieldError, naming, nearest
 from hdplan.scenes.model import Pose, Scene
 from hdplan.scenes.moving import Passages
@@ -243,6 +244,7 @@ def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Bar
     instance(scene, Scene, "scene")
     instance(robot, Robot, "robot")
     instance(settings, BarrierSettings, "settings")
+    check_robot(scene, robot)
     boxes = settings.distance in ("hdsdf-boxes", "gdf")
     planes = settings.normals if settings.distance == "hdsdf" else "box"
     collision_model = collision_model_of(robot, "box" if boxes else scene.planner.link_bodies, planes)

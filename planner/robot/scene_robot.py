@@ -54,6 +54,22 @@ def load_scene_robot(scene: Scene) -> Robot:
     return robot if scene.self_collision.checked else _unchecked(robot)
 
 
+def check_robot(scene: Scene, robot: Robot) -> None:
+    """Raise InputError for a robot that is not the scene's: one that holds other objects, stands elsewhere, is held at
+    other values, or is not checked against itself where the scene's is."""
+    if robot.attached != scene.attached:
+        raise InputError("the robot does not hold what the scene attaches: take the scene's own (load_scene_robot)")
+    if robot.base != scene.robot.base:
+        raise InputError("the robot stands elsewhere than the scene's: take the scene's own (load_scene_robot)")
+    for joint, value in scene.robot.locked.items():
+        if robot.locked.get(joint) != value:
+            raise InputError(
+                f"the robot's joint '{joint}' is not held where the scene's is: take the scene's own (load_scene_robot)"
+            )
+    if scene.self_collision.checked and not robot.self_pairs and load_scene_robot(scene).self_pairs:
+        raise InputError("the robot's links are not checked against each other, the scene's are: take the scene's own")
+
+
 @made_once(MOST)
 def _narrowed(robot: Robot, ranges: tuple[tuple[str, tuple[float, float]], ...]) -> Robot:
     """Return the robot within ranges of its joints' positions that lie within its own."""

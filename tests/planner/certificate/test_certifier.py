@@ -14,9 +14,11 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier, certify, check_configuration
 from hdplan.planner.certificate.exact_proximity import Piece, best_direction, link_pieces, mesh_pieces, obstacle_pieces
 from hdplan.planner.certificate.verdict import Certificate, Status
+from hdplan.planner.control.controller import Controller
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.motion.motion_bounds import Chain, Motion
 from hdplan.planner.motion.trajectory import Trajectory
@@ -535,5 +537,7 @@ def test_a_robot_that_stands_or_is_held_elsewhere_is_not_the_scenes(change: dict
     )
     scene = dataclasses.replace(scene, robot=spec)
     Certifier(scene, load_robot(spec))
-    with pytest.raises(InputError, match=r"take the scene's own \(load_scene_robot\)"):
-        Certifier(scene, load_robot(dataclasses.replace(spec, **change)))
+    other = load_robot(dataclasses.replace(spec, **change))
+    for made in (Certifier, build, lambda scene, robot: Controller.of(scene, robot=robot)):
+        with pytest.raises(InputError, match=r"take the scene's own \(load_scene_robot\)"):
+            made(scene, other)
