@@ -1,4 +1,4 @@
-"""A term of one's own in the cost, with exact derivatives: keep the elbow near a posture.."""
+"""A term of one's own in the cost, with exact derivatives: keep the elbow near a posture."""
 
 from dataclasses import replace
 
@@ -32,7 +32,7 @@ class Posture(MotionTerm):
 scene = hdplan.load_scene("panda_corridor")
 plain = hdplan.build(scene)
 elbow = plain.robot.joint_names.index("panda_joint4")
-own = replace(plain, terms=(*plain.terms, Posture(elbow, -2.2, scale=0.5)))
+own = replace(plain, terms=(*plain.terms, Posture(elbow, -2.2, scale=0.1)))
 
 figure, axes = plt.subplots(figsize=(7, 3.5), layout="constrained")
 for problem, name in ((plain, "as it is"), (own, "with the term")):
