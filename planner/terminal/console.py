@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
 import sys
-import threading
 from collections.abc import Iterator
 from typing import IO, TYPE_CHECKING, Any
 
@@ -14,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
+from hdplan.planner.terminal.interrupts import noting
 from hdplan.scenes.errors import InputError
 
 if TYPE_CHECKING:
@@ -45,7 +44,7 @@ def progress(settings: PlannerSettings, shown: bool) -> Iterator[Any]:
     """
     verdict = ""
     margin = settings.clearance + settings.activation
-    with waiting("building the problem (the first time with a robot takes minutes)", shown) as line, _noting() as note:
+    with waiting("building the problem (the first time with a robot takes minutes)", shown) as line, noting() as note:
 
         def report(event: Event) -> None:
             nonlocal verdict
@@ -70,7 +69,7 @@ def measuring() -> Iterator[Any]:
     """Show how far a measurement has come, on a terminal only; gives the function that takes the steps, and one that
     says whether to stop. Ctrl-C is noted as in `progress`."""
     with contextlib.ExitStack() as stack:
-        note = stack.enter_context(_noting())
+        note = stack.enter_context(noting())
         bar = None
         if sys.stderr.isatty():
             columns = (
@@ -88,34 +87,6 @@ def measuring() -> Iterator[Any]:
                 bar.update(task, completed=done, total=of, description=what)
 
         yield report, note.pressed
-
-
-class _Note:
-    """Notes Ctrl-C from the first call on; a second one ends at once."""
-
-    def __init__(self) -> None:
-        self._event = threading.Event()
-        self.pressed = self._event.is_set
-        self.before = signal.getsignal(signal.SIGINT) or signal.SIG_DFL
-
-    def __call__(self) -> None:
-        """Begin to note, or begin again where a library has taken the signal for itself."""
-        if not self._event.is_set() and signal.getsignal(signal.SIGINT) is self.before:
-            signal.signal(signal.SIGINT, self._note)
-
-    def _note(self, *_: object) -> None:
-        self._event.set()
-        signal.signal(signal.SIGINT, self.before)
-
-
-@contextlib.contextmanager
-def _noting() -> Iterator[_Note]:
-    """Note Ctrl-C, and leave the signal as it was."""
-    note = _Note()
-    try:
-        yield note
-    finally:
-        signal.signal(signal.SIGINT, note.before)
 
 
 @contextlib.contextmanager
