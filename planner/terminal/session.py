@@ -45,7 +45,7 @@ def run(app: typer.Typer) -> NoReturn:
         command = context.command_path if (context := getattr(error, "ctx", None)) else "hdplan"
         code = complain(f"{error.format_message().rstrip('.')} (see {command} --help)")  # type: ignore[attr-defined]
     except (KeyboardInterrupt, typer.Abort):
-        code = complain("interrupted before anything was found", INTERRUPTED)
+        code = INTERRUPTED
     except OSError as error:  # of a help text; what hdplan prints itself looks after itself
         if error.errno not in (errno.EPIPE, errno.ENOSPC):
             code = _internal(error)
@@ -54,6 +54,8 @@ def run(app: typer.Typer) -> NoReturn:
             code = 0 if error.errno == errno.EPIPE else complain(f"the output cannot be written ({error.strerror})")
     except Exception as error:
         code = _internal(error)
+    if code == INTERRUPTED:  # Typer may have made it of KeyboardInterrupt
+        complain("interrupted before anything was found")
     sys.exit(code)
 
 

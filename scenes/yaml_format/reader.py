@@ -79,18 +79,19 @@ def load_scene(path: FilePath, request: FilePath | None = None, robot: FilePath 
     keys = top.mapping()
     spec, notes = (None, ()) if robot is None else read_robot(robot)
     if "hdplan" not in keys and is_moveit_scene(keys):
-        if request is None:
-            raise top.error(
-                "is a MoveIt planning scene, which has no goal: give its motion plan request too (--request FILE)"
-            )
-        if spec is None:
-            raise top.error(
-                "is a MoveIt planning scene, which does not say where its robot is found: give --robot NAME or FILE"
-            )
+        if request is None or spec is None:
+            wanted = {
+                "its motion plan request, which holds the goal (--request FILE)": request,
+                "its robot, which it does not hold (--robot NAME or FILE)": spec,
+            }
+            missing = " and ".join(words for words, given in wanted.items() if given is None)
+            raise top.error(f"is a MoveIt planning scene: give {missing} too")
         return _with_notes(read_moveit(top, Path(request), spec), notes)
     if "hdplan" not in keys and is_moveit_request(keys):
+        wanted_too = "" if spec else ", and the robot with --robot NAME or FILE"
         raise top.error(
             "is a MoveIt motion plan request; name the planning scene first and give this file with --request"
+            f"{wanted_too}"
         )
     if request is not None:
         raise top.error("is no MoveIt planning scene, so no request goes with it (--request)")
