@@ -201,7 +201,7 @@ def view(
 ) -> None:
     """Show a scene and motions in the browser, and plan there.
 
-    Drag an obstacle or the goal, press Plan and watch the optimizer at work. Needs viser: pip install hdplan[view].
+    Drag an obstacle or the goal, press Plan and watch the optimizer at work. Needs viser (pip install viser).
 
     Ctrl-C ends it.
     """
