@@ -80,12 +80,10 @@ def load_scene(path: FilePath, request: FilePath | None = None, robot: FilePath 
     spec, notes = (None, ()) if robot is None else read_robot(robot)
     if "hdplan" not in keys and is_moveit_scene(keys):
         if request is None or spec is None:
-            wanted = {
-                "its motion plan request, which holds the goal (--request FILE)": request,
-                "its robot, which it does not hold (--robot NAME or FILE)": spec,
-            }
-            missing = " and ".join(words for words, given in wanted.items() if given is None)
-            raise top.error(f"is a MoveIt planning scene: give {missing} too")
+            gaps = [("has no goal", "its motion plan request (--request FILE)")] if request is None else []
+            gaps += [("does not say where its robot is found", "--robot NAME or FILE")] if spec is None else []
+            lacking, wanted = (" and ".join(words) for words in zip(*gaps, strict=True))
+            raise top.error(f"is a MoveIt planning scene, which {lacking}: give {wanted} too")
         return _with_notes(read_moveit(top, Path(request), spec), notes)
     if "hdplan" not in keys and is_moveit_request(keys):
         wanted_too = "" if spec else ", and the robot with --robot NAME or FILE"
