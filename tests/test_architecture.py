@@ -34,6 +34,8 @@ HOMES = {  # of each heavy library
     "coacd": {"planner.collision"},
     "toppra": {"planner.timing"},
     "yaml": {"scenes"},
+    "mcap": {"planner.motion"},
+    "mcap_ros2": {"planner.motion"},
 }
 
 

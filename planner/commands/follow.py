@@ -8,13 +8,13 @@ from pathlib import Path
 from rich.text import Text
 
 from hdplan.planner.control.follow import follow
-from hdplan.planner.motion.trajectory import FORMATS, Trajectory
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.motion.trajectory_files import check_output
 from hdplan.planner.result import verdict
 from hdplan.planner.robot.scene_robot import load_scene_robot, notes_on
 from hdplan.planner.terminal.console import printing, waiting
 from hdplan.planner.terminal.tables import closest_rows, table, verdict_text
 from hdplan.scenes.errors import naming
-from hdplan.scenes.output import check_writable
 from hdplan.scenes.yaml_format.reader import load_scene
 
 
@@ -23,7 +23,7 @@ def run_follow(
 ) -> int:
     """Follow a motion. Returns the exit code: 0 if the robot arrives and is proven free all the way, else 1."""
     if output is not None:
-        check_writable(output, FORMATS)
+        check_output(output)
     problem = load_scene(scene, request=request, robot=robot)
     motion = Trajectory.load(trajectory)
     arm = load_scene_robot(problem)

@@ -6,7 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from hdplan.planner.motion.trajectory import FORMATS
+from hdplan.planner.motion.trajectory_files import check_output
 from hdplan.planner.pictures.plot import Subject, check_picture
 from hdplan.planner.pictures.plot import plot as draw
 from hdplan.planner.plan import plan
@@ -17,7 +17,6 @@ from hdplan.planner.terminal.arguments import SEARCH
 from hdplan.planner.terminal.console import printing, progress
 from hdplan.planner.terminal.tables import result_rows, table, verdict_text
 from hdplan.scenes.deadline import time_limit as limited
-from hdplan.scenes.output import check_writable
 from hdplan.scenes.yaml_format.reader import load_scene
 
 
@@ -43,7 +42,7 @@ def run_plan(
     if distance is not None:
         check_distance(distance)
     if output is not None:
-        check_writable(output, FORMATS)
+        check_output(output)
     if plot is not None:
         check_picture(plot)
     with limited(time_limit):

@@ -61,7 +61,13 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object inst
 # plan
 Output = Annotated[
     Path | None,
-    typer.Option("--output", "-o", metavar="FILE", help="Write the trajectory, as .json, .csv or .npz."),
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="FILE",
+        help="Write the trajectory: .json, .csv, .npz, .joint_trajectory.yaml, .robot_trajectory.yaml (messages of "
+        "ROS and MoveIt) or .mcap (a ROS 2 bag).",
+    ),
 ]
 Solver = Annotated[
     str,
@@ -97,7 +103,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors."
 # follow, simulate, plot
 Executed = Annotated[
     Path | None,
-    typer.Option("--output", "-o", metavar="FILE", help="Write the executed motion, as .json, .csv or .npz."),
+    typer.Option("--output", "-o", metavar="FILE", help="Write the executed motion, in any format of plan -o."),
 ]
 RatesSheet = Annotated[
     Path | None,
