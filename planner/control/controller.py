@@ -17,12 +17,12 @@ Where not all of it can be met, there still is a best command, by this order (`q
 
 The step names the pairs whose barrier its command does not meet (`Step.gave`).
 
-What it guarantees is derived in `barrier_safety`. The barrier's inequality is linear in u and holds at one instant; over
-a period the distance bends. So each command is looked at once more at its end: it is taken only if every Δ_k(q + u T)
-stays at or above δ_k, or at least does not fall where it is below already; otherwise the program is solved again with
-the rows that fell as they are at that end, and at last the robot is stopped. Then Δ_k ≥ δ_k at every sample for all
-time once it holds at the first, whatever the distance's kinks, against obstacles that stand; standing still is always
-allowed. Below its margin Δ says too little, as outer bodies may overlap where the links do not: there the exact
+What it guarantees is derived in `barrier_safety`. The barrier's inequality is linear in u and holds at one instant;
+over a period the distance bends. So each command is looked at once more at its end: it is taken only if every Δ_k(q + u
+T) stays at or above δ_k, or at least does not fall where it is below already; otherwise the program is solved again
+with the rows that fell as they are at that end, and at last the robot is stopped. Then Δ_k ≥ δ_k at every sample for
+all time once it holds at the first, whatever the distance's kinks, against obstacles that stand; standing still is
+always allowed. Below its margin Δ says too little, as outer bodies may overlap where the links do not: there the exact
 distance of the links' hulls is kept from falling below NEAR as well, by a barrier and by the same look. And there the
 HD-SDF's shaping is undone (`barrier_safety.straightened`), as on its flat spot it gives no direction back. Against an
 obstacle that moves, standing still may not be enough: then the command that is best at its end is taken.
