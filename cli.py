@@ -144,7 +144,13 @@ def plan(
     robot: RobotFile = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="Write the trajectory, as .json, .csv or .npz."),
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="Write the trajectory: .json, .csv, .npz, .joint_trajectory.yaml, .robot_trajectory.yaml (messages of "
+            "ROS and MoveIt) or .mcap (a ROS 2 bag).",
+        ),
     ] = None,
     solver: Annotated[
         str,
@@ -187,20 +193,19 @@ def plan(
 
     Ctrl-C ends with the best motion found so far.
     """
-    from hdplan.planner.motion.trajectory import FORMATS
+    from hdplan.planner.motion.trajectory_files import check_output
     from hdplan.planner.pictures.plot import Subject, check_picture
     from hdplan.planner.pictures.plot import plot as draw
     from hdplan.planner.plan import plan as find
     from hdplan.planner.problem.lay_out import check_distance
     from hdplan.planner.robot.scene_robot import load_scene_robot
     from hdplan.planner.solvers import solver_named
-    from hdplan.scenes.output import check_writable
 
     solver_named(solver)
     if distance is not None:
         check_distance(distance)
     if output is not None:
-        check_writable(output, FORMATS)
+        check_output(output)
     if plot is not None:
         check_picture(plot)
     with limited(time_limit):
@@ -282,7 +287,7 @@ def follow(
     trajectory: Motion,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="Write the executed motion, as .json, .csv or .npz."),
+        typer.Option("--output", "-o", metavar="FILE", help="Write the executed motion, in any format of plan -o."),
     ] = None,
     request: Request = None,
     robot: RobotFile = None,
@@ -297,13 +302,13 @@ def follow(
     Exit code 1 where the robot does not arrive, or is not proven free all the way.
     """
     from hdplan.planner.control.follow import follow as run
-    from hdplan.planner.motion.trajectory import FORMATS, Trajectory
+    from hdplan.planner.motion.trajectory import Trajectory
+    from hdplan.planner.motion.trajectory_files import check_output
     from hdplan.planner.result import verdict
     from hdplan.planner.robot.scene_robot import load_scene_robot, notes_on
-    from hdplan.scenes.output import check_writable
 
     if output is not None:
-        check_writable(output, FORMATS)
+        check_output(output)
     problem = _load(scene, request, robot)
     motion = Trajectory.load(trajectory)
     arm = load_scene_robot(problem)
@@ -435,7 +440,7 @@ def view(
 ) -> None:
     """Show a scene and motions in the browser, and plan there.
 
-    Drag an obstacle or the goal, press Plan and watch the optimizer at work. Needs viser: pip install hdplan[view].
+    Drag an obstacle or the goal, press Plan and watch the optimizer at work. Needs viser (pip install viser).
 
     Ctrl-C ends it.
     """

@@ -180,7 +180,7 @@ def test_missing_matplotlib_is_said_before_the_work(
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     done = hdplan("reproduce", "conservativeness")
     assert done.code == 2
-    assert "pip install hdplan[plot]" in done.err
+    assert "pip install matplotlib" in done.err
 
 
 @pytest.mark.parametrize("group", ["study", "reproduce"])

@@ -6,7 +6,7 @@ At every period T it solves, for the joint velocity u (n,) [rad/s or m/s],
     subject to  ∂Δ_k/∂q · u + ∂Δ_k/∂t ≥ −η (Δ_k − δ_k)         for every pair of bodies k (`barriers`)
                 −η (q − q_min) ≤ u ≤ η (q_max − q),  |u| ≤ v   joint limits as barriers, velocity limits
 
-(paper, section ``sec:real-experiment``; Ames et al., "Control barrier functions: theory and applications", ECC 2019).
+(paper, section IV-C; Ames et al., "Control barrier functions: theory and applications", ECC 2019).
 Where not all of it can be met, there still is a best command, by this order (`control_program`):
 
 1. The velocity limits; no joint goes further beyond a limit; and of what stands, and of the links among themselves, no

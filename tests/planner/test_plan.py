@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import ENDS_KEEP, Certifier, certify
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
-from hdplan.planner.problem.problem import Problem, build
+from hdplan.planner.problem.problem import Problem
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.search.search import Event, Search

@@ -23,7 +23,8 @@ from hdplan.planner.kinematics.inverse_dynamics import dynamics_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
-from hdplan.planner.robot.robot import Robot, scene_robot
+from hdplan.planner.robot import scene_robot
+from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
 from hdplan.planner.search.roadmap import seeds
 from hdplan.scenes.model import Mesh

@@ -13,7 +13,8 @@ import pytest
 import trimesh
 
 from hdplan.planner.geometry.meshes import TriangleMesh
-from hdplan.planner.robot.robot import Robot, load_robot, pin_model
+from hdplan.planner.robot import pin_model
+from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import JointTarget, Mesh, Pose, RobotSpec, Scene

@@ -32,7 +32,7 @@ def test_a_missing_viser_is_said_in_one_line(
         importlib.util, "find_spec", lambda name, *rest: None if name == "viser" else found(name, *rest)
     )
     assert run(monkeypatch, "planar_arm") == 2
-    assert capsys.readouterr().err.strip().endswith("pip install hdplan[view]")
+    assert capsys.readouterr().err.strip().endswith("pip install viser")
 
 
 @pytest.mark.parametrize(
