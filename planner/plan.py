@@ -139,6 +139,7 @@ def plan(
         times=Times(load, build_, compile_, solved, certified),
         notes=(*problems[taken].notes, *best.certificate.notes, *words),
         goal=goals[taken] if several else None,
+        asked=scene,
     )
 
 
