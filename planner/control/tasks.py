@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -96,9 +96,19 @@ class TrackTask:
 
 
 def standing(q: Array, gain: float = 2.0) -> TrackTask:
-    """Return the task of going to a configuration (n,) and staying there. Raises InputError for one that is none."""
+    """Return the task of going to a configuration q (n,) [rad or m] and staying there; `gain` is the part of what is
+    missing that is gone in a second [1/s]. Raises InputError for a configuration or a gain that is none."""
     goal = joint_numbers("q", q, _counted(q))
-    return TrackTask(lambda time: (goal, np.zeros_like(goal)), gain)
+    return TrackTask(_Still(goal), gain)
+
+
+class _Still(NamedTuple):
+    """A configuration that does not move, as a reference."""
+
+    goal: Array
+
+    def __call__(self, time: float) -> tuple[Array, Array]:
+        return self.goal, np.zeros_like(self.goal)
 
 
 def least_squares(jacobian: Array, wanted: Array, regularization: float) -> tuple[Array, Array]:
