@@ -133,8 +133,17 @@ def test_the_examples_run(example: Path, tmp_path: Path, monkeypatch: pytest.Mon
     code = example.read_text(encoding="utf-8")
     assert len(code.splitlines()) < 60
     monkeypatch.chdir(tmp_path)
-    exec(compile(code, str(example), "exec"), {"__name__": "__main__"})
-    assert f"examples/{example.name}" in PAGES["docs/examples.md"]
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    exec(compile(code, str(example), "exec"), {"__name__": "__main__", "__file__": str(example)})
+    assert f'--8<-- "examples/{example.name}"' in PAGES["docs/examples.md"]
+    for picture in tmp_path.glob("*.png"):
+        assert (example.parent / picture.name).is_file()
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_file_that_is_named_exists(page: str) -> None:
+    named = re.findall(r"`((?:planner|distance|scenes|tests|benchmarks|docs|src)/[\w./]+)`", PAGES[page])
+    assert [name for name in named if not (ROOT / name).exists() and "NAME" not in name] == []
 
 
 def test_every_shipped_scene_is_named() -> None:
