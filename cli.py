@@ -239,6 +239,14 @@ def robots(
     raise typer.Exit(run_robots(name, as_json=as_json))
 
 
+@app.command()
+def schema() -> None:
+    """Print the scene format as a JSON Schema, which tells editors of keys, types and ranges."""
+    from hdplan.planner.commands.schema import run_schema
+
+    raise typer.Exit(run_schema())
+
+
 @studies.command()
 def distance(output: given.Folder = given.OUT, quick: given.Quick = False) -> None:
     """Show what accuracy of the distance costs in time.
