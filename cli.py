@@ -241,7 +241,10 @@ def robots(
 
 @app.command()
 def schema() -> None:
-    """Print the scene format as a JSON Schema, which tells editors of keys, types and ranges."""
+    """Print the scene format as a JSON Schema, for editors.
+
+    It says which keys a scene has, and of what types and ranges their values are.
+    """
     from hdplan.planner.commands.schema import run_schema
 
     raise typer.Exit(run_schema())
