@@ -239,6 +239,17 @@ def robots(
     raise typer.Exit(run_robots(name, as_json=as_json))
 
 
+@app.command()
+def schema() -> None:
+    """Print the scene format as a JSON Schema, for editors.
+
+    It says which keys a scene has, and of what types and ranges their values are.
+    """
+    from hdplan.planner.commands.schema import run_schema
+
+    raise typer.Exit(run_schema())
+
+
 @studies.command()
 def distance(output: given.Folder = given.OUT, quick: given.Quick = False) -> None:
     """Show what accuracy of the distance costs in time.
