@@ -9,7 +9,7 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.result import how_long, verdict
 from hdplan.planner.robot.scene_robot import load_scene_robot, notes_on
-from hdplan.planner.terminal.console import printing
+from hdplan.planner.terminal.console import printing, waiting
 from hdplan.planner.terminal.tables import closest_rows, limit_rows, table, verdict_text
 from hdplan.scenes.errors import naming
 from hdplan.scenes.yaml_format.reader import load_scene
@@ -19,9 +19,10 @@ def run_check(scene: str, trajectory: Path, request: Path | None, robot: str | N
     """Certify a motion. Returns the exit code: 0 if it is certified, else 1."""
     problem = load_scene(scene, request=request, robot=robot)
     motion = Trajectory.load(trajectory)
-    certifier = Certifier(problem, load_scene_robot(problem))
-    with naming(trajectory):  # its joints may not fit
-        certificate = certifier.certify(motion)
+    with waiting("certifying", shown=not as_json):
+        certifier = Certifier(problem, load_scene_robot(problem))
+        with naming(trajectory):  # its joints may not fit
+            certificate = certifier.certify(motion)
     notes = [*notes_on(problem, certifier.robot), *certificate.notes]
     with printing() as show:
         if as_json:
