@@ -2,7 +2,7 @@
 
 A line with the scene's name; then for each object a line `* ID`, its pose (x y z, then a quaternion x y z w), the count
 of its shapes, and each shape: its kind, its sizes, its pose in the object, its colour; then the count of its subframes,
-each with its name and pose; a line `.` ends the file. Older files have no pose and no subframes of objects: their shapes
+each with its name and pose; a line `.` ends the file. Older files have no pose and no subframes of objects: all shapes
 stand in the planning frame. Line ends count nowhere but in the name and in ids.
 
 The planning frame is taken for the world. Source: planning_scene.cpp of MoveIt, saveGeometryToStream and
