@@ -340,8 +340,9 @@ def test_files_are_named_whole(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) 
 def test_a_scene_is_shown_in_few_words() -> None:
     assert repr(Box((1, 2, 3))) == "Box(size=(1.0, 2.0, 3.0))"
     assert repr(Pose()) == "Pose()"
-    rows = np.random.default_rng(0).uniform(size=(20000, 3))
-    many = [Points(rows, name=f"o{i}") for i in range(500)]
+    rows = np.random.default_rng(0).uniform(size=(2000, 3))
+    cloud = Points(rows)
+    many = [Obstacle(f"o{i}", cloud) for i in range(500)]
     times = TimedPoses(list(range(1000)), [Pose((i, 0, 0)) for i in range(1000)])
     scene = scene_of(obstacles=[*many, Obstacle("m", BOX_MADE, motion=times)], notes=("words " * 1000,) * 1000)
     assert len(repr(scene)) < 50_000
