@@ -19,7 +19,7 @@ ROOMS = [  # from the ground up: a room imports rooms before it, so that nothing
     *("distance.studies", "planner.geometry", "planner.robot", "planner.motion", "planner.certificate"),
     *("planner.kinematics", "planner.collision", "planner.timing", "planner.problem", "planner.solvers"),
     *("planner.search", "planner", "planner.control", "planner.pictures", "planner.terminal", "planner.studies"),
-    *("planner.view.drawing", "planner.view"),
+    *("planner.view.drawing", "planner.view", "planner.commands"),
 ]
 
 DOORS = ("distance.__init__",)  # gives names of the rooms behind it, when they are asked for

@@ -140,6 +140,12 @@ def test_the_examples_run(example: Path, tmp_path: Path, monkeypatch: pytest.Mon
         assert (example.parent / picture.name).is_file()
 
 
+@pytest.mark.parametrize("page", PAGES)
+def test_every_file_that_is_named_exists(page: str) -> None:
+    named = re.findall(r"`((?:planner|distance|scenes|tests|benchmarks|docs|src)/[\w./]+)`", PAGES[page])
+    assert [name for name in named if not (ROOT / name).exists() and "NAME" not in name] == []
+
+
 def test_every_shipped_scene_is_named() -> None:
     for name in shipped_scenes():
         assert f"`{name}`" in PAGES["docs/scene.md"]

@@ -154,14 +154,14 @@ def hdsdf_batch(
     witness_count: int = 0,
     dtype: str = "float64",
 ) -> BatchDistance:
-    """Return the distance of ``reference.hdsdf`` for these bodies, for thousands of poses at once.
+    """Return the distance of ``numpy_reference.hdsdf`` for these bodies, for thousands of poses at once.
 
     Args:
         witness_count: how many witness normals will be given with each pose.
         dtype: of the computation, ``float64`` or ``float32``; the latter is twice as fast on a CPU and resolves gaps
             down to about 1e-6 of the bodies' extents and their distance from each other, of up to 1e15 m each.
 
-    Other arguments and errors as ``reference.hdsdf``; InputError too where JAX is not installed.
+    Other arguments and errors as ``numpy_reference.hdsdf``; InputError too where JAX is not installed.
     """
     length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
     dtype = checked(Choice(DTYPES), dtype, "dtype")
