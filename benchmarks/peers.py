@@ -3,7 +3,7 @@
     python benchmarks/peers.py DIR [--robot panda|ur5] [--set cage ...] [--every K] [--planner NAME ...]
     [--time-limit S] [--csv F]
 
-DIR holds MotionBenchMaker's problems as `mbm` takes them. The peers need `pip install hdplan[peers]`; one whose package
+DIR holds MotionBenchMaker's problems as `mbm` takes them. The peers need `pip install -e '.[peers]'`; one whose package
 is missing is left out, with a word.
 
 Planners, all on one core, from the same start to the same goal, each within its time limit:
@@ -224,7 +224,7 @@ def available(names: list[str]) -> dict[str, Planner]:
         try:
             found[name] = PLANNERS[name]()
         except ImportError as error:
-            print(f"{name}: left out, {error} (pip install 'hdplan[peers]')", file=sys.stderr)
+            print(f"{name}: left out, {error} (pip install -e '.[peers]')", file=sys.stderr)
     return found
 
 

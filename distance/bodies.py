@@ -36,7 +36,7 @@ GOLDEN = (1.0 + np.sqrt(5.0)) / 2.0
 
 @dataclass(frozen=True, eq=False)
 class ConvexBody:
-    """A convex polytope swept by a sphere: V, F and E of the paper's Definition ``def:normal-set``, and a radius.
+    """A convex polytope swept by a sphere: V, F and E of the paper's Definition III.1, and a radius.
 
     A full polytope has all three sets. A flat polygon has its normal on both sides as faces; a segment has one edge
     direction and no face; a point has neither. Build bodies by the constructors below, which keep the sets consistent.

@@ -1,4 +1,4 @@
-"""Hölder minimum and maximum and the shaping function, in NumPy (paper, section ``sec:smooth-min-max-functions``).
+"""Hölder minimum and maximum and the shaping function, in NumPy (paper, section II).
 
 In: arrays (..., n), the operators act along the last axis. Out: arrays (...,). Written in a form that never overflows:
 every ratio lies in [0, 1], for any gamma and any scale.
@@ -20,7 +20,7 @@ HIGHEST = 1_000_000  # of gamma: far beyond, 1/gamma and powers by it are nothin
 def holder_minimum(values: ArrayLike, gamma: int, multiplicities: ArrayLike | None = None) -> Array:
     """Return the gamma-Hölder minimum of ``values`` (..., n) along the last axis, shape (...,).
 
-    With p = gamma + 1 (paper: Lemma ``lemma:aczel``): ||x||_{-p} where min x > 0; 0 where min x = 0; -||(-x)_+||_p
+    With p = gamma + 1 (paper: Lemma A.1): ||x||_{-p} where min x > 0; 0 where min x = 0; -||(-x)_+||_p
     where min x < 0; each taken out by its extreme m = min x. ``multiplicities`` (n,) says how often each value counts.
 
     Same sign as the minimum, and never above it where that is negative or positive: |min x| >= u > 0, or u <= min x <
@@ -43,12 +43,12 @@ def holder_minimum(values: ArrayLike, gamma: int, multiplicities: ArrayLike | No
 
 
 def holder_maximum(values: ArrayLike, gamma: int, multiplicities: ArrayLike | None = None) -> Array:
-    """Return the gamma-Hölder maximum, -min(-x), along the last axis (paper: Definition ``def:smooth-max-boxplus``)."""
+    """Return the gamma-Hölder maximum, -min(-x), along the last axis (paper: Definition II.4)."""
     return -holder_minimum(-_values("values", values), gamma, multiplicities)
 
 
 def shaping(values: ArrayLike, gamma: int, shaping_length: float) -> Array:
-    """Return Phi(u) = u |u|^gamma / (|u|^gamma + delta^gamma) for ``values`` of any shape (paper: eq. ``eq:phi``).
+    """Return Phi(u) = u |u|^gamma / (|u|^gamma + delta^gamma) for ``values`` of any shape (paper: eq. (1)).
 
     delta = ``shaping_length`` [m], the height at which Phi halves its argument; epsilon = delta^gamma.
     """

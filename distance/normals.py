@@ -15,7 +15,7 @@ d = max over unit n of min n·c, less the radii; so the least m = min w·c gives
 
     m - r_A - r_B - f <= d  for m >= 0,     m/|w|² - r_A - r_B - f <= d  for m < 0,
 
-as |w| <= 1 and f >= 0. D̃ (paper: eq. ``eq:Dtilde``) is the largest of these: a lower bound of d, of the sign of the
+as |w| <= 1 and f >= 0. D̃ (paper: eq. (5)) is the largest of these: a lower bound of d, of the sign of the
 largest min x_ij, so of D. For unit vectors, the paper's own, it is that number itself. Below contact an axis that
 shrinks is stretched to length 1 and once more, by which it leaves the maximum as it vanishes; w = 0 bounds nothing.
 
@@ -84,7 +84,7 @@ class CandidateNormals:
 def candidate_normals(name: str, body_a: ConvexBody, body_b: ConvexBody) -> CandidateNormals:
     """Return the set ``name`` for this pair.
 
-    ``paper``           Ñ: faces and edges, equal directions once per body (eq. ``eq:Ntilde``). A's and B's copies are
+    ``paper``           Ñ: faces and edges, equal directions once per body (eq. (4)). A's and B's copies are
                         both kept, also where they happen to align: merging them would make D jump.
     ``paper-multiset``  the same with every edge counted, as the paper's published code does.
     ``+centre``         one axis along the line of centres: spheres, and corner against corner.
@@ -176,7 +176,7 @@ def check_witness_count(shape: tuple[int, ...], count: int) -> None:
 
 
 def separating_axes(body_a: ConvexBody, rotation_a: Array, body_b: ConvexBody, rotation_b: Array) -> Array:
-    """Return N(A, B) up to sign, unit vectors (K, 3) in the world (paper: Definition ``def:normal-set``).
+    """Return N(A, B) up to sign, unit vectors (K, 3) in the world (paper: Definition III.1).
 
     Faces of both bodies and the cross products of their edges; those of parallel edges do not exist. Where A - B is
     flat (two segments, coplanar polygons) the normals of its plane or line belong to it as well.

@@ -190,39 +190,42 @@ def read_document(file: Path) -> Field:
         InputError: the file is missing, a directory, unreadable, not UTF-8, empty, not YAML (with the line), or has a
             key twice.
     """
-    document = Document(file)
-    top = Field(None, "", document)
     with naming(file):
-        data = read_file(file)
+        content = read_mapping(read_file(file))
+    return Field(content, "", Document(file))
+
+
+def read_mapping(data: bytes) -> dict[Any, Any]:
+    """Read YAML whose top is a mapping; raises InputError for all that `read_document` refuses, without the file."""
     try:
         content = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise top.error(f"is not UTF-8 text (byte {error.start} is 0x{error.object[error.start]:02x})") from None
+        raise InputError(f"is not UTF-8 text (byte {error.start} is 0x{error.object[error.start]:02x})") from None
     try:
-        _check_size(top, content)
+        _check_size(content)
         value = yaml.load(content, _UniqueKeyLoader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
         what = ", ".join(filter(None, [error.context, error.problem]))
-        raise top.error(f"{where}YAML syntax: {' '.join(what.split())}") from None
+        raise InputError(f"{where}YAML syntax: {' '.join(what.split())}") from None
     except yaml.reader.ReaderError as error:
         line = content.count("\n", 0, error.position) + 1
-        raise top.error(f"line {line}: YAML syntax: the character {chr(error.character)!r} is not allowed") from None
+        raise InputError(f"line {line}: YAML syntax: the character {chr(error.character)!r} is not allowed") from None
     except InputError:
         raise
     except (yaml.YAMLError, ValueError, RecursionError) as error:  # such as the date 2026-99-99
-        raise top.error(f"YAML syntax: {' '.join(str(error).split())}") from None
+        raise InputError(f"YAML syntax: {' '.join(str(error).split())}") from None
     except (AttributeError, LookupError, TypeError):  # PyYAML's own, of `!!int ""` or `!!timestamp x`
-        raise top.error("YAML syntax: a value is not of the type that its tag (!!) says") from None
+        raise InputError("YAML syntax: a value is not of the type that its tag (!!) says") from None
     if value is None:
-        raise top.error("is empty")
+        raise InputError("is empty")
     if not isinstance(value, dict):
-        raise top.error(f"must hold a mapping of sections, found {describe(value)}")
-    return Field(value, "", document)
+        raise InputError(f"must hold a mapping of sections, found {describe(value)}")
+    return value
 
 
-def _check_size(top: Field, content: str) -> None:
+def _check_size(content: str) -> None:
     """Refuse a document that is nested too deeply, or too large once what its aliases repeat is counted; what is built
     of it is walked through again and again, and by functions that call themselves."""
     count, sizes = 0, dict[str | None, int]()  # of what bears an anchor
@@ -248,7 +251,7 @@ def _check_size(top: Field, content: str) -> None:
             fault = f"holds more than {MOST_VALUES} values, those that aliases repeat counted"
         if fault:
             line = f"line {event.start_mark.line + 1}: " if event.start_mark else ""
-            raise top.error(f"{line}{fault}")
+            raise InputError(f"{line}{fault}")
 
 
 def _as_yaml_number(text: str) -> str | None:

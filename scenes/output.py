@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from hdplan.scenes.errors import InputError
@@ -16,7 +16,7 @@ def check_writable(path: Path, endings: tuple[str, ...]) -> None:
     Tries it with an empty file beside it, which is taken away again. Raises InputError for another ending than
     `endings`, a folder in the way or missing, or whatever the system says.
     """
-    if path.suffix.lower() not in endings:
+    if ending_of(path, endings) is None:
         raise InputError(f"{path}: ending '{path.suffix}', allowed are {', '.join(endings)}")
     if os.path.isdir(path):
         raise InputError(f"{path}: is a folder, a file name is needed")
@@ -28,6 +28,12 @@ def check_writable(path: Path, endings: tuple[str, ...]) -> None:
         raise InputError(f"{path}: cannot be written (permission denied)")
     with _beside(path):
         pass
+
+
+def ending_of(path: Path, endings: Iterable[str]) -> str | None:
+    """Return which of some endings a file's name has, in small letters or large; None for another one."""
+    name = path.name.lower()
+    return next((ending for ending in endings if name.endswith(ending) and name != ending), None)
 
 
 def write_output(path: Path, data: bytes) -> None:

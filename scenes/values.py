@@ -171,7 +171,7 @@ class Checked:
     def __post_init__(self) -> None:
         """Check every field by itself, then what they say together."""
         try:
-            for name, check in _checks(type(self)).items():
+            for name, check in checks_of(type(self)).items():
                 object.__setattr__(self, name, checked(check, getattr(self, name), name))
             self._check_whole()
         except FieldError as error:
@@ -221,10 +221,34 @@ def describe(value: object) -> str:
         return "a number of thousands of digits"
 
 
+@dataclass(frozen=True)
+class Maybe:
+    """Nothing, or a value that a check allows."""
+
+    item: Check
+
+    def __call__(self, value: object) -> Any:
+        """Return it."""
+        return None if value is None else self.item(value)
+
+
+@dataclass(frozen=True)
+class Instance:
+    """An object of one of some classes."""
+
+    kinds: tuple[type, ...]
+
+    def __call__(self, value: object) -> object:
+        """Return it."""
+        if not isinstance(value, self.kinds):
+            raise wrong(f"of the class {' or '.join(kind.__name__ for kind in self.kinds)}", value)
+        return value
+
+
 _known: dict[Any, dict[str, Check]] = {}
 
 
-def _checks(kind: Any) -> dict[str, Check]:
+def checks_of(kind: Any) -> dict[str, Check]:
     """Return the checks of a class's fields, found once."""
     if kind not in _known:
         hints = typing.get_type_hints(kind, include_extras=True)
@@ -239,28 +263,15 @@ def _check_of(hint: Any) -> Check:
     if typing.get_origin(hint) in (typing.Union, types.UnionType):
         members = typing.get_args(hint)
         given = [member for member in members if member is not type(None)]
-        check = _check_of(given[0]) if len(given) == 1 else _one_of(tuple(given))
-        return _optional(check) if len(given) < len(members) else check
+        check = _check_of(given[0]) if len(given) == 1 else Instance(tuple(given))
+        return Maybe(check) if len(given) < len(members) else check
     if typing.get_origin(hint) is tuple:
         return Row(_check_of(typing.get_args(hint)[0]), of="values")
     plain: Mapping[Any, Check] = {bool: boolean, str: _any_text, Path: path_of}
-    return plain.get(hint) or _one_of((hint,))
-
-
-def _optional(check: Check) -> Check:
-    return lambda value: None if value is None else check(value)
+    return plain.get(hint) or Instance((hint,))
 
 
 def _any_text(value: object) -> str:
     if not isinstance(value, str):
         raise wrong("a text", value)
     return value
-
-
-def _one_of(kinds: tuple[type, ...]) -> Check:
-    def check(value: object) -> object:
-        if not isinstance(value, kinds):
-            raise wrong(f"of the class {' or '.join(kind.__name__ for kind in kinds)}", value)
-        return value
-
-    return check

@@ -20,6 +20,7 @@ import pytest
 from hdplan import cli
 from hdplan.distance.studies import accuracy as study
 from hdplan.distance.studies import conservativeness, query_time
+from hdplan.planner.commands import studies
 from hdplan.planner.studies import paper_figures, planning_runs
 
 pytest.importorskip("matplotlib")
@@ -82,10 +83,10 @@ def test_study_planning(hdplan: Callable[..., Done], monkeypatch: pytest.MonkeyP
     """On one shipped scene and one of MoveIt's, named by its path."""
     monkeypatch.setattr(planning_runs, "QUICK_VALUES", {"solver": ("gauss_newton", "chomp")})
     monkeypatch.setattr(planning_runs, "QUICK_WANTED", 10)
-    shipped = cli._shipped(True)
+    shipped = studies.shipped_with_obstacles(True)
     assert {scene.robot.name for scene in shipped} == {"panda"}
-    assert {scene.name for scene in cli._shipped(False)} > {scene.name for scene in shipped}
-    monkeypatch.setattr(cli, "_shipped", lambda quick: shipped[:1] if quick else [])
+    assert {scene.name for scene in studies.shipped_with_obstacles(False)} > {scene.name for scene in shipped}
+    monkeypatch.setattr(studies, "shipped_with_obstacles", lambda quick: shipped[:1] if quick else [])
     folder = Path("problems/a/set")
     folder.mkdir(parents=True)
     Path("problems/a/robot.yaml").write_text("robot: {name: panda}")
@@ -180,7 +181,7 @@ def test_missing_matplotlib_is_said_before_the_work(
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     done = hdplan("reproduce", "conservativeness")
     assert done.code == 2
-    assert "pip install hdplan[plot]" in done.err
+    assert "pip install matplotlib" in done.err
 
 
 @pytest.mark.parametrize("group", ["study", "reproduce"])

@@ -54,7 +54,7 @@ class _Answers(NamedTuple):
 def signed_distance(body_a: ConvexBody, pose_a: ArrayLike, body_b: ConvexBody, pose_b: ArrayLike) -> Proximity:
     """Return the exact signed distance of A and B at poses (4, 4), world from body [m].
 
-    d = max over unit n of min n·(a - b) - r_A - r_B (paper, section ``sec:distance-function``, Theorem SDF): the radii
+    d = max over unit n of min n·(a - b) - r_A - r_B (paper, section III, Theorem SDF): the radii
     come off the signed distance of the polytopes. Raises InputError for poses of another shape, not finite or not
     rigid.
     """

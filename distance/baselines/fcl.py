@@ -3,7 +3,7 @@
 In: two bodies and their poses, world from body [m]. Out: what python-fcl answers, positive = separated, nothing
 repaired. It is right to rounding at random poses. Where bodies just touch, it calls std::terminate in 0.1 % of poses
 (Platonic solids; 2 % with thin plates), which no Python can catch, and in 0.2 % it is wrong, by up to metres.
-``fcl_distances`` marks the former and goes on; ``FclPair`` is for timing. The package is optional (``hdplan[bench]``)
+``fcl_distances`` marks the former and goes on; ``FclPair`` is for timing. The package is optional (extra ``bench``)
 and loaded where it is used.
 
 Every body is a ``fcl.Convex`` of its vertices, and the radii come off the distance, as in ``signed_distance``. FCL's
@@ -173,5 +173,5 @@ def _library() -> Any:
     try:
         import fcl
     except ImportError:
-        raise InputError("needs python-fcl, which is not installed: pip install hdplan[bench]") from None
+        raise InputError("needs python-fcl, which is not installed: pip install python-fcl") from None
     return fcl

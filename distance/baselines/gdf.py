@@ -66,7 +66,7 @@ def gdf(
     """Return the generalized distance of A and B.
 
     An unsigned approximation, and not sign-safe: what is not converged may read anything. Defaults: the paper's h and
-    the middle of its ε (section ``sec:experiments``), and the tolerance of its authors' package uaibot, with which D is
+    the middle of its ε (section IV), and the tolerance of its authors' package uaibot, with which D is
     right to about 1 cm for solids of 1 m (uaibot also stops after 20 iterations, but starts from the closest points).
 
     Args:

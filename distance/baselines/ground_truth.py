@@ -33,7 +33,7 @@ def ground_truth(a: Array, b: Array, axes: Array) -> Proximity:
     3).
 
     Apart: the closest points. In contact: the largest gap over the axes, which hold all face normals of A - B (paper:
-    eq. ``eq:Dfinal``); the witness points are where the bodies touch once A is moved out along that axis.
+    eq. (3)); the witness points are where the bodies touch once A is moved out along that axis.
     """
     along_a, along_b = a @ axes.T, b @ axes.T
     forward, backward = along_a.min(0) - along_b.max(0), along_b.min(0) - along_a.max(0)

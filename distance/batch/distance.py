@@ -38,9 +38,9 @@ GPU_NUMBERS = 2**25  # a GPU wants many; this takes about 1 GB
 
 @dataclass(frozen=True, eq=False)
 class BatchDistance:
-    """D of two bodies (Definition ``def:set2set-signed-distance``) at poses (..., 4, 4); leading axes broadcast.
+    """D of two bodies (Definition III.2) at poses (..., 4, 4); leading axes broadcast.
 
-    A lower bound of the signed distance in sign; ``separation`` D̃ (eq. ``eq:Dtilde``) is one in value, and has the sign
+    A lower bound of the signed distance in sign; ``separation`` D̃ (eq. (5)) is one in value, and has the sign
     of D where D itself is too small for a number. Made by ``hdsdf_batch``.
 
     NumPy arrays in give NumPy arrays out; if a pose is a JAX array, JAX arrays that stay on the device come out. For
@@ -154,14 +154,14 @@ def hdsdf_batch(
     witness_count: int = 0,
     dtype: str = "float64",
 ) -> BatchDistance:
-    """Return the distance of ``reference.hdsdf`` for these bodies, for thousands of poses at once.
+    """Return the distance of ``numpy_reference.hdsdf`` for these bodies, for thousands of poses at once.
 
     Args:
         witness_count: how many witness normals will be given with each pose.
         dtype: of the computation, ``float64`` or ``float32``; the latter is twice as fast on a CPU and resolves gaps
             down to about 1e-6 of the bodies' extents and their distance from each other, of up to 1e15 m each.
 
-    Other arguments and errors as ``reference.hdsdf``; InputError too where JAX is not installed.
+    Other arguments and errors as ``numpy_reference.hdsdf``; InputError too where JAX is not installed.
     """
     length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
     dtype = checked(Choice(DTYPES), dtype, "dtype")
@@ -175,7 +175,7 @@ def hdsdf_batch(
     try:
         jax = importlib.import_module("jax")
     except ModuleNotFoundError:
-        raise InputError("hdsdf_batch: needs jax, which is not installed: pip install hdplan[jax]") from None
+        raise InputError("hdsdf_batch: needs jax, which is not installed: pip install jax") from None
     with jax.enable_x64(dtype == "float64"):
         pair = jax.tree.map(lambda part: jax.numpy.asarray(part, dtype=dtype), tables)
     return BatchDistance(pair, int(gamma), length, witness_count, dtype)

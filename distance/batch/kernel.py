@@ -262,7 +262,7 @@ def _not_zero(least: Array) -> Array:
 def _weights(x: Array, counts: Array, m: Array, gamma: int) -> tuple[Array, Array, Array]:
     """Return the terms of S = Σ w r^p, of du (pull) and of d²u (sharp) for x_i, counted w_i times, whose minimum is m.
 
-    With p = gamma + 1 (paper: Lemma ``lemma:aczel``), every ratio r_i in [0, 1]:
+    With p = gamma + 1 (paper: Lemma A.1), every ratio r_i in [0, 1]:
 
         m > 0:  r_i = m/x_i,          u = m S^(-1/p),  du/dx_i = w_i (r_i u/m)^(p+1),  sharp_i = w_i r_i^(p+2)
         m < 0:  r_i = min(x_i, 0)/m,  u = m S^(1/p),   du/dx_i = w_i (r_i m/u)^(p-1),  sharp_i = w_i r_i^(p-2)
@@ -276,7 +276,7 @@ def _weights(x: Array, counts: Array, m: Array, gamma: int) -> tuple[Array, Arra
 
 
 def _shaped(m: Array, total: Array, gamma: int, length: Array) -> Shaped:
-    """Return Phi(u) = u s, s = t^gamma/(1 + t^gamma), t = |u|/delta (eq. ``eq:phi``), for the minimum m and S of
+    """Return Phi(u) = u s, s = t^gamma/(1 + t^gamma), t = |u|/delta (eq. (1)), for the minimum m and S of
     ``_weights``, with its factors. s/u is bounded, by 1/delta, also where u is too small to divide by.
     """
     p = gamma + 1

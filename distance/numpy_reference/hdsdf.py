@@ -54,7 +54,7 @@ def hdsdf(
 ) -> Array:
     """Return the Hölder differentiable signed distance D of A and B [m].
 
-    D = Phi( ⊞_w Phi( ⊕_ij w·(a_i - b_j) - r_A - r_B - f_w ) )     (paper: Definition ``def:set2set-signed-distance``)
+    D = Phi( ⊞_w Phi( ⊕_ij w·(a_i - b_j) - r_A - r_B - f_w ) )     (paper: Definition III.2)
 
     with ⊕, ⊞ the Hölder minimum and maximum over the vertices and over the axes w and -w, Phi the shaping function,
     f_w = 0 but for faded axes. A lower bound in sign: D > 0 proves that the bodies are apart. A clearance is asked for
@@ -93,7 +93,7 @@ def separation(
     normals: str = "paper",
     witnesses: ArrayLike | None = None,
 ) -> Array:
-    """Return D̃, the largest gap along the candidate normals [m] (paper: eq. ``eq:Dtilde``), shape (...,).
+    """Return D̃, the largest gap along the candidate normals [m] (paper: eq. (5)), shape (...,).
 
     A lower bound of the signed distance for every set of normals, apart and in overlap (proof in ``normals``), to
     rounding: 4 ulp of the size. Of the sign of D even where D is too small for a floating-point number.
@@ -132,7 +132,7 @@ def hdsdf_derivatives(
 
 
 def separating_axis_distance(body_a: ConvexBody, pose_a: ArrayLike, body_b: ConvexBody, pose_b: ArrayLike) -> float:
-    """Return the separating-axis distance D of A and B at one pose each, (4, 4) [m] (paper: eq. ``eq:Dfinal``).
+    """Return the separating-axis distance D of A and B at one pose each, (4, 4) [m] (paper: eq. (3)).
 
     D = max over n in N(A, B) of min n·(a - b) - r_A - r_B. Where the polytopes touch or overlap it is the exact signed
     distance; where they are apart a lower bound of it, positive before the radii are taken off.

@@ -1,7 +1,7 @@
 """How often the HD-SDF says contact where there is a gap: the paper's experiment, for its own set and the other rungs.
 
 Out: the exact distances of random configurations of Platonic solids, and of those where D <= 0 (paper: section
-``sec:experiments-conservativeness``, Figure ``fig:false-positive``).
+IV-B, Figure 3).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Two squares moving past each other: where the Euclidean signed distance has kinks and the HD-SDF has none.
 
 Out: both distances over time with their time derivatives, exact, not by differences (paper: Figure
-``fig:square-example-hdsdf-sdf``), and every jump of the Euclidean rate beside what the HD-SDF's does there.
+1), and every jump of the Euclidean rate beside what the HD-SDF's does there.
 """
 
 from __future__ import annotations

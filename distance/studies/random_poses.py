@@ -28,7 +28,7 @@ AXIS_TURNS = read_only(np.array([turn for turn in _TURNS if np.linalg.det(turn) 
 
 
 def paper_poses(rng: np.random.Generator, count: int) -> tuple[Array, Array]:
-    """Return the paper's random poses (paper: section ``sec:experiments``, filled in from its published code).
+    """Return the paper's random poses (paper: section IV, filled in from its published code).
 
     Both translations uniform in [-2, 2]³ m, Euler angles (about x, y, z) uniform in [0, 2 pi].
     """

@@ -1,6 +1,6 @@
 """The paper's HD-SDF of two boxes whose sizes and poses are all arguments: one compiled kernel for every pair of them.
 
-D of Definition ``def:set2set-signed-distance`` with the paper's own normals Ñ of both boxes, as the NumPy reference
+D of Definition III.2 with the paper's own normals Ñ of both boxes, as the NumPy reference
 has them under "paper" and "paper-multiset". A lower bound in sign, an approximation in value.
 """
 

@@ -22,9 +22,9 @@ Array = NDArray[np.float64]
 
 
 class CompiledDistance:
-    """D of two bodies (Definition ``def:set2set-signed-distance``) at poses (..., 4, 4); leading axes broadcast.
+    """D of two bodies (Definition III.2) at poses (..., 4, 4); leading axes broadcast.
 
-    A lower bound of the signed distance in sign; ``separation`` D̃ (eq. ``eq:Dtilde``) is one in value, and has the
+    A lower bound of the signed distance in sign; ``separation`` D̃ (eq. (5)) is one in value, and has the
     sign of D where D itself is too small for a number. Rounding, and which derivatives exist where:
     ``numpy_reference``. Raises InputError, naming the pose, for poses of another shape, not finite or not rigid. Runs
     as C where a compiler is found, in CasADi's interpreter elsewhere; threads may share it. Made by ``hdsdf_compiled``.

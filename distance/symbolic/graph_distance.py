@@ -30,7 +30,7 @@ def hdsdf_function(
 ) -> ca.Function:
     """Return D of ``numpy_reference.hdsdf`` as a CasADi Function ``(pose_a (4,4), pose_b (4,4)) -> distance`` [m].
 
-    A lower bound of the signed distance in sign (paper: Definition ``def:set2set-signed-distance``). Usable in any SX
+    A lower bound of the signed distance in sign (paper: Definition III.2). Usable in any SX
     or MX graph, and with ``factory``. Gradient and Hessian are closed forms, right at every pose, aligned and touching
     ones included; for gamma = 1 the Hessian has jumps and is one of its one-sided values there. A third derivative does
     not exist: CasADi says so. Derivatives mean something along rigid motions only: compose the Function with a

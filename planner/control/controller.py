@@ -2,12 +2,12 @@
 
 At every period T it solves, for the joint velocity u (n,) [rad/s or m/s],
 
-    minimize    ½ uᵀ H u + fᵀ u                     the task: least at the nominal velocity (`control_tasks`)
+    minimize    ½ uᵀ H u + fᵀ u                     the task: least at the nominal velocity (`tasks`)
     subject to  ∂Δ_k/∂q · u + ∂Δ_k/∂t ≥ −η (Δ_k − δ_k)         for every pair of bodies k (`barriers`)
                 −η (q − q_min) ≤ u ≤ η (q_max − q),  |u| ≤ v   joint limits as barriers, velocity limits
 
-(paper, section ``sec:real-experiment``; Ames et al., "Control barrier functions: theory and applications", ECC 2019).
-Where not all of it can be met, there still is a best command, by this order (`control_program`):
+(paper, section IV-C; Ames et al., "Control barrier functions: theory and applications", ECC 2019).
+Where not all of it can be met, there still is a best command, by this order (`quadratic_program`):
 
 1. The velocity limits; no joint goes further beyond a limit; and of what stands, and of the links among themselves, no
    Δ_k falls below δ_k, or falls at all where it is below already. Standing still keeps all this, so it can be kept.
@@ -17,17 +17,17 @@ Where not all of it can be met, there still is a best command, by this order (`c
 
 The step names the pairs whose barrier its command does not meet (`Step.gave`).
 
-What it guarantees is derived in `barrier_rules`. The barrier's inequality is linear in u and holds at one instant; over
-a period the distance bends. So each command is looked at once more at its end: it is taken only if every Δ_k(q + u T)
-stays at or above δ_k, or at least does not fall where it is below already; otherwise the program is solved again with
-the rows that fell as they are at that end, and at last the robot is stopped. Then Δ_k ≥ δ_k at every sample for all
-time once it holds at the first, whatever the distance's kinks, against obstacles that stand; standing still is always
-allowed. Below its margin Δ says too little, as outer bodies may overlap where the links do not: there the exact
+What it guarantees is derived in `barrier_safety`. The barrier's inequality is linear in u and holds at one instant;
+over a period the distance bends. So each command is looked at once more at its end: it is taken only if every Δ_k(q + u
+T) stays at or above δ_k, or at least does not fall where it is below already; otherwise the program is solved again
+with the rows that fell as they are at that end, and at last the robot is stopped. Then Δ_k ≥ δ_k at every sample for
+all time once it holds at the first, whatever the distance's kinks, against obstacles that stand; standing still is
+always allowed. Below its margin Δ says too little, as outer bodies may overlap where the links do not: there the exact
 distance of the links' hulls is kept from falling below NEAR as well, by a barrier and by the same look. And there the
-HD-SDF's shaping is undone (`barrier_rules.straightened`), as on its flat spot it gives no direction back. Against an
+HD-SDF's shaping is undone (`barrier_safety.straightened`), as on its flat spot it gives no direction back. Against an
 obstacle that moves, standing still may not be enough: then the command that is best at its end is taken.
 
-Settings that are provably not safe are refused by name (`barrier_rules.refuse_unsafe`). A controller like this is no
+Settings that are provably not safe are refused by name (`barrier_safety.refuse_unsafe`). A controller like this is no
 planner: it can come to rest where no velocity brings it on, short of its target. A `Controller` has no state between
 its steps, so threads may share one; a task may have some (`follow.FollowTask`), and then belongs to one thread.
 """

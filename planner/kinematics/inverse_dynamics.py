@@ -3,7 +3,7 @@
     τ = M(q) q̈ + C(q, q̇) q̇ + g(q)
 
 by the recursive Newton-Euler algorithm (R. Featherstone, "Rigid body dynamics algorithms", 2008, table 5.1), walked
-over a fixed-base pin.Model's tree as in `kinematics`: accelerations outwards, forces inwards, in each joint's axes.
+over a fixed-base pin.Model's tree as in `forward`: accelerations outwards, forces inwards, in each joint's axes.
 Gravity is the model's, in the world, whichever way the base is turned. Friction is left out, as in Pinocchio's rnea.
 """
 

@@ -29,6 +29,7 @@ Index = NDArray[np.int64]
 
 FARTHEST = 1e6  # [rad] or [m] that a control point may be from 0
 SHORTEST, LONGEST = 1e-60, 1e60  # [s] between two rows, and from time 0
+RULES = {1: "linear", 3: "cubic", 5: "quintic"}  # by the degree
 PARTS = 8  # of an interval, each bounded by its own control points
 
 
@@ -64,7 +65,7 @@ class Curve:
     @property
     def rule(self) -> str:
         """How it interpolates, in one word."""
-        return {1: "linear", 3: "cubic", 5: "quintic"}[self.degree]
+        return RULES[self.degree]
 
     @property
     def degree(self) -> int:

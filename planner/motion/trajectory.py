@@ -1,18 +1,12 @@
-"""A joint trajectory and its files: JSON, CSV and NPZ, read from any planner, written atomically with every bit kept.
+"""A joint trajectory: rows of positions, and of times, velocities and accelerations where it has them.
 
-What a file holds is a curve (`curve`): straight lines between rows of positions; where each row also has its time and
+What they say is a curve (`curve`): straight lines between rows of positions; where each row also has its time and
 velocities, cubics; with accelerations too, quintics. That motion is what the certificate proves, so it is also what
-must be executed. JSON names the rule (`interpolation`) and holds `times`, `velocities` and `accelerations` as NPZ does;
-in CSV they are the columns `time`, `JOINT.velocity` and `JOINT.acceleration`.
+must be executed. Its files, ours or another planner's, are those of `trajectory_files`.
 """
 
 from __future__ import annotations
 
-import csv
-import io
-import json
-import math
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -23,30 +17,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.motion.curve import FARTHEST, LONGEST, SHORTEST, Curve
+from hdplan.planner.motion.trajectory_files import READERS, WRITERS, format_of
 from hdplan.scenes.errors import InputError, naming, nearest
-from hdplan.scenes.files import MOST_BYTES, read_file
+from hdplan.scenes.files import read_file
 from hdplan.scenes.model import MOST_ROWS
 from hdplan.scenes.output import write_output
-from hdplan.scenes.values import Named, Number, Row, checked, path_of, shorten, text
+from hdplan.scenes.values import Named, Number, Row, checked, path_of, text
 
-KEYS = (  # of a JSON file
-    "hdplan_trajectory",
-    "joint_names",
-    "interpolation",
-    "positions",
-    "locked",
-    "times",
-    "velocities",
-    "accelerations",
-    "verdict",
-    "steps",
-)
 SAME = 1e-9  # by which a path parameter may lie beyond its range: rounding
-FORMATS = (".json", ".csv", ".npz")
 TIMES = "times"
-TIME = "time"  # the CSV column of the times
 RATES = ("velocities", "accelerations")  # what rows may hold beside times and positions
-RATE_COLUMNS = (".velocity", ".acceleration")  # of each joint in CSV, behind its name
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,195 +140,26 @@ class Trajectory:
         verdict: Mapping[str, Any] | None = None,
         steps: Mapping[str, Sequence[float]] | None = None,
     ) -> None:
-        """Write to `path`; its ending (.json, .csv, .npz) picks the format. The file is there whole, or not at all.
+        """Write to `path`; its ending picks the format (`trajectory_files`). The file is there whole, or not at all.
 
-        JSON holds everything, the `verdict` and the solver's `steps`; NPZ holds the arrays; CSV holds the times and the
-        planned joints alone, a column for each of their positions, velocities and accelerations. Raises InputError for
-        another ending or a path that cannot be written.
+        JSON also holds the `verdict` and the solver's `steps`. Raises InputError for another ending, a path that cannot
+        be written, or a motion that the format cannot hold.
         """
         path = path_of(path)
         about = {key: said for key, said in (("verdict", verdict), ("steps", steps)) if said}
-        write_output(path, {".json": _to_json, ".csv": _to_csv, ".npz": _to_npz}[_format(path)](self, about))
+        write = format_of(path, WRITERS)
+        with naming(path):
+            data = write(self, about)
+        write_output(path, data)
 
     @staticmethod
     def load(path: str | Path) -> Trajectory:
-        """Read a trajectory file of any of the three formats; raises InputError naming the file and what is wrong."""
+        """Read a trajectory file of any format (`trajectory_files`); raises InputError naming the file and what is
+        wrong."""
         path = path_of(path)
-        reader = {".json": _from_json, ".csv": _from_csv, ".npz": _from_npz}[_format(path)]
+        read = format_of(path, READERS)
         with naming(path):
-            return reader(read_file(path))
-
-
-def _to_json(trajectory: Trajectory, about: Mapping[str, Mapping[str, Any]]) -> bytes:
-    """Write one line per key and per waypoint; Python's numbers are the shortest that read back bit for bit."""
-    timed = [] if trajectory.times is None else [f'"times": {json.dumps(trajectory.times.tolist(), allow_nan=False)}']
-    lines = [
-        '"hdplan_trajectory": 1',
-        f'"joint_names": {json.dumps(trajectory.joint_names)}',
-        *([f'"interpolation": "{trajectory.curve.rule}"'] if timed else []),
-        _rows("positions", trajectory.positions),
-        f'"locked": {json.dumps(dict(trajectory.locked), allow_nan=False)}',
-        *timed,
-        *(_rows(key, values) for key in RATES if (values := getattr(trajectory, key)) is not None),
-        *(f'"{key}": {json.dumps(dict(said), allow_nan=False)}' for key, said in about.items()),
-    ]
-    return ("{\n " + ",\n ".join(lines) + "\n}\n").encode()
-
-
-def _rows(key: str, values: NDArray[np.float64]) -> str:
-    rows = ",\n  ".join(json.dumps(row, allow_nan=False) for row in values.tolist())
-    return f'"{key}": [\n  {rows}\n ]'
-
-
-def _from_json(data: bytes) -> Trajectory:
-    try:
-        content = json.loads(data, object_pairs_hook=_unique)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"not JSON ({error})") from error
-    if not isinstance(content, dict) or content.get("hdplan_trajectory") != 1:
-        raise InputError(
-            "not a trajectory: an object with `hdplan_trajectory: 1`, `joint_names` and `positions` is expected"
-        )
-    for key in content:
-        if key not in KEYS:
-            raise InputError(f"unknown key {shorten(repr(key))}{nearest(key, KEYS)}")
-    for key in ("joint_names", "positions"):
-        if not isinstance(content.get(key), list):
-            raise InputError(f"{key}: missing, or not a list")
-    locked = content.get("locked", {})
-    if not isinstance(locked, dict):
-        raise InputError("locked: an object of joint names and numbers is expected")
-    positions = _numbers(content["positions"], "positions")
-    rates = (content.get(key) for key in RATES)
-    found = Trajectory(content["joint_names"], positions, locked, content.get("times"), *rates)
-    if content.get("interpolation", found.curve.rule) != found.curve.rule:
-        raise InputError(
-            f"interpolation: '{content['interpolation']}', but with what its rows hold it is {found.curve.rule}"
-        )
-    return found
-
-
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return a JSON object; a key that stands twice would silently mean its last value."""
-    found: dict[str, Any] = {}
-    for key, value in pairs:
-        if key in found:
-            raise InputError(f"the key {shorten(repr(key))} stands twice")
-        found[key] = value
-    return found
-
-
-def _to_csv(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> bytes:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    names, rows = trajectory.joint_names, trajectory.positions
-    for key, ending in zip(RATES, RATE_COLUMNS, strict=True):
-        if (values := getattr(trajectory, key)) is not None:
-            names = (*names, *(name + ending for name in trajectory.joint_names))
-            rows = np.column_stack([rows, values])
-    if trajectory.times is not None:
-        names, rows = (TIME, *names), np.column_stack([trajectory.times, rows])
-    writer.writerow(names)
-    writer.writerows([repr(value) for value in row] for row in rows.tolist())
-    return text.getvalue().encode()
-
-
-def _from_csv(data: bytes) -> Trajectory:
-    try:
-        reader = csv.reader(io.StringIO(data.decode("utf-8-sig")))
-        rows = [(reader.line_num, row) for row in reader if row]
-    except (csv.Error, UnicodeDecodeError) as error:
-        raise InputError(f"not CSV ({error})") from error
-    if not rows:
-        raise InputError("empty, a header with the joint names and one row per waypoint are expected")
-    (line, header), *rows = rows
-    names = tuple(name.strip() for name in header)
-    if any(_is_number(name) for name in names):
-        raise InputError(f"line {line}: {', '.join(names[:3])}, … are numbers; the header must hold the joint names")
-    for line, row in rows:
-        if len(row) != len(names):
-            raise InputError(f"line {line}: {len(row)} values, expected {len(names)} as in the header")
-        if wrong := [value for value in row if not _is_number(value)]:
-            raise InputError(f"line {line}: '{wrong[0]}' is not a number")
-    values = np.array([[float(value) for value in row] for _, row in rows]).reshape(-1, len(names))
-    columns = dict(zip(names, values.T, strict=True))
-    if len(columns) < len(names):
-        raise InputError(f"line 1: '{next(name for i, name in enumerate(names) if name in names[:i])}' comes twice")
-    times = columns.pop(TIME, None)
-    joints = tuple(name for name in columns if not name.endswith(RATE_COLUMNS))
-    rates = []
-    for ending in RATE_COLUMNS:
-        given = [name for name in columns if name.endswith(ending)]
-        if given and (lacking := [name for name in joints if name + ending not in columns]):
-            raise InputError(f"line 1: column '{lacking[0]}{ending}' is missing beside '{given[0]}'")
-        if unknown := [name for name in given if name.removesuffix(ending) not in joints]:
-            raise InputError(f"line 1: column '{unknown[0]}' is of no joint with positions")
-        rates.append(np.column_stack([columns[name + ending] for name in joints]) if given else None)
-    positions = np.column_stack([columns[name] for name in joints]) if joints else values[:, :0]
-    return Trajectory(joints, positions, {}, times, *rates)
-
-
-def _to_npz(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> bytes:
-    data = io.BytesIO()
-    timed = {key: values for key in (TIMES, *RATES) if (values := getattr(trajectory, key)) is not None}
-    np.savez(
-        data,
-        joint_names=np.array(trajectory.joint_names),
-        positions=trajectory.positions,
-        locked_names=np.array(list(trajectory.locked), dtype=str),
-        locked_values=np.array(list(trajectory.locked.values()), dtype=np.float64),
-        **timed,
-    )
-    return data.getvalue()
-
-
-def _from_npz(data: bytes) -> Trajectory:
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            arrays = {entry.filename.removesuffix(".npy"): _array(archive, entry) for entry in archive.infolist()}
-    except InputError:
-        raise
-    except Exception as error:  # zip, its compressions, NumPy's headers: each has failures of its own
-        raise InputError("not an NPZ archive of plain arrays") from error
-    for key in ("joint_names", "positions"):
-        if key not in arrays:
-            raise InputError(f"{key}: missing (the archive holds {', '.join(arrays) or 'nothing'})")
-    names, values = arrays.get("locked_names", np.array([], dtype=str)), arrays.get("locked_values", np.array([]))
-    locked = dict(zip(names.ravel().tolist(), _numbers(values, "locked_values").ravel().tolist(), strict=False))
-    if len(locked) != values.size:
-        raise InputError(f"locked_names: {names.size} names for {values.size} locked_values")
-    positions = _numbers(arrays["positions"], "positions")
-    timed = (arrays.get(key) for key in (TIMES, *RATES))
-    return Trajectory(tuple(arrays["joint_names"].ravel().tolist()), positions, locked, *timed)
-
-
-def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[Any]:
-    """Read one array of an archive, once it is known that it is as large as its header says, and not too large."""
-    if entry.file_size > MOST_BYTES:
-        size, most = (f"{count / 1e6:.0f} MB" for count in (entry.file_size, MOST_BYTES))
-        raise InputError(f"{entry.filename}: {size} large when unpacked; at most {most} are read")
-    with archive.open(entry) as file:
-        data = io.BytesIO(file.read(MOST_BYTES + 1))
-    header = (
-        np.lib.format.read_array_header_1_0
-        if np.lib.format.read_magic(data) == (1, 0)
-        else (np.lib.format.read_array_header_2_0)
-    )
-    shape, _, dtype = header(data)
-    if dtype.hasobject:
-        raise ValueError("objects")
-    if math.prod(shape) * dtype.itemsize != len(data.getbuffer()) - data.tell():
-        raise InputError(f"{entry.filename}: does not hold the array that its header says")
-    data.seek(0)
-    return np.asarray(np.lib.format.read_array(data, allow_pickle=False))
-
-
-def _format(path: Path) -> str:
-    """Return the ending that picks a file's format."""
-    suffix = path.suffix.lower()
-    if suffix not in FORMATS:
-        raise InputError(f"{path}: ending '{path.suffix}', a trajectory file ends with one of {', '.join(FORMATS)}")
-    return suffix
+            return Trajectory(**read(read_file(path)))
 
 
 def _numbers(values: object, name: str) -> NDArray[np.float64]:
@@ -391,11 +202,3 @@ def _rising(values: object, count: int) -> NDArray[np.float64]:
         )
     times.setflags(write=False)
     return times
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return text.isascii() and "_" not in text  # Python's own numbers are more than CSV's

@@ -66,7 +66,7 @@ def check_picture(path: str | Path) -> None:
     """
     check_writable(Path(path), PICTURES)
     if importlib.util.find_spec("matplotlib") is None:
-        raise InputError(f"{path}: pictures need matplotlib, which is not installed: pip install hdplan[plot]")
+        raise InputError(f"{path}: pictures need matplotlib, which is not installed: pip install matplotlib")
 
 
 def plot(subject: Subject, path: str | Path) -> None:

@@ -6,7 +6,7 @@ waypoints, by the steepest du/dt there. Of each joint j and interval k the share
     s_kj = |q_{k+1,j} − q_{k,j}| (N − 1) max_k(du/dt) / v_j
 
 is kept below AIM by  h Σ_kj ½ (LEVER max(s_kj − AIM, 0))²,  h = 1/(N − 1), quadratic where it acts: the curvature is
-exact. Elsewhere the law of time is fitted to the limits afterwards (`timing`), and this term is not there.
+exact. Elsewhere the law of time is fitted to the limits afterwards (`retiming`), and this term is not there.
 """
 
 from __future__ import annotations

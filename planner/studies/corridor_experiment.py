@@ -1,6 +1,6 @@
 """The paper's robot experiment: a Panda of boxes enters a corridor of three boxes, under three distances.
 
-Section ``sec:real-experiment`` of the paper, with what it leaves open filled in from its published code: the corridor,
+Section IV-C of the paper, with what it leaves open filled in from its published code: the corridor,
 the nine boxes of the links, start and target, K = 0.4, regularization 0.01, η = 0.5, T = 0.01 s, 35 s, link pairs at
 least two joints apart. Text and code differ in ε (1e-4; 9e-4), in how far the obstacles are grown (5e-2 "in all
 directions"; 5e-2 in total, half of it on each side), and in how often an edge counts among the normals (once; four

@@ -82,7 +82,7 @@ def _about(found: Study) -> list[tuple[str, str]]:
     bodies = ", ".join(found.bodies)
     about = [("bodies", f"{bodies}; {plan.random} random poses each and {plan.near} close to contact")]
     if all(precision != "float32" for *_, precision in plan.kernels):
-        about.append(("not measured", "float32: it runs in JAX, which is not installed: pip install hdplan[jax]"))
+        about.append(("not measured", "float32: it runs in JAX, which is not installed: pip install jax"))
     return about
 
 

@@ -92,7 +92,7 @@ def reproduce_conservativeness(folder: Path, quick: bool, report: Reporter, stop
         paper.append(
             {"gap": gap, "the paper [%]": said, "of those apart": short(among), "of all": short(of_all), "": verdict}
         )
-    exact = "not held against FCL's, which is not installed: pip install hdplan[bench]"
+    exact = "not held against FCL's, which is not installed: pip install python-fcl"
     if found.fcl_compared:
         exact = f"as FCL's to {found.fcl_difference:.1g} m, on {found.fcl_compared} configurations"
     counted = f"{len(found.distances)} of {found.planned}, {found.missed} contacts called free"

@@ -49,7 +49,7 @@ def check_report(folder: Path, names: Sequence[str]) -> list[Path]:
     for path in paths:
         check_writable(path, ENDINGS)
     if importlib.util.find_spec("matplotlib") is None:
-        raise InputError(f"{folder}: pictures need matplotlib, which is not installed: pip install hdplan[plot]")
+        raise InputError(f"{folder}: pictures need matplotlib, which is not installed: pip install matplotlib")
     return paths
 
 

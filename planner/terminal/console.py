@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import IO, TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.status import Status
 from rich.text import Text
 
+from hdplan.planner.terminal.interrupts import noting
 from hdplan.scenes.errors import InputError
 
 if TYPE_CHECKING:
     from hdplan.planner.search.search import Event
     from hdplan.scenes.model import PlannerSettings
+
+LONG = 1.0  # [s] after which a command is one for which people wait
 
 
 def say(text: str, style: str) -> None:
@@ -27,39 +30,98 @@ def say(text: str, style: str) -> None:
     PlainConsole(sys.stderr).print(Text(line, style=style), soft_wrap=True)
 
 
+class Steps:
+    """What a command is doing, for those who wait; this one tells nobody."""
+
+    def begin(self, step: str) -> None:
+        """Go on to the next step."""
+
+    def detail(self, text: str) -> None:
+        """Say how the step is getting on."""
+
+
+class _OneLine(Steps):
+    """On a terminal: one line that changes."""
+
+    def __init__(self, status: Status) -> None:
+        self.status = status
+
+    def begin(self, step: str) -> None:
+        self.status.update(Text(step))
+
+    def detail(self, text: str) -> None:
+        self.status.update(Text(text))
+
+
+class _Lines(Steps):
+    """Off a terminal: a line for each step as it begins, once the command has taken LONG; quick ones say nothing."""
+
+    def __init__(self, step: str) -> None:
+        self._step, self._long, self._lock = step, False, threading.Lock()
+        self._timer = threading.Timer(LONG, self._begin_to_say)
+        self._timer.daemon = True
+        self._timer.start()
+
+    def begin(self, step: str) -> None:
+        with self._lock:
+            self._step = step
+            self._say()
+
+    def close(self) -> None:
+        """Say nothing more."""
+        with self._lock:
+            self._timer.cancel()
+
+    def _begin_to_say(self) -> None:
+        with self._lock:
+            if not self._timer.finished.is_set():  # it was not too late
+                self._long = True
+                self._say()
+
+    def _say(self) -> None:
+        if self._long:
+            with contextlib.suppress(OSError):  # nobody reads it
+                say(f"{self._step} ...", "dim")
+
+
 @contextlib.contextmanager
-def waiting(text: str, shown: bool = True) -> Iterator[Any]:
-    """Show what takes its time, on a terminal only; gives an object whose `update(text)` changes the line."""
-    if not (shown and sys.stderr.isatty()):
-        yield None
-        return
-    with PlainConsole(sys.stderr).status(Text(text)) as status:
-        yield status
+def waiting(step: str, shown: bool = True) -> Iterator[Steps]:
+    """Say what takes its time, from `step` on; gives the object that takes the further steps."""
+    if not shown:
+        yield Steps()
+    elif sys.stderr.isatty():
+        with PlainConsole(sys.stderr).status(Text(step)) as status:
+            yield _OneLine(status)
+    else:
+        with contextlib.closing(_Lines(step)) as lines:
+            yield lines
 
 
 @contextlib.contextmanager
 def progress(settings: PlannerSettings, shown: bool) -> Iterator[Any]:
-    """Follow the solver in one line; gives the function that takes the events, and one that says whether to stop.
+    """Follow the solver; gives the function that takes the events, and one that says whether to stop.
 
     From the first step on, Ctrl-C is noted and ends the search with the best motion so far.
     """
-    verdict = ""
+    verdict, searching = "", False
     margin = settings.clearance + settings.activation
-    with waiting("building the problem (the first time with a robot takes minutes)", shown) as line, _noting() as note:
+    building = "building the problem (the first time with a robot takes minutes)"
+    with waiting(building, shown) as steps, noting() as note:
 
         def report(event: Event) -> None:
-            nonlocal verdict
+            nonlocal verdict, searching
             note()
+            if not searching:
+                steps.begin("searching for a motion")
+                searching = True
             if event.certificate is not None:
                 verdict = f" · last {event.certificate.status.value.replace('_', ' ')}"
-            if event.step is not None and line is not None:
+            if event.step is not None:
                 step = event.step
                 clearance = f"{'≈' if step.depth else '>'} {(margin - step.depth) * 1e3:.1f} mm"
-                line.update(
-                    Text(
-                        f"attempt {event.attempt} · iteration {step.iteration} · cost {step.cost:.4g} · "
-                        f"clearance {clearance}{verdict}"
-                    )
+                steps.detail(
+                    f"attempt {event.attempt} · iteration {step.iteration} · cost {step.cost:.4g} · "
+                    f"clearance {clearance}{verdict}"
                 )
 
         yield report, note.pressed
@@ -67,55 +129,37 @@ def progress(settings: PlannerSettings, shown: bool) -> Iterator[Any]:
 
 @contextlib.contextmanager
 def measuring() -> Iterator[Any]:
-    """Show how far a measurement has come, on a terminal only; gives the function that takes the steps, and one that
-    says whether to stop. Ctrl-C is noted as in `progress`."""
-    with contextlib.ExitStack() as stack:
-        note = stack.enter_context(_noting())
-        bar = None
-        if sys.stderr.isatty():
-            columns = (
-                BarColumn(),
-                TaskProgressColumn(),
-                TimeRemainingColumn(),
-                TextColumn("{task.description}", markup=False),
-            )
-            bar = stack.enter_context(Progress(*columns, console=PlainConsole(sys.stderr), transient=True))
-            task = bar.add_task("starting", total=None)
+    """Show how far a measurement has come: a bar on a terminal, else a line for each tenth of it. Gives the function
+    that takes the steps, and one that says whether to stop. Ctrl-C is noted as in `progress`."""
+    with noting() as note, _bar() if sys.stderr.isatty() else _tenths() as show:
 
         def report(done: int, of: int, what: str) -> None:
             note()
-            if bar is not None:
-                bar.update(task, completed=done, total=of, description=what)
+            show(done, of, what)
 
         yield report, note.pressed
 
 
-class _Note:
-    """Notes Ctrl-C from the first call on; a second one ends at once."""
-
-    def __init__(self) -> None:
-        self._event = threading.Event()
-        self.pressed = self._event.is_set
-        self.before = signal.getsignal(signal.SIGINT) or signal.SIG_DFL
-
-    def __call__(self) -> None:
-        """Begin to note, or begin again where a library has taken the signal for itself."""
-        if not self._event.is_set() and signal.getsignal(signal.SIGINT) is self.before:
-            signal.signal(signal.SIGINT, self._note)
-
-    def _note(self, *_: object) -> None:
-        self._event.set()
-        signal.signal(signal.SIGINT, self.before)
+@contextlib.contextmanager
+def _bar() -> Iterator[Callable[[int, int, str], None]]:
+    columns = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn(), TextColumn("{task.description}", markup=False))
+    with Progress(*columns, console=PlainConsole(sys.stderr), transient=True) as bar:
+        task = bar.add_task("starting", total=None)
+        yield lambda done, of, what: bar.update(task, completed=done, total=of, description=what)
 
 
 @contextlib.contextmanager
-def _noting() -> Iterator[_Note]:
-    """Note Ctrl-C, and leave the signal as it was."""
-    note = _Note()
-    try:
-        yield note
-    finally:
-        signal.signal(signal.SIGINT, note.before)
+def _tenths() -> Iterator[Callable[[int, int, str], None]]:
+    reached = -1
+    with contextlib.closing(_Lines("measuring")) as lines:
+
+        def show(done: int, of: int, what: str) -> None:
+            nonlocal reached
+            if done < of and (tenth := 10 * done // of) > reached:
+                reached = tenth
+                lines.begin(f"measuring, {done / of:.0%} done, next {what}")
+
+        yield show
 
 
 @contextlib.contextmanager

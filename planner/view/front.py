@@ -15,7 +15,7 @@ PAGES = (".html",)
 def check_installed() -> None:
     """Raise InputError, saying what to install, if viser is missing."""
     if importlib.util.find_spec("viser") is None:
-        raise InputError("the viewer needs viser, which is not installed: pip install hdplan[view]")
+        raise InputError("the viewer needs viser, which is not installed: pip install viser")
 
 
 def check_recording(page: Path, trajectories: Sequence[Path]) -> None:

@@ -79,18 +79,17 @@ def load_scene(path: FilePath, request: FilePath | None = None, robot: FilePath 
     keys = top.mapping()
     spec, notes = (None, ()) if robot is None else read_robot(robot)
     if "hdplan" not in keys and is_moveit_scene(keys):
-        if request is None:
-            raise top.error(
-                "is a MoveIt planning scene, which has no goal: give its motion plan request too (--request FILE)"
-            )
-        if spec is None:
-            raise top.error(
-                "is a MoveIt planning scene, which does not say where its robot is found: give --robot NAME or FILE"
-            )
+        if request is None or spec is None:
+            gaps = [("has no goal", "its motion plan request (--request FILE)")] if request is None else []
+            gaps += [("does not say where its robot is found", "--robot NAME or FILE")] if spec is None else []
+            lacking, wanted = (" and ".join(words) for words in zip(*gaps, strict=True))
+            raise top.error(f"is a MoveIt planning scene, which {lacking}: give {wanted} too")
         return _with_notes(read_moveit(top, Path(request), spec), notes)
     if "hdplan" not in keys and is_moveit_request(keys):
+        wanted_too = "" if spec else ", and the robot with --robot NAME or FILE"
         raise top.error(
             "is a MoveIt motion plan request; name the planning scene first and give this file with --request"
+            f"{wanted_too}"
         )
     if request is not None:
         raise top.error("is no MoveIt planning scene, so no request goes with it (--request)")

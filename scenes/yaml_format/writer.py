@@ -1,21 +1,15 @@
 """A `Scene` becomes a hdplan scene file, one obstacle or held object a line, that `load_scene` reads back the same.
 
-Every value is written as YAML's flow style, which is nearly JSON: texts in double quotes, numbers as the shortest that
-read back bit for bit, infinity as `.inf`.
+Every value is written in YAML's flow style (`yaml_text`).
 """
 
 from __future__ import annotations
 
-import json
-import math
-import numbers
-import re
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import (
     Attached,
     Goals,
@@ -32,10 +26,9 @@ from hdplan.scenes.model import (
     TimedPoses,
 )
 from hdplan.scenes.yaml_format.shapes import shape_entry
+from hdplan.scenes.yaml_text import flow_style
 
 VERSION = 1
-LONG_KEY = 1000  # characters; YAML's parsers look no farther than 1024 for the colon
-_HALF = re.compile("[\ud800-\udfff]")
 
 
 def scene_text(scene: Scene) -> str:
@@ -51,20 +44,26 @@ def scene_text(scene: Scene) -> str:
         "locked": dict(spec.locked),
         "ignore_pairs": [list(pair) for pair in spec.ignore_pairs],
     }
-    lines = [f"hdplan: {VERSION}", "robot:", *(f"  {key}: {_json(value)}" for key, value in robot.items() if value)]
-    lines += ["obstacles:", *(f"  - {_json(_obstacle(obstacle))}" for obstacle in scene.obstacles)]
+    lines = [
+        f"hdplan: {VERSION}",
+        "robot:",
+        *(f"  {key}: {flow_style(value)}" for key, value in robot.items() if value),
+    ]
+    lines += ["obstacles:", *(f"  - {flow_style(_obstacle(obstacle))}" for obstacle in scene.obstacles)]
     if not scene.obstacles:
         lines[-1] += " []"
     if scene.attached:
-        lines += ["attached:", *(f"  - {_json(_attached(held))}" for held in scene.attached)]
-    lines += [f"{name}: {_json(_target(target))}" for name, target in (("start", scene.start), ("goal", scene.goal))]
+        lines += ["attached:", *(f"  - {flow_style(_attached(held))}" for held in scene.attached)]
+    lines += [
+        f"{name}: {flow_style(_target(target))}" for name, target in (("start", scene.start), ("goal", scene.goal))
+    ]
     if scene.from_request:
         lines.append("from_request: true")
-    lines += [f"{name}: {_json(section)}" for name, section in _effects(scene).items()]
+    lines += [f"{name}: {flow_style(section)}" for name, section in _effects(scene).items()]
     settings = {field.name: getattr(scene.planner, field.name) for field in fields(scene.planner)}
     changed = {name: value for name, value in settings.items() if value != type(scene.planner).__dict__[name]}
     if changed:
-        lines.append(f"planner: {_json(changed)}")
+        lines.append(f"planner: {flow_style(changed)}")
     return "\n".join(lines) + "\n"
 
 
@@ -146,40 +145,3 @@ def _pose_target(target: PoseTarget) -> dict[str, Any]:
 
 def _path(path: Path) -> str:
     return str(path.absolute())  # a link's own name says of what kind the file is
-
-
-def _json(value: object) -> str:
-    """Write a value in YAML 1.1's flow style, which takes 1e-05 for a text and 1.0e-05 for a number."""
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{_key(str(key))}: {_json(item)}" for key, item in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(_json(item) for item in value) + "]"
-    if isinstance(value, str):
-        return _text(value)
-    if isinstance(value, bool) or value is None:
-        return json.dumps(value)
-    if isinstance(value, numbers.Integral):
-        return str(int(value))
-    number = float(value)  # type: ignore[arg-type]
-    if number == math.inf:
-        return ".inf"
-    digits, mark, exponent = repr(number).partition("e")
-    return digits if not mark else f"{digits if '.' in digits else digits + '.0'}e{int(exponent):+d}"
-
-
-def _key(name: str) -> str:
-    """Write a key; YAML wants to be told of long ones."""
-    key = _text(name)
-    return key if len(key) < LONG_KEY else f"? {key}"
-
-
-def _text(text: str) -> str:
-    """Write a text in double quotes, with what cannot be printed escaped as YAML has it: JSON's pairs of surrogates for
-    one character it does not know. Raises InputError for half of such a pair, which no file can hold."""
-    if _HALF.search(text):
-        raise InputError(f"the text {text!r} holds half a character (a lone surrogate), which no file can hold")
-    return "".join(char if char.isprintable() else _escape(ord(char)) for char in json.dumps(text, ensure_ascii=False))
-
-
-def _escape(code: int) -> str:
-    return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"

@@ -109,7 +109,7 @@ def _bound(least, w, drop, unit):
 
 
 def _minimum(x, counts, gamma):
-    """Return the Hölder minimum (paper: Lemma ``lemma:aczel``)."""
+    """Return the Hölder minimum (paper: Lemma A.1)."""
     p, least = gamma + 1, min(x)
     if least > 0:
         return sum(n * value**-p for value, n in zip(x, counts, strict=True)) ** (mp.mpf(-1) / p)

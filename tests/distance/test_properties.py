@@ -148,7 +148,7 @@ PATHS = {  # pose of a square at t = 0, its twist, how long: through kinks of th
 @pytest.mark.parametrize("name", PATHS)
 def test_differentiable_gamma_times_through_the_euclidean_kinks(name, gamma):
     """The gamma-th derivative's largest change between neighbours vanishes with their spacing; the Euclidean distance's
-    first derivative jumps (paper: Proposition ``lem:differentiability``)."""
+    first derivative jumps (paper: Proposition III.3)."""
     pose, twist, reach = PATHS[name]
     xi = np.concatenate([twist, np.zeros(6)])
     times, square = np.linspace(-reach, reach, 1601), SQUARE

@@ -121,7 +121,7 @@ def test_no_poses_give_no_answers():
 
 def test_without_the_package(monkeypatch):
     monkeypatch.setitem(sys.modules, "fcl", None)
-    missing = r"^needs python-fcl, which is not installed: pip install hdplan\[bench\]$"
+    missing = r"^needs python-fcl, which is not installed: pip install python-fcl$"
     with pytest.raises(InputError, match=missing):
         FclPair(CUBE, CUBE)
     with pytest.raises(InputError, match=missing):

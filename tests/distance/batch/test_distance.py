@@ -274,7 +274,7 @@ def test_bad_poses_and_witnesses_are_refused():
 
 def test_without_jax_one_line_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "jax", None)
-    with pytest.raises(InputError, match=r"needs jax, which is not installed: pip install hdplan\[jax\]"):
+    with pytest.raises(InputError, match=r"needs jax, which is not installed: pip install jax"):
         hdsdf_batch(BOX, POINT)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hdplan.planner.motion.trajectory import FORMATS, Trajectory
+from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.scenes.errors import InputError
 
 
@@ -20,7 +20,7 @@ def awkward_trajectory() -> Trajectory:
     return Trajectory(("a", "b joint", "ç"), positions, {"finger": 0.1 + 0.2})
 
 
-@pytest.mark.parametrize("ending", FORMATS)
+@pytest.mark.parametrize("ending", [".json", ".csv", ".npz"])
 @pytest.mark.parametrize("times", [None, np.cumsum(np.geomspace(1e-9, 1e3, 7)) / 3])
 def test_round_trip_keeps_every_bit(tmp_path: Path, ending: str, times: np.ndarray | None) -> None:
     before = replace(awkward_trajectory(), times=times)

@@ -302,7 +302,7 @@ def test_nothing_half_written(planned: Planned, tmp_path: Path, monkeypatch: pyt
 
 def test_missing_matplotlib_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(InputError, match=r"pip install hdplan\[plot\]"):
+    with pytest.raises(InputError, match=r"pip install matplotlib"):
         plot.check_picture(tmp_path / "a.png")
 
 

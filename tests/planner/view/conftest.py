@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-pytest.importorskip("viser", reason="the viewer is optional: pip install hdplan[view]")
+pytest.importorskip("viser", reason="the viewer is optional: pip install viser")
 
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan

@@ -23,7 +23,7 @@ from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.viewer import OUTDATED, Viewer
 from hdplan.scenes.model import Scene
 
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: pip install hdplan[dev]")
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: pip install playwright")
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium found: apt-get install chromium")
 

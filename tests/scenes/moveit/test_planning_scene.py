@@ -370,8 +370,10 @@ def test_no_start_anywhere(files: Files) -> None:
 def test_missing_flags_are_named(files: Files) -> None:
     with pytest.raises(InputError, match=r"has no goal.*--request"):
         files.load(request=None)
-    with pytest.raises(InputError, match="--robot"):
+    with pytest.raises(InputError, match=r"does not say where its robot is found.*--robot"):
         files.load(robot=None)
+    with pytest.raises(InputError, match=r"no goal and does not say .*--request FILE.* and --robot NAME or FILE"):
+        files.load(request=None, robot=None)
 
 
 def test_swapped_files_are_told(files: Files) -> None:

@@ -1,0 +1,30 @@
+"""`hdplan explain`: say what the problem of a scene will hold."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from rich.text import Text
+
+from hdplan.planner.build import build
+from hdplan.planner.terminal.console import printing, waiting
+from hdplan.planner.terminal.explain import explain
+from hdplan.planner.terminal.tables import table
+from hdplan.scenes.yaml_format.reader import load_scene
+
+
+def run_explain(scene: str, request: Path | None, robot: str | None, *, as_json: bool) -> int:
+    """Build the problem and lay it out. Returns the exit code: 0."""
+    problem = load_scene(scene, request=request, robot=robot)
+    with waiting("building the problem"):
+        sections = explain(build(problem))
+    with printing() as show:
+        if as_json:
+            show(json.dumps({title: dict(rows) for title, rows in sections.items()}))
+            return 0
+        for title, rows in sections.items():
+            if rows:
+                show(Text(title, style="bold"))
+                show(table(rows))
+    return 0

@@ -1,0 +1,66 @@
+"""`hdplan plan`: find a motion, write and draw it, print its verdict."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from hdplan.planner.motion.trajectory_files import check_output
+from hdplan.planner.pictures.plot import Subject, check_picture
+from hdplan.planner.pictures.plot import plot as draw
+from hdplan.planner.plan import plan
+from hdplan.planner.problem.lay_out import check_distance
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.solvers import solver_named
+from hdplan.planner.terminal.arguments import SEARCH
+from hdplan.planner.terminal.console import printing, progress
+from hdplan.planner.terminal.tables import result_rows, table, verdict_text
+from hdplan.scenes.deadline import time_limit as limited
+from hdplan.scenes.yaml_format.reader import load_scene
+
+
+def run_plan(
+    scene: str,
+    request: Path | None,
+    robot: str | None,
+    *,
+    output: Path | None,
+    plot: Path | None,
+    solver: str,
+    distance: str | None,
+    seed: int,
+    time_limit: float | None,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Plan; without a `time_limit` [s] for all of it, solving and certifying take SEARCH seconds at most.
+
+    Returns the exit code: 0 if the motion is certified, else 1.
+    """
+    solver_named(solver)
+    if distance is not None:
+        check_distance(distance)
+    if output is not None:
+        check_output(output)
+    if plot is not None:
+        check_picture(plot)
+    with limited(time_limit):
+        problem = load_scene(scene, request=request, robot=robot)
+        if distance is not None:
+            problem = replace(problem, planner=replace(problem.planner, distance=distance))
+        with progress(problem.planner, shown=not quiet and not as_json) as (report, stop):
+            longest = SEARCH if time_limit is None else time_limit
+            result = plan(problem, solver=solver, seed=seed, time_limit=longest, report=report, stop=stop)
+    if output is not None:
+        result.save(output)
+    if plot is not None:
+        draw(Subject.planned(problem, load_scene_robot(problem), result), plot)
+    if not quiet:
+        with printing() as show:
+            if as_json:
+                show(json.dumps(result.summary()))
+            else:
+                show(verdict_text(result.certificate))
+                show(table(result_rows(result, [str(file) for file in (output, plot) if file is not None])))
+    return 0 if result.certified else 1

@@ -1,0 +1,31 @@
+"""`hdplan plot`: draw a motion in one sheet."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.pictures.plot import Subject, check_picture, plot
+from hdplan.planner.result import read_steps
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.terminal.console import printing, waiting
+from hdplan.planner.terminal.tables import table, verdict_text
+from hdplan.scenes.errors import naming
+from hdplan.scenes.yaml_format.reader import load_scene
+
+
+def run_plot(scene: str, trajectory: Path, request: Path | None, robot: str | None, *, output: Path) -> int:
+    """Draw a motion. Returns the exit code: 0 whatever the verdict."""
+    check_picture(output)
+    problem = load_scene(scene, request=request, robot=robot)
+    motion, steps = Trajectory.load(trajectory), read_steps(trajectory)
+    with waiting("drawing"):
+        certifier = Certifier(problem, load_scene_robot(problem))
+        with naming(trajectory):  # its joints may not fit
+            subject = Subject.of(certifier, motion, steps, trajectory.name)
+        plot(subject, output)
+    with printing() as show:
+        show(verdict_text(subject.certificate))
+        show(table([("written", str(output))]))
+    return 0

@@ -1,0 +1,48 @@
+"""`hdplan simulate`: replay a motion, with dynamics where the scene limits torques."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from rich.text import Text
+
+from hdplan.planner.control.replay import fitting, replay
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.pictures.plot import check_picture, plot_simulation
+from hdplan.planner.robot.scene_robot import load_scene_robot, notes_on
+from hdplan.planner.terminal.console import printing, waiting
+from hdplan.planner.terminal.tables import rates_table, simulation_rows, table, torques_table
+from hdplan.scenes.errors import naming
+from hdplan.scenes.yaml_format.reader import load_scene
+
+
+def run_simulate(
+    scene: str, trajectory: Path, request: Path | None, robot: str | None, *, plot: Path | None, as_json: bool
+) -> int:
+    """Replay a motion. Returns the exit code: 0 if it succeeds, else 1."""
+    if plot is not None:
+        check_picture(plot)
+    problem = load_scene(scene, request=request, robot=robot)
+    motion = Trajectory.load(trajectory)
+    arm = load_scene_robot(problem)
+    with naming(trajectory):
+        fitting(problem, motion, arm)
+    with waiting("simulating", shown=not as_json):
+        simulation = replay(problem, motion, arm)
+        if plot is not None:
+            with naming(trajectory):  # it may have no times
+                plot_simulation(simulation, f"{trajectory.name} in {problem.name}", plot)
+    with printing() as show:
+        if as_json:
+            about = {"scene": problem.name, "robot": arm.name, "trajectory": str(trajectory)}
+            show(json.dumps({**simulation.summary(), **about}))
+        else:
+            show(Text(simulation.text, style="green" if simulation.succeeded else "red"))
+            written = [] if plot is None else [("written", str(plot))]
+            notes = [("note", note) for note in notes_on(problem, arm)]
+            show(table([*simulation_rows(simulation, problem, arm.name), *notes, *written]))
+            show(rates_table(simulation.joints))
+            if simulation.execution is not None:
+                show(torques_table(simulation.joints))
+    return 0 if simulation.succeeded else 1

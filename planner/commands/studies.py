@@ -1,0 +1,90 @@
+"""`hdplan study` and `hdplan reproduce`: measure, write the files, print the tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from rich.text import Text
+
+from hdplan.planner.studies.distance import study_distance
+from hdplan.planner.studies.paper_corridor import reproduce_corridor
+from hdplan.planner.studies.paper_figures import reproduce_conservativeness, reproduce_kinks, reproduce_time
+from hdplan.planner.studies.planning import study_planning
+from hdplan.planner.studies.report import Report, Reporter, Stopper
+from hdplan.planner.terminal.console import measuring, printing, waiting
+from hdplan.planner.terminal.tables import columns, table
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import Scene
+from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
+
+FIGURES: dict[str, Callable[[Path, bool, Reporter, Stopper], Report]] = {
+    "time": reproduce_time,
+    "conservativeness": reproduce_conservativeness,
+    "corridor": reproduce_corridor,
+}
+
+
+def run_distance_study(folder: Path, *, quick: bool) -> int:
+    """Measure what accuracy of the distance costs. Returns the exit code: 0, or 1 if it was interrupted."""
+    with measuring() as (report, stop):
+        found = study_distance(folder, quick, report, stop)
+    return _shown(found)
+
+
+def run_planning_study(folder: Path, *, quick: bool, problems: Path | None, every: int) -> int:
+    """Measure what accuracy costs when planning. Returns the exit code: 0, or 1 if it was interrupted."""
+    scenes = [*shipped_with_obstacles(quick), *(_problems(problems, every) if problems else [])]
+    with measuring() as (report, stop):
+        found = study_planning(folder, scenes, quick, report, stop)
+    return _shown(found)
+
+
+def run_figure(name: str, folder: Path, *, quick: bool) -> int:
+    """Make one of FIGURES again. Returns the exit code: 0, or 1 if it was interrupted."""
+    with measuring() as (report, stop):
+        found = FIGURES[name](folder, quick, report, stop)
+    return _shown(found)
+
+
+def run_kinks(folder: Path) -> int:
+    """Follow two squares past each other. Returns the exit code: 0."""
+    with waiting("following the squares"):
+        found = reproduce_kinks(folder)
+    return _shown(found)
+
+
+def shipped_with_obstacles(only_panda: bool) -> list[Scene]:
+    """Load the shipped scenes that have obstacles."""
+    scenes = [load_scene(file) for file in shipped_scenes().values()]
+    return [scene for scene in scenes if scene.obstacles and (not only_panda or scene.robot.name == "panda")]
+
+
+def _problems(folder: Path, every: int) -> list[Scene]:
+    """Every K-th MoveIt problem below a folder, named by its path in it."""
+    if every < 1:
+        raise InputError(f"--every: found {every}, allowed is a whole number of at least 1")
+    scenes = []
+    for file in sorted(folder.rglob("scene*.yaml"))[::every]:
+        request = file.with_name(file.name.replace("scene", "request", 1))
+        robots = [above / "robot.yaml" for above in file.parents if above.is_relative_to(folder)]
+        robot = next((robot for robot in robots if robot.is_file()), None)
+        if robot is None:
+            raise InputError(f"{file}: there is no robot.yaml in its folder or in one above it, up to {folder}")
+        scene = load_scene(file, request=request, robot=robot)
+        scenes.append(replace(scene, name=str(file.relative_to(folder).with_suffix(""))))
+    if not scenes:
+        raise InputError(f"{folder}: no scene*.yaml in it or below it")
+    return scenes
+
+
+def _shown(report: Report) -> int:
+    """Print what was measured; exit code 1 if it was interrupted."""
+    with printing() as show:
+        for title, rows in report.tables.items():
+            show(Text(title, style="bold"))
+            show(columns(rows))
+        partial = [] if report.complete else [("partial", "interrupted: tables and files hold what was found so far")]
+        show(table([*partial, *report.notes, *(("written", str(file)) for file in report.files)]))
+    return 0 if report.complete else 1

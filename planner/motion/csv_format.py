@@ -1,0 +1,82 @@
+"""Trajectories as CSV: a row per waypoint, under a header with the names of the joints.
+
+Times are the column `time`; velocities and accelerations are columns of their own, `JOINT.velocity` and
+`JOINT.acceleration`. Joints that stand still are not in the file.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hdplan.scenes.errors import InputError
+
+if TYPE_CHECKING:
+    from hdplan.planner.motion.trajectory import Trajectory
+
+TIME = "time"
+COLUMNS = {"velocities": ".velocity", "accelerations": ".acceleration"}  # of each joint, behind its name
+
+
+def write_csv(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> bytes:
+    """Return the file's content."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    names, rows = trajectory.joint_names, trajectory.positions
+    for key, ending in COLUMNS.items():
+        if (values := getattr(trajectory, key)) is not None:
+            names = (*names, *(name + ending for name in trajectory.joint_names))
+            rows = np.column_stack([rows, values])
+    if trajectory.times is not None:
+        names, rows = (TIME, *names), np.column_stack([trajectory.times, rows])
+    writer.writerow(names)
+    writer.writerows([repr(value) for value in row] for row in rows.tolist())
+    return text.getvalue().encode()
+
+
+def read_csv(data: bytes) -> dict[str, Any]:
+    """Return the fields of the trajectory that a file holds. Raises InputError saying what is wrong."""
+    try:
+        reader = csv.reader(io.StringIO(data.decode("utf-8-sig")))
+        rows = [(reader.line_num, row) for row in reader if row]
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise InputError(f"not CSV ({error})") from error
+    if not rows:
+        raise InputError("empty, a header with the joint names and one row per waypoint are expected")
+    (line, header), *rows = rows
+    names = tuple(name.strip() for name in header)
+    if any(_is_number(name) for name in names):
+        raise InputError(f"line {line}: {', '.join(names[:3])}, … are numbers; the header must hold the joint names")
+    for line, row in rows:
+        if len(row) != len(names):
+            raise InputError(f"line {line}: {len(row)} values, expected {len(names)} as in the header")
+        if wrong := [value for value in row if not _is_number(value)]:
+            raise InputError(f"line {line}: '{wrong[0]}' is not a number")
+    values = np.array([[float(value) for value in row] for _, row in rows]).reshape(-1, len(names))
+    columns = dict(zip(names, values.T, strict=True))
+    if len(columns) < len(names):
+        raise InputError(f"line 1: '{next(name for i, name in enumerate(names) if name in names[:i])}' comes twice")
+    times = columns.pop(TIME, None)
+    joints = tuple(name for name in columns if not name.endswith(tuple(COLUMNS.values())))
+    rates = {}
+    for key, ending in COLUMNS.items():
+        given = [name for name in columns if name.endswith(ending)]
+        if given and (lacking := [name for name in joints if name + ending not in columns]):
+            raise InputError(f"line 1: column '{lacking[0]}{ending}' is missing beside '{given[0]}'")
+        if unknown := [name for name in given if name.removesuffix(ending) not in joints]:
+            raise InputError(f"line 1: column '{unknown[0]}' is of no joint with positions")
+        rates[key] = np.column_stack([columns[name + ending] for name in joints]) if given else None
+    positions = np.column_stack([columns[name] for name in joints]) if joints else values[:, :0]
+    return {"joint_names": joints, "positions": positions, "times": times, **rates}
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return text.isascii() and "_" not in text  # Python's own numbers are more than CSV's

@@ -1,0 +1,89 @@
+"""Trajectories as JSON: everything that one holds, with the verdict on it, one line per key and per waypoint.
+
+The key `interpolation` names the curve's rule; numbers are written as the shortest that read back bit for bit.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.motion.curve import RULES
+from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.values import shorten
+
+if TYPE_CHECKING:
+    from hdplan.planner.motion.trajectory import Trajectory
+
+KEYS = (
+    "hdplan_trajectory",
+    "joint_names",
+    "interpolation",
+    "positions",
+    "locked",
+    "times",
+    "velocities",
+    "accelerations",
+    "verdict",
+    "steps",
+)
+RATES = ("velocities", "accelerations")
+
+
+def write_json(trajectory: Trajectory, about: Mapping[str, Mapping[str, Any]]) -> bytes:
+    """Return the file's content; `about` is what else it says, by key."""
+    timed = [] if trajectory.times is None else [f'"times": {json.dumps(trajectory.times.tolist(), allow_nan=False)}']
+    lines = [
+        '"hdplan_trajectory": 1',
+        f'"joint_names": {json.dumps(trajectory.joint_names)}',
+        *([f'"interpolation": "{trajectory.curve.rule}"'] if timed else []),
+        _rows("positions", trajectory.positions),
+        f'"locked": {json.dumps(dict(trajectory.locked), allow_nan=False)}',
+        *timed,
+        *(_rows(key, values) for key in RATES if (values := getattr(trajectory, key)) is not None),
+        *(f'"{key}": {json.dumps(dict(said), allow_nan=False)}' for key, said in about.items()),
+    ]
+    return ("{\n " + ",\n ".join(lines) + "\n}\n").encode()
+
+
+def _rows(key: str, values: NDArray[np.float64]) -> str:
+    rows = ",\n  ".join(json.dumps(row, allow_nan=False) for row in values.tolist())
+    return f'"{key}": [\n  {rows}\n ]'
+
+
+def read_json(data: bytes) -> dict[str, Any]:
+    """Return the fields of the trajectory that a file holds. Raises InputError saying what is wrong."""
+    try:
+        content = json.loads(data, object_pairs_hook=_unique)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"not JSON ({error})") from error
+    if not isinstance(content, dict) or content.get("hdplan_trajectory") != 1:
+        raise InputError(
+            "not a trajectory: an object with `hdplan_trajectory: 1`, `joint_names` and `positions` is expected"
+        )
+    for key in content:
+        if key not in KEYS:
+            raise InputError(f"unknown key {shorten(repr(key))}{nearest(key, KEYS)}")
+    for key in ("joint_names", "positions"):
+        if not isinstance(content.get(key), list):
+            raise InputError(f"{key}: missing, or not a list")
+    if not isinstance(content.setdefault("locked", {}), dict):
+        raise InputError("locked: an object of joint names and numbers is expected")
+    rule = RULES[1 + 2 * sum(content.get(key) is not None for key in RATES)]
+    if content.get("interpolation", rule) != rule:
+        raise InputError(f"interpolation: '{content['interpolation']}', but with what its rows hold it is {rule}")
+    return {key: content.get(key) for key in ("joint_names", "positions", "locked", "times", *RATES)}
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return a JSON object; a key that stands twice would silently mean its last value."""
+    found: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in found:
+            raise InputError(f"the key {shorten(repr(key))} stands twice")
+        found[key] = value
+    return found

@@ -1,0 +1,63 @@
+"""ROS messages of a trajectory as YAML, as `ros2 topic pub` takes them and `ros2 topic echo` prints them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from hdplan.planner.motion.ros_message import ROWS, joint_trajectory, read_message, robot_trajectory
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.fields import MOST_VALUES, read_mapping
+from hdplan.scenes.yaml_text import flow_style
+
+if TYPE_CHECKING:
+    from hdplan.planner.motion.trajectory import Trajectory
+
+BESIDE = 16  # values of a point beside its rows: keys, durations, lists
+_END = re.compile(rb"\s+---\s*\Z")  # that `ros2 topic echo` prints behind each message
+
+
+def write_joint_trajectory(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> bytes:
+    """Return a trajectory_msgs/JointTrajectory. Raises InputError for what it cannot hold."""
+    _check_size(trajectory)
+    return "\n".join(["# trajectory_msgs/msg/JointTrajectory", *_lines(joint_trajectory(trajectory)), ""]).encode()
+
+
+def write_robot_trajectory(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> bytes:
+    """Return a moveit_msgs/RobotTrajectory. Raises InputError for what it cannot hold."""
+    _check_size(trajectory)
+    inner, base = robot_trajectory(trajectory).values()
+    lines = [
+        "# moveit_msgs/msg/RobotTrajectory",
+        "joint_trajectory:",
+        *(f"  {line}" for line in _lines(inner)),
+        f"multi_dof_joint_trajectory: {flow_style(base)}",
+        "",
+    ]
+    return "\n".join(lines).encode()
+
+
+def _lines(message: Mapping[str, Any]) -> list[str]:
+    """Return a JointTrajectory, a line per point; in brackets, so that a file which was cut off does not read as a
+    shorter motion."""
+    points = ",\n".join(f"  {flow_style(point)}" for point in message["points"]).split("\n")
+    return [*(f"{key}: {flow_style(message[key])}" for key in ("header", "joint_names")), "points: [", *points, "  ]"]
+
+
+def _check_size(trajectory: Trajectory) -> None:
+    """Refuse what could not be read again."""
+    rows = sum(getattr(trajectory, key) is not None for key in ROWS)
+    count = len(trajectory) * (rows * len(trajectory.joint_names) + BESIDE)
+    if count > MOST_VALUES:
+        raise InputError(
+            f"{len(trajectory)} waypoints are {count} values, and YAML of at most {MOST_VALUES} is read: write .mcap"
+        )
+
+
+def read_ros_yaml(data: bytes) -> dict[str, Any]:
+    """Return the fields of the trajectory that a file holds; which message it is, its keys say.
+
+    Raises InputError saying what is wrong.
+    """
+    return read_message(read_mapping(_END.sub(b"\n", data)))

@@ -1,0 +1,145 @@
+"""Arguments of commands: what their help says of them, and how their values are read."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+SEARCH = 30.0  # [s] for solving and certifying, where no time limit is given
+OUT = Path("out")  # where the files of a study go, if no folder is given
+
+
+def _whole_number(text: str) -> int:
+    with contextlib.suppress(ValueError):
+        if (number := int(text)) >= 0:
+            return number
+    raise typer.BadParameter(f"must be a whole number of at least 0, found '{text}'")
+
+
+def _port(text: str) -> int:
+    with contextlib.suppress(ValueError):
+        if 1 <= (number := int(text)) <= 65535:
+            return number
+    raise typer.BadParameter(f"must be a port from 1 to 65535, found '{text}'")
+
+
+def _seconds(text: str) -> float:
+    with contextlib.suppress(ValueError):
+        if 0.0 < (number := float(text)) < math.inf:
+            return number
+    raise typer.BadParameter(f"must be a finite number of seconds greater than 0, found '{text}'")
+
+
+# what nearly all commands take
+SceneFile = Annotated[
+    str,
+    typer.Argument(metavar="SCENE", help="A hdplan scene (YAML), a shipped scene's name, or a MoveIt planning scene."),
+]
+Motion = Annotated[
+    Path,
+    typer.Argument(metavar="TRAJECTORY", help="JSON, CSV (joint names in its header) or NPZ, from any planner."),
+]
+Request = Annotated[
+    Path | None,
+    typer.Option("--request", metavar="FILE", help="Motion plan request that goes with a MoveIt planning scene."),
+]
+RobotFile = Annotated[
+    str | None,
+    typer.Option(
+        "--robot",
+        metavar="NAME|FILE",
+        help="Robot that supplies or replaces the scene's: a name from `hdplan robots`, or a YAML file with a `robot` "
+        "section.",
+    ),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
+
+# plan
+Output = Annotated[
+    Path | None,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="FILE",
+        help="Write the trajectory: .json, .csv, .npz, .joint_trajectory.yaml, .robot_trajectory.yaml (messages of "
+        "ROS and MoveIt) or .mcap (a ROS 2 bag).",
+    ),
+]
+Solver = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="gauss_newton (exact derivatives, banded), chomp (covariant gradient descent) or ipopt (interior "
+        "point, exact Hessians).",
+    ),
+]
+Distance = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="Distance that the penalty takes: hdsdf, or fcl (exact, Euclidean); by default what the scene says.",
+    ),
+]
+Seed = Annotated[int, typer.Option(metavar="N", help="Seed of the random first guesses.", parser=_whole_number)]
+TimeLimit = Annotated[
+    float | None,
+    typer.Option(
+        metavar="SECONDS",
+        help="Time for all of it, reading and building included. Without it solving and certifying take at most "
+        f"{SEARCH:g} s, all attempts together.",
+        parser=_seconds,
+    ),
+]
+Sheet = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Draw scene, joints, clearance and convergence, as .png, .pdf or .svg."),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
+
+# follow, simulate, plot
+Executed = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", metavar="FILE", help="Write the executed motion, in any format of plan -o."),
+]
+RatesSheet = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Draw rates, torques and tracking over time, as .png, .pdf or .svg."),
+]
+Picture = Annotated[
+    Path, typer.Option("--output", "-o", metavar="FILE", help="Where the picture goes: .png, .pdf or .svg.")
+]
+
+# view
+Motions = Annotated[
+    list[Path] | None,
+    typer.Argument(metavar="TRAJECTORY", help="Motions to show, several at once to compare them."),
+]
+Page = Annotated[
+    Path | None,
+    typer.Option("--record", metavar="FILE.html", help="Write the motion as one page that needs no server, and end."),
+]
+Host = Annotated[str, typer.Option(metavar="ADDRESS", help="Address to serve on; 0.0.0.0 lets other machines in.")]
+Port = Annotated[int, typer.Option(metavar="N", help="Port to serve on, or the next free one.", parser=_port)]
+
+# robots
+RobotName = Annotated[str | None, typer.Argument(metavar="NAME", help="Show this robot's joints and bodies.")]
+
+# study, reproduce
+Folder = Annotated[
+    Path,
+    typer.Option("--output", "-o", metavar="FOLDER", help="Where the files go; made if it is not there."),
+]
+Quick = Annotated[bool, typer.Option("--quick", help="Measure less of it, in about a minute.")]
+Problems = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        help="Plan these MoveIt problems as well: every scene*.yaml below DIR, its request*.yaml beside it, and a "
+        "robot.yaml in the nearest folder above it.",
+    ),
+]
+Every = Annotated[int, typer.Option(metavar="K", help="Take every K-th of the problems.", parser=_whole_number)]

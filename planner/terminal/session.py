@@ -1,0 +1,80 @@
+"""One run of the command line: streams and signals made ready, and every error turned into one line and an exit code.
+
+Exit codes: 0 certified, 1 nothing certified was found, 2 bad input, 3 a fault of hdplan itself, 130 interrupted before
+there was anything to show, 143 terminated.
+"""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import sys
+import traceback
+import warnings
+from pathlib import Path
+from typing import NoReturn
+
+import typer
+
+from hdplan.planner.terminal.console import say
+from hdplan.planner.terminal.interrupts import INTERRUPTED, ended_by_signals
+from hdplan.scenes.errors import HdplanError, OutOfTime
+
+NOT_CERTIFIED, BAD_INPUT, INTERNAL = 1, 2, 3
+TyperError: type[Exception] = typer.BadParameter.__mro__[2]  # ClickException, wherever this Typer keeps its click
+
+
+def run(app: typer.Typer) -> NoReturn:
+    """Run the command line; every error becomes one line: exit code 2 for what a user can cause, else 3."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed, as with `>&-`
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # names of files and obstacles hold any character
+            stream.reconfigure(errors="backslashreplace")
+    warnings.showwarning = lambda message, *_, **__: say(f"note: {message}", "yellow")  # a line, not a source location
+    try:
+        with ended_by_signals():
+            code = app(sys.argv[1:] or ["--help"], prog_name="hdplan", standalone_mode=False)
+    except OutOfTime as error:
+        code = complain(str(error), NOT_CERTIFIED)
+    except HdplanError as error:
+        code = complain(str(error))
+    except TyperError as error:
+        command = context.command_path if (context := getattr(error, "ctx", None)) else "hdplan"
+        code = complain(f"{error.format_message().rstrip('.')} (see {command} --help)")  # type: ignore[attr-defined]
+    except (KeyboardInterrupt, typer.Abort):
+        code = INTERRUPTED
+    except OSError as error:  # of a help text; what hdplan prints itself looks after itself
+        if error.errno not in (errno.EPIPE, errno.ENOSPC):
+            code = _internal(error)
+        else:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            code = 0 if error.errno == errno.EPIPE else complain(f"the output cannot be written ({error.strerror})")
+    except Exception as error:
+        code = _internal(error)
+    if code == INTERRUPTED:  # Typer may have made it of KeyboardInterrupt
+        complain("interrupted before anything was found")
+    sys.exit(code)
+
+
+def complain(text: str, code: int = BAD_INPUT) -> int:
+    """Print one line about what went wrong and return its exit code."""
+    say(text, "red")
+    return code
+
+
+def _internal(error: Exception) -> int:
+    """Print one line about an error that should not be and return its exit code."""
+    return complain(
+        f"internal error, please report it to the project with scene and command: {_fault(error)}", INTERNAL
+    )
+
+
+def _fault(error: Exception) -> str:
+    """Name an error that should not be, and the line of hdplan from which it came."""
+    below = traceback.extract_tb(error.__traceback__)[1:]  # the first is `run`
+    own = [frame for frame in below if {"planner", "distance", "scenes"} & set(Path(frame.filename).parts)]
+    place = next((f" ({Path(frame.filename).stem}, line {frame.lineno})" for frame in reversed(own)), "")
+    return f"{type(error).__name__}: {' '.join(str(error).split())}{place}"

@@ -1,0 +1,274 @@
+"""The scene format as a JSON Schema (draft 7), for editors: made of the classes and checks that the reader asks.
+
+The keys of a section are the fields of its class, but for the few that the tables here name; what a value may be, its
+field's check says (`values`, `meaning`). The schema and the reader agree about unknown and missing keys, types and
+ranges. What a schema cannot say the reader alone checks: what values mean together, what files hold, that 40.0 is no
+whole number and .nan no number.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from hdplan.scenes import meaning
+from hdplan.scenes.meaning import AXES, JointRates
+from hdplan.scenes.model import (
+    Attached,
+    JointValue,
+    Limits,
+    Mesh,
+    Obstacle,
+    Payload,
+    PlannerSettings,
+    PoseTarget,
+    RobotSpec,
+    SelfCollision,
+    SteadyMotion,
+    TimedPoses,
+    Timing,
+    Upright,
+    Within,
+)
+from hdplan.scenes.values import (
+    LARGEST,
+    SMALLEST,
+    Check,
+    Choice,
+    Maybe,
+    Named,
+    Number,
+    Row,
+    Whole,
+    boolean,
+    checks_of,
+    path_of,
+    text,
+)
+from hdplan.scenes.yaml_format.reader import SECTIONS, VERSION
+from hdplan.scenes.yaml_format.shapes import CLASSES, SHAPE_KEYS
+
+Schema = dict[str, Any]
+
+TEXT: Schema = {"type": "string", "pattern": r"\S", "not": {"pattern": r"[\x00-\x1f\x7f-\x9f\u2028\u2029]"}}
+FORMS: Mapping[Check, Check | tuple[Check, ...]] = {  # of checks that ask more than a schema can: one of these
+    meaning.rotation: Row(Number(), 4),
+    meaning.direction: (Choice(AXES), Row(Number(), 3)),
+    meaning.volume: Row(Row(Number(unit="m"), 3)),
+    meaning.scale: (Number(above=0.0), Row(Number(above=0.0), 3)),
+    meaning.inertia: Row(Number(unit="kg m²"), 6),
+    meaning.rising: Row(Number(low=0.0, unit="s")),
+    meaning.ranges: Named(Row(JointValue, 2)),
+    meaning.pair: Row(text, 2),
+}
+LEAST = {meaning.volume: 4, meaning.rising: 2}  # values in a list that mean something
+BEYOND = 1e308  # only infinity is
+PLAIN: Mapping[Check, Schema] = {
+    text: TEXT,
+    boolean: {"type": "boolean"},
+    path_of: TEXT,
+}
+
+
+def schema_text() -> str:
+    """Return the schema as a JSON file."""
+    return json.dumps(scene_schema(), indent=1, ensure_ascii=False) + "\n"
+
+
+def scene_schema() -> Schema:
+    """Return the schema of a scene file."""
+    return {
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "title": "hdplan scene",
+        **_object(
+            {
+                **{key: {} for key in SECTIONS},  # in their order; a section that is not below would allow anything
+                "hdplan": {"const": VERSION},
+                "robot": _nullable(_robot()),
+                "obstacles": _nullable(_list(_section(Obstacle, pose=_pose(), shape=_shape(), motion=_motion()))),
+                "attached": _nullable(_list(_section(Attached, pose=_pose(), shape=_shape()))),
+                "start": _one_key({"joints": _joints(), "state": TEXT}),
+                "goal": _one_key(_goal()),
+                "from_request": {"type": ["boolean", "null"]},
+                "self_collision": {
+                    "anyOf": [{"type": ["boolean", "null"]}, _filled(SelfCollision, without=("checked",))]
+                },
+                "limits": _nullable(_filled(Limits, position=_some(_value(meaning.ranges)))),
+                "payload": _nullable(_section(Payload)),
+                "path": _nullable(_some(_object({"upright": _section(Upright), "position": _placed(Within)}))),
+                "timing": _nullable({**_filled(Timing), "not": {"required": ["duration", "scale"]}}),
+                "planner": _nullable(_section(PlannerSettings)),
+            },
+            required=("hdplan", "start", "goal"),
+            about="One planning problem.",
+        ),
+    }
+
+
+# Sections
+
+
+def _section(kind: Any, without: Collection[str] = (), **instead: Schema) -> Schema:
+    """Return an object whose keys are the fields of a class, but for some; some of its own schemas instead."""
+    keys, required = {}, []
+    for field in dataclasses.fields(kind):
+        if not field.init or field.name in without:
+            continue
+        keys[field.name] = _field(field, instead.get(field.name) or _value(checks_of(kind)[field.name]))
+        if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
+            required.append(field.name)
+    if "name" in required:  # obstacles and held objects are numbered where they have none
+        required.remove("name")
+    return _object(keys, required, kind.__doc__ or "")
+
+
+def _field(field: dataclasses.Field[Any], schema: Schema) -> Schema:
+    """Return the schema of a field with its default; it may stand there with nothing behind it if it has one."""
+    if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING and field.name != "name":
+        return schema
+    shown = isinstance(field.default, bool | int | float | str)
+    return {**_nullable(schema), **({"default": field.default} if shown else {})}
+
+
+def _filled(kind: Any, without: Collection[str] = (), **instead: Schema) -> Schema:
+    """Return a section that must say something: an empty one is refused, and so is a key with nothing behind it."""
+    schema = _section(kind, without, **instead)
+    found = {name: instead.get(name) or _value(checks_of(kind)[name]) for name in schema["properties"]}
+    return _some({**schema, "properties": found})
+
+
+def _placed(kind: Any) -> Schema:
+    """Return a section in which the keys of a pose stand beside its own."""
+    own, pose = _section(kind, without=("pose", "field")), _pose()
+    return {**own, "properties": {**own["properties"], **pose["properties"]}, "not": pose["not"]}
+
+
+def _robot() -> Schema:
+    robot = _section(RobotSpec, without=("source",), base=_pose())
+    plain = {"name": TEXT, "urdf": TEXT}  # one of them must be there, so neither with nothing behind it
+    return {
+        **robot,
+        "properties": {**robot["properties"], **plain},
+        "oneOf": [{"required": [name]} for name in plain],
+        "dependencies": {"srdf": ["urdf"], "package_dirs": ["urdf"]},
+    }
+
+
+def _pose() -> Schema:
+    turns = {"quaternion_xyzw": _value(meaning.rotation), "rpy": _value(Row(Number(unit="rad"), 3))}
+    keys = {"position": _value(Row(Number(unit="m"), 3)), **turns}
+    about = "A placement: position, and a unit quaternion (x, y, z, w) or the angles of URDF."
+    return {**_object({name: _nullable(key) for name, key in keys.items()}, (), about), "not": {"required": [*turns]}}
+
+
+def _shape() -> Schema:
+    shapes = []
+    for name, keys in SHAPE_KEYS.items():
+        kind: Any = CLASSES.get(name, Mesh)
+        own = {key: _value(checks_of(kind)[key]) for key in keys}
+        own = {key: _nullable(schema) if key == "scale" else schema for key, schema in own.items()}
+        required = ("type", *(key for key in keys if key != "scale"))
+        shapes.append(_object({"type": {"const": name}, **own}, required, kind.__doc__))
+    return {"anyOf": shapes}
+
+
+def _motion() -> Schema:
+    return {"anyOf": [_filled(SteadyMotion), _section(TimedPoses, poses=_list(_pose()))]}
+
+
+def _joints() -> Schema:
+    """Return one configuration: a list of values, or values by name."""
+    row, named = _value(Row(JointValue)), _value(Named(JointValue))
+    return {"anyOf": [{**row, "minItems": 1}, _some(named)]}
+
+
+def _goal() -> dict[str, Schema]:
+    pose = _placed(PoseTarget)
+    pose["required"] = ["link", "position"]
+    pose["properties"]["position"] = _value(Row(Number(unit="m"), 3))
+    return {
+        "joints": {"anyOf": [*_joints()["anyOf"], {**_list(_joints()), "minItems": 1}]},
+        "state": TEXT,
+        "pose": pose,
+        "poses": {**_list(pose), "minItems": 1},
+    }
+
+
+# Values
+
+
+def _value(check: Check) -> Schema:
+    """Return what a check allows, as far as a schema can say it."""
+    match check:
+        case Maybe(item):
+            return _value(item)
+        case Number():
+            return _number(check)
+        case Whole(low, high):
+            return {"type": "integer", "minimum": low, "maximum": high}
+        case Choice(allowed):
+            return {"enum": [*allowed]}
+        case Named(item):
+            return {"type": "object", "additionalProperties": _value(item)}
+        case Row(item, length):
+            exactly = {} if length is None else {"minItems": length, "maxItems": length}
+            return {**_list(_value(item)), **exactly}
+        case JointRates(unit=unit, in_urdf=in_urdf):
+            number = _number(Number(above=0.0, unit=unit))
+            words = [{"enum": ["urdf"]}] if in_urdf else []
+            named = {"type": "object", "additionalProperties": number, "minProperties": 1}
+            return {"anyOf": [*words, number, {**_list(number), "minItems": 1}, named]}
+    if check is meaning.extent:
+        return {**_list(_edge()), "minItems": 3, "maxItems": 3}
+    if check in PLAIN:
+        return PLAIN[check]
+    form = FORMS[check]
+    if isinstance(form, tuple):
+        return {"anyOf": [_value(each) for each in form]}
+    return {**_value(form), **({"minItems": LEAST[check]} if check in LEAST else {})}
+
+
+def _number(check: Number) -> Schema:
+    above = math.isfinite(check.above)
+    low = {"exclusiveMinimum": check.above} if above else {"minimum": max(check.low, -LARGEST)}
+    if check.above == 0.0:
+        low = {"minimum": SMALLEST}
+    unit = {"description": f"[{check.unit}]"} if check.unit else {}
+    return {"type": "number", **low, "maximum": min(check.high, LARGEST), **unit}
+
+
+def _edge() -> Schema:
+    """Return an edge of a box: a length, or .inf, for which JSON has no word."""
+    return {
+        "anyOf": [_number(Number(above=0.0, unit="m")), {"type": "number", "minimum": BEYOND, "description": ".inf"}]
+    }
+
+
+def _object(keys: Mapping[str, Schema], required: Collection[str] = (), about: str = "") -> Schema:
+    said = {"description": " ".join(about.split())} if about else {}
+    needed = {"required": [*required]} if required else {}
+    return {"type": "object", **said, "properties": dict(keys), **needed, "additionalProperties": False}
+
+
+def _one_key(keys: Mapping[str, Schema]) -> Schema:
+    return {**_object(keys), "minProperties": 1, "maxProperties": 1}
+
+
+def _some(schema: Schema) -> Schema:
+    return {**schema, "minProperties": 1}
+
+
+def _list(item: Schema) -> Schema:
+    return {"type": "array", "items": item}
+
+
+def _nullable(schema: Schema) -> Schema:
+    """Return the schema of a known key that may be left out: with nothing behind it, it counts as left out."""
+    if "anyOf" in schema:
+        return {**schema, "anyOf": [*schema["anyOf"], {"type": "null"}]}
+    if "enum" in schema:
+        return {**schema, "enum": [*schema["enum"], None]}
+    return {**schema, "type": [schema["type"], "null"]}

@@ -1,0 +1,52 @@
+"""Values as YAML's flow style, which is nearly JSON: texts in double quotes, numbers as the shortest that read back bit
+for bit, infinity as `.inf`."""
+
+from __future__ import annotations
+
+import json
+import math
+import numbers
+import re
+from collections.abc import Mapping
+
+from hdplan.scenes.errors import InputError
+
+LONG_KEY = 1000  # characters; YAML's parsers look no farther than 1024 for the colon
+_HALF = re.compile("[\ud800-\udfff]")
+
+
+def flow_style(value: object) -> str:
+    """Write a value in YAML 1.1's flow style, which takes 1e-05 for a text and 1.0e-05 for a number."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{_key(str(key))}: {flow_style(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(flow_style(item) for item in value) + "]"
+    if isinstance(value, str):
+        return _text(value)
+    if isinstance(value, bool) or value is None:
+        return json.dumps(value)
+    if isinstance(value, numbers.Integral):
+        return str(int(value))
+    number = float(value)  # type: ignore[arg-type]
+    if number == math.inf:
+        return ".inf"
+    digits, mark, exponent = repr(number).partition("e")
+    return digits if not mark else f"{digits if '.' in digits else digits + '.0'}e{int(exponent):+d}"
+
+
+def _key(name: str) -> str:
+    """Write a key; YAML wants to be told of long ones."""
+    key = _text(name)
+    return key if len(key) < LONG_KEY else f"? {key}"
+
+
+def _text(text: str) -> str:
+    """Write a text in double quotes, with what cannot be printed escaped as YAML has it: JSON's pairs of surrogates for
+    one character it does not know. Raises InputError for half of such a pair, which no file can hold."""
+    if _HALF.search(text):
+        raise InputError(f"the text {text!r} holds half a character (a lone surrogate), which no file can hold")
+    return "".join(char if char.isprintable() else _escape(ord(char)) for char in json.dumps(text, ensure_ascii=False))
+
+
+def _escape(code: int) -> str:
+    return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"

@@ -1,0 +1,105 @@
+"""What is said of long steps: on a terminal in one line that changes, off it in a line for each, at once."""
+
+from __future__ import annotations
+
+import io
+import threading
+import time
+from collections.abc import Callable
+from types import SimpleNamespace
+
+import pytest
+
+from hdplan.planner.search.search import Event
+from hdplan.planner.solvers.solution import Iteration
+from hdplan.planner.terminal import console
+from hdplan.scenes.model import PlannerSettings
+
+BUILDING = "hdplan: building the problem (the first time with a robot takes minutes) ..."
+
+
+@pytest.fixture
+def long_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(console, "LONG", 0.0)
+
+
+def until(said: Callable[[], str], words: str) -> list[str]:
+    """The lines that are there as soon as these words are."""
+    end = time.monotonic() + 10.0
+    while words not in said():
+        assert time.monotonic() < end, said()
+        time.sleep(0.01)
+    return said().splitlines()
+
+
+@pytest.fixture
+def errors(monkeypatch: pytest.MonkeyPatch) -> io.StringIO:
+    stream = io.StringIO()
+    monkeypatch.setattr(console, "sys", SimpleNamespace(stderr=stream))  # not the one that pytest takes for itself
+    return stream
+
+
+@pytest.mark.usefixtures("long_at_once")
+def test_a_long_step_is_named_while_it_lasts(errors: io.StringIO) -> None:
+    with console.waiting("following") as steps:
+        assert until(errors.getvalue, "following") == ["hdplan: following ..."]
+        steps.detail("half of it")
+        steps.begin("drawing")
+        assert errors.getvalue().splitlines() == ["hdplan: following ...", "hdplan: drawing ..."]
+
+
+def test_a_quick_command_says_nothing(errors: io.StringIO) -> None:
+    threads = threading.active_count()
+    with console.waiting("following") as steps:
+        steps.begin("drawing")
+    with console.measuring() as (report, _):
+        report(0, 3, "first")
+    while threading.active_count() > threads:
+        time.sleep(0.01)
+    assert errors.getvalue() == ""
+
+
+@pytest.mark.usefixtures("long_at_once")
+def test_nothing_is_said_where_nothing_is_to_be_shown(errors: io.StringIO) -> None:
+    with console.waiting("following", shown=False) as steps:
+        steps.begin("drawing")
+        steps.detail("half of it")
+    with console.progress(PlannerSettings(), shown=False) as (report, _):
+        report(Event(1))
+    time.sleep(0.1)
+    assert errors.getvalue() == ""
+
+
+@pytest.mark.usefixtures("long_at_once")
+def test_a_search_says_that_it_builds_and_that_it_searches(errors: io.StringIO) -> None:
+    with console.progress(PlannerSettings(), shown=True) as (report, stop):
+        until(errors.getvalue, "building")
+        for k in range(3):
+            report(Event(1, step=Iteration(k, 1.0, 0.0, 0.0, 0.0)))
+        assert not stop()
+    assert errors.getvalue().splitlines() == [BUILDING, "hdplan: searching for a motion ..."]
+
+
+@pytest.mark.usefixtures("long_at_once")
+@pytest.mark.parametrize("of", [1, 7, 10, 500_000])
+def test_a_measurement_says_at_most_every_tenth(errors: io.StringIO, of: int) -> None:
+    with console.measuring() as (report, _):
+        until(errors.getvalue, "measuring")
+        for done in range(0, of + 1, max(of // 1000, 1)):
+            report(done, of, f"case {done}")
+    first, *lines = errors.getvalue().splitlines()
+    assert first == "hdplan: measuring ..."
+    assert len(lines) == min(of, 10)
+    assert lines[0] == "hdplan: measuring, 0% done, next case 0 ..."
+
+
+@pytest.mark.usefixtures("long_at_once")
+def test_nobody_reading_is_no_failure(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Gone(io.StringIO):
+        def write(self, text: str) -> int:
+            raise BrokenPipeError
+
+    monkeypatch.setattr(console, "sys", SimpleNamespace(stderr=Gone()))
+    with console.waiting("following") as steps:
+        time.sleep(0.1)
+        steps.begin("drawing")

@@ -1,0 +1,163 @@
+"""The editors' schema says what the reader says: of shipped scenes, and of scenes broken at random."""
+
+from __future__ import annotations
+
+import copy
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from jsonschema import Draft7Validator
+
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.yaml_format.reader import SECTIONS, load_scene, shipped_scenes
+from hdplan.scenes.yaml_format.schema import scene_schema, schema_text
+
+SHIPPED = shipped_scenes()
+FILE = SHIPPED["empty"].parents[1] / "scene.schema.json"
+VALIDATOR = Draft7Validator(scene_schema())
+
+ABOUT_MEANING = re.compile(  # what the reader refuses and a schema cannot say: numbers and sections together, files
+    r"must be a unit quaternion|must be points that span|belongs to no body|must rise|with low < high|is taken by an"
+    r"|(torque|duration|acceleration) is missing|must be a (file|directory), but|must be as many as|has no meaning"
+    r"|stands beside|has no orientation|rows at a rate of|must name two different links|is infinite along"
+    r"|which has a length above 0|a whole number .* found -?[0-9]+\.0"
+)
+
+FULL = """
+hdplan: 1
+robot: {urdf: planar_arm.urdf, srdf: planar_arm.srdf, package_dirs: [.], group: arm,
+  locked: {j: 0.5}, ignore_pairs: [[a, b]]}
+obstacles:
+  - {name: a, shape: {type: box, size: [1, 1, 1]}, pose: {position: [0, 0, 9], rpy: [0, 0, 1]}, clearance: 0.1}
+  - {shape: {type: cylinder, radius: 1, length: 2}, motion: {velocity: [0, 0, 1], spin: [0, 0, 1]}}
+  - {shape: {type: capsule, radius: 1, length: 2}, motion: {times: [0, 1],
+    poses: [{position: [0, 0, 1]}, {position: [0, 0, 2]}]}}
+  - {shape: {type: points, points: [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]}}
+  - {shape: {type: mesh, file: hook.obj, scale: [1, 2, 1]}, pose: {quaternion_xyzw: [0, 0, 0, 1]}}
+attached: [{link: tool, shape: {type: sphere, radius: 0.1}, touch_links: [a], mass: 2}]
+start: {joints: {a: 1, b: 2}}
+goal: {poses: [{link: tool, position: [1, 0, 0], rpy: [0, 0, 0], position_tolerance: 0.01, free_rotation: x}]}
+self_collision: {clearance: 0.01}
+limits: {position: {a: [-1, 1]}, velocity: urdf, acceleration: 4, jerk: [1, 2, 3], torque: {a: 5}}
+payload: {link: tool, mass: 5, com: [0, 0, 0.08], inertia: [0.01, 0, 0, 0.01, 0, 0.01]}
+path: {upright: {link: tool, axis: -z, tolerance: 0.1}, position: {link: tool, size: [1, .inf, 1], position: [0, 0, 0]}}
+timing: {duration: 2, rate: 50}
+planner: {waypoints: 40, clearance: 0.005, gamma: 3, swept: true, normals: sphere, distance: fcl}
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the files that scenes name."""
+    found = tmp_path_factory.mktemp("scenes")
+    for file in ("hook.obj", "planar_arm.urdf", "planar_arm.srdf"):
+        shutil.copy(SHIPPED["empty"].with_name(file), found)
+    return found
+
+
+def said(content: Any, folder: Path) -> tuple[str | None, str | None]:
+    """What reader and schema have against a scene; None: nothing."""
+    file = folder / "scene.yaml"
+    file.write_text(yaml.dump(content, Dumper=yaml.CSafeDumper), encoding="utf-8")
+    refused = None
+    try:
+        load_scene(file)
+    except InputError as error:
+        refused = str(error).removeprefix(f"{file}: ")
+    wrong = next(VALIDATOR.iter_errors(content), None)
+    return refused, wrong and f"{wrong.json_path}: {wrong.message}"
+
+
+def test_the_file_is_fresh() -> None:
+    """`hdplan schema > scenes/scene.schema.json` writes it."""
+    Draft7Validator.check_schema(scene_schema())
+    assert FILE.read_text(encoding="utf-8") == schema_text()
+
+
+def test_every_section_is_described() -> None:
+    assert list(scene_schema()["properties"]) == list(SECTIONS)
+    assert all(scene_schema()["properties"].values())
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_scenes_keep_to_it_and_say_so_to_editors(name: str) -> None:
+    written = SHIPPED[name].read_text(encoding="utf-8")
+    assert written.startswith("# yaml-language-server: $schema=../scene.schema.json\n")
+    assert (SHIPPED[name].parent / "../scene.schema.json").resolve() == FILE.resolve()
+    assert not list(VALIDATOR.iter_errors(yaml.safe_load(written)))
+
+
+def test_a_scene_with_everything_keeps_to_it(folder: Path) -> None:
+    assert said(yaml.safe_load(FULL), folder) == (None, None)
+
+
+def test_both_refuse_the_same_broken_scenes(folder: Path) -> None:
+    """Unknown and missing keys, other types, numbers out of range, lists too long and too short: 200 that both refuse,
+    none that the schema alone does, and what the reader alone does is about what values mean together."""
+    rng = np.random.default_rng(14)
+    whole = [yaml.safe_load(file.read_text(encoding="utf-8")) for file in SHIPPED.values()] + 20 * [
+        yaml.safe_load(FULL)
+    ]
+    both = 0
+    while both < 200:
+        broken = copy.deepcopy(whole[int(rng.integers(len(whole)))])
+        what = break_at_random(broken, rng)
+        refused, wrong = said(broken, folder)
+        if refused is None or ABOUT_MEANING.search(refused):
+            assert wrong is None or refused is not None, (what, wrong)
+        else:
+            assert wrong is not None, (what, refused)
+            both += 1
+
+
+def break_at_random(content: Any, rng: np.random.Generator) -> str:
+    """Change one place of a scene; return what was done."""
+    places = list(containers(content))
+    place, key = places[int(rng.integers(len(places)))]
+    value = place[key]
+    others: list[Any] = [
+        "word",
+        "",
+        " ",
+        "a\nb",
+        3,
+        0,
+        -1,
+        2.5,
+        -0.0,
+        1e7,
+        -1e7,
+        1e-200,
+        True,
+        None,
+        [],
+        {},
+        [1],
+        ["a"],
+    ]
+    others += [[1, 2, 3], [[1, 2]], {"a": 1}, {"a": "b"}, {1: 2}, float("inf")]
+    match int(rng.integers(4)):
+        case 0 if isinstance(value, dict):
+            value["unknown"] = 1
+        case 1 if isinstance(value, dict) and value:
+            value.pop([*value][int(rng.integers(len(value)))])
+        case 2 if isinstance(value, list) and value:
+            value.append(value[0]) if rng.integers(2) else value.pop()
+        case _:
+            place[key] = others[int(rng.integers(len(others)))]
+    return f"{key}: {value} -> {place[key]}"
+
+
+def containers(content: Any) -> Iterator[tuple[Any, Any]]:
+    """All places of a scene below its top: what holds them, and the key."""
+    keys = content if isinstance(content, dict) else range(len(content))
+    for key in keys:
+        yield content, key
+        if isinstance(content[key], dict | list):
+            yield from containers(content[key])

@@ -1,0 +1,151 @@
+"""README and docs/ are held to their word: their commands and options exist, their Python and their scenes run."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+from hdplan import cli
+from hdplan.scenes.yaml_format.reader import shipped_scenes
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGES = {
+    str(path.relative_to(ROOT)): path.read_text(encoding="utf-8")
+    for path in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
+}
+EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*.py"))
+APP: Any = typer.main.get_command(cli.app)
+OPTION = re.compile(r"(?<![\w-])--?[a-z][a-z-]*")
+
+
+def commands(group: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Every command with the words that call it."""
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from commands(command, (*path, name))
+        else:
+            yield (*path, name), command
+
+
+COMMANDS = dict(commands(APP))
+
+
+def options(command: Any) -> set[str]:
+    return {name for option in command.params for name in option.opts if name.startswith("-")} | {"--help"}
+
+
+def blocks(page: str, *languages: str) -> list[str]:
+    return re.findall(rf"^```(?:{'|'.join(languages)})\n(.*?)^```", PAGES[page], re.DOTALL | re.MULTILINE)
+
+
+def calls(page: str) -> list[str]:
+    """What follows `hdplan` in a page's shell blocks, transcripts and code spans, without comments."""
+    lines = [line for block in blocks(page, "sh") for line in block.splitlines()]
+    lines += [line[2:] for block in blocks(page, "text") for line in block.splitlines() if line.startswith("$ ")]
+    lines += re.findall(r"`(hdplan [^`\n]+)`", re.sub(r"^```.*?^```", "", PAGES[page], flags=re.DOTALL | re.MULTILINE))
+    shown = (part for line in lines for part in line.split(" #")[0].split("&&"))
+    return [part.split("hdplan ", 1)[1].strip() for part in shown if re.match(r"\s*(\.venv/bin/)?hdplan ", part)]
+
+
+def unknown(call: str) -> str | None:
+    """What a call names that there is not."""
+    words = call.split()
+    for first in words[0].split("|"):
+        if first.startswith("-"):
+            found = options(APP)
+        elif (first,) in COMMANDS:
+            found = options(COMMANDS[first,])
+        else:
+            seconds = words[1].split("|") if len(words) > 1 else [path[1] for path in COMMANDS if path[0] == first]
+            if not seconds or any((first, second) not in COMMANDS for second in seconds):
+                return call
+            found = set.intersection(*(options(COMMANDS[first, second]) for second in seconds))
+        if missing := set(OPTION.findall(call)) - found:
+            return f"{call}: {', '.join(sorted(missing))}"
+    return None
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_command_and_option_exists(page: str) -> None:
+    assert [wrong for call in calls(page) if (wrong := unknown(call))] == []
+    every = set().union(*map(options, (APP, *COMMANDS.values())))
+    alone = re.findall(r"`(--[a-z][a-z-]*)[^`]*`", PAGES[page])
+    assert set(alone) <= every
+
+
+def test_what_does_not_exist_is_found() -> None:
+    for call in ("plann panda_cage", "plan a.yaml --sovler chomp", "study distances", "reproduce time|kink", "-z"):
+        assert unknown(call), call
+
+
+def test_every_command_and_option_stands_in_the_docs() -> None:
+    page = PAGES["docs/command_line.md"]
+    for path, command in COMMANDS.items():
+        assert any(set(path) <= set(re.split(r"[\s|]", call)) for call in calls("docs/command_line.md")), path
+        for option in command.params:
+            names = [name for name in option.opts if name.startswith("-")]
+            assert not names or any(name in OPTION.findall(page) for name in names), (path, names)
+
+
+def test_install_lines_work_from_a_checkout() -> None:
+    """hdplan is on no index: it is installed from its folder, and messages name the package that is missing."""
+    extras = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"])
+    sources = {
+        str(path.relative_to(ROOT)): path.read_text(encoding="utf-8")
+        for folder in ("scenes", "distance", "planner", "benchmarks")
+        for path in (ROOT / folder).rglob("*.py")
+    }
+    for name, text in {**PAGES, **sources, "cli.py": (ROOT / "cli.py").read_text()}.items():
+        assert not re.search(r"pip install( -\S+| constraints.txt)* '?hdplan", text), name
+        for named in re.findall(r"pip install[^`\n]* '?\.\[([a-z,]+)\]", text):
+            assert set(named.split(",")) <= extras, name
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")])
+def test_the_python_runs(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for code in blocks(page, "python"):
+        exec(compile(code, page, "exec"), {"__name__": "__main__"})
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "yaml")])
+def test_the_scenes_plan(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for scene in blocks(page, "yaml"):
+        (tmp_path / "scene.yaml").write_text(scene)
+        for line in ("hdplan plan scene.yaml -o motion.csv --quiet", "hdplan check scene.yaml motion.csv"):
+            monkeypatch.setattr(sys, "argv", shlex.split(line))
+            with pytest.raises(SystemExit) as caught:
+                cli.main()
+            assert caught.value.code == 0
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+def test_the_examples_run(example: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    code = example.read_text(encoding="utf-8")
+    assert len(code.splitlines()) < 60
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    exec(compile(code, str(example), "exec"), {"__name__": "__main__", "__file__": str(example)})
+    assert f'--8<-- "examples/{example.name}"' in PAGES["docs/examples.md"]
+    for picture in tmp_path.glob("*.png"):
+        assert (example.parent / picture.name).is_file()
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_file_that_is_named_exists(page: str) -> None:
+    named = re.findall(r"`((?:planner|distance|scenes|tests|benchmarks|docs|src)/[\w./]+)`", PAGES[page])
+    assert [name for name in named if not (ROOT / name).exists() and "NAME" not in name] == []
+
+
+def test_every_shipped_scene_is_named() -> None:
+    for name in shipped_scenes():
+        assert f"`{name}`" in PAGES["docs/scene.md"]
