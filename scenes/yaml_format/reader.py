@@ -23,6 +23,7 @@ from hdplan.scenes.model import (
     SelfCollision,
     TimedPoses,
 )
+from hdplan.scenes.moveit.geometry_text import ENDING, read_geometry
 from hdplan.scenes.moveit.planning_scene import is_moveit_request, is_moveit_scene, read_moveit
 from hdplan.scenes.poses import read_pose
 from hdplan.scenes.values import checked, path_of
@@ -63,7 +64,8 @@ def load_scene(path: FilePath, request: FilePath | None = None, robot: FilePath 
     """Read one planning problem.
 
     Args:
-        path: a hdplan scene, the bare name of a shipped one (``panda_corridor``), or a MoveIt planning scene.
+        path: a hdplan scene, the bare name of a shipped one (``panda_corridor``), or a MoveIt planning scene: the
+            message as YAML, or the text that RViz exports (``.scene``).
         request: the MoveIt motion plan request that goes with a MoveIt planning scene.
         robot: the name of a robot, or a YAML file with a `robot` section; replaces the scene's robot whole.
             A MoveIt scene needs it.
@@ -75,7 +77,8 @@ def load_scene(path: FilePath, request: FilePath | None = None, robot: FilePath 
     for name, given in (("path", path), ("request", request), ("robot", robot)):
         if given is not None or name == "path":
             checked(path_of, given, name)
-    top = read_document(find_scene(path))
+    file = find_scene(path)
+    top = read_geometry(file) if file.suffix.lower() == ENDING else read_document(file)
     keys = top.mapping()
     spec, notes = (None, ()) if robot is None else read_robot(robot)
     if "hdplan" not in keys and is_moveit_scene(keys):

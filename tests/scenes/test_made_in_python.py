@@ -389,7 +389,7 @@ def test_what_is_harmless_becomes_what_the_reader_makes() -> None:
         (lambda: scene_of(goal=np.empty((0, 7))), "Scene.goal: must be a list .* or a list of any one of these"),
         (lambda: scene_of(goal=[[0.0], PoseTarget("hand", Pose())]), "Scene.goal.targets: must be a list of one or"),
         (lambda: scene_of(obstacles=Obstacle("a", BOX_MADE)), "Scene.obstacles: must be a list"),
-        (lambda: scene_of(obstacles=[3]), r"Scene.obstacles\[0\]: must be an Obstacle, or a shape: Box, Sphere"),
+        (lambda: scene_of(obstacles=[3]), r"Scene.obstacles\[0\]: must be an Obstacle, or one of the shapes Box, Sph"),
         (lambda: Obstacle("a", Box([1, 1, 1], name="b")), "Obstacle.shape.name: is the obstacle's to say"),
         (
             lambda: Attached("a", "b", Box([1, 1, 1], pose=[0, 0, 1])),
