@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,6 +118,13 @@ class Sphere(_Solid):
 
 
 @dataclass(frozen=True, repr=False)
+class Ellipsoid(_Solid):
+    """An ellipsoid centred in its frame, its axes along x, y and z."""
+
+    radii: Annotated[Vector3, Row(Number(above=0.0, unit="m"), 3)]  # half axes [m]
+
+
+@dataclass(frozen=True, repr=False)
 class Cylinder(_Solid):
     """A right circular cylinder centred in its frame, axis z."""
 
@@ -148,7 +155,7 @@ class Mesh(_Solid):
     scale: Annotated[Vector3, meaning.scale] = (1.0, 1.0, 1.0)  # factor along each axis of the file
 
 
-Shape = Box | Sphere | Cylinder | Capsule | Points | Mesh
+Shape = Box | Sphere | Ellipsoid | Cylinder | Capsule | Points | Mesh
 
 
 def _check_unplaced(shape: Shape, owner: str) -> None:
@@ -371,7 +378,8 @@ def _obstacle_of(place: int) -> Callable[[object], Obstacle]:
         if isinstance(value, Obstacle):
             return value
         if not isinstance(value, _Solid):
-            raise wrong("an Obstacle, or a shape: Box, Sphere, Cylinder, Capsule, Points or Mesh", value)
+            shapes = ", ".join(kind.__name__ for kind in get_args(Shape))
+            raise wrong(f"an Obstacle, or one of the shapes {shapes}", value)
         bare: Any = dataclasses.replace(value, name=None, pose=None)
         return Obstacle(value.name or f"obstacle{place}", bare, value.pose or Pose())
 

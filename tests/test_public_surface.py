@@ -21,7 +21,18 @@ from hdplan import control, distance
 
 SURFACE: dict[ModuleType, set[str]] = {
     hdplan: {
-        *("Attached", "Box", "Budget", "Capsule", "Certificate", "ConvexBody", "Cylinder", "Event", "HdplanError"),
+        *(
+            "Attached",
+            "Box",
+            "Budget",
+            "Capsule",
+            "Certificate",
+            "ConvexBody",
+            "Cylinder",
+            "Ellipsoid",
+            "Event",
+            "HdplanError",
+        ),
         *("InputError", "Limits", "Mesh", "Obstacle", "OutOfTime", "PathConstraints", "Payload", "PlanResult"),
         *("PlannerSettings", "Points", "Pose", "PoseTarget", "Problem", "Robot", "RobotSpec", "Scene"),
         *("SelfCollision", "Solution", "Sphere", "SteadyMotion", "TimedPoses", "Timing", "Trajectory", "Upright"),

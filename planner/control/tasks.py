@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -102,12 +102,14 @@ def standing(q: Array, gain: float = 2.0) -> TrackTask:
     return TrackTask(_Still(goal), gain)
 
 
-class _Still(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class _Still:
     """A configuration that does not move, as a reference."""
 
     goal: Array
 
     def __call__(self, time: float) -> tuple[Array, Array]:
+        """Return it, and its velocity, which is none."""
         return self.goal, np.zeros_like(self.goal)
 
 

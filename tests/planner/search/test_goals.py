@@ -100,7 +100,7 @@ def test_a_turn_between_directions_is_as_long_as_their_angle() -> None:
 def test_a_pose_out_of_reach_is_refused_with_how_close_it_came() -> None:
     scene = load_scene("ur5_table")
     robot = load_scene_robot(scene)
-    target = PoseTarget("tool0", Pose((0.3, 0.0, 1.5)), 0.001, 0.01)
+    target = PoseTarget("tool0", Pose((0.3, 0.0, 1.5)), 0.001, 0.01, field="goal.pose")
     with pytest.raises(
         InputError, match=r"goal\.pose: link 'tool0' is not brought there: the best of \d+ tries is .* mm"
     ):
@@ -207,7 +207,7 @@ def test_a_goal_in_collision_is_passed_over_and_said() -> None:
     ],
 )
 def test_links_that_will_not_do_are_refused(link: str, words: str) -> None:
-    scene = aimed(load_scene("ur5_table"), PoseTarget(link, Pose()))
+    scene = aimed(load_scene("ur5_table"), PoseTarget(link, Pose(), field="goal.pose"))
     with pytest.raises(InputError, match=words):
         plan(scene)
 
