@@ -72,6 +72,13 @@ class Sphere(Checked):
 
 
 @dataclass(frozen=True)
+class Ellipsoid(Checked):
+    """An ellipsoid centred in its frame, its axes along x, y and z."""
+
+    radii: Annotated[Vector3, Row(Number(above=0.0, unit="m"), 3)]  # half axes [m]
+
+
+@dataclass(frozen=True)
 class Cylinder(Checked):
     """A right circular cylinder centred in its frame, axis z."""
 
@@ -102,7 +109,7 @@ class Mesh(Checked):
     scale: Annotated[Vector3, meaning.scale] = (1.0, 1.0, 1.0)  # factor along each axis of the file
 
 
-Shape = Box | Sphere | Cylinder | Capsule | Points | Mesh
+Shape = Box | Sphere | Ellipsoid | Cylinder | Capsule | Points | Mesh
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from hdplan.planner.geometry.coal_shapes import convex_hull, triangle_tree
 from hdplan.planner.geometry.meshes import TriangleMesh, below, load_mesh
 from hdplan.planner.geometry.solids import Solid
 from hdplan.scenes.errors import HdplanError
-from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, Sphere
+from hdplan.scenes.model import Box, Capsule, Cylinder, Ellipsoid, Mesh, Obstacle, Points, Sphere
 from hdplan.scenes.once import freeze
 
 Array = NDArray[np.float64]
@@ -40,12 +40,14 @@ NUDGE = 1e-5  # [rad] by which they are turned: enough to end an exactly paralle
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A convex set: the hull of `vertices`, swept by a ball and a disc across z. With `surface`, the hull of that."""
+    """A convex set: the hull of `vertices`, swept by a ball, a disc across z and an ellipsoid. With `surface`, the hull
+    of that."""
 
     vertices: Array  # (m, 3) [m] in the piece's frame
     shape: Any  # the same for coal, which only proposes directions
     ball: float = 0.0  # [m] radius that sweeps in all directions: sphere, capsule
     disc: float = 0.0  # [m] radius that sweeps across z: cylinder
+    radii: Array | None = None  # (3,) [m] half axes of the ellipsoid that sweeps
     surface: Surface | None = None  # the triangles, where they are not convex
     low: Array = field(init=False)  # (3,) corners of the bounding box
     high: Array = field(init=False)
@@ -54,15 +56,22 @@ class Piece:
 
     def __post_init__(self) -> None:
         """Enclose the piece in a box and a ball."""
-        reach = np.array([self.disc, self.disc, 0.0]) + self.ball
+        reach = np.array([self.disc, self.disc, 0.0]) + self.ball + (0.0 if self.radii is None else self.radii)
         low, high = self.vertices.min(axis=0) - reach, self.vertices.max(axis=0) + reach
         center = 0.5 * (low + high)
         farthest = float(np.linalg.norm(self.vertices - center, axis=1).max()) + self.ball
+        if self.radii is not None:
+            farthest += float(self.radii.max())
         if self.disc:
             farthest = float(np.linalg.norm(high - center))
         for name, value in (("low", low), ("high", high), ("center", center), ("radius", farthest)):
             object.__setattr__(self, name, value)
         freeze(self)
+
+    @property
+    def sweep(self) -> float:
+        """How far no point of the piece is beyond the hull of its vertices [m]."""
+        return self.ball + self.disc + (0.0 if self.radii is None else float(self.radii.max()))
 
     def support(self, directions: Array) -> Array:
         """Return h(d) = max_{x in the piece} d·x for directions (k, 3) of any length, in the piece's frame."""
@@ -71,6 +80,8 @@ class Piece:
             values = values + self.ball * np.linalg.norm(directions, axis=1)
         if self.disc:
             values = values + self.disc * np.hypot(directions[:, 0], directions[:, 1])
+        if self.radii is not None:
+            values = values + np.linalg.norm(directions * self.radii, axis=1)
         return np.asarray(values)
 
 
@@ -103,6 +114,8 @@ def obstacle_pieces(obstacle: Obstacle) -> tuple[Piece, ...]:
             return (_box(np.array(size)),)
         case Sphere(radius):
             return (_capsule(radius, 0.0),)
+        case Ellipsoid(radii):
+            return (_ellipsoid(np.array(radii)),)
         case Cylinder(radius, length):
             return (_cylinder(radius, length),)
         case Capsule(radius, length):
@@ -120,6 +133,8 @@ def link_pieces(geometry: Any, name: str) -> tuple[Piece, ...]:
             return (_box(2.0 * geometry.halfSide),)
         case coal.Sphere():
             return (_capsule(geometry.radius, 0.0),)
+        case coal.Ellipsoid():
+            return (_ellipsoid(np.array(geometry.radii)),)
         case coal.Cylinder():
             return (_cylinder(geometry.radius, 2.0 * geometry.halfLength),)
         case coal.Capsule():
@@ -281,6 +296,10 @@ def _capsule(radius: float, length: float) -> Piece:
     if length == 0.0:
         return Piece(np.zeros((1, 3)), coal.Sphere(radius), ball=radius)
     return Piece(np.array([[0, 0, -0.5], [0, 0, 0.5]]) * length, coal.Capsule(radius, length), ball=radius)
+
+
+def _ellipsoid(radii: Array) -> Piece:
+    return Piece(np.zeros((1, 3)), coal.Ellipsoid(*radii), radii=radii)
 
 
 def _hull(points: Array, surface: Surface | None = None) -> Piece:

@@ -44,7 +44,7 @@ class Body:
     def reach(self, chain: Chain, travel: Array) -> Array:
         """Return ρ (n,) of `motion_bounds`, for coordinates that range over `travel` (n, 2)."""
         points = self.piece.vertices @ self.placement[:3, :3].T + self.placement[:3, 3]
-        return chain.reach(self.joint, points, self.piece.ball + self.piece.disc, travel)
+        return chain.reach(self.joint, points, self.piece.sweep, travel)
 
 
 class Bodies:

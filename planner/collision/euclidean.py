@@ -15,7 +15,7 @@ the witness points, and in overlaps the normal too, are one choice among many.
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,8 +28,9 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.collision.broad_phase import BodyPairs, Floats, Rows
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
+from hdplan.planner.geometry.shapes import operations
 from hdplan.planner.kinematics.forward import KinematicsBatch
-from hdplan.scenes.model import Box, Capsule, Cylinder, Points, Shape, Sphere
+from hdplan.scenes.model import Shape
 from hdplan.scenes.once import read_only
 
 DOUBTFUL = 1e-6  # coal's distance and the gap along its own normal differ by more [m] only where coal is wrong
@@ -120,18 +121,21 @@ class FclPairs:
 
 @dataclass(frozen=True, eq=False)
 class _Solid:
-    """The hull of `vertices`, swept by a ball and a disc across z, in its own frame."""
+    """The hull of `vertices`, swept by a ball; or a shape by a formula, `vertices` being its centre. In its own
+    frame."""
 
     shape: Any  # the same for coal
     vertices: Floats  # (m, 3) [m]
     ball: float = 0.0  # [m] radius
-    disc: float = 0.0  # [m] radius
+    formula: Callable[[Floats], Floats] | None = None
 
     def support(self, directions: Floats) -> Floats:
-        """h(d) = max d·x over the solid, for directions (S, 3) of any length."""
+        """h(d) = max d·x over the solid, for unit directions (S, 3)."""
+        if self.formula is not None:
+            return self.formula(directions)
         values: Floats = (directions @ self.vertices.T).max(axis=1)
         values += self.ball * np.linalg.norm(directions, axis=1)
-        return values + self.disc * np.hypot(directions[:, 0], directions[:, 1])
+        return values
 
 
 def _supports(solids: dict[int, _Solid], index: Rows, directions: Floats) -> Floats:
@@ -146,24 +150,12 @@ def _supports(solids: dict[int, _Solid], index: Rows, directions: Floats) -> Flo
 
 def _solid(shape: Shape | ConvexBody) -> _Solid:
     """A plane body's true shape."""
-    match shape:
-        case Box(size):
-            return _Solid(coal.Box(*size), ConvexBody.box(size).vertices)
-        case Sphere(radius):
-            return _Solid(coal.Sphere(radius), np.zeros((1, 3)), ball=radius)
-        case Cylinder(radius, length):
-            return _Solid(coal.Cylinder(radius, length), _segment(length), disc=radius)
-        case Capsule(radius, length):
-            return _Solid(coal.Capsule(radius, length), _segment(length), ball=radius)
-        case Points(points):
-            return _swept(ConvexBody.from_points(points))
-        case ConvexBody():
-            return _swept(shape)
-    raise TypeError(f"a {type(shape).__name__} has to be split into convex pieces first")
-
-
-def _segment(length: float) -> Floats:
-    return np.array([[0.0, 0.0, -length / 2], [0.0, 0.0, length / 2]])
+    if isinstance(shape, ConvexBody):
+        return _swept(shape)
+    row = operations(shape)
+    if row.outline is None:
+        raise TypeError(f"a {type(shape).__name__} has to be split into convex pieces first")
+    return _Solid(row.coal(shape, ""), np.zeros((1, 3)), formula=functools.partial(row.outline.support, shape))
 
 
 @functools.lru_cache(maxsize=4096)

@@ -22,8 +22,9 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.symbolic.halfspaces import FAR, box_directions
 from hdplan.planner.collision.convex_pieces import MOST_SECONDS, convex_pieces
 from hdplan.planner.geometry.meshes import load_mesh
+from hdplan.planner.geometry.shapes import operations
 from hdplan.scenes.deadline import check_time
-from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, Shape, Sphere
+from hdplan.scenes.model import Mesh, Obstacle, Points, Shape
 from hdplan.scenes.once import freeze
 
 Floats = NDArray[np.float64]
@@ -82,27 +83,20 @@ def from_obstacle(
 def from_shape(name: str, shape: Shape, placement: Floats, normals: str = "box") -> HalfspaceBody:
     """Enclose a scene shape that stands at `placement` in the world. Meshes come as the convex Points of their
     pieces."""
-    match shape:
-        case Box(size):
-            half = np.array(size) / 2
+    if isinstance(shape, Points):
+        return from_points(name, np.array(shape.points), placement, normals)
+    outline = operations(shape).outline
+    if outline is None:
+        raise TypeError(f"{name}: a {type(shape).__name__} has to be split into convex pieces first")
+    half = outline.half_size(shape)
+    match outline.round_about:
+        case "nothing":
             directions = _few(normals)
-            return _placed(name, 0, placement, shape, directions, np.abs(directions) @ half, half)
-        case Sphere(radius):
-            directions = _many(_ball_directions(), normals)
-            return _placed(name, 0, placement, shape, directions, np.full(len(directions), radius), np.full(3, radius))
-        case Cylinder(radius, length):
+        case "axis":
             directions = _many(_round_directions(), normals)
-            supports = radius * np.hypot(directions[:, 0], directions[:, 1]) + length / 2 * np.abs(directions[:, 2])
-            return _placed(name, 0, placement, shape, directions, supports, np.array([radius, radius, length / 2]))
-        case Capsule(radius, length):
-            directions = _many(_round_directions(), normals)
-            supports = radius + length / 2 * np.abs(directions[:, 2])
-            return _placed(
-                name, 0, placement, shape, directions, supports, np.array([radius, radius, length / 2 + radius])
-            )
-        case Points(points):
-            return from_points(name, np.array(points), placement, normals)
-    raise TypeError(f"{name}: a {type(shape).__name__} has to be split into convex pieces first")
+        case "centre":
+            directions = _many(_ball_directions(half), normals)
+    return _placed(name, 0, placement, shape, directions, outline.support(shape, directions), half)
 
 
 def from_points(name: str, points: Floats, placement: Floats, normals: str = "box") -> HalfspaceBody:
@@ -208,11 +202,15 @@ def _round_directions() -> Floats:
     return np.vstack([box_directions(), sideways, slanted, slanted * [1, 1, -1]])
 
 
-def _ball_directions() -> Floats:
+def _ball_directions(half_size: Floats) -> Floats:
     """MANY directions around a ball: the box's, and the 24 like (1, 1, 3) in the widest gaps between them. No direction
-    is farther than 19.1 degrees from all of these."""
+    is farther than 19.1 degrees from all of these. Around an ellipsoid the 24 are the normals where those would touch
+    it, were it stretched to a ball."""
     signs = np.array(list(itertools.product((-1, 1), repeat=3)))
     between = np.vstack([signs * axis for axis in ((1, 1, 3), (1, 3, 1), (3, 1, 1))]) / np.sqrt(11)
+    if np.ptp(half_size) > 0.0:
+        between = between / half_size
+        between /= np.linalg.norm(between, axis=1, keepdims=True)
     return np.vstack([box_directions(), between])
 
 

@@ -35,6 +35,7 @@ from hdplan.planner.collision.sphere_swept_fit import (
     spread,
 )
 from hdplan.planner.geometry.meshes import below
+from hdplan.planner.geometry.shapes import operations, shape_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.once import Turn
@@ -57,7 +58,6 @@ CANDIDATES = (
     (3, 6),
 )  # (slabs, vertices), cheapest first
 FIXED = {"capsule": (1, 2), "outer-4": (1, 4), "outer-12": (3, 4)}  # the one candidate of the settings named so
-ROUND_SIDES = 16  # sides of the prism around a cylinder
 
 _fitting = Turn()  # how many threads BLAS may use is set for the whole process
 
@@ -274,17 +274,10 @@ def _triangles(item: pin.GeometryObject) -> Array:
         return np.asarray(np.asarray(shape.vertices())[corners])
     if isinstance(shape, coal.ConvexBase):
         return _polyhedron(np.asarray(shape.points()))
-    if isinstance(shape, coal.Box):
-        return _polyhedron(np.array(list(itertools.product((-1, 1), repeat=3))) * shape.halfSide)
-    angles = 2 * np.pi * (np.arange(ROUND_SIDES) + 0.5) / ROUND_SIDES
-    ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], 1) / np.cos(np.pi / ROUND_SIDES)
-    if isinstance(shape, coal.Cylinder):
-        return _polyhedron(np.concatenate([shape.radius * ring + [0, 0, end * shape.halfLength] for end in (-1, 1)]))
-    if isinstance(shape, coal.Sphere | coal.Capsule):
-        half = shape.halfLength if isinstance(shape, coal.Capsule) else 0.0
-        ball = trimesh.creation.icosphere(subdivisions=2)
-        radius = shape.radius / float(np.min(np.sum(ball.triangles[:, 0] * ball.face_normals, axis=1)))
-        return _polyhedron(np.concatenate([radius * ball.vertices + [0, 0, end * half] for end in (-1, 1)]))
+    known = shape_of(shape)
+    outline = None if known is None else operations(known).outline
+    if outline is not None:
+        return _polyhedron(outline.around(known))
     raise InputError(f"robot: collision geometry '{item.name}' is a {type(shape).__name__}, which hdplan does not know")
 
 

@@ -233,12 +233,15 @@ def skin(piece: Piece, whole: bool) -> Skin:
     """
     if whole and piece.surface is not None:
         return Skin(piece.surface.mesh.vertices, piece.surface.mesh.triangles)
-    directions = _FINE if piece.ball or piece.disc else _COARSE
+    directions = _FINE if piece.sweep else _COARSE
     level = directions * [1.0, 1.0, 0.0]
     around = np.linalg.norm(level, axis=1, keepdims=True)
     rim = np.divide(level, around, out=np.zeros_like(level), where=around > 1e-9)
     points = piece.vertices[(directions @ piece.vertices.T).argmax(axis=1)]
-    points = np.unique((points + piece.ball * directions + piece.disc * rim).round(9), axis=0)
+    points = points + piece.ball * directions + piece.disc * rim
+    if piece.radii is not None:
+        points = points + directions * piece.radii
+    points = np.unique(points.round(9), axis=0)
     hull = ConvexHull(points)
     corners = points[hull.simplices]
     inward = (

@@ -7,17 +7,13 @@ the certificate and pairs follow from those, as they do for links. Robot side: n
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
-import coal
-import numpy as np
 import pinocchio as pin
 
-from hdplan.planner.geometry.coal_shapes import convex_hull, triangle_tree
-from hdplan.planner.geometry.meshes import FLAT, TriangleMesh, load_mesh, thinness
+from hdplan.planner.geometry.shapes import operations
 from hdplan.planner.robot.robot import MOVE_AS_ONE, Robot
 from hdplan.scenes.errors import InputError, nearest
-from hdplan.scenes.model import Attached, Box, Capsule, Cylinder, Mesh, Points, Shape, Sphere
+from hdplan.scenes.model import Attached
 from hdplan.scenes.robot_files.description import link_pair
 
 
@@ -49,7 +45,7 @@ def with_attached(robot: Robot, attached: tuple[Attached, ...]) -> Robot:
         index = robot.model.getFrameId(held.link, pin.FrameType.BODY)
         frame = robot.model.frames[index]
         placement = frame.placement * pin.SE3(held.pose.matrix)
-        shape = _coal_shape(held.shape, f"attached.{held.name}")
+        shape = operations(held.shape).coal(held.shape, f"attached.{held.name}")
         item = pin.GeometryObject(held.name, frame.parentJoint, index, placement, shape)
         link_geometry[held.name] = (int(collision.addGeometryObject(item)),)
         link_joint[held.name] = int(frame.parentJoint)
@@ -68,23 +64,3 @@ def with_attached(robot: Robot, attached: tuple[Attached, ...]) -> Robot:
         unchecked={**robot.unchecked, **unchecked},
         attached=attached,
     )
-
-
-def _coal_shape(shape: Shape, field: str) -> Any:
-    """Return a scene's shape as coal has the geometry of links. Raises InputError, naming `field`."""
-    match shape:
-        case Box(size):
-            return coal.Box(*size)
-        case Sphere(radius):
-            return coal.Sphere(radius)
-        case Cylinder(radius, length):
-            return coal.Cylinder(radius, length)
-        case Capsule(radius, length):
-            return coal.Capsule(radius, length)
-        case Points(points):
-            corners = np.array(points)
-            if thinness(corners) <= FLAT:
-                raise InputError(f"{field}.shape.points: are flat; a body with some thickness is needed")
-            return convex_hull(corners) or triangle_tree(TriangleMesh.hull(corners))
-        case Mesh():
-            return triangle_tree(load_mesh(shape, field))

@@ -11,12 +11,11 @@ import itertools
 
 import numpy as np
 import pinocchio as pin
-import trimesh
 
-from hdplan.planner.geometry.meshes import load_mesh
+from hdplan.planner.geometry.shapes import operations
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import InputError, naming, nearest
-from hdplan.scenes.model import Attached, Box, Capsule, Cylinder, Mesh, Payload, Points, Scene, Sphere
+from hdplan.scenes.model import Attached, Payload, Scene
 
 
 def loaded_model(scene: Scene, robot: Robot) -> pin.Model:
@@ -69,32 +68,5 @@ def _inertia_of_payload(payload: Payload) -> pin.Inertia:
 
 def _inertia_of_held(held: Attached, mass: float) -> pin.Inertia:
     """Return the inertia of a body of even density and a mass [kg], in its link's frame."""
-    match held.shape:
-        case Box(size):
-            inertia = pin.Inertia.FromBox(mass, *size)
-        case Sphere(radius):
-            inertia = pin.Inertia.FromSphere(mass, radius)
-        case Cylinder(radius, length):
-            inertia = pin.Inertia.FromCylinder(mass, radius, length)
-        case Capsule(radius, length):
-            inertia = pin.Inertia.FromCapsule(mass, radius, length)
-        case Points(points):
-            inertia = _even(trimesh.convex.convex_hull(points), mass)
-        case Mesh():
-            mesh = load_mesh(held.shape, f"attached.{held.name}")
-            if not mesh.closed:
-                raise InputError(
-                    f"attached.{held.name}.mass: mesh {held.shape.file} is not closed, so its mass has no volume to be "
-                    "spread over; give it as payload, with its com and inertia"
-                )
-            inertia = _even(trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False), mass)
+    inertia = operations(held.shape).inertia(held.shape, mass, f"attached.{held.name}")
     return pin.SE3(held.pose.matrix).act(inertia)
-
-
-def _even(mesh: trimesh.Trimesh, mass: float) -> pin.Inertia:
-    """Return the inertia of a closed mesh of even density, about its centre."""
-    if mesh.volume < 0:  # its triangles run the other way round
-        mesh = mesh.copy()
-        mesh.invert()
-    mesh.density = mass / mesh.volume
-    return pin.Inertia(mass, np.asarray(mesh.center_mass), np.asarray(mesh.moment_inertia))

@@ -11,6 +11,7 @@ from collections import Counter
 
 import numpy as np
 
+from hdplan.planner.geometry.shapes import operations
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.terms import Clearance
 from hdplan.planner.robot.joint_limits import acceleration_limits, jerk_limits, torque_limits, velocity_limits
@@ -18,17 +19,10 @@ from hdplan.planner.robot.robot import ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS
 from hdplan.planner.terminal.explain_cost import functions, trial
 from hdplan.planner.terminal.explain_effects import counted, effects
 from hdplan.scenes.model import (
-    Box,
-    Capsule,
-    Cylinder,
     Goals,
     JointTarget,
-    Mesh,
     PlannerSettings,
-    Points,
     PoseTarget,
-    Shape,
-    Sphere,
     SteadyMotion,
     TimedPoses,
 )
@@ -127,7 +121,7 @@ def _obstacles(problem: Problem) -> Rows:
     moving = sum(body.joint > 0 for body in problem.bodies)
     rows: Rows = []
     for obstacle in problem.scene.obstacles[:MOST_OBSTACLES]:
-        words = _shape(obstacle.shape)
+        words = operations(obstacle.shape).words(obstacle.shape)
         words += f" in {pieces[obstacle.name]} convex pieces" if pieces[obstacle.name] > 1 else ""
         words += f", clearance {obstacle.clearance:g} m" if obstacle.clearance is not None else ""
         total = moving * pieces[obstacle.name]
@@ -153,7 +147,8 @@ def _attached(problem: Problem) -> Rows:
         links = sum(held.name in pair for pair in problem.robot.self_pairs)
         touching = f", may touch {', '.join(held.touch_links)}" if held.touch_links else ""
         mass = "" if held.mass is None else f", {held.mass:g} kg"
-        words = f"{_shape(held.shape)}{mass}, held by {held.link}{touching}; outer bodies: {bodies[held.name]}"
+        what = operations(held.shape).words(held.shape)
+        words = f"{what}{mass}, held by {held.link}{touching}; outer bodies: {bodies[held.name]}"
         rows.append((held.name, f"{words}; kept apart from obstacles and {counted(links, 'link')}"))
     return rows
 
@@ -214,22 +209,6 @@ def _settings(problem: Problem) -> Rows:
         shown = str(value).lower() if isinstance(value, str | bool) else f"{value:g}"
         rows.append((field.name, f"{shown}{UNITS.get(field.name, '')} ({origin})"))
     return rows
-
-
-def _shape(shape: Shape) -> str:
-    match shape:
-        case Box(size):
-            return f"box {' × '.join(f'{edge:g}' for edge in size)} m"
-        case Sphere(radius):
-            return f"sphere, radius {radius:g} m"
-        case Cylinder(radius, length):
-            return f"cylinder, radius {radius:g} m, length {length:g} m"
-        case Capsule(radius, length):
-            return f"capsule, radius {radius:g} m, length {length:g} m"
-        case Points(points):
-            return f"hull of {len(points)} points"
-        case Mesh(file):
-            return f"mesh {file.name}"
 
 
 def _term(problem: Problem, name: str) -> Clearance | None:

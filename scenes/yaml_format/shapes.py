@@ -1,38 +1,45 @@
-"""Shapes as scene files write them: ``{type: box, size: [x, y, z]}`` and the like."""
+"""Shapes in scene files: ``{type: box, size: [x, y, z]}`` and the like, as the model's classes have them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, get_args
 
 from hdplan.scenes.fields import Field
-from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Points, Shape, Sphere
+from hdplan.scenes.model import Shape
 
-SHAPE_KEYS = {
-    "box": ("size",),
-    "sphere": ("radius",),
-    "cylinder": ("radius", "length"),
-    "capsule": ("radius", "length"),
-    "points": ("points",),
-    "mesh": ("file", "scale"),
-}
-"""Keys of each shape beside its type; all are required but a mesh's scale."""
-CLASSES: dict[str, Callable[..., Shape]] = {
-    "box": Box,
-    "sphere": Sphere,
-    "cylinder": Cylinder,
-    "capsule": Capsule,
-    "points": Points,
-}
-"""Shapes whose keys are their attributes as they are."""
+CLASSES: Mapping[str, type[Any]] = MappingProxyType({kind.__name__.lower(): kind for kind in get_args(Shape)})
+"""The word of each shape and its class."""
+SHAPE_KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {word: tuple(key.name for key in fields(kind)) for word, kind in CLASSES.items()}
+)
+"""Keys of each shape beside its type; those are required that have no default."""
 
 
 def read_shape(section: Field) -> Shape:
     """Read a shape. Raises InputError: unknown type or key, a size that is not above 0, points in one plane."""
     every_key = {"type", *(key for keys in SHAPE_KEYS.values() for key in keys)}
-    kind = section.mapping(every_key, required=["type"])["type"].choice(SHAPE_KEYS)
-    required = [key for key in SHAPE_KEYS[kind] if key != "scale"]
-    keys = section.mapping(("type", *SHAPE_KEYS[kind]), required)
+    word = section.mapping(every_key, required=["type"])["type"].choice(SHAPE_KEYS)
+    required = [key.name for key in fields(CLASSES[word]) if key.default is MISSING]
+    keys: dict[str, Any] = dict(section.mapping(("type", *SHAPE_KEYS[word]), required))
     del keys["type"]
     if "file" in keys:
-        return section.make(Mesh, **{**keys, "file": keys["file"].path()})
-    return section.make(CLASSES[kind], **keys)
+        keys["file"] = keys["file"].path()
+    shape: Shape = section.make(CLASSES[word], **keys)
+    return shape
+
+
+def shape_entry(shape: Shape, write_path: Any) -> dict[str, Any]:
+    """Return what `read_shape` reads back; `write_path` says how the name of a file is written."""
+    entry: dict[str, Any] = {"type": type(shape).__name__.lower()}
+    for key in fields(shape):
+        value = getattr(shape, key.name)
+        entry[key.name] = write_path(value) if isinstance(value, Path) else _plain(value)
+    return entry
+
+
+def _plain(value: Any) -> Any:
+    return [_plain(each) for each in value] if isinstance(value, tuple) else value

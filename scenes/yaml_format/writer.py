@@ -12,26 +12,20 @@ from typing import Any
 
 from hdplan.scenes.model import (
     Attached,
-    Box,
-    Capsule,
-    Cylinder,
     Goals,
     JointTarget,
     JointValues,
     Limits,
-    Mesh,
     Obstacle,
     PathConstraints,
-    Points,
     Pose,
     PoseTarget,
     Scene,
     SelfCollision,
-    Shape,
-    Sphere,
     SteadyMotion,
     TimedPoses,
 )
+from hdplan.scenes.yaml_format.shapes import shape_entry
 from hdplan.scenes.yaml_text import flow_style
 
 VERSION = 1
@@ -74,7 +68,7 @@ def scene_text(scene: Scene) -> str:
 
 
 def _obstacle(obstacle: Obstacle) -> dict[str, Any]:
-    entry: dict[str, Any] = {"name": obstacle.name, "shape": _shape(obstacle.shape)}
+    entry: dict[str, Any] = {"name": obstacle.name, "shape": shape_entry(obstacle.shape, _path)}
     if not isinstance(obstacle.motion, TimedPoses):
         entry["pose"] = _pose(obstacle.pose)
     if obstacle.clearance is not None:
@@ -88,7 +82,7 @@ def _obstacle(obstacle: Obstacle) -> dict[str, Any]:
 
 
 def _attached(held: Attached) -> dict[str, Any]:
-    entry = {"name": held.name, "link": held.link, "shape": _shape(held.shape), "pose": _pose(held.pose)}
+    entry = {"name": held.name, "link": held.link, "shape": shape_entry(held.shape, _path), "pose": _pose(held.pose)}
     return {**entry, "touch_links": list(held.touch_links), **({} if held.mass is None else {"mass": held.mass})}
 
 
@@ -123,22 +117,6 @@ def _joint_values(values: JointValues | None) -> Any:
     if isinstance(values, Mapping):
         return dict(values)
     return list(values) if isinstance(values, tuple) else values
-
-
-def _shape(shape: Shape) -> dict[str, Any]:
-    match shape:
-        case Box(size):
-            return {"type": "box", "size": list(size)}
-        case Sphere(radius):
-            return {"type": "sphere", "radius": radius}
-        case Cylinder(radius, length):
-            return {"type": "cylinder", "radius": radius, "length": length}
-        case Capsule(radius, length):
-            return {"type": "capsule", "radius": radius, "length": length}
-        case Points(points):
-            return {"type": "points", "points": [list(point) for point in points]}
-        case Mesh(file, scale):
-            return {"type": "mesh", "file": _path(file), "scale": list(scale)}
 
 
 def _pose(pose: Pose) -> dict[str, Any]:

@@ -26,12 +26,13 @@ from numpy.typing import NDArray
 from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.collision.link_bodies import link_bodies
 from hdplan.planner.geometry.mesh_files import read_mesh_file, read_scene
-from hdplan.planner.geometry.meshes import LARGEST, load_mesh
+from hdplan.planner.geometry.meshes import LARGEST
+from hdplan.planner.geometry.shapes import operations, shape_of
 from hdplan.planner.robot.pin_model import read_visuals
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import Stamps, stamps_of
-from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, RobotSpec, Sphere, Vector3
+from hdplan.scenes.model import Obstacle, RobotSpec, Vector3
 from hdplan.scenes.once import freeze
 from hdplan.scenes.robot_files.library import description_of
 
@@ -131,20 +132,7 @@ def outer_skins(robot: Robot, geometry: str, color: Color = PLAIN) -> tuple[Skin
 
 def obstacle_mesh(obstacle: Obstacle) -> trimesh.Trimesh:
     """Return an obstacle's true shape in its own frame. Raises InputError for a mesh file that cannot be used."""
-    match obstacle.shape:
-        case Box(size):
-            return trimesh.creation.box(size)
-        case Sphere(radius):
-            return trimesh.creation.icosphere(subdivisions=3, radius=radius)
-        case Cylinder(radius, length):
-            return trimesh.creation.cylinder(radius, length, sections=48)
-        case Capsule(radius, length):
-            return _capsule(radius, length)
-        case Points(points):
-            return trimesh.PointCloud(points).convex_hull
-        case Mesh() as shape:
-            mesh = load_mesh(shape, f"obstacles.{obstacle.name}")
-            return trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False)
+    return operations(obstacle.shape).triangles(obstacle.shape, f"obstacles.{obstacle.name}")
 
 
 def shaded(mesh: trimesh.Trimesh) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
@@ -205,25 +193,16 @@ def _rgb(color: Any) -> Color:
 
 def _solid(shape: Any) -> trimesh.Trimesh:
     """Return one of coal's shapes as triangles."""
+    known = shape_of(shape)
+    if known is not None:
+        return operations(known).triangles(known, "robot")
     match shape:
         case coal.BVHModelBase():
             corners = np.array([[t[0], t[1], t[2]] for t in map(shape.tri_indices, range(shape.num_tris))])
             return trimesh.Trimesh(np.asarray(shape.vertices()), corners)
-        case coal.Box():
-            return trimesh.creation.box(2.0 * shape.halfSide)
-        case coal.Sphere():
-            return trimesh.creation.icosphere(subdivisions=3, radius=shape.radius)
-        case coal.Cylinder():
-            return trimesh.creation.cylinder(shape.radius, 2.0 * shape.halfLength, sections=48)
-        case coal.Capsule():
-            return _capsule(shape.radius, 2.0 * shape.halfLength)
         case coal.ConvexBase():
             return trimesh.PointCloud(np.asarray(shape.points())).convex_hull
     raise InputError(f"robot: a geometry is a {type(shape).__name__}, which the viewer does not know")
-
-
-def _capsule(radius: float, length: float) -> trimesh.Trimesh:
-    return _swept(ConvexBody.capsule(radius, length), FINE) if length else trimesh.creation.icosphere(3, radius)
 
 
 def _swept(body: ConvexBody, subdivisions: int) -> trimesh.Trimesh:

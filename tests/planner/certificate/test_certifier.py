@@ -29,6 +29,7 @@ from hdplan.scenes.model import (
     Box,
     Capsule,
     Cylinder,
+    Ellipsoid,
     JointTarget,
     Mesh,
     Obstacle,
@@ -96,7 +97,10 @@ def random_obstacles(rng: np.random.Generator, count: int, folder: Path, reach: 
     for i, (x, y, z) in enumerate(sizes):
         cloud = tuple(tuple(p) for p in rng.normal(0, 0.08, size=(12, 3)).tolist())
         kinds.append(
-            (Box((x, y, z)), Sphere(x), Cylinder(x / 2, z), Capsule(x / 3, z), Points(cloud), Mesh(torus))[i % 6]
+            (
+                *(Box((x, y, z)), Sphere(x), Cylinder(x / 2, z), Capsule(x / 3, z), Points(cloud), Mesh(torus)),
+                Ellipsoid((x, y / 2, z / 3)),
+            )[i % 7]
         )
     return tuple(Obstacle(f"thing{i}", shape, random_pose(rng, reach)) for i, shape in enumerate(kinds))
 
@@ -114,6 +118,8 @@ def plain(shape: Shape) -> coal.CollisionGeometry:
             return coal.Box(*size)
         case Sphere(radius):
             return coal.Sphere(radius)
+        case Ellipsoid(radii):
+            return coal.Ellipsoid(*radii)
         case Cylinder(radius, length):
             return coal.Cylinder(radius, length)
         case Capsule(radius, length):
@@ -396,6 +402,7 @@ def random_pieces(rng: np.random.Generator) -> list[Piece]:
     flat = tuple((x, y, 1e-6 * x * y) for x, y in rng.normal(size=(5, 2)).tolist())
     cloud = tuple(tuple(p) for p in rng.normal(size=(20, 3)).tolist())
     shapes = [Box((1.0, 0.5, 0.2)), Sphere(0.4), Cylinder(0.3, 0.8), Capsule(0.2, 0.7), Points(cloud), Points(flat)]
+    shapes.append(Ellipsoid((0.1, 0.5, 1.0)))
     return [obstacle_pieces(Obstacle("x", shape))[0] for shape in shapes]
 
 
@@ -408,6 +415,8 @@ def test_support_bounds_hold_for_the_points_of_each_shape() -> None:
         angle = rng.uniform(0, 2 * np.pi, size=4000)
         inside = weights @ piece.vertices
         inside = inside + piece.ball * ball / np.linalg.norm(ball, axis=1, keepdims=True)
+        if piece.radii is not None:
+            inside = inside + piece.radii * ball / np.linalg.norm(ball, axis=1, keepdims=True)
         inside = inside + piece.disc * np.c_[np.cos(angle), np.sin(angle), np.zeros(4000)]
         directions = rng.normal(size=(50, 3)) * 3
         largest = (directions @ inside.T).max(axis=1)

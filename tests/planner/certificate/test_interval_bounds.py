@@ -13,11 +13,11 @@ from hdplan.planner.certificate.interval_bounds import Bounds, Items
 from hdplan.planner.certificate.intervals import Intervals
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.scenes.model import Box, Capsule, Cylinder, Obstacle, Pose, Sphere, SteadyMotion, TimedPoses
+from hdplan.scenes.model import Box, Capsule, Cylinder, Ellipsoid, Obstacle, Pose, Sphere, SteadyMotion, TimedPoses
 from hdplan.scenes.yaml_format.reader import load_scene
 
 LOOKS = 5  # places on an interval at which the exact distance is compared
-SHAPES = (Box((0.2, 0.1, 0.3)), Sphere(0.1), Cylinder(0.08, 0.3), Capsule(0.05, 0.2))
+SHAPES = (Box((0.2, 0.1, 0.3)), Sphere(0.1), Cylinder(0.08, 0.3), Capsule(0.05, 0.2), Ellipsoid((0.04, 0.1, 0.2)))
 
 
 LaidOut = tuple[Certifier, Intervals, Curve]

@@ -25,7 +25,7 @@ from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.problem.terms import Clearance
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.terminal.explain import explain
-from hdplan.scenes.model import Box, Capsule, Cylinder, Points, Pose, RobotSpec, Scene, Sphere
+from hdplan.scenes.model import Box, Capsule, Cylinder, Ellipsoid, Points, Pose, RobotSpec, Scene, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ def clutter(count: int, seed: int, spread: float = 1.0) -> tuple[HalfspaceBody, 
     for k in range(count):
         x, y, z = rng.uniform(0.02, 0.4, 3).tolist()
         hull = Points(tuple(map(tuple, (rng.normal(size=(9, 3)) * 0.1).tolist())))
-        shape = (Box((x, y, z)), Sphere(x), Cylinder(x, y), Capsule(x / 2, y), hull)[k % 5]
+        shape = (Box((x, y, z)), Sphere(x), Cylinder(x, y), Capsule(x / 2, y), hull, Ellipsoid((x, y, z)))[k % 6]
         bodies.append(from_shape(f"body {k}", shape, random_pose(rng, spread).matrix))
     return tuple(bodies)
 

@@ -21,7 +21,7 @@ from hdplan.planner.collision.halfspace_bodies import (
     from_points,
     from_shape,
 )
-from hdplan.scenes.model import Box, Capsule, Cylinder, Mesh, Obstacle, Points, Pose, Shape, Sphere
+from hdplan.scenes.model import Box, Capsule, Cylinder, Ellipsoid, Mesh, Obstacle, Points, Pose, Shape, Sphere
 
 Array = NDArray[np.float64]
 
@@ -40,6 +40,7 @@ SHAPES: dict[str, Shape | Array] = {
     "cylinder": Cylinder(0.2, 0.7),
     "disc": Cylinder(0.5, 0.01),
     "capsule": Capsule(0.1, 0.8),
+    "ellipsoid": Ellipsoid((0.1, 0.3, 0.02)),
     "capsule without length": Capsule(0.1, 1e-9),
     "tetrahedron": Points(TETRAHEDRON),
     "cloud": Points(CLOUD),
@@ -72,6 +73,8 @@ def surface(shape: Shape | Array) -> Array:
             return grid * np.array(size)
         case Sphere(radius):
             return radius * balls
+        case Ellipsoid(radii):
+            return balls * radii
         case Cylinder(radius, length):
             return np.vstack([radius * ring + [0, 0, z] for z in (-length / 2, 0, length / 2)])
         case Capsule(radius, length):
@@ -130,7 +133,7 @@ def test_supports_are_exact(name: str, normals: str) -> None:
         check(body, points @ placement[:3, :3].T + placement[:3, 3], size, normals=normals)
 
 
-@pytest.mark.parametrize("name", ["cylinder", "disc", "capsule", "sphere"])
+@pytest.mark.parametrize("name", ["cylinder", "disc", "capsule", "sphere", "ellipsoid"])
 def test_round_shapes_are_themselves_and_no_polygons(name: str) -> None:
     """Supports in closed form, at a random pose: h(n) of the true round shape along every plane's normal."""
     shape, placement = SHAPES[name], placements()[2]
@@ -139,6 +142,8 @@ def test_round_shapes_are_themselves_and_no_polygons(name: str) -> None:
     match shape:
         case Sphere(radius):
             expected = np.full(MANY, radius)
+        case Ellipsoid(radii):
+            expected = np.sqrt((n**2) @ np.square(radii))
         case Capsule(radius, length):
             expected = radius + length / 2 * np.abs(n[:, 2])
         case Cylinder(radius, length):

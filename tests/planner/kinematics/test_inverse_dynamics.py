@@ -20,6 +20,7 @@ from hdplan.scenes.model import (
     Box,
     Capsule,
     Cylinder,
+    Ellipsoid,
     JointTarget,
     Mesh,
     Payload,
@@ -168,6 +169,7 @@ def test_a_payload_changes_torques_by_what_a_body_there_takes() -> None:
 SHAPES: dict[str, tuple[Shape, Floats]] = {  # and points that fill it evenly enough to integrate by
     "box": (Box((0.1, 0.2, 0.3)), np.array([0.1, 0.2, 0.3])),
     "sphere": (Sphere(0.1), np.array([0.2, 0.2, 0.2])),
+    "ellipsoid": (Ellipsoid((0.1, 0.2, 0.05)), np.array([0.2, 0.4, 0.1])),
     "cylinder": (Cylinder(0.1, 0.4), np.array([0.2, 0.2, 0.4])),
     "capsule": (Capsule(0.1, 0.3), np.array([0.2, 0.2, 0.5])),
     "points": (Points(((0.0, 0, 0), (0.3, 0, 0), (0, 0.2, 0), (0, 0, 0.4))), np.array([0.6, 0.4, 0.8])),
@@ -179,6 +181,8 @@ def _inside(shape: Shape, points: Floats) -> NDArray[np.bool_]:
     match shape:
         case Sphere(radius):
             return x * x + y * y + z * z <= radius**2
+        case Ellipsoid(radii):
+            return ((points / radii) ** 2).sum(axis=1) <= 1
         case Cylinder(radius, _):
             return x * x + y * y <= radius**2
         case Capsule(radius, length):

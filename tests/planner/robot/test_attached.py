@@ -21,7 +21,20 @@ from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.terminal.explain import explain
 from hdplan.planner.view.drawing.skins import HELD, visual_skins
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Attached, Box, Capsule, Cylinder, Mesh, Obstacle, Points, Pose, Scene, Shape, Sphere
+from hdplan.scenes.model import (
+    Attached,
+    Box,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    Mesh,
+    Obstacle,
+    Points,
+    Pose,
+    Scene,
+    Shape,
+    Sphere,
+)
 from hdplan.scenes.yaml_format.reader import load_scene
 
 FINGERS = ("panda_leftfinger", "panda_rightfinger")
@@ -32,6 +45,7 @@ SHAPES: list[Shape] = [
     Sphere(0.05),
     Cylinder(0.03, 0.2),
     Capsule(0.03, 0.2),
+    Ellipsoid((0.03, 0.05, 0.1)),
     Points(((0, 0, 0), (0.1, 0, 0), (0, 0.1, 0), (0, 0, 0.3))),
     Mesh(Path("bent.obj"), (2.0, 1.0, 1.0)),
 ]

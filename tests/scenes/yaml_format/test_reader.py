@@ -11,6 +11,7 @@ from hdplan.scenes.model import (
     Box,
     Capsule,
     Cylinder,
+    Ellipsoid,
     Mesh,
     Obstacle,
     PlannerSettings,
@@ -91,6 +92,7 @@ def test_sections_with_nothing_behind_them_are_defaults(tmp_path: Path) -> None:
         ("{type: sphere, radius: 1}", Sphere(1.0)),
         ("{type: cylinder, radius: 1, length: 2}", Cylinder(1.0, 2.0)),
         ("{type: capsule, radius: 1, length: 0}", Capsule(1.0, 0.0)),
+        ("{type: ellipsoid, radii: [1, 2, 3]}", Ellipsoid((1.0, 2.0, 3.0))),
         ("{type: box, size: [1.0e-3, 1, 1]}", Box((0.001, 1.0, 1.0))),
         (
             "{type: points, points: [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]}",

@@ -20,6 +20,7 @@ from hdplan.scenes.model import (
     Box,
     Capsule,
     Cylinder,
+    Ellipsoid,
     Goals,
     JointTarget,
     Limits,
@@ -238,7 +239,7 @@ class Maker:
         a, b, c = (self.number() for _ in range(3))
         corners = tuple(tuple(corner) for corner in (self.rng.normal(size=(6, 3))).tolist())
         kinds: list[Shape] = [Box((a, b, c)), Sphere(a), Cylinder(a, b), Capsule(a, b), Points(corners)]
-        kinds.append(Mesh(HOOK, (a, b, c)))
+        kinds += [Ellipsoid((a, b, c)), Mesh(HOOK, (a, b, c))]
         return kinds[int(self.rng.integers(len(kinds)))]
 
     def maybe(self, value: Any, otherwise: Any) -> Any:

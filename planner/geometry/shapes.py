@@ -1,0 +1,201 @@
+"""What is to be done with a scene's shape, in one table: words, supports, coal's geometry, inertia, triangles.
+
+A new shape is its class in the scene's model, a row here, and its own support in the certificate (`exact_proximity`),
+which takes nothing from this table: that there are two supports is what makes the proof independent. How a scene file
+writes a shape follows from its class.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import coal
+import numpy as np
+import pinocchio as pin
+import trimesh
+from numpy.typing import NDArray
+
+from hdplan.planner.geometry.coal_shapes import convex_hull, triangle_tree
+from hdplan.planner.geometry.meshes import FLAT, TriangleMesh, load_mesh, thinness
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.model import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
+
+Array = NDArray[np.float64]
+
+SECTIONS = 48  # of a round body's triangles, to be drawn
+ROUND_SIDES = 16  # of a prism around a cylinder
+FINE = 3  # subdivisions of a ball's
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A convex shape by formulas, in its own frame, about whose origin it is symmetric."""
+
+    half_size: Callable[[Any], Array]  # (3,) of the box around it [m]
+    support: Callable[[Any, Array], Array]  # h(n) = max_{x in it} n·x [m], exact, for unit directions (k, 3) -> (k,)
+    around: Callable[[Any], Array]  # (m, 3) corners of a polyhedron that contains it [m]
+    round_about: Literal["nothing", "axis", "centre"]  # which directions enclose it closely
+
+
+@dataclass(frozen=True)
+class Operations:
+    """What is done with one kind of shape. `field` is how the user knows it: "attached.cup"."""
+
+    words: Callable[[Any], str]
+    coal: Callable[[Any, str], Any]  # the geometry that links have
+    inertia: Callable[[Any, float, str], pin.Inertia]  # of an even density and a mass [kg]
+    triangles: Callable[[Any, str], trimesh.Trimesh]  # to be drawn
+    outline: Outline | None = None  # of the hull of points and of meshes there is no formula
+    from_coal: tuple[Any, Callable[[Any], Shape]] | None = None  # coal's class, and the shape of one of its geometries
+
+
+def operations(shape: Shape) -> Operations:
+    """Return the row of a shape's kind."""
+    return TABLE[type(shape)]
+
+
+def shape_of(geometry: Any) -> Shape | None:
+    """Return a link's geometry (coal's) as a scene's shape; None for hulls and triangles."""
+    for row in TABLE.values():
+        if row.from_coal is not None and isinstance(geometry, row.from_coal[0]):
+            return row.from_coal[1](geometry)
+    return None
+
+
+def _points_words(shape: Points) -> str:
+    return f"hull of {len(shape.points)} points"
+
+
+def _points_coal(shape: Points, field: str) -> Any:
+    corners = np.array(shape.points)
+    if thinness(corners) <= FLAT:
+        raise InputError(f"{field}.shape.points: are flat; a body with some thickness is needed")
+    return convex_hull(corners) or triangle_tree(TriangleMesh.hull(corners))
+
+
+def _mesh_inertia(shape: Mesh, mass: float, field: str) -> pin.Inertia:
+    mesh = load_mesh(shape, field)
+    if not mesh.closed:
+        raise InputError(
+            f"{field}.mass: mesh {shape.file} is not closed, so its mass has no volume to be spread over; give it as "
+            "payload, with its com and inertia"
+        )
+    return _even(trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False), mass)
+
+
+def _mesh_triangles(shape: Mesh, field: str) -> trimesh.Trimesh:
+    mesh = load_mesh(shape, field)
+    return trimesh.Trimesh(mesh.vertices, mesh.triangles, process=False)
+
+
+def _even(mesh: trimesh.Trimesh, mass: float) -> pin.Inertia:
+    """Return the inertia of a closed mesh of even density, about its centre."""
+    if mesh.volume < 0:  # its triangles run the other way round
+        mesh = mesh.copy()
+        mesh.invert()
+    mesh.density = mass / mesh.volume
+    return pin.Inertia(mass, np.asarray(mesh.center_mass), np.asarray(mesh.moment_inertia))
+
+
+def _capsule_triangles(radius: float, length: float) -> trimesh.Trimesh:
+    """Return the hull of two small balls; trimesh's own capsule stands on its lower end."""
+    ball = trimesh.creation.icosphere(subdivisions=FINE, radius=radius)
+    ends = [ball.vertices + [0.0, 0.0, end * length / 2] for end in (-1, 1)]
+    return trimesh.PointCloud(np.concatenate(ends)).convex_hull if length else ball
+
+
+def _around_cylinder(radius: float, half: float) -> Array:
+    angles = 2 * np.pi * (np.arange(ROUND_SIDES) + 0.5) / ROUND_SIDES
+    ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], 1) / np.cos(np.pi / ROUND_SIDES)
+    return np.concatenate([radius * ring + [0, 0, end * half] for end in (-1, 1)])
+
+
+def _around_ball(radius: float, half: float) -> Array:
+    """Corners around two balls on the z axis, or one."""
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    outer = radius / float(np.min(np.sum(ball.triangles[:, 0] * ball.face_normals, axis=1)))
+    return np.concatenate([outer * ball.vertices + [0, 0, end * half] for end in (-1, 1)])
+
+
+TABLE: dict[type, Operations] = {
+    Box: Operations(
+        words=lambda shape: f"box {' × '.join(f'{edge:g}' for edge in shape.size)} m",
+        coal=lambda shape, _: coal.Box(*shape.size),
+        inertia=lambda shape, mass, _: pin.Inertia.FromBox(mass, *shape.size),
+        triangles=lambda shape, _: trimesh.creation.box(shape.size),
+        outline=Outline(
+            half_size=lambda shape: np.array(shape.size) / 2,
+            support=lambda shape, n: np.abs(n) @ (np.array(shape.size) / 2),
+            around=lambda shape: np.array(list(itertools.product((-1, 1), repeat=3))) * (np.array(shape.size) / 2),
+            round_about="nothing",
+        ),
+        from_coal=(coal.Box, lambda found: Box(tuple((2.0 * found.halfSide).tolist()))),
+    ),
+    Sphere: Operations(
+        words=lambda shape: f"sphere, radius {shape.radius:g} m",
+        coal=lambda shape, _: coal.Sphere(shape.radius),
+        inertia=lambda shape, mass, _: pin.Inertia.FromSphere(mass, shape.radius),
+        triangles=lambda shape, _: trimesh.creation.icosphere(subdivisions=FINE, radius=shape.radius),
+        outline=Outline(
+            half_size=lambda shape: np.full(3, shape.radius),
+            support=lambda shape, n: np.full(len(n), shape.radius),
+            around=lambda shape: _around_ball(shape.radius, 0.0),
+            round_about="centre",
+        ),
+        from_coal=(coal.Sphere, lambda found: Sphere(found.radius)),
+    ),
+    Ellipsoid: Operations(
+        words=lambda shape: f"ellipsoid, radii {', '.join(f'{radius:g}' for radius in shape.radii)} m",
+        coal=lambda shape, _: coal.Ellipsoid(*shape.radii),
+        inertia=lambda shape, mass, _: pin.Inertia.FromEllipsoid(mass, *shape.radii),
+        triangles=lambda shape, _: trimesh.creation.icosphere(subdivisions=FINE).apply_scale(shape.radii),
+        outline=Outline(
+            half_size=lambda shape: np.array(shape.radii),
+            support=lambda shape, n: np.linalg.norm(n * shape.radii, axis=1),
+            around=lambda shape: _around_ball(1.0, 0.0) * shape.radii,
+            round_about="centre",
+        ),
+        from_coal=(coal.Ellipsoid, lambda found: Ellipsoid(tuple(np.asarray(found.radii).tolist()))),
+    ),
+    Cylinder: Operations(
+        words=lambda shape: f"cylinder, radius {shape.radius:g} m, length {shape.length:g} m",
+        coal=lambda shape, _: coal.Cylinder(shape.radius, shape.length),
+        inertia=lambda shape, mass, _: pin.Inertia.FromCylinder(mass, shape.radius, shape.length),
+        triangles=lambda shape, _: trimesh.creation.cylinder(shape.radius, shape.length, sections=SECTIONS),
+        outline=Outline(
+            half_size=lambda shape: np.array([shape.radius, shape.radius, shape.length / 2]),
+            support=lambda shape, n: shape.radius * np.hypot(n[:, 0], n[:, 1]) + shape.length / 2 * np.abs(n[:, 2]),
+            around=lambda shape: _around_cylinder(shape.radius, shape.length / 2),
+            round_about="axis",
+        ),
+        from_coal=(coal.Cylinder, lambda found: Cylinder(found.radius, 2.0 * found.halfLength)),
+    ),
+    Capsule: Operations(
+        words=lambda shape: f"capsule, radius {shape.radius:g} m, length {shape.length:g} m",
+        coal=lambda shape, _: coal.Capsule(shape.radius, shape.length),
+        inertia=lambda shape, mass, _: pin.Inertia.FromCapsule(mass, shape.radius, shape.length),
+        triangles=lambda shape, _: _capsule_triangles(shape.radius, shape.length),
+        outline=Outline(
+            half_size=lambda shape: np.array([shape.radius, shape.radius, shape.length / 2 + shape.radius]),
+            support=lambda shape, n: shape.radius + shape.length / 2 * np.abs(n[:, 2]),
+            around=lambda shape: _around_ball(shape.radius, shape.length / 2),
+            round_about="axis",
+        ),
+        from_coal=(coal.Capsule, lambda found: Capsule(found.radius, 2.0 * found.halfLength)),
+    ),
+    Points: Operations(
+        words=_points_words,
+        coal=_points_coal,
+        inertia=lambda shape, mass, _: _even(trimesh.convex.convex_hull(shape.points), mass),
+        triangles=lambda shape, _: trimesh.PointCloud(shape.points).convex_hull,
+    ),
+    Mesh: Operations(
+        words=lambda shape: f"mesh {shape.file.name}",
+        coal=lambda shape, field: triangle_tree(load_mesh(shape, field)),
+        inertia=_mesh_inertia,
+        triangles=_mesh_triangles,
+    ),
+}
