@@ -80,7 +80,7 @@ def obstacle(shape: str, position: str = "[0, 0, 3]", name: str = "thing") -> li
 # --- planning and checking -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("ending", ["json", "csv", "npz"])
+@pytest.mark.parametrize("ending", ["json", "csv", "npz", "joint_trajectory.yaml", "robot_trajectory.yaml", "mcap"])
 def test_what_plan_writes_check_certifies(hdplan: Callable[..., Done], ending: str) -> None:
     planned = hdplan("plan", "planar_arm", "-o", f"motion.{ending}")
     assert (planned.code, planned.err) == (0, "")
@@ -283,6 +283,19 @@ def test_simulate_replays_what_plan_wrote(hdplan: Callable[..., Done], tmp_path:
     done = hdplan("simulate", weak, "motion.json")
     assert (done.code, done.err) == (1, "")
     assert done.out.startswith("failed: joint 'shoulder' needs a torque of ")
+
+
+def test_ros_files_are_checked_simulated_and_drawn_as_ours_are(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+    scene = arm_scene(tmp_path, timing={"duration": 10.0, "rate": 7})  # rows between nanoseconds
+    assert hdplan("plan", scene, "--quiet", "-o", "own.json").code == 0
+    own = {command: hdplan(command, scene, "own.json") for command in ("check", "simulate")}
+    for ending in ("joint_trajectory.yaml", "robot_trajectory.yaml", "mcap"):
+        Trajectory.load("own.json").save(f"ros.{ending}")
+        for command, said in own.items():
+            ros = hdplan(command, scene, f"ros.{ending}")
+            assert (ros.code, ros.err) == (0, "")
+            assert ros.out.splitlines()[0] == said.out.splitlines()[0]
+    assert hdplan("plot", scene, "ros.mcap", "-o", "ros.png").code == 0
 
 
 def test_simulate_needs_times_where_the_scene_asks_for_them(hdplan: Callable[..., Done], tmp_path: Path) -> None:
