@@ -107,7 +107,7 @@ def task(rng: np.random.Generator, robot: Robot, number: int) -> Any:
         return replace(standing(robot.draw(rng, 1)[0], gain=4.0), tolerance=0.05)
     turn, way = rng.normal(size=4), rng.uniform([-0.7, -0.7, 0.1], [0.7, 0.7, 0.9])
     pose = Pose(tuple(way.tolist()), tuple((turn / np.linalg.norm(turn)).tolist()))
-    return PoseTask(robot, PoseTarget("target", "panda_hand", pose, 0.01, 0.05), gain=4.0)
+    return PoseTask(robot, PoseTarget("panda_hand", pose, 0.01, 0.05, field="target"), gain=4.0)
 
 
 def steps(obstacles: int = 10, runs: int = 20) -> None:

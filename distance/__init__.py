@@ -57,3 +57,8 @@ def __getattr__(name: str) -> Any:
     if name in _HEAVY:
         return getattr(import_module(f"{__name__}.{_HEAVY[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """What is for use."""
+    return sorted(__all__)

@@ -43,7 +43,10 @@ def holder_minimum(values: ArrayLike, gamma: int, multiplicities: ArrayLike | No
 
 
 def holder_maximum(values: ArrayLike, gamma: int, multiplicities: ArrayLike | None = None) -> Array:
-    """Return the gamma-Hölder maximum, -min(-x), along the last axis (paper: Definition II.4)."""
+    """Return the gamma-Hölder maximum, -min(-x), along the last axis (paper: Definition II.4).
+
+    Arguments and errors as ``holder_minimum``.
+    """
     return -holder_minimum(-_values("values", values), gamma, multiplicities)
 
 
@@ -51,6 +54,7 @@ def shaping(values: ArrayLike, gamma: int, shaping_length: float) -> Array:
     """Return Phi(u) = u |u|^gamma / (|u|^gamma + delta^gamma) for ``values`` of any shape (paper: eq. (1)).
 
     delta = ``shaping_length`` [m], the height at which Phi halves its argument; epsilon = delta^gamma.
+    Raises InputError unless gamma is an integer >= 1, delta is positive and finite, and no value is NaN.
     """
     shaping_length = resolve_shaping_length(check_gamma(gamma), shaping_length, None)
     u = _values("values", values)

@@ -8,13 +8,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.problem.problem import Floats
 from hdplan.planner.result import PlanResult, Times
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.search.end_clearance import reachable_clearance
 from hdplan.planner.search.search import Event, Search, search_in_turn
+from hdplan.planner.search.warm_start import MOVED, rows_of, warm_start
 from hdplan.planner.solvers import solver_named
 from hdplan.scenes.deadline import check_time, seconds_left
 from hdplan.scenes.errors import InputError, naming
@@ -35,6 +40,7 @@ def plan(
     seed: int = 0,
     time_limit: float = 30.0,
     robot: Robot | None = None,
+    guess: Trajectory | None = None,
     report: Callable[[Event], None] = lambda event: None,
     stop: Callable[[], bool] = lambda: False,
 ) -> PlanResult:
@@ -44,12 +50,16 @@ def plan(
     then the one with the least smoothness cost wins.
 
     Args:
-        scene: what load_scene returns.
+        scene: what load_scene returns, or a Scene of one's own.
         solver: "gauss_newton", "chomp" or "ipopt".
         seed: of the random first guesses; the same seed gives the same result, as far as the time limit allows.
         time_limit: [s] for solving and certifying; the best motion found by then is given back, its status saying
             what it is. Within `deadline.time_limit` building counts too, and the certificate ends with it.
         robot: the scene's robot, if it is loaded already.
+        guess: a motion of this robot from which the solver begins (a warm start), such as the last plan's trajectory
+            after the scene has changed a little. Its ends are moved to the scene's, which is noted. Nothing is taken
+            from it on trust: what is given back is certified as any other motion is, and where nothing comes of it,
+            the search goes on as without it. Of several goals the one nearest to its end begins with it.
         report: called with every step and every certificate.
         stop: asked at every step; once it says True, the best motion so far is certified and given back. A
             KeyboardInterrupt does the same, except in the moments in which a C++ library swallows it.
@@ -57,11 +67,14 @@ def plan(
     Raises:
         OutOfTime: a `deadline.time_limit` passed before there was a motion.
         InputError: for what scene or robot get wrong, among it a start or goal in collision or off a path constraint,
-            and for ipopt with the distance fcl, swept bodies or path constraints.
+            and for ipopt with the distance fcl, swept bodies or path constraints; for a guess whose joints are not the
+            robot's, or leave their limits.
     """
     instance(scene, Scene, "scene")
     seed = checked(Whole(0, 2**63 - 1), seed, "seed")
     time_limit = checked(Number(low=0.0, unit="s"), time_limit, "time_limit")
+    if guess is not None:
+        instance(guess, Trajectory, "guess")
     run = solver_named(solver)
     if solver == "ipopt" and (lacking := _without_second_derivatives(scene)):
         raise InputError(f"solver ipopt: needs exact second derivatives, which {lacking} does not have")
@@ -71,6 +84,7 @@ def plan(
     robot = robot or load_scene_robot(scene)
     loaded = time.perf_counter()
     certifier = Certifier(scene, robot)
+    rows = None if guess is None else rows_of(guess, robot)
     goals, found = _goals(scene, robot, certifier, seed)
     aims = [replace(scene, goal=goal) for goal in goals]
     clearances = [reachable_clearance(aim, robot, certifier) for aim in aims]  # ends in collision: before all fitting
@@ -89,8 +103,14 @@ def plan(
         Search(problem, certifier, retimer, run, required, deadline, report, stop)
         for problem, (required, _) in zip(problems, clearances, strict=True)
     ]
+    warm: list[Floats | None] = [None] * len(problems)
+    if guess is not None and rows is not None:
+        nearest = min(range(len(problems)), key=lambda i: float(np.linalg.norm(problems[i].goal - rows[-1])))
+        warm[nearest], moved = warm_start(problems[nearest], rows, guess.times is not None)
+        if moved > MOVED:
+            found = (*found, f"the guess's ends were moved by up to {moved:.3g} rad or m, to the scene's")
     try:
-        search_in_turn(searches, seed)
+        search_in_turn(searches, seed, warm)
     except KeyboardInterrupt:
         if not any(search.best is not None or search.certify_last() for search in searches):
             raise
@@ -119,6 +139,7 @@ def plan(
         times=Times(load, build_, compile_, solved, certified),
         notes=(*problems[taken].notes, *best.certificate.notes, *words),
         goal=goals[taken] if several else None,
+        asked=scene,
     )
 
 

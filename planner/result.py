@@ -14,7 +14,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.solvers.solution import Iteration
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.files import read_file
-from hdplan.scenes.model import JointTarget
+from hdplan.scenes.model import JointTarget, Scene
 
 _FIGURES = tuple(field.name for field in fields(Iteration))
 
@@ -46,6 +46,17 @@ class PlanResult:
     times: Times
     notes: tuple[str, ...]  # what was assumed or left out, in words
     goal: JointTarget | None = None  # the one that was taken, where the scene leaves a choice
+    asked: Scene | None = None  # what was to be planned
+
+    def __repr__(self) -> str:
+        """Say the verdict, and on what."""
+        return f"<PlanResult of {self.scene} with {self.robot}: {self.certificate.text}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: the verdict, and the motion on a small sheet where matplotlib is installed."""
+        import hdplan.planner
+
+        return str(hdplan.planner.result_html(self))
 
     @property
     def certified(self) -> bool:

@@ -41,6 +41,17 @@ def rotation(value: object) -> tuple[float, ...]:
     return quaternion if abs(length - 1.0) <= EXACT else tuple(part / length for part in quaternion)
 
 
+def from_rpy(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
+    """Return the quaternion of R = Rz(yaw) Ry(pitch) Rx(roll) [rad], URDF's turns about the fixed axes x, y, z."""
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(angle / 2), math.sin(angle / 2)) for angle in (roll, pitch, yaw))
+    return (
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        cr * cp * cy + sr * sp * sy,
+    )
+
+
 def direction(value: object) -> tuple[float, ...]:
     """Return an axis by its name, or a vector of any length but 0, as a vector of length 1."""
     if isinstance(value, str):

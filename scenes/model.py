@@ -8,18 +8,32 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.scenes import meaning
 from hdplan.scenes.errors import FieldError
-from hdplan.scenes.values import Checked, Choice, Named, Number, Row, Whole, text, wrong
+from hdplan.scenes.output import check_writable, write_output
+from hdplan.scenes.values import (
+    Checked,
+    Choice,
+    Named,
+    Number,
+    Row,
+    Whole,
+    absolute_path,
+    checked,
+    is_row,
+    path_of,
+    text,
+    wrong,
+)
 
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -33,14 +47,26 @@ FREE_ROTATIONS = ("none", "x", "y", "z", "all")
 NO_TURN = "has no meaning with free_rotation: all, which lets the link turn as it likes; leave it out"
 MOST_ROWS = 100_000  # of a motion in time
 LINK_BODIES = ("fitted", "capsule", "outer-4", "outer-12", "box", "hull")
+SCENE_FILES = (".yaml", ".yml")
+NEEDED: Any = None  # default of a field behind others that have one: its check finds nothing and says what it wants
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Pose(Checked):
-    """A placement: position [m] and unit quaternion (x, y, z, w); maps the object's frame into its parent's."""
+    """A placement: position [m] and unit quaternion (x, y, z, w); maps the object's frame into its parent's.
+
+    Raises InputError for a position that is not three finite numbers, and for a quaternion whose length is not 1 to a
+    hundredth; one nearer than that is normalized.
+    """
 
     position: Place = (0.0, 0.0, 0.0)
     quaternion_xyzw: Annotated[Quaternion, meaning.rotation] = (0.0, 0.0, 0.0, 1.0)
+
+    @classmethod
+    def from_rpy(cls, position: Vector3, rpy: Vector3) -> Pose:
+        """Return the pose at `position` [m] that is turned by roll, pitch and yaw [rad], R = Rz(yaw) Ry(pitch)
+        Rx(roll), as URDF has it. Raises InputError for what is not three finite numbers."""
+        return cls(position, meaning.from_rpy(*checked(Row(Number(unit="rad"), 3), rpy, "rpy")))
 
     @cached_property
     def matrix(self) -> NDArray[np.float64]:
@@ -57,62 +83,89 @@ class Pose(Checked):
         return transform
 
 
-@dataclass(frozen=True)
-class Box(Checked):
+def placement(value: object) -> Pose:
+    """Return a pose given as one, or as its position alone."""
+    if isinstance(value, Pose):
+        return value
+    if not is_row(value) or len(value) != 3:
+        raise wrong("a Pose, or a position of three numbers [m]", value)
+    return Pose(value)  # type: ignore[arg-type]
+
+
+Placement = Annotated[Pose, placement]
+
+
+@dataclass(frozen=True, repr=False)
+class _Solid(Checked):
+    """A shape. In a scene's list of obstacles it may say itself what it is called and where it stands."""
+
+    name: Name | None = field(default=None, kw_only=True)  # None: obstacle0, obstacle1, … by its place in the list
+    pose: Placement | None = field(default=None, kw_only=True)  # in the world; None: at its origin
+
+
+@dataclass(frozen=True, repr=False)
+class Box(_Solid):
     """A box centred in its frame."""
 
     size: Annotated[Vector3, Row(Number(above=0.0, unit="m"), 3)]  # full edge lengths [m]
 
 
-@dataclass(frozen=True)
-class Sphere(Checked):
+@dataclass(frozen=True, repr=False)
+class Sphere(_Solid):
     """A ball centred in its frame."""
 
     radius: Length  # [m]
 
 
-@dataclass(frozen=True)
-class Ellipsoid(Checked):
+@dataclass(frozen=True, repr=False)
+class Ellipsoid(_Solid):
     """An ellipsoid centred in its frame, its axes along x, y and z."""
 
     radii: Annotated[Vector3, Row(Number(above=0.0, unit="m"), 3)]  # half axes [m]
 
 
-@dataclass(frozen=True)
-class Cylinder(Checked):
+@dataclass(frozen=True, repr=False)
+class Cylinder(_Solid):
     """A right circular cylinder centred in its frame, axis z."""
 
     radius: Length  # [m]
     length: Length  # [m]
 
 
-@dataclass(frozen=True)
-class Capsule(Checked):
+@dataclass(frozen=True, repr=False)
+class Capsule(_Solid):
     """A segment on the z axis, centred, swept by a ball."""
 
     radius: Length  # [m]
     length: Annotated[float, Number(low=0.0, unit="m")]  # between the centres of the two end spheres [m]
 
 
-@dataclass(frozen=True)
-class Points(Checked):
+@dataclass(frozen=True, repr=False)
+class Points(_Solid):
     """The convex hull of points."""
 
     points: Annotated[tuple[Vector3, ...], meaning.volume]  # in the obstacle's frame [m]
 
 
-@dataclass(frozen=True)
-class Mesh(Checked):
+@dataclass(frozen=True, repr=False)
+class Mesh(_Solid):
     """A triangle mesh read from a file (anything that trimesh reads)."""
 
-    file: Path
+    file: Annotated[Path, absolute_path]
     scale: Annotated[Vector3, meaning.scale] = (1.0, 1.0, 1.0)  # factor along each axis of the file
 
 
 Shape = Box | Sphere | Ellipsoid | Cylinder | Capsule | Points | Mesh
 
 
-@dataclass(frozen=True)
+def _check_unplaced(shape: Shape, owner: str) -> None:
+    """Refuse a shape that says itself what only its owner may say."""
+    for key in ("name", "pose"):
+        if getattr(shape, key) is not None:
+            raise FieldError(f"is the {owner}'s to say: give it there, not to its shape", f"shape.{key}")
+
+
+@dataclass(frozen=True, repr=False)
 class SteadyMotion(Checked):
     """A body moves and turns evenly, from its pose at time 0 on."""
 
@@ -120,7 +173,7 @@ class SteadyMotion(Checked):
     spin: Annotated[Vector3, Row(Number(unit="rad/s"), 3)] = (0.0, 0.0, 0.0)  # about its origin, in the world [rad/s]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class TimedPoses(Checked):
     """A body passes through poses: evenly from one to the next, at rest before the first and after the last."""
 
@@ -132,17 +185,18 @@ class TimedPoses(Checked):
             raise FieldError(f"must be as many as the {len(self.times)} times, found {len(self.poses)}", "poses")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Obstacle(Checked):
     """A body in the world; it stands still unless it has a motion."""
 
     name: Name
     shape: Shape
-    pose: Pose = field(default_factory=Pose)  # at time 0, where it moves; of timed poses the first
+    pose: Placement = field(default_factory=Pose)  # at time 0, where it moves; of timed poses the first
     clearance: Clearance | None = None  # to be proven free around it [m]; None: planner.clearance
     motion: SteadyMotion | TimedPoses | None = None
 
     def _check_whole(self) -> None:
+        _check_unplaced(self.shape, "obstacle")
         if isinstance(self.motion, TimedPoses):
             first = self.motion.poses[0]
             if self.pose not in (Pose(), first):
@@ -150,20 +204,23 @@ class Obstacle(Checked):
             object.__setattr__(self, "pose", first)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Attached(Checked):
     """A body that a link holds: it moves with the link and collides as the link does."""
 
     name: Name
     link: Name
     shape: Shape
-    pose: Pose = field(default_factory=Pose)  # in the link's frame
+    pose: Placement = field(default_factory=Pose)  # in the link's frame
     touch_links: Annotated[tuple[str, ...], Row(text, of="link names")] = ()  # that it may touch, beside its own
     mass: Annotated[float, Number(above=0.0, unit="kg")] | None = None
     """[kg] of even density; counts where joint torques do (limits.torque). None: it weighs nothing."""
 
+    def _check_whole(self) -> None:
+        _check_unplaced(self.shape, "held object")
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Payload(Checked):
     """A mass that a link carries beside its own; it touches nothing."""
 
@@ -174,16 +231,18 @@ class Payload(Checked):
     """xx, xy, xz, yy, yz, zz about its centre, in the link's axes [kg m²]."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class RobotSpec(Checked):
     """Which robot, where it stands, and what the scene fixes about it."""
 
     name: Name | None = None  # of example-robot-data; or else a URDF:
-    urdf: Path | None = None
-    srdf: Path | None = None
-    package_dirs: tuple[Path, ...] = ()  # where package:// addresses of the URDF are looked up
+    urdf: Annotated[Path, absolute_path] | None = None
+    srdf: Annotated[Path, absolute_path] | None = None
+    package_dirs: Annotated[
+        tuple[Path, ...], Row(absolute_path, of="folders")
+    ] = ()  # where package:// addresses of the URDF are looked up
     group: Name | None = None  # of the SRDF: its joints are planned; None: those of its arm
-    base: Pose = field(default_factory=Pose)  # of the URDF's root link
+    base: Placement = field(default_factory=Pose)  # of the URDF's root link
     locked: Annotated[Mapping[str, float], Named(JointValue)] = field(default_factory=dict)  # joint -> [rad] or [m]
     ignore_pairs: Annotated[tuple[tuple[str, str], ...], Row(meaning.pair, of="link pairs")] = ()  # not checked
     source: str = field(default="", compare=False)  # for error messages: the file or option; empty: the scene's file
@@ -196,11 +255,22 @@ class RobotSpec(Checked):
                 raise FieldError("goes with 'urdf'; a robot given by name brings its own", key)
 
 
-@dataclass(frozen=True)
+def robot_spec(value: object) -> RobotSpec:
+    """Return which robot is meant, given as a RobotSpec or by its name alone."""
+    if isinstance(value, str):
+        return RobotSpec(name=value)
+    if not isinstance(value, RobotSpec):
+        raise wrong("the name of a robot, or a RobotSpec", value)
+    return value
+
+
+@dataclass(frozen=True, repr=False)
 class JointTarget(Checked):
     """A configuration as the scene writes it: exactly one of the last three is given."""
 
-    field: str = dataclasses.field(compare=False)  # where it stands in the file, for error messages: "start" or "goal"
+    field: str = dataclasses.field(
+        compare=False, repr=False
+    )  # where it stands in the file, for error messages: "start" or "goal"
     positions: Annotated[tuple[float, ...], Row(JointValue)] | None = None  # in the order of the planned joints
     by_name: Annotated[Mapping[str, float], Named(JointValue)] | None = None  # joint name -> value
     state: Name | None = None  # a named state of the SRDF
@@ -214,11 +284,10 @@ class JointTarget(Checked):
             raise FieldError("must not be empty", given[0])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PoseTarget(Checked):
     """Where a link is to be: origin within a ball, and turned by no more than an angle away."""
 
-    field: str = dataclasses.field(compare=False)  # where it stands in the file: "goal.pose" or "goal.poses[1]"
     link: Name
     pose: Pose  # of the link's frame, in the world
     position_tolerance: Annotated[float, Number(high=1.0, above=0.0, unit="m")] = 1e-3  # of the link's origin [m]
@@ -226,10 +295,17 @@ class PoseTarget(Checked):
     """How far it may be turned away, its free turns left out [rad]."""
     free_rotation: Annotated[str, Choice(FREE_ROTATIONS)] = "none"
     """About which axis of the link it may turn freely: none, x, y, z, or all (any turn)."""
+    field: str = dataclasses.field(
+        default="goal", compare=False, repr=False
+    )  # where it stands in the file: "goal.poses[1]"
 
     def _check_whole(self) -> None:
-        if self.free_rotation == "all" and self.orientation_tolerance != PoseTarget.orientation_tolerance:
+        if self.free_rotation != "all":
+            return
+        if self.orientation_tolerance != PoseTarget.orientation_tolerance:
             raise FieldError(NO_TURN, "orientation_tolerance")
+        if self.pose.quaternion_xyzw != Pose.quaternion_xyzw:
+            raise FieldError(NO_TURN, "pose.quaternion_xyzw")
 
 
 def _choices(value: object) -> tuple[object, ...]:
@@ -239,15 +315,78 @@ def _choices(value: object) -> tuple[object, ...]:
     return tuple(value)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Goals(Checked):
     """A goal that leaves a choice: any of these targets will do, and any configuration that reaches a pose."""
 
     targets: Annotated[tuple[JointTarget, ...] | tuple[PoseTarget, ...], _choices]  # configurations by values, or poses
-    field: str = dataclasses.field(default="goal", compare=False)  # where it stands in the file, for error messages
+    field: str = dataclasses.field(
+        default="goal", compare=False, repr=False
+    )  # where it stands in the file, for error messages
 
 
 @dataclass(frozen=True)
+class _Configuration:
+    """A configuration in any of its forms: values in the order of the joints, by their names, or a named state."""
+
+    field: str
+    allowed: str = "a list of joint values, a mapping from joint names to values [rad or m], or the name of a state"
+
+    def __call__(self, value: object) -> JointTarget:
+        """Return it as a target."""
+        if isinstance(value, JointTarget):
+            return value
+        if isinstance(value, str):
+            return JointTarget(self.field, state=text(value))
+        if isinstance(value, Mapping) and value:
+            return JointTarget(self.field, by_name=Named(JointValue)(value))
+        if is_row(value) and len(value):
+            return JointTarget(self.field, Row(JointValue)(value))
+        raise wrong(self.allowed, value)
+
+
+def _goal(value: object) -> JointTarget | Goals:
+    """Return a goal in any of its forms: a configuration, a link's pose, or a list of either, any of which will do."""
+    if isinstance(value, Goals):
+        return value
+    if isinstance(value, PoseTarget):
+        return Goals((value,))
+    if not is_row(value) or not any(is_row(each) or isinstance(each, _SEVERAL) for each in value):
+        return _Configuration("goal", f"{_Configuration.allowed}, a PoseTarget, or a list of any one of these")(value)
+    targets = []
+    for i, each in enumerate(value):
+        place = f"goal[{i}]"
+        if isinstance(each, PoseTarget):
+            targets.append(dataclasses.replace(each, field=place))
+        else:
+            targets.append(checked(_Configuration(place), each, f"[{i}]"))
+    return Goals(targets)  # type: ignore[arg-type]
+
+
+_SEVERAL = (Mapping, JointTarget, PoseTarget)  # what is no joint value, and so one of several targets
+
+
+def _obstacles(value: object) -> tuple[Obstacle, ...]:
+    """Return obstacles; a shape becomes one, with the name and pose that it says or those that a file would give it."""
+    if not is_row(value):
+        raise wrong("a list of obstacles", value)
+    return tuple(checked(_obstacle_of(i), each, f"[{i}]") for i, each in enumerate(value))
+
+
+def _obstacle_of(place: int) -> Callable[[object], Obstacle]:
+    def made(value: object) -> Obstacle:
+        if isinstance(value, Obstacle):
+            return value
+        if not isinstance(value, _Solid):
+            shapes = ", ".join(kind.__name__ for kind in get_args(Shape))
+            raise wrong(f"an Obstacle, or one of the shapes {shapes}", value)
+        bare: Any = dataclasses.replace(value, name=None, pose=None)
+        return Obstacle(value.name or f"obstacle{place}", bare, value.pose or Pose())
+
+    return made
+
+
+@dataclass(frozen=True, repr=False)
 class SelfCollision(Checked):
     """What links and held objects are to keep from each other."""
 
@@ -274,7 +413,7 @@ RATES = {
 """Limits beside those of positions."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Limits(Checked):
     """What the joints can do, beside what the URDF says of their positions; None: does not matter here."""
 
@@ -286,7 +425,7 @@ class Limits(Checked):
     torque: Annotated[JointValues | None, RATES["torque"]] = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Timing(Checked):
     """When the motion is where."""
 
@@ -307,7 +446,7 @@ class Timing(Checked):
             )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Upright(Checked):
     """A link's axis stays close to the world's upward direction, all the way."""
 
@@ -316,7 +455,7 @@ class Upright(Checked):
     tolerance: Annotated[float, Number(high=math.pi, above=0.0, unit="rad")] = 0.1  # of its turn away [rad]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Within(Checked):
     """A point of a link stays in a box, all the way."""
 
@@ -326,7 +465,7 @@ class Within(Checked):
     point: Place = (0.0, 0.0, 0.0)  # in the link's frame [m]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PathConstraints(Checked):
     """What must hold all along the way, between the waypoints too."""
 
@@ -334,7 +473,7 @@ class PathConstraints(Checked):
     position: Within | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PlannerSettings(Checked):
     """The `planner` section. Every value has a default; `hdplan explain` shows the ones in force."""
 
@@ -350,16 +489,32 @@ class PlannerSettings(Checked):
     """Planes of an obstacle: faces (6 of a box), box (26) or sphere (122)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Scene(Checked):
-    """One planning problem, whole. Scenes are equal that say the same, whatever file they come from."""
+    """One planning problem, whole. Scenes are equal that say the same, whatever file they come from, or none.
 
-    name: str = field(compare=False)
-    source: Path = field(compare=False)  # the file it was read from
-    robot: RobotSpec
-    obstacles: tuple[Obstacle, ...]
-    start: JointTarget
-    goal: JointTarget | Goals
+        scene = hdplan.Scene(
+            robot="panda",
+            obstacles=[hdplan.Box([0.1, 0.1, 0.6], pose=[0.6, 0.0, 0.3])],
+            start="default",
+            goal=[0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785],
+        )
+
+    Give arguments by their names. `robot` is a name of `hdplan robots`, or a RobotSpec. `obstacles` are Obstacles, or
+    shapes that say where they stand. `start` is a row of joint values in the robot's order [rad or m], a mapping from
+    joint names to values, or the name of a state of the SRDF. `goal` is one of these too, or a PoseTarget, or a list of
+    either: then any of them will do. All other sections are those of a scene file.
+
+    Raises InputError for any value that a file is refused, in the same words. What joints, links, states and robots are
+    called, and what one section needs of another, is checked when the scene is planned.
+    """
+
+    name: str = field(default="scene", compare=False)
+    source: Path = field(default=Path(), compare=False, repr=False)  # the file it was read from; none: its name
+    robot: Annotated[RobotSpec, robot_spec] = NEEDED
+    obstacles: Annotated[tuple[Obstacle, ...], _obstacles] = ()
+    start: Annotated[JointTarget, _Configuration("start")] = NEEDED
+    goal: Annotated[JointTarget | Goals, _goal] = NEEDED
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     from_request: bool = False  # ends as MoveIt requests have them: of whole robots, and a little beyond limits
     attached: tuple[Attached, ...] = ()  # held objects
@@ -371,6 +526,8 @@ class Scene(Checked):
     notes: tuple[str, ...] = field(default=(), compare=False)  # what the reader changed or left out, in words
 
     def _check_whole(self) -> None:
+        if self.source == Path():
+            object.__setattr__(self, "source", Path(self.name))
         taken: dict[str, str] = {}
         named = [(f"obstacles[{i}]", "obstacle", obstacle.name) for i, obstacle in enumerate(self.obstacles)]
         named += [(f"attached[{i}]", "held object", held.name) for i, held in enumerate(self.attached)]
@@ -379,6 +536,28 @@ class Scene(Checked):
                 other = f"{'earlier ' * (taken[name] == kind)}{taken[name]}"
                 raise FieldError(f"the name {name!r} is taken by an {other}; names must differ", where)
             taken[name] = kind
+
+    def with_start(self, start: object) -> Scene:
+        """Return the same scene with another start, in any form that `Scene` takes. Raises InputError as it does."""
+        return dataclasses.replace(self, start=start)  # type: ignore[arg-type]
+
+    def with_goal(self, goal: object) -> Scene:
+        """Return the same scene with another goal, in any form that `Scene` takes. Raises InputError as it does."""
+        return dataclasses.replace(self, goal=goal)  # type: ignore[arg-type]
+
+    def save(self, path: str | Path) -> None:
+        """Write the scene as a hdplan scene file, whole or not at all; `load_scene` gives an equal scene back.
+
+        `path` ends with .yaml or .yml. Files that the scene names are written with their whole paths, so it may be
+        saved anywhere. Raises InputError for another ending, a path that cannot be written, and what no file may say:
+        a section without another one that it needs, a text with half a character.
+        """
+        import hdplan.scenes
+
+        file = checked(path_of, path, "path")
+        check_writable(file, SCENE_FILES)
+        self.check_effects()
+        write_output(file, hdplan.scenes.scene_text(self).encode())
 
     def check_effects(self) -> None:
         """Refuse what can only be planned beside a section that is missing: a payload without limits of torque, moving

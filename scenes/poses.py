@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from hdplan.scenes.fields import Field
-from hdplan.scenes.meaning import rotation
+from hdplan.scenes.meaning import from_rpy, rotation
 from hdplan.scenes.model import Pose, Quaternion, Vector3
 
 ROUNDING = 1e-6  # a quaternion this close to unit length is unit: decimals were cut
@@ -49,17 +49,6 @@ def read_quaternion(entry: Field) -> Quaternion:
     if abs(math.hypot(*given) - 1.0) > ROUNDING:
         entry.note(f"the quaternion of length {math.hypot(*given):.6g} was normalized")
     return quaternion
-
-
-def from_rpy(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """Return the quaternion of R = Rz(yaw) Ry(pitch) Rx(roll) [rad], URDF's turns about the fixed axes x, y, z."""
-    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(angle / 2), math.sin(angle / 2)) for angle in (roll, pitch, yaw))
-    return (
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-        cr * cp * cy + sr * sp * sy,
-    )
 
 
 def compose(outer: Pose, inner: Pose) -> Pose:

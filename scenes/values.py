@@ -11,10 +11,11 @@ import math
 import numbers
 import os
 import re
+import reprlib
 import types
 import typing
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, TypeGuard
 
@@ -165,6 +166,16 @@ def path_of(value: object) -> Path:
     return Path(value)
 
 
+def absolute_path(value: object) -> Path:
+    """Return a path by its whole name, so that it stays the same wherever the program goes."""
+    return path_of(value).absolute()
+
+
+_shown = reprlib.Repr()
+_shown.maxtuple = _shown.maxlist = _shown.maxdict = 16
+_shown.maxstring, _shown.maxother = 100, 2000
+
+
 class Checked:
     """Base of frozen dataclasses whose fields are checked, and brought to their one form, whenever one is made."""
 
@@ -179,6 +190,16 @@ class Checked:
 
     def _check_whole(self) -> None:
         """Raise a FieldError for fields that do not go together."""
+
+    def __repr__(self) -> str:
+        """Say what differs from the defaults; what is long is cut. For classes made with ``repr=False``."""
+        said = []
+        for each in fields(self):  # type: ignore[arg-type]
+            value = getattr(self, each.name)
+            usual = each.default if each.default_factory is MISSING else each.default_factory()
+            if each.repr and value != usual:
+                said.append(f"{each.name}={_shown.repr(value)}")
+        return f"{type(self).__name__}({', '.join(said)})"
 
 
 def checked(check: Check, value: object, where: str) -> Any:

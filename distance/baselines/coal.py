@@ -52,7 +52,7 @@ class _Answers(NamedTuple):
 
 
 def signed_distance(body_a: ConvexBody, pose_a: ArrayLike, body_b: ConvexBody, pose_b: ArrayLike) -> Proximity:
-    """Return the exact signed distance of A and B at poses (4, 4), world from body [m].
+    """Return the exact signed distance of body_a and body_b [m], at pose_a and pose_b (4, 4), world from body.
 
     d = max over unit n of min n·(a - b) - r_A - r_B (paper, section III, Theorem SDF): the radii
     come off the signed distance of the polytopes. Raises InputError for poses of another shape, not finite or not
@@ -64,7 +64,9 @@ def signed_distance(body_a: ConvexBody, pose_a: ArrayLike, body_b: ConvexBody, p
 
 
 def signed_distances(body_a: ConvexBody, poses_a: ArrayLike, body_b: ConvexBody, poses_b: ArrayLike) -> Array:
-    """Return the exact signed distances (N,) [m] of A and B at N poses (N, 4, 4) each, world from body [m].
+    """Return the exact signed distances (N,) [m] of body_a and body_b at N poses each.
+
+    poses_a and poses_b: (N, 4, 4), world from body.
 
     The same as ``signed_distance`` pose by pose, several times faster: only coal's own call is made one by one.
     Overlaps take longest, as their proof looks across every pair of edges.

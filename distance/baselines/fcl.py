@@ -89,7 +89,9 @@ class FclPair(threading.local):
 
 
 def fcl_distances(body_a: ConvexBody, poses_a: ArrayLike, body_b: ConvexBody, poses_b: ArrayLike) -> FclAnswers:
-    """Return FCL's signed distances of A and B at N poses (N, 4, 4) each, world from body [m]; as exact as FCL is.
+    """Return FCL's signed distances of body_a and body_b [m]; as exact as FCL is.
+
+    poses_a and poses_b: N poses (N, 4, 4) each, world from body.
 
     They are computed in a process of its own. That one forks workers, each of which goes on after the pose that killed
     the one before (so it needs os.fork: Linux, macOS).

@@ -135,7 +135,10 @@ def separating_axis_distance(body_a: ConvexBody, pose_a: ArrayLike, body_b: Conv
     """Return the separating-axis distance D of A and B at one pose each, (4, 4) [m] (paper: eq. (3)).
 
     D = max over n in N(A, B) of min n·(a - b) - r_A - r_B. Where the polytopes touch or overlap it is the exact signed
-    distance; where they are apart a lower bound of it, positive before the radii are taken off.
+    distance; where they are apart a lower bound of it, positive before the radii are taken off. pose_a and pose_b map
+    body_a and body_b into the world.
+
+    Raises InputError for what is no body, and for poses of another shape, not finite or not rigid.
     """
     a, b = check_pose("pose_a", pose_a), check_pose("pose_b", pose_b)
     axes = separating_axes(body_a, a[:3, :3], body_b, b[:3, :3])

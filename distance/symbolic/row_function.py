@@ -93,6 +93,10 @@ class RowFunction:
         self._workspace = _Workspace(function, library)
         self.spent.seconds += time.perf_counter() - began
 
+    def __reduce__(self) -> tuple[type[RowFunction], tuple[ca.Function]]:
+        """What another process is sent: it compiles the function itself, or finds it in the cache."""
+        return RowFunction, (self.function,)
+
     def __call__(self, tables: Sequence[Floats], rows: Sequence[Rows]) -> list[Floats]:
         """Evaluate for k = 0 … count-1 with input i taken from `tables[i][rows[i][k]]`.
 

@@ -85,7 +85,8 @@ def certify(
 
 
 def check_configuration(scene: Scene, robot: Robot, q: ArrayLike) -> tuple[Contact, ...]:
-    """Return the contacts of configuration `q` (n,), the deepest first: exact, robot with obstacles and with itself.
+    """Return the contacts of configuration `q` (n,) [rad or m], the deepest first: exact, of the scene's robot with its
+    obstacles, as they are at time 0, and with itself.
 
     Raises InputError for what is no configuration of the robot: another number of values, or one that is not finite.
     """

@@ -86,6 +86,10 @@ class Certificate:
     seconds: float  # spent
     notes: tuple[str, ...] = ()  # less clearance to be proven than the scene asks for, and why; meshes with holes
 
+    def __repr__(self) -> str:
+        """Say the verdict."""
+        return f"<Certificate: {self.text}>"
+
     @property
     def unproven(self) -> tuple[int, ...]:
         """The waypoint intervals in which something about places is not proven or cannot be, in order."""

@@ -136,6 +136,14 @@ class Barriers:
         self.corners = max((len(body.body.vertices) for body in bodies), default=1)  # of a link's body, at most
         self.levers = levers(robot, [(body.joint, body.body) for body in bodies])  # (n,) [m]
 
+    def __repr__(self) -> str:
+        """Say how many pairs there are, of what."""
+        own = len(self.names) - self.obstacle_pairs
+        return (
+            f"<Barriers of {self.robot.name}: {self.obstacle_pairs} pairs with obstacles, {own} of links, "
+            f"{self.settings.distance}>"
+        )
+
     def clearance(self, margin: float) -> float | None:
         """Return the true clearance [m] to what stands that Δ ≥ margin [m] proves at that instant, by the planes that
         the obstacles have: a lower bound; None if nothing is proven."""
@@ -238,8 +246,8 @@ def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Bar
     """Return the barriers of a scene: the outer bodies of the planner, every obstacle, grown by what the scene wants
     free around it as well, and the robot's own pairs but for those whose outer bodies overlap anyway.
 
-    Link bodies are the scene's setting `planner.link_bodies`, boxes for the distances that know nothing else. Raises
-    InputError for an obstacle that the distance cannot take.
+    settings: which distance, and what it is taken to. Link bodies are the scene's setting `planner.link_bodies`, boxes
+    for the distances that know nothing else. Raises InputError for an obstacle that the distance cannot take.
     """
     instance(scene, Scene, "scene")
     instance(robot, Robot, "robot")

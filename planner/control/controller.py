@@ -123,6 +123,10 @@ class Controller:
         given = robot.model.velocityLimit if limits is None else limits
         self.fastest = settings.speed * joint_numbers("limits", given, robot.joint_names, positive=True)  # (n,)
 
+    def __repr__(self) -> str:
+        """Say whose controller it is, and what it keeps apart."""
+        return f"<Controller of {self.robot.name}: every {self.settings.period:g} s, {self.barriers!r}>"
+
     @property
     def assured(self) -> float | None:
         """Clearance [m] to obstacles proven at every time, at any speed within the limits, once Δ ≥ δ: that of the

@@ -84,6 +84,7 @@ def simulate(
 ) -> Run:
     """Run a controller from `start` (n,), at time `begin` [s], for at most `duration` [s], or until its task is met.
 
+    until_met: whether to end as soon as the task is met; otherwise the whole duration is run.
     watch: is called each period with the time, the configuration and the step. Raises InputError for a start, a
     duration or a begin that is none.
     """

@@ -96,9 +96,21 @@ class TrackTask:
 
 
 def standing(q: Array, gain: float = 2.0) -> TrackTask:
-    """Return the task of going to a configuration (n,) and staying there. Raises InputError for one that is none."""
+    """Return the task of going to a configuration q (n,) [rad or m] and staying there; `gain` is the part of what is
+    missing that is gone in a second [1/s]. Raises InputError for a configuration or a gain that is none."""
     goal = joint_numbers("q", q, _counted(q))
-    return TrackTask(lambda time: (goal, np.zeros_like(goal)), gain)
+    return TrackTask(_Still(goal), gain)
+
+
+@dataclass(frozen=True, eq=False)
+class _Still:
+    """A configuration that does not move, as a reference."""
+
+    goal: Array
+
+    def __call__(self, time: float) -> tuple[Array, Array]:
+        """Return it, and its velocity, which is none."""
+        return self.goal, np.zeros_like(self.goal)
 
 
 def least_squares(jacobian: Array, wanted: Array, regularization: float) -> tuple[Array, Array]:

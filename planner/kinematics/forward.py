@@ -103,6 +103,10 @@ class Kinematics:
         self.state = ca.Function("state", [q], [ca.densify(ca.vertcat(*placements, *columns))], ["q"], ["state"])
         self._maps: dict[int, _MappedState] = {}
 
+    def __getstate__(self) -> dict[str, Any]:
+        """What another process is sent: its threads make buffers of their own."""
+        return vars(self) | {"_maps": {}}
+
     def evaluate(self, q: ArrayLike) -> KinematicsBatch:
         """Return the state of configurations q (B, n), or of one (n,) as a batch of one."""
         values = np.atleast_2d(np.asarray(q, dtype=np.float64))

@@ -94,6 +94,10 @@ class Trajectory:
                 f"{widest[row, 0]:g} s; at most {most[row, 0]:.3g} is allowed"
             )
 
+    def __repr__(self) -> str:
+        """Say how long it is, and of which joints."""
+        return f"<Trajectory: {self.extent} of {', '.join(self.joint_names)}>"
+
     @cached_property
     def curve(self) -> Curve:
         """The motion through the waypoints, to the last interpolation rule."""

@@ -65,6 +65,11 @@ class Problem:
     notes: tuple[str, ...]  # words for the user
     compile_seconds: float  # spent on compiling the distance, or on finding it in the cache
 
+    def __repr__(self) -> str:
+        """Say what is planned for whom, and what counts."""
+        terms = ", ".join(["smoothness", *(term.name for term in self.terms)])
+        return f"<Problem of {self.scene.name} with {self.robot.name}: {self.waypoints} waypoints; {terms}>"
+
     @property
     def waypoints(self) -> int:
         """N, both ends included."""

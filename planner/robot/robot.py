@@ -22,11 +22,11 @@ from hdplan.planner.robot.pin_model import move_base, read_model, without_joints
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.files import Stamps, stamps_of
-from hdplan.scenes.model import Attached, JointTarget, Pose, RobotSpec
+from hdplan.scenes.model import Attached, JointTarget, Pose, RobotSpec, robot_spec
 from hdplan.scenes.once import freeze
 from hdplan.scenes.robot_files.description import LinkPair, Semantics, Tree, link_pair, read_semantics, read_tree
 from hdplan.scenes.robot_files.library import description_of
-from hdplan.scenes.values import instance
+from hdplan.scenes.values import checked
 
 Array = NDArray[np.float64]
 
@@ -66,6 +66,11 @@ class Robot:
     def __post_init__(self) -> None:
         """Share its arrays read-only."""
         freeze(self)
+
+    def __repr__(self) -> str:
+        """Say which robot it is, and what of it is planned."""
+        held = f", {len(self.locked)} joints held" if self.locked else ""
+        return f"<Robot {self.name}: {self.n} joints planned ({', '.join(self.joint_names)}){held}>"
 
     @property
     def n(self) -> int:
@@ -148,8 +153,8 @@ class Robot:
 # --- loading ---------------------------------------------------------------------------------------------
 
 
-def load_robot(spec: RobotSpec) -> Robot:
-    """Load a robot from example-robot-data by name, or from a URDF (and SRDF) file.
+def load_robot(robot: str | RobotSpec) -> Robot:
+    """Load a robot: one of example-robot-data by its name, or what a RobotSpec says, such as a URDF (and SRDF) file.
 
     Planned are the joints of the SRDF's group that the specification names; without one those of its arm group, or else
     all joints, but for those of a hand. Never planned are mimic joints and what they follow. All others are held: at
@@ -159,7 +164,7 @@ def load_robot(spec: RobotSpec) -> Robot:
     Raises:
         InputError: unknown robot, group, joint or link; a file that cannot be read; a joint with several coordinates.
     """
-    instance(spec, RobotSpec, "spec")
+    spec: RobotSpec = checked(robot_spec, robot, "robot")
     name, urdf, srdf, package_dirs = description_of(spec)
     files = stamps_of((urdf,) if srdf is None else (urdf, srdf))
     tree = read_tree(urdf)
@@ -200,7 +205,7 @@ def load_robot(spec: RobotSpec) -> Robot:
     bounded = np.array([joint.nq == 1 for joint in itertools.islice(model.joints, 1, None)])
     first = [joint.idx_q for joint in itertools.islice(model.joints, 1, None)]
     lower, upper = np.asarray(model.lowerPositionLimit)[first], np.asarray(model.upperPositionLimit)[first]
-    robot = Robot(
+    loaded = Robot(
         name=name,
         model=model,
         collision=collision,
@@ -217,16 +222,16 @@ def load_robot(spec: RobotSpec) -> Robot:
         files=(*files, *meshes),
         base=spec.base,
     )
-    unchecked = _told_apart(robot, tree, semantics, spec)
-    every = (link_pair(a, b) for a, b in itertools.combinations(robot.links, 2))
+    unchecked = _told_apart(loaded, tree, semantics, spec)
+    every = (link_pair(a, b) for a, b in itertools.combinations(loaded.links, 2))
     pairs = tuple(pair for pair in every if pair not in unchecked)
-    touching = _always_in_contact(robot, pairs)
+    touching = _always_in_contact(loaded, pairs)
     unchecked |= dict.fromkeys(touching, ALWAYS_TOUCHING)
     if touching:
         named = ", ".join(f"{a}-{b}" for a, b in touching)
         notes.append(f"link pairs in contact at every sampled configuration, not checked: {named}")
     pairs = tuple(pair for pair in pairs if pair not in touching)
-    return replace(robot, self_pairs=pairs, unchecked=unchecked, notes=tuple(notes))
+    return replace(loaded, self_pairs=pairs, unchecked=unchecked, notes=tuple(notes))
 
 
 def _planned(

@@ -1,17 +1,13 @@
-"""Configurations for a goal that leaves a choice: inverse kinematics from many starts, the free ones in order.
+"""Configurations for a goal that leaves a choice: those that reach it (`inverse_kinematics`), the free ones in order.
 
-Damped least squares, dq = Jᵀ (J Jᵀ + λ² I)⁻¹ e, within the joint limits, for many starts at once (Nakamura & Hanafusa,
-"Inverse kinematic solutions with singularity robustness", 1986). Only that part of the error e counts that lies beyond
-a share of the tolerance, until it is gone; then a few steps with all of e lead on towards the centre, as far as they
-can. Turns that are free are taken out of J and e. What reaches the pose and touches nothing is ordered by its
-joint-space distance from the start, times up to 2 where obstacles are close: `Kinematics` finds it, the certificate
-judges it by its own. All draws come from one seeded generator: the same seed gives the same goals.
+What reaches the pose and touches nothing is ordered by its joint-space distance from the start, times up to 2 where
+obstacles are close: `Kinematics` finds it, the certificate judges it by its own. All draws come from one seeded
+generator: the same seed gives the same goals.
 """
 
 from __future__ import annotations
 
 import itertools
-import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -20,12 +16,11 @@ from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.pose_goals import Miss
-from hdplan.planner.kinematics.forward import Kinematics, kinematics_of
-from hdplan.planner.kinematics.inverse import LinkPose, damped_step
+from hdplan.planner.kinematics.forward import kinematics_of
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.deadline import check_time
+from hdplan.planner.search.inverse_kinematics import STARTS, reaching
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.model import JointTarget, PathConstraints, PoseTarget, Scene
 
@@ -34,11 +29,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-STARTS = 128  # the scene's start, and random configurations
-STEPS = 80  # at most
-CENTRING = 6  # further ones, from within the tolerance towards its centre
-AIM, ENOUGH, AT_MOST = 0.5, 0.75, 0.99  # shares of a tolerance: aimed at, where a start has arrived, that may be left
-APART = 0.6  # [rad] or [m] in some joint between configurations that count as two
 PICKED = 12  # free configurations of a pose, nearest to the start, that are compared
 CLOSE = 0.03  # [m] to an obstacle below which a goal counts as farther away
 TRIED = 6  # goals that are planned to, all targets together; at least one of each
@@ -107,87 +97,6 @@ def settled(scene: Scene, robot: Robot, motion: Trajectory | None = None) -> Sce
         if met:
             return replace(scene, goal=JointTarget(scene.goal.field, tuple(end.tolist())))
     return replace(scene, goal=goal_choice(scene, robot, certifier).goals[0])
-
-
-def reaching(
-    robot: Robot, target: PoseTarget, start: Array, rng: np.random.Generator, path: tuple[PathTerm, ...] = ()
-) -> tuple[Array, Miss]:
-    """Return configurations (K, n) that reach a pose, APART from each other and nearest to `start` first, and the least
-    miss of all that were tried. What the scene asks of the whole way leads the search too, and does not decide it."""
-    pose = LinkPose.of(robot, target)
-    q = np.vstack([np.clip(start, robot.lower, robot.upper), robot.draw(rng, STARTS - 1)])
-    going = np.arange(len(q))
-    if path:
-        from hdplan.planner.problem.path_terms import to_path
-    for _ in range(STEPS):
-        check_time("looking for configurations that reach the goal")
-        error, jacobian = pose.linearized(q[going])
-        missing, far = _beyond(error, target), ~_within(error, target, ENOUGH)
-        if path:
-            astray, slope = to_path(path, pose.arm.evaluate(q[going]))
-            missing, jacobian = np.concatenate([missing, astray], axis=1), np.concatenate([jacobian, slope], axis=1)
-            far |= astray.any(axis=1)
-        going, missing, jacobian = going[far], missing[far], jacobian[far]
-        if not len(going):
-            break
-        q[going] = damped_step(robot, q[going], missing, jacobian)
-    error, _ = pose.linearized(q)
-    position, angle = _sizes(error)
-    best = int(np.argmin(np.maximum(position / target.position_tolerance, angle / target.orientation_tolerance)))
-    least = Miss(float(position[best]), float(angle[best]))
-    met = _centred(pose, q[_within(error, target, AT_MOST)])
-    met = _fewest_turns(robot, pose.arm, met, start)
-    return _apart(met[np.argsort(np.linalg.norm(met - start, axis=1), kind="stable")]), least
-
-
-def _centred(pose: LinkPose, q: Array) -> Array:
-    """Configurations that reach the pose, moved on towards its centre as long as both errors shrink."""
-    error, jacobian = pose.linearized(q)
-    for _ in range(CENTRING):
-        moved = damped_step(pose.robot, q, error, jacobian)
-        error_moved, jacobian_moved = pose.linearized(moved)
-        better = np.all(np.stack(_sizes(error_moved)) <= np.stack(_sizes(error)), axis=0)[:, None]
-        q, error = np.where(better, moved, q), np.where(better, error_moved, error)
-        jacobian = np.where(better[..., None], jacobian_moved, jacobian)
-    return q
-
-
-def _sizes(error: Array) -> tuple[Array, Array]:
-    return np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)
-
-
-def _within(error: Array, target: PoseTarget, share: float) -> NDArray[np.bool_]:
-    position, angle = _sizes(error)
-    within: NDArray[np.bool_] = (position <= share * target.position_tolerance) & (
-        angle <= share * target.orientation_tolerance
-    )
-    return within
-
-
-def _beyond(error: Array, target: PoseTarget) -> Array:
-    """The part of the error (B, 6) beyond AIM of the tolerances."""
-    position, angle = _sizes(error)
-    left = [
-        np.maximum(0.0, 1.0 - AIM * tolerance / np.maximum(size, 1e-300))[:, None]
-        for size, tolerance in ((position, target.position_tolerance), (angle, target.orientation_tolerance))
-    ]
-    return np.concatenate([error[:, :3] * left[0], error[:, 3:] * left[1]], axis=1)
-
-
-def _fewest_turns(robot: Robot, arm: Kinematics, q: Array, start: Array) -> Array:
-    """The same placements (B, n) with whole turns of the joints taken back towards `start`, as the limits allow."""
-    revolute = np.linalg.norm(arm.evaluate(start).angular[0], axis=1) > 0.5
-    nearer = q - 2 * math.pi * np.round((q - start) / (2 * math.pi))
-    return np.where(revolute & (nearer >= robot.lower) & (nearer <= robot.upper), nearer, q)
-
-
-def _apart(q: Array) -> Array:
-    """The rows that are APART from all rows kept before them."""
-    kept: list[Array] = []
-    for row in q:
-        if all(np.abs(row - other).max() > APART for other in kept):
-            kept.append(row)
-    return np.array(kept).reshape(-1, q.shape[1])
 
 
 def _free(certifier: Certifier, reached: Array, start: Array) -> list[tuple[float, Array]]:

@@ -7,7 +7,7 @@ meshes, the solver with outer bodies at samples, and neither takes the other's w
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -36,6 +36,14 @@ class Event:
     step: Iteration | None = None
     positions: Floats | None = None  # (N, n) the waypoints after that step; the caller may keep, not change them
     certificate: Certificate | None = None
+
+
+class Guess(NamedTuple):
+    """Where an attempt begins."""
+
+    positions: Floats  # (N, n)
+    weight: float = DETOUR_WEIGHT  # of the penalty, at first [1/m²]
+    as_it_is: bool = False  # whether it may be the motion itself
 
 
 class Best(NamedTuple):
@@ -72,12 +80,12 @@ class Search:
         self.attempts = self.iterations = 0
         self.certify_seconds = 0.0
 
-    def attempt(self, guess: Floats) -> bool:
+    def attempt(self, first: Guess) -> bool:
         """Solve from one guess, and solve on where the certificate fails; True if the search is over."""
         self.attempts += 1
         self.steps = ()
+        guess, weight = first.positions, first.weight
         problem = self.problem.resampled(guess)
-        weight = FIRST_WEIGHT if self.attempts == 1 else DETOUR_WEIGHT
         for turn in range(1 + REPAIRS):
             budget = Budget(self.deadline, first_weight=weight, report=self._report_step, stop=self.stop)
             solution = self.last = self.solver(problem, guess, budget)
@@ -86,7 +94,7 @@ class Search:
                 return True
             if certificate.certified:
                 return True
-            if turn == 0 and self.attempts == 1 and self._straight(solution, guess):
+            if turn == 0 and first.as_it_is and self._free_already(solution, guess):
                 return True
             if solution.status is SolverStatus.STALLED or not certificate.unproven:
                 break
@@ -94,13 +102,13 @@ class Search:
             problem = problem.resampled(guess).refined(intervals)
         return False
 
-    def _straight(self, solution: Solution, line: Floats) -> bool:
-        """Whether the straight line (N, n) is certified as it is: where outer bodies overlap at an end, though the
-        links are free, a solver leaves it for worse. Not where motions are timed: it may have no law of time."""
+    def _free_already(self, solution: Solution, guess: Floats) -> bool:
+        """Whether a guess (N, n) is certified as it is: where outer bodies overlap at an end, though the links are
+        free, a solver leaves it for worse. Not where motions are timed: it may have no law of time."""
         if self.retimer is not None:
             return False
         before = self.best
-        trajectory = replace(solution.trajectory, positions=line)
+        trajectory = replace(solution.trajectory, positions=guess)
         certificate, _ = self._certify(replace(solution, trajectory=trajectory, status=SolverStatus.STALLED, steps=()))
         if not certificate.certified:
             self.best = before
@@ -163,15 +171,25 @@ class Search:
         return certificate, sorted(failed)
 
 
-def search_in_turn(searches: Sequence[Search], seed: int) -> None:
+def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Floats | None]) -> None:
     """Give each goal its first guesses, then each the next ones, until one is certified after a whole round or time is
-    over. With one goal that is one guess after another."""
-    lines = [(search, seeds(search.problem, seed)) for search in searches]
+    over. With one goal that is one guess after another. `warm` holds a guess (N, n) that is tried before all others,
+    where a goal has one."""
+    lines = [(search, _guesses(search.problem, seed, begin)) for search, begin in zip(searches, warm, strict=True)]
     while not any(search.certified for search in searches):
         for search, guesses in lines:
             over = any(search.attempt(guess) for guess in itertools.islice(guesses, GUESSES))
             if over and not search.certified:
                 return
+
+
+def _guesses(problem: Problem, seed: int, warm: Floats | None) -> Iterator[Guess]:
+    """Yield guesses without end: the one that was given, if any, the straight line, then the roadmap's."""
+    if warm is not None:
+        yield Guess(warm, as_it_is=True)
+    ways = seeds(problem, seed)
+    yield Guess(next(ways), FIRST_WEIGHT, as_it_is=True)
+    yield from map(Guess, ways)
 
 
 def _rank(certificate: Certificate) -> tuple[float, ...]:

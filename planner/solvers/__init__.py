@@ -38,6 +38,12 @@ def solve(
 ) -> Solution:
     """Solve a problem once, from a first guess (N, n) or the straight line; certify the result before you trust it.
 
+    Args:
+        problem: what build returns.
+        solver: "gauss_newton", "chomp" or "ipopt".
+        guess: the waypoints to begin with (N, n) [rad or m], in the order of the robot's joints.
+        budget: what the solver may spend, and what it reports to.
+
     Raises InputError for an unknown solver, and for a guess of another shape or with values beyond LARGEST.
     """
     run = solver_named(solver)

@@ -11,7 +11,7 @@ import contextlib
 import enum
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,14 @@ class Iteration:
     weight: float  # of the penalty
 
 
+def _silent(step: Iteration, positions: Floats) -> None:
+    pass
+
+
+def _never() -> bool:
+    return False
+
+
 @dataclass(frozen=True)
 class Budget:
     """What a solver may spend."""
@@ -59,12 +67,10 @@ class Budget:
     deadline: float = float("inf")  # time.perf_counter() at which to stop
     iterations: int = 1000
     first_weight: float = FIRST_WEIGHT  # of the penalty [1/m²]
-    report: Callable[[Iteration, Floats], None] = field(
-        default=lambda step, positions: None
-    )  # called once per iteration, with the waypoints (N, n) that it ended at
-    stop: Callable[[], bool] = field(
-        default=lambda: False
-    )  # asked once per iteration: whether to end with what there is
+    report: Callable[[Iteration, Floats], None] = _silent
+    """Called once per iteration, with the waypoints (N, n) that it ended at."""
+    stop: Callable[[], bool] = _never
+    """Asked once per iteration: whether to end with what there is."""
 
     def spent(self) -> bool:
         """Whether the deadline has passed."""
@@ -80,6 +86,10 @@ class Solution:
     weight: float  # the penalty weight of the last iteration
     steps: tuple[Iteration, ...]
     seconds: float
+
+    def __repr__(self) -> str:
+        """Say how it ended."""
+        return f"<Solution: {self.status.name.lower()} after {self.iterations} iterations, {self.trajectory.extent}>"
 
     @property
     def iterations(self) -> int:

@@ -187,7 +187,7 @@ def _pose_goal(goal: Field, given: dict[str, Field], name: str, frames: Frames) 
     if tolerance > LARGEST_BALL:
         entry.note(f"allows a ball of radius {tolerance:g} m; one of {LARGEST_BALL:g} m is kept to")
     pose = Pose(region.pose.position, turn.quaternion)
-    return PoseTarget(name, region.link, pose, min(tolerance, LARGEST_BALL), turn.tolerance, turn.free)
+    return PoseTarget(region.link, pose, min(tolerance, LARGEST_BALL), turn.tolerance, turn.free, field=name)
 
 
 def _upright(entry: Field, frames: Frames) -> Upright:

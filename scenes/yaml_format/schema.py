@@ -43,9 +43,9 @@ from hdplan.scenes.values import (
     Number,
     Row,
     Whole,
+    absolute_path,
     boolean,
     checks_of,
-    path_of,
     text,
 )
 from hdplan.scenes.yaml_format.reader import SECTIONS, VERSION
@@ -69,7 +69,7 @@ BEYOND = 1e308  # only infinity is
 PLAIN: Mapping[Check, Schema] = {
     text: TEXT,
     boolean: {"type": "boolean"},
-    path_of: TEXT,
+    absolute_path: TEXT,
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from pathlib import Path
@@ -13,8 +14,15 @@ from hdplan.scenes.model import Shape
 
 CLASSES: Mapping[str, type[Any]] = MappingProxyType({kind.__name__.lower(): kind for kind in get_args(Shape)})
 """The word of each shape and its class."""
+
+
+def _keys(kind: Any) -> list[dataclasses.Field[Any]]:
+    """Return the fields that a file writes: in a program a shape may also say its name and pose, by keyword."""
+    return [key for key in fields(kind) if not key.kw_only]
+
+
 SHAPE_KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {word: tuple(key.name for key in fields(kind)) for word, kind in CLASSES.items()}
+    {word: tuple(key.name for key in _keys(kind)) for word, kind in CLASSES.items()}
 )
 """Keys of each shape beside its type; those are required that have no default."""
 
@@ -23,7 +31,7 @@ def read_shape(section: Field) -> Shape:
     """Read a shape. Raises InputError: unknown type or key, a size that is not above 0, points in one plane."""
     every_key = {"type", *(key for keys in SHAPE_KEYS.values() for key in keys)}
     word = section.mapping(every_key, required=["type"])["type"].choice(SHAPE_KEYS)
-    required = [key.name for key in fields(CLASSES[word]) if key.default is MISSING]
+    required = [key.name for key in _keys(CLASSES[word]) if key.default is MISSING]
     keys: dict[str, Any] = dict(section.mapping(("type", *SHAPE_KEYS[word]), required))
     del keys["type"]
     if "file" in keys:
@@ -35,7 +43,7 @@ def read_shape(section: Field) -> Shape:
 def shape_entry(shape: Shape, write_path: Any) -> dict[str, Any]:
     """Return what `read_shape` reads back; `write_path` says how the name of a file is written."""
     entry: dict[str, Any] = {"type": type(shape).__name__.lower()}
-    for key in fields(shape):
+    for key in _keys(shape):
         value = getattr(shape, key.name)
         entry[key.name] = write_path(value) if isinstance(value, Path) else _plain(value)
     return entry

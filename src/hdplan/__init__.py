@@ -6,6 +6,15 @@
     print(result.certificate.text)
     result.save("motion.json")
 
+A scene may be made without a file:
+
+    box = hdplan.Box([0.1, 0.1, 0.6], pose=[0.6, 0.0, 0.3])
+    scene = hdplan.Scene(robot="panda", obstacles=[box], start="default", goal=[0.6, -0.3, 0, -2, 0, 1.8, 0.785])
+
+What is for use is listed in `__all__`, here, in `hdplan.distance` and in `hdplan.control`; all else may change from one
+version to the next. Whatever goes in is checked, and refused by an `InputError` of one line. All that comes out can be
+pickled.
+
 Names are imported when first used, so that `import hdplan` is quick. Everything may be called from several threads at
 once, on objects that they share, and gives what it gives alone.
 """
@@ -16,7 +25,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from hdplan import control
+    from hdplan import control, distance
     from hdplan.distance.bodies import ConvexBody
     from hdplan.planner.build import build
     from hdplan.planner.certificate.certifier import certify, check_configuration
@@ -26,28 +35,80 @@ if TYPE_CHECKING:
     from hdplan.planner.problem.problem import Problem
     from hdplan.planner.result import PlanResult
     from hdplan.planner.robot.robot import Robot, load_robot
+    from hdplan.planner.search.inverse_kinematics import inverse_kinematics
+    from hdplan.planner.search.search import Event
     from hdplan.planner.solvers import solve
-    from hdplan.planner.solvers.solution import Solution
-    from hdplan.scenes.errors import HdplanError, InputError
-    from hdplan.scenes.model import Scene
+    from hdplan.planner.solvers.solution import Budget, Solution
+    from hdplan.scenes.errors import HdplanError, InputError, OutOfTime
+    from hdplan.scenes.model import (
+        Attached,
+        Box,
+        Capsule,
+        Cylinder,
+        Ellipsoid,
+        Limits,
+        Mesh,
+        Obstacle,
+        PathConstraints,
+        Payload,
+        PlannerSettings,
+        Points,
+        Pose,
+        PoseTarget,
+        RobotSpec,
+        Scene,
+        SelfCollision,
+        Sphere,
+        SteadyMotion,
+        TimedPoses,
+        Timing,
+        Upright,
+        Within,
+    )
     from hdplan.scenes.yaml_format.reader import load_scene
 
 __version__ = "0.1.0"
 
 _HOMES = {
+    "Attached": "hdplan.scenes.model",
+    "Box": "hdplan.scenes.model",
+    "Budget": "hdplan.planner.solvers.solution",
+    "Capsule": "hdplan.scenes.model",
     "Certificate": "hdplan.planner.certificate.verdict",
     "ConvexBody": "hdplan.distance.bodies",
+    "Cylinder": "hdplan.scenes.model",
+    "Ellipsoid": "hdplan.scenes.model",
+    "Event": "hdplan.planner.search.search",
     "HdplanError": "hdplan.scenes.errors",
     "InputError": "hdplan.scenes.errors",
+    "Limits": "hdplan.scenes.model",
+    "Mesh": "hdplan.scenes.model",
+    "Obstacle": "hdplan.scenes.model",
+    "OutOfTime": "hdplan.scenes.errors",
+    "PathConstraints": "hdplan.scenes.model",
+    "Payload": "hdplan.scenes.model",
     "PlanResult": "hdplan.planner.result",
+    "PlannerSettings": "hdplan.scenes.model",
+    "Points": "hdplan.scenes.model",
+    "Pose": "hdplan.scenes.model",
+    "PoseTarget": "hdplan.scenes.model",
     "Problem": "hdplan.planner.problem.problem",
     "Robot": "hdplan.planner.robot.robot",
+    "RobotSpec": "hdplan.scenes.model",
     "Scene": "hdplan.scenes.model",
+    "SelfCollision": "hdplan.scenes.model",
     "Solution": "hdplan.planner.solvers.solution",
+    "Sphere": "hdplan.scenes.model",
+    "SteadyMotion": "hdplan.scenes.model",
+    "TimedPoses": "hdplan.scenes.model",
+    "Timing": "hdplan.scenes.model",
     "Trajectory": "hdplan.planner.motion.trajectory",
+    "Upright": "hdplan.scenes.model",
+    "Within": "hdplan.scenes.model",
     "build": "hdplan.planner.build",
     "certify": "hdplan.planner.certificate.certifier",
     "check_configuration": "hdplan.planner.certificate.certifier",
+    "inverse_kinematics": "hdplan.planner.search.inverse_kinematics",
     "load_robot": "hdplan.planner.robot.robot",
     "load_scene": "hdplan.scenes.yaml_format.reader",
     "plan": "hdplan.planner.plan",
@@ -55,21 +116,48 @@ _HOMES = {
 }
 
 __all__ = [
+    "Attached",
+    "Box",
+    "Budget",
+    "Capsule",
     "Certificate",
     "ConvexBody",
+    "Cylinder",
+    "Ellipsoid",
+    "Event",
     "HdplanError",
     "InputError",
+    "Limits",
+    "Mesh",
+    "Obstacle",
+    "OutOfTime",
+    "PathConstraints",
+    "Payload",
     "PlanResult",
+    "PlannerSettings",
+    "Points",
+    "Pose",
+    "PoseTarget",
     "Problem",
     "Robot",
+    "RobotSpec",
     "Scene",
+    "SelfCollision",
     "Solution",
+    "Sphere",
+    "SteadyMotion",
+    "TimedPoses",
+    "Timing",
     "Trajectory",
+    "Upright",
+    "Within",
     "__version__",
     "build",
     "certify",
     "check_configuration",
     "control",
+    "distance",
+    "inverse_kinematics",
     "load_robot",
     "load_scene",
     "plan",
@@ -78,12 +166,12 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name == "control":
-        return importlib.import_module("hdplan.control")
+    if name in ("control", "distance"):
+        return importlib.import_module(f"hdplan.{name}")
     if name not in _HOMES:
         raise AttributeError(f"module 'hdplan' has no attribute '{name}'")
     return getattr(importlib.import_module(_HOMES[name]), name)
 
 
 def __dir__() -> list[str]:
-    return __all__
+    return sorted(__all__)

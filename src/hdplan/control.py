@@ -31,3 +31,8 @@ __all__ = [
     "simulate",
     "standing",
 ]
+
+
+def __dir__() -> list[str]:
+    """What is for use."""
+    return sorted(__all__)

@@ -19,7 +19,7 @@ from hdplan.planner.plan import plan
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.planner.search.search import Event, Search
+from hdplan.planner.search.search import Event, Guess, Search
 from hdplan.planner.solvers.solution import Budget, Solution, SolverStatus
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Box, Goals, JointTarget, Obstacle, PathConstraints, Pose, Scene, Sphere
@@ -285,7 +285,7 @@ def test_the_straight_line_is_taken_where_the_solver_leaves_it_for_worse() -> No
     problem, certifier = build(scene, robot), Certifier(scene, robot)
     search = Search(problem, certifier, None, astray, 0.005, np.inf, lambda event: None, lambda: False)
     line = np.linspace(START, GOAL, problem.waypoints)
-    assert search.attempt(line)
+    assert search.attempt(Guess(line, as_it_is=True))
     best = search.conclude()
     assert best.certificate.certified
     assert len(rounds) == 1

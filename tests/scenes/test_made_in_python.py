@@ -39,7 +39,7 @@ from hdplan.scenes.model import (
     Upright,
     Within,
 )
-from hdplan.scenes.yaml_format.reader import load_scene
+from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 from hdplan.scenes.yaml_format.writer import scene_text
 
 NAN, INF = math.nan, math.inf
@@ -144,13 +144,13 @@ CASES: dict[str, tuple[Callable[[Any], Any], str, Callable[[Any], Any], tuple[An
     "tolerance": (
         lambda v: {"goal": {"pose": {**POSE, "position_tolerance": v}}},
         "goal.pose.position_tolerance",
-        lambda v: PoseTarget("goal", "hand", Pose(), position_tolerance=v),
+        lambda v: PoseTarget("hand", Pose(), position_tolerance=v),
         (*LENGTHS, 1.5),
     ),
     "free rotation": (
         lambda v: {"goal": {"pose": {**POSE, "free_rotation": v}}},
         "goal.pose.free_rotation",
-        lambda v: PoseTarget("goal", "hand", Pose(), free_rotation=v),
+        lambda v: PoseTarget("hand", Pose(), free_rotation=v),
         WORDS,
     ),
     "self-collision": (
@@ -272,6 +272,84 @@ def scene_of(**changes: Any) -> Scene:
     return dataclasses.replace(scene, **changes)
 
 
+def test_the_short_forms_say_what_the_long_ones_say(tmp_path: Path) -> None:
+    """And what a file says: each is equal to the scene that is read back."""
+    joints, place = (0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785), Pose((0.5, 0.0, 0.2))
+    names = tuple(f"panda_joint{i}" for i in range(1, 8))
+    tool = PoseTarget("panda_hand_tcp", Pose.from_rpy((0.5, 0.1, 0.4), (0.0, 1.571, 0.0)), free_rotation="x")
+    anyhow = PoseTarget("panda_hand", Pose((0.5, 0.0, 0.4)), free_rotation="all")
+    zeros = dict.fromkeys(names, 0.0)
+    many = np.array([joints, joints]) + [[0.0], [0.1]]
+    for short, goal in (
+        (joints, JointTarget("goal", joints)),
+        (np.array(joints), JointTarget("goal", joints)),
+        (dict(zip(names, joints, strict=True)), JointTarget("goal", by_name=dict(zip(names, joints, strict=True)))),
+        ("default", JointTarget("goal", state="default")),
+        (tool, Goals((tool,))),
+        ([tool, anyhow], Goals((tool, anyhow))),
+        (many, Goals(tuple(JointTarget("goal", tuple(row)) for row in many.tolist()))),
+        (
+            [list(joints), zeros],
+            Goals((JointTarget("a", joints), JointTarget("b", by_name=zeros))),
+        ),
+    ):
+        shapes = [Box([1, 1, 0.1], pose=[0, 0, -0.2]), Sphere(0.1, name="ball", pose=place), Obstacle("x", BOX_MADE)]
+        obstacles = (
+            Obstacle("obstacle0", Box((1.0, 1.0, 0.1)), Pose((0.0, 0.0, -0.2))),
+            Obstacle("ball", Sphere(0.1), place),
+            Obstacle("x", BOX_MADE),
+        )
+        made = Scene(robot="panda", obstacles=shapes, start="default", goal=short)
+        assert made == Scene("b", Path("c"), RobotSpec("panda"), obstacles, JointTarget("start", state="default"), goal)
+        assert made == made.with_goal([0.0]).with_goal(short) == made.with_start([0.0]).with_start("default")
+        assert (made.name, str(made.source)) == ("scene", "scene")
+        made.save(tmp_path / "made.yaml")
+        assert load_scene(tmp_path / "made.yaml") == made
+
+
+@pytest.mark.parametrize("name", sorted(shipped_scenes()))
+def test_what_is_saved_is_read_back_the_same(tmp_path: Path, name: str) -> None:
+    scene, file = load_scene(name), tmp_path / "again.yml"
+    scene.save(file)
+    assert load_scene(file) == scene
+
+
+def test_what_no_file_may_say_is_not_saved(tmp_path: Path) -> None:
+    for scene, words in (
+        (scene_of(payload=Payload("panda_hand", 1.0)), "payload: counts where joint torques do"),
+        (scene_of(timing=Timing()), "timing: makes the motion timed"),
+        (scene_of(goal={"\ud800": 0.0}), "half a character"),
+    ):
+        with pytest.raises(InputError, match=words):
+            scene.save(tmp_path / "a.yaml")
+    for path in ("a.txt", "a", tmp_path, tmp_path / "no" / "a.yaml", 5, "a\0.yaml"):
+        with pytest.raises(InputError):
+            scene_of().save(path)  # type: ignore[arg-type]
+    assert not list(tmp_path.iterdir())
+
+
+def test_files_are_named_whole(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A scene means the same file wherever the program goes."""
+    monkeypatch.chdir(tmp_path)
+    mesh, spec = Mesh("part.stl"), RobotSpec(urdf="arm.urdf", package_dirs=["there"])
+    monkeypatch.chdir("/")
+    assert (mesh.file, spec.urdf) == (tmp_path / "part.stl", tmp_path / "arm.urdf")
+    assert spec.package_dirs == (tmp_path / "there",)
+
+
+def test_a_scene_is_shown_in_few_words() -> None:
+    assert repr(Box((1, 2, 3))) == "Box(size=(1.0, 2.0, 3.0))"
+    assert repr(Pose()) == "Pose()"
+    rows = np.random.default_rng(0).uniform(size=(2000, 3))
+    cloud = Points(rows)
+    many = [Obstacle(f"o{i}", cloud) for i in range(500)]
+    times = TimedPoses(list(range(1000)), [Pose((i, 0, 0)) for i in range(1000)])
+    scene = scene_of(obstacles=[*many, Obstacle("m", BOX_MADE, motion=times)], notes=("words " * 1000,) * 1000)
+    assert len(repr(scene)) < 50_000
+    assert len(repr(Obstacle("m", BOX_MADE, motion=times))) < 5_000
+    assert "RobotSpec(name='panda')" in repr(scene)
+
+
 def test_what_is_harmless_becomes_what_the_reader_makes() -> None:
     assert Box([1, np.float32(2), np.int64(3)]) == Box((1.0, 2.0, 3.0))
     assert Box(np.array([1.0, 2.0, 3.0])) == Box((1.0, 2.0, 3.0))
@@ -298,11 +376,29 @@ def test_what_is_harmless_becomes_what_the_reader_makes() -> None:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: scene_of(robot="panda"), "Scene.robot: must be of the class RobotSpec, found the text 'panda'"),
-        (lambda: scene_of(start=(0.0,)), "Scene.start: must be of the class JointTarget"),
-        (lambda: scene_of(goal=PoseTarget("goal", "hand", Pose())), "Scene.goal: must be of the class JointTarget or"),
+        (lambda: Scene(start="a", goal="a"), "Scene.robot: must be the name of a robot, or a RobotSpec, found nothing"),
+        (lambda: Scene(robot="panda", goal="a"), "Scene.start: must be a list of joint values, .* found nothing"),
+        (lambda: Scene(robot="panda", start="a"), "Scene.goal: must be a list of joint values, .* found nothing"),
+        (lambda: scene_of(robot=7), "Scene.robot: must be the name of a robot, or a RobotSpec, found 7"),
+        (lambda: scene_of(start=()), "Scene.start: must be a list of joint values, .* found a list of 0"),
+        (lambda: scene_of(start={}), "Scene.start: must be a list of joint values, .* found a mapping"),
+        (lambda: scene_of(start=PoseTarget("hand", Pose())), "Scene.start: must be a list of joint values"),
+        (lambda: scene_of(start=(0.0, NAN)), r"Scene.start\[1\]: must be a finite number \[rad or m\], found nan"),
+        (lambda: scene_of(start={"j": "a"}), "Scene.start.j: must be a finite number"),
+        (lambda: scene_of(goal=[[0.0], [NAN]]), r"Scene.goal\[1\]\[0\]: must be a finite number"),
+        (lambda: scene_of(goal=np.empty((0, 7))), "Scene.goal: must be a list .* or a list of any one of these"),
+        (lambda: scene_of(goal=[[0.0], PoseTarget("hand", Pose())]), "Scene.goal.targets: must be a list of one or"),
         (lambda: scene_of(obstacles=Obstacle("a", BOX_MADE)), "Scene.obstacles: must be a list"),
-        (lambda: scene_of(obstacles=[BOX_MADE]), r"Scene.obstacles\[0\]: must be of the class Obstacle"),
+        (lambda: scene_of(obstacles=[3]), r"Scene.obstacles\[0\]: must be an Obstacle, or one of the shapes Box, Sph"),
+        (lambda: Obstacle("a", Box([1, 1, 1], name="b")), "Obstacle.shape.name: is the obstacle's to say"),
+        (
+            lambda: Attached("a", "b", Box([1, 1, 1], pose=[0, 0, 1])),
+            "Attached.shape.pose: is the held object's to say",
+        ),
+        (lambda: Box([1, 1, 1], pose=[0, 0]), "Box.pose: must be a Pose, or a position of three numbers"),
+        (lambda: Box([1, 1, 1], pose=[0, 0, NAN]), r"Box.pose.position\[2\]: must be a finite number"),
+        (lambda: PoseTarget("hand", [0, 0, 1]), "PoseTarget.pose: must be of the class Pose"),
+        (lambda: Pose.from_rpy([0, 0, 0], [0, NAN, 0]), r"rpy\[1\]: must be a finite number \[rad\], found nan"),
         (lambda: scene_of(obstacles=[Obstacle("a", BOX_MADE)] * 2), "'a' is taken by an earlier obstacle"),
         (
             lambda: scene_of(obstacles=[Obstacle("a", BOX_MADE)], attached=[Attached("a", "hand", BOX_MADE)]),
@@ -326,7 +422,7 @@ def test_what_is_harmless_becomes_what_the_reader_makes() -> None:
         (lambda: JointTarget("start", (1.0,), {"a": 1.0}), "found positions and by_name"),
         (lambda: JointTarget("start", ()), "JointTarget.positions: must not be empty"),
         (lambda: Goals(()), "Goals.targets: must be a list of one or more"),
-        (lambda: Goals((JointTarget("a", (1.0,)), PoseTarget("b", "hand", Pose()))), "Goals.targets"),
+        (lambda: Goals((JointTarget("a", (1.0,)), PoseTarget("hand", Pose(), field="b"))), "Goals.targets"),
         (lambda: RobotSpec(), "RobotSpec: must have either 'name' or 'urdf', found neither"),
         (lambda: RobotSpec("panda", "a.urdf"), "found both"),
         (lambda: RobotSpec("panda", srdf="a.srdf"), "RobotSpec.srdf: goes with 'urdf'"),
@@ -366,7 +462,9 @@ def test_a_program_that_plans_is_refused_what_a_file_is(tmp_path: Path) -> None:
 def test_what_would_have_no_meaning_is_refused() -> None:
     """A file cannot say it, so that it would be lost when the scene is saved."""
     with pytest.raises(InputError, match=r"orientation_tolerance: has no meaning with free_rotation: all"):
-        PoseTarget("goal", "hand", Pose(), orientation_tolerance=0.5, free_rotation="all")
+        PoseTarget("hand", Pose(), orientation_tolerance=0.5, free_rotation="all")
+    with pytest.raises(InputError, match=r"pose.quaternion_xyzw: has no meaning with free_rotation: all"):
+        PoseTarget("hand", Pose(quaternion_xyzw=(0, 0, 1, 0)), free_rotation="all")
     with pytest.raises(InputError, match=r"clearance: has no meaning where nothing is checked"):
         SelfCollision(False, 0.01)
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from hdplan.scenes.meaning import from_rpy
 from hdplan.scenes.model import Pose
-from hdplan.scenes.poses import compose, from_rpy
+from hdplan.scenes.poses import compose
 
 EXACT = 1e-14  # a few roundings of numbers of order one
 SEEDS = range(20)

@@ -602,7 +602,7 @@ def test_threads_that_share_a_controller_command_what_one_does(robot: Robot) -> 
 def test_a_free_robot_reaches_its_pose_and_tracks(robot: Robot) -> None:
     settings = ControlSettings()
     controller = Controller.of(scene_of(), settings, robot)
-    target = PoseTarget("goal.pose", "panda_hand", Pose((0.45, 0.2, 0.5), (1.0, 0.0, 0.0, 0.0)))
+    target = PoseTarget("panda_hand", Pose((0.45, 0.2, 0.5), (1.0, 0.0, 0.0, 0.0)))
     reached = simulate(controller, np.array(READY), PoseTask(robot, target, gain=3.0), 6.0)
     assert reached.met is not None
     start, wave = np.array(READY), np.array([0.3, 0.1, -0.2, 0.1, 0.2, 0.1, 0.3])

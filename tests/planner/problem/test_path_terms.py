@@ -187,13 +187,15 @@ def test_goals_by_inverse_kinematics_keep_the_constraint() -> None:
     assert not PathCheck(scene, robot, Certifier(scene, robot).sweep.bodies.chain).at(start)
     place = Pose((0.5, 0.2, 0.3), (1.0, 0.0, 0.0, 0.0))
     tilted = Pose((0.5, 0.2, 0.3), (math.cos(0.2), 0.0, math.sin(0.2), 0.0))
-    aimed = dataclasses.replace(scene, goal=Goals((PoseTarget("goal.pose", "tool0", place, free_rotation="z"),)))
+    aimed = dataclasses.replace(scene, goal=Goals((PoseTarget("tool0", place, free_rotation="z", field="goal.pose"),)))
     certifier = Certifier(aimed, robot)
     for goal in goal_choice(aimed, robot, certifier).goals:
         assert not certifier.path.at(robot.configuration(goal))
-    anyhow = dataclasses.replace(scene, goal=Goals((PoseTarget("goal.pose", "tool0", place, free_rotation="all"),)))
+    anyhow = dataclasses.replace(
+        scene, goal=Goals((PoseTarget("tool0", Pose(place.position), free_rotation="all", field="goal.pose"),))
+    )
     assert len(goal_choice(anyhow, robot, Certifier(anyhow, robot)).goals) > 1  # few of all turns hold it upright
-    wrong = dataclasses.replace(scene, goal=Goals((PoseTarget("goal.pose", "tool0", tilted),)))
+    wrong = dataclasses.replace(scene, goal=Goals((PoseTarget("tool0", tilted, field="goal.pose"),)))
     with pytest.raises(
         InputError,
         match=r"goal\.pose: none of .* the nearest is off the path: path\.upright: tool0 is tilted by 0\.4 rad",

@@ -60,8 +60,8 @@ def holding(scene: Scene, shape: Shape, folder: Path, **changed: object) -> Scen
     if isinstance(shape, Mesh):
         bent = [trimesh.creation.box((0.1, 0.02, 0.02)), trimesh.creation.box((0.02, 0.02, 0.1))]
         bent[1].apply_translation((0.04, 0.0, 0.06))
-        trimesh.util.concatenate(bent).export(folder / shape.file)
-        shape = replace(shape, file=folder / shape.file)
+        trimesh.util.concatenate(bent).export(folder / shape.file.name)
+        shape = replace(shape, file=folder / shape.file.name)
     held = replace(Attached("thing", "panda_hand", shape, TURNED), **changed)  # type: ignore[arg-type]
     return replace(scene, attached=(held,))
 

@@ -21,7 +21,8 @@ from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
 from hdplan.planner.search import goals as goal_search
-from hdplan.planner.search.goals import APART, goal_choice, reaching, settled
+from hdplan.planner.search.goals import goal_choice, settled
+from hdplan.planner.search.inverse_kinematics import APART, reaching
 from hdplan.planner.terminal.explain import explain
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Goals, JointTarget, Pose, PoseTarget, Scene
@@ -39,6 +40,12 @@ def placed(robot: Robot, link: str, q: np.ndarray) -> pin.SE3:
     return data.oMf[robot.model.getFrameId(link, pin.FrameType.BODY)].copy()
 
 
+def target_at(link: str, placement: pin.SE3, free: str) -> PoseTarget:
+    """A link's pose as a target; where any turn will do, there is none to be said."""
+    pose = pose_of(placement)
+    return PoseTarget(link, Pose(pose.position) if free == "all" else pose, free_rotation=free)
+
+
 def aimed(scene: Scene, *targets: Any) -> Scene:
     return dataclasses.replace(scene, goal=Goals(targets))
 
@@ -51,7 +58,7 @@ def test_what_is_found_reaches_the_pose_within_limits(name: str, free: str) -> N
     link, start = robot.links[-1], robot.configuration(scene.start)
     rng = np.random.default_rng(5)
     for q in robot.draw(rng, 3):
-        target = PoseTarget("goal.pose", link, pose_of(placed(robot, link, q)), free_rotation=free)
+        target = target_at(link, placed(robot, link, q), free)
         found, least = reaching(robot, target, start, np.random.default_rng(0))
         assert len(found)
         assert least.within(target)
@@ -74,9 +81,9 @@ def test_a_miss_is_what_the_target_was_moved_by() -> None:
         shift, angle = rng.uniform(-0.1, 0.1, 3), rng.uniform(0.1, 3.0)
         for axis, name in enumerate("xyz"):
             turn = pin.exp3(angle * np.eye(3)[axis])
-            moved = pose_of(pin.SE3(place.rotation @ turn, place.translation + shift))
+            moved = pin.SE3(place.rotation @ turn, place.translation + shift)
             for free in ("none", "x", "y", "z", "all"):
-                miss = miss_of(robot, PoseTarget("goal.pose", "tool0", moved, free_rotation=free), q)
+                miss = miss_of(robot, target_at("tool0", moved, free), q)
                 expected = 0.0 if free in (name, "all") else angle
                 assert miss == pytest.approx((np.linalg.norm(shift), expected), abs=1e-7)
 
@@ -93,7 +100,7 @@ def test_a_turn_between_directions_is_as_long_as_their_angle() -> None:
 def test_a_pose_out_of_reach_is_refused_with_how_close_it_came() -> None:
     scene = load_scene("ur5_table")
     robot = load_scene_robot(scene)
-    target = PoseTarget("goal.pose", "tool0", Pose((0.3, 0.0, 1.5)), 0.001, 0.01)
+    target = PoseTarget("tool0", Pose((0.3, 0.0, 1.5)), 0.001, 0.01, field="goal.pose")
     with pytest.raises(
         InputError, match=r"goal\.pose: link 'tool0' is not brought there: the best of \d+ tries is .* mm"
     ):
@@ -107,15 +114,13 @@ def test_tolerances_are_held_by_the_certificate() -> None:
     place = placed(robot, "tool0", result.trajectory.positions[-1])
     for off, allowed, met in ((0.009, 0.01, True), (0.011, 0.01, False)):
         moved = pin.SE3(place.rotation, place.translation + [0, 0, off])
-        certificate = certify(
-            aimed(scene, PoseTarget("goal.pose", "tool0", pose_of(moved), allowed)), result.trajectory
-        )
+        certificate = certify(aimed(scene, PoseTarget("tool0", pose_of(moved), allowed)), result.trajectory)
         assert (certificate.status is Status.WRONG_ENDS) != met
         turned = pin.SE3(place.rotation @ pin.exp3(np.array([0, off * 10, 0])), place.translation)
-        target = PoseTarget("goal.pose", "tool0", pose_of(turned), 1e-6, allowed * 10)
+        target = PoseTarget("tool0", pose_of(turned), 1e-6, allowed * 10)
         certificate = certify(aimed(scene, target), result.trajectory)
         assert (certificate.status is Status.WRONG_ENDS) != met
-        other = PoseTarget("goal.pose", "tool0", pose_of(place))
+        other = PoseTarget("tool0", pose_of(place))
         assert certify(aimed(scene, target, other), result.trajectory).certified  # one of them is enough
     assert "the last waypoint has tool0 " in certificate.text
     backwards = Trajectory(result.trajectory.joint_names, result.trajectory.positions[::-1].copy())
@@ -202,7 +207,7 @@ def test_a_goal_in_collision_is_passed_over_and_said() -> None:
     ],
 )
 def test_links_that_will_not_do_are_refused(link: str, words: str) -> None:
-    scene = aimed(load_scene("ur5_table"), PoseTarget("goal.pose", link, Pose()))
+    scene = aimed(load_scene("ur5_table"), PoseTarget(link, Pose(), field="goal.pose"))
     with pytest.raises(InputError, match=words):
         plan(scene)
 
@@ -259,9 +264,9 @@ def test_absent_is_absent(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_pose_out_of_reach_does_not_keep_from_the_others() -> None:
     scene = load_scene("ur5_table")
     robot = load_scene_robot(scene)
-    far = PoseTarget("goal.poses[0]", "tool0", Pose((3.0, 0.0, 0.5)), free_rotation="all")
+    far = PoseTarget("tool0", Pose((3.0, 0.0, 0.5)), free_rotation="all", field="goal.poses[0]")
     place = placed(robot, "tool0", resolve_query(robot, scene).goal)
-    near = PoseTarget("goal.poses[1]", "tool0", pose_of(place))
+    near = PoseTarget("tool0", pose_of(place), field="goal.poses[1]")
     result = plan(aimed(scene, far, near))
     assert result.certified
     assert result.goal is not None

@@ -1,0 +1,39 @@
+"""What a notebook shows of a plan: its verdict, and the motion on a small sheet where matplotlib is installed."""
+
+from __future__ import annotations
+
+import base64
+import html
+import importlib.util
+import io
+
+from hdplan.planner.pictures.plot import Subject
+from hdplan.planner.result import PlanResult
+from hdplan.planner.robot.scene_robot import load_scene_robot
+
+DOTS, WIDTH = 110, 760  # per inch of the picture, and its width on the page [px]
+GOOD, BAD = "#1a7f37", "#b42318"
+
+
+def result_html(result: PlanResult) -> str:
+    """Return the result as a piece of HTML that needs nothing beside itself."""
+    color = GOOD if result.certified else BAD
+    said = [
+        f'<p style="margin:0"><b style="color:{color}">{html.escape(result.certificate.text)}</b><br>',
+        html.escape(
+            f"{result.scene} with {result.robot}: {result.trajectory.extent}, {result.iterations} iterations, "
+        ),
+        f"{sum(vars(result.times).values()):.2f} s</p>",
+    ]
+    if result.asked is not None and importlib.util.find_spec("matplotlib") is not None:
+        said.append(_sheet(Subject.planned(result.asked, load_scene_robot(result.asked), result)))
+    return "".join(said)
+
+
+def _sheet(subject: Subject) -> str:
+    from hdplan.planner.pictures.sheet import sheet
+
+    picture = io.BytesIO()
+    sheet(subject).savefig(picture, format="png", dpi=DOTS)
+    data = base64.b64encode(picture.getvalue()).decode()
+    return f'<img width="{WIDTH}" alt="the motion on one sheet" src="data:image/png;base64,{data}">'

@@ -1,0 +1,44 @@
+"""A warm start: any motion of the robot becomes the first guess of a problem."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hdplan.planner.motion.robot_curve import beyond_limits, curve_of
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.problem.problem import Floats, Problem
+from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.errors import InputError, naming
+
+MOVED = 1e-6  # [rad] or [m] of an end from which on it is said that the guess was moved there
+
+
+def rows_of(guess: Trajectory, robot: Robot) -> Floats:
+    """Return the waypoints (R, n) of a guess in the order of the robot's joints. Raises InputError for joints
+    that are missing, unknown or held elsewhere, or leave their limits."""
+    with naming("guess"):
+        curve = curve_of(robot, guess)
+        if beyond := beyond_limits(curve, robot):
+            raise InputError(f"trajectory: {beyond}")
+    return curve.rows
+
+
+def warm_start(problem: Problem, rows: Floats, timed: bool) -> tuple[Floats, float]:
+    """Return the guess (N, n) that a motion of `rows` (R, n) makes, and how far its ends were moved [rad or m].
+
+    The waypoints of a path are taken as they are where they are as many as the problem has, or else at equal steps of
+    the path; those of a motion in time, which crowd where it is slow, at equal steps of length. Then both ends are
+    moved to the problem's, and what is between along with them, the less the farther away.
+    """
+    count = problem.waypoints
+    if timed:
+        at = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(rows, axis=0), axis=1)))
+    else:
+        at = np.linspace(0.0, 1.0, len(rows))
+    if len(rows) != count or timed:
+        wanted = np.linspace(0.0, at[-1], count)
+        rows = np.stack([np.interp(wanted, at, column) for column in rows.T], axis=1)
+    to_start, to_goal = problem.start - rows[0], problem.goal - rows[-1]
+    share = np.linspace(0.0, 1.0, count)[:, None]
+    moved = rows + (1.0 - share) * to_start + share * to_goal
+    return problem.clip(moved), float(max(np.abs(to_start).max(), np.abs(to_goal).max()))

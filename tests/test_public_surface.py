@@ -1,0 +1,272 @@
+"""The doors: what `hdplan`, `hdplan.distance` and `hdplan.control` offer is listed here, documented, and can be
+pickled, copied and looked at."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import inspect
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hdplan
+from hdplan import control, distance
+
+SURFACE: dict[ModuleType, set[str]] = {
+    hdplan: {
+        *(
+            "Attached",
+            "Box",
+            "Budget",
+            "Capsule",
+            "Certificate",
+            "ConvexBody",
+            "Cylinder",
+            "Ellipsoid",
+            "Event",
+            "HdplanError",
+        ),
+        *("InputError", "Limits", "Mesh", "Obstacle", "OutOfTime", "PathConstraints", "Payload", "PlanResult"),
+        *("PlannerSettings", "Points", "Pose", "PoseTarget", "Problem", "Robot", "RobotSpec", "Scene"),
+        *("SelfCollision", "Solution", "Sphere", "SteadyMotion", "TimedPoses", "Timing", "Trajectory", "Upright"),
+        *("Within", "__version__", "build", "certify", "check_configuration", "control", "distance"),
+        *("inverse_kinematics", "load_robot", "load_scene", "plan", "solve"),
+    },
+    distance: {
+        *("RUNGS", "ConvexBody", "Proximity", "fcl_distances", "hdsdf", "hdsdf_batch", "hdsdf_compiled"),
+        *("hdsdf_derivatives", "hdsdf_function", "holder_maximum", "holder_minimum", "separating_axis_distance"),
+        *("separation", "shaping", "signed_distance", "signed_distances"),
+    },
+    control: {
+        *("BarrierSettings", "Barriers", "ControlSettings", "Controller", "Mode", "PoseTask", "Run", "Step"),
+        *("Task", "TrackTask", "scene_barriers", "simulate", "standing"),
+    },
+}
+PUBLIC = [(door, name) for door, names in SURFACE.items() for name in sorted(names)]
+AGAIN: dict[str, Callable[[Any], Any]] = {"pickle": lambda it: pickle.loads(pickle.dumps(it)), "copy": copy.deepcopy}
+
+
+@pytest.mark.parametrize("door", SURFACE, ids=lambda door: door.__name__)
+def test_the_surface_is_what_is_listed(door: ModuleType) -> None:
+    assert set(door.__all__) == SURFACE[door]
+    assert dir(door) == sorted(SURFACE[door])
+    with pytest.raises(AttributeError):
+        door.no_such_name  # noqa: B018
+
+
+@pytest.mark.parametrize(("door", "name"), PUBLIC, ids=lambda it: getattr(it, "__name__", it))
+def test_what_is_public_is_documented(door: ModuleType, name: str) -> None:
+    """A function says what each of its arguments is and what it refuses; a class what it is, and so do its members."""
+    if door is distance and name in ("hdsdf_batch",):
+        pytest.importorskip("jax")
+    found = getattr(door, name)
+    if isinstance(found, str | tuple):
+        return
+    said = inspect.getdoc(found) or ""
+    assert said, name
+    assert not said.startswith(f"{name}("), "what dataclasses write themselves"
+    if isinstance(found, type):
+        for member, value in vars(found).items():
+            plain = getattr(value, "__func__", getattr(value, "fget", getattr(value, "func", value)))
+            if not member.startswith("_") and inspect.isfunction(plain) and plain.__module__.startswith("hdplan"):
+                assert plain.__name__.startswith("_") or inspect.getdoc(plain), f"{name}.{member}"
+    elif callable(found):
+        assert "Raises" in said or "errors as" in said, name
+        missing = [argument for argument in inspect.signature(found).parameters if argument not in said]
+        assert not missing or "rguments and errors as" in said, (name, missing)
+
+
+def test_five_lines_without_a_file() -> None:
+    scene = hdplan.Scene(
+        robot="panda",
+        obstacles=[hdplan.Box([0.1, 0.1, 0.6], pose=[0.6, 0.0, 0.6])],
+        start=[-0.6, -0.3, 0, -2, 0, 1.8, 0.785],
+        goal=[0.6, -0.3, 0, -2, 0, 1.8, 0.785],
+    )
+    result = hdplan.plan(scene, time_limit=20)
+    assert result.certified
+    assert hdplan.certify(scene, result.trajectory, hdplan.load_robot("panda")).certified
+
+
+@pytest.mark.parametrize("how", AGAIN)
+def test_what_was_sent_to_another_process_plans_and_steers_the_same(how: str) -> None:
+    again, scene = AGAIN[how], hdplan.load_scene("panda_cage")
+    problem, controller = hdplan.build(scene), control.Controller.of(scene)
+    sent, robot = again(problem), again(problem.robot)
+    assert sent.scene == scene
+    ours, theirs = (hdplan.solve(each).trajectory.positions for each in (problem, sent))
+    assert ours.tobytes() == theirs.tobytes()
+    result = hdplan.plan(scene)
+    other = hdplan.plan(again(scene), robot=robot)
+    assert other.trajectory.positions.tobytes() == result.trajectory.positions.tobytes()
+    back = again(result)
+    assert back.trajectory.positions.tobytes() == result.trajectory.positions.tobytes()
+    assert back.certificate == result.certificate
+    q = problem.start
+    steps = [each.step(q, again(control.standing(q + 0.1))) for each in (controller, again(controller))]
+    assert steps[0].velocity.tobytes() == steps[1].velocity.tobytes()
+    rows = [each.evaluate(q).value.tobytes() for each in (controller.barriers, again(controller.barriers))]
+    assert rows[0] == rows[1]
+    run = control.simulate(again(controller), q, control.standing(q + 0.01), 0.02)
+    assert again(run).positions.tobytes() == run.positions.tobytes()
+    target = hdplan.PoseTarget("panda_hand", hdplan.Pose((0.4, 0.0, 0.5)))
+    task = again(control.PoseTask(controller.robot, target))
+    assert len(controller.step(q, task).velocity) == 7
+    again(hdplan.Budget())
+
+
+@pytest.mark.parametrize("kind", ["hdsdf-boxes", "euclidean", "gdf"])
+def test_controllers_of_every_distance_can_be_sent(kind: str) -> None:
+    scene = hdplan.load_scene("panda_cage")
+    normals = "paper" if kind == "hdsdf-boxes" else "box"
+    boxes = tuple(each for each in scene.obstacles if isinstance(each.shape, hdplan.Box))
+    settings = control.ControlSettings(
+        control.BarrierSettings(kind, normals=normals), margin=0.02, self_margin=0.01, as_published=True
+    )
+    controller = control.Controller.of(dataclasses.replace(scene, obstacles=boxes), settings)
+    q = controller.robot.configuration(scene.start)
+    steps = [each.step(q, control.standing(q + 0.1)) for each in (controller, AGAIN["pickle"](controller))]
+    assert steps[0].velocity.tobytes() == steps[1].velocity.tobytes()
+
+
+def test_each_can_be_looked_at() -> None:
+    """In one line of some hundred characters, however large it is."""
+    scene = hdplan.load_scene("panda_carry")
+    problem, controller = hdplan.build(scene), control.Controller.of(scene)
+    result = hdplan.plan(scene)
+    shown = (problem, problem.robot, hdplan.solve(problem), result, result.trajectory, result.certificate, controller)
+    for it in (*shown, controller.barriers):
+        assert "\n" not in repr(it)
+        assert len(repr(it)) < 500, repr(it)
+    assert result.certificate.text in repr(result)
+    assert "panda" in repr(problem.robot)
+
+
+def test_a_notebook_shows_the_verdict_and_the_sheet() -> None:
+    pytest.importorskip("matplotlib")
+    result = hdplan.plan(hdplan.load_scene("planar_arm"))
+    page = result._repr_html_()
+    assert result.certificate.text in page
+    assert page.count('src="data:image/png;base64,iVBOR') == 1
+    hostile = dataclasses.replace(result, scene="<script>", asked=None)
+    assert "<script>" not in hostile._repr_html_()
+    assert "<img" not in hostile._repr_html_()
+
+
+def test_without_matplotlib_a_notebook_shows_the_verdict_alone() -> None:
+    code = (
+        "import sys; sys.modules['matplotlib'] = None\n"
+        "import importlib.util, hdplan\n"
+        "find = importlib.util.find_spec\n"
+        "importlib.util.find_spec = lambda name, *rest: None if name == 'matplotlib' else find(name, *rest)\n"
+        "result = hdplan.plan(hdplan.load_scene('planar_arm'))\n"
+        "print(result._repr_html_())\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "certified: " in done.stdout
+    assert "<img" not in done.stdout
+
+
+def test_planning_loads_no_picture() -> None:
+    code = (
+        "import sys, hdplan; result = hdplan.plan(hdplan.load_scene('planar_arm')); repr(result);"
+        "print('matplotlib' in sys.modules, type(result).__name__)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "PlanResult"]
+
+
+@pytest.mark.parametrize("name", ["panda_cage", "panda_grasp"])
+def test_a_warm_start_from_a_certified_motion_gives_a_certified_one(name: str) -> None:
+    scene = hdplan.load_scene(name)
+    cold = hdplan.plan(scene)
+    warm = hdplan.plan(scene, guess=cold.trajectory)
+    assert cold.certified
+    assert warm.certified
+    assert warm.attempts <= cold.attempts
+    assert warm.certificate.clearance is not None
+    assert hdplan.certify(scene, warm.trajectory).certified
+
+
+def test_a_warm_start_is_first_taken_as_it_is() -> None:
+    """However far from any optimum: it may be the motion itself, where the solver finds none."""
+    scene = hdplan.load_scene("planar_arm")
+    robot, seen = hdplan.load_robot(scene.robot), []
+    ends = [robot.configuration(end) for end in (scene.start, scene.goal)]
+    line = np.linspace(*ends, scene.planner.waypoints)
+    swing = np.sin(np.linspace(0, np.pi, len(line)))[:, None] * [0.0, 0.4]
+    guess = hdplan.Trajectory(robot.joint_names[::-1], np.clip(line + swing, robot.lower, robot.upper)[:, ::-1])
+    hdplan.plan(scene, guess=guess, report=seen.append)
+    assert seen[0].attempt == 1
+    for changed in (scene.with_goal(ends[1] + [0.1, 0.0]), scene):
+        result = hdplan.plan(changed, guess=guess)
+        assert result.certified
+        assert any("the guess's ends were moved by up to 0.1 rad" in note for note in result.notes) == (
+            changed is not scene
+        )
+        assert np.array_equal(result.trajectory.positions[-1], robot.configuration(changed.goal))
+
+
+def test_a_guess_that_does_not_fit_is_refused() -> None:
+    scene = hdplan.load_scene("planar_arm")
+    names = hdplan.load_robot(scene.robot).joint_names
+    for guess, words in (
+        (3, "guess: must be of the class Trajectory, found 3"),
+        (np.zeros((32, 2)), "guess: must be of the class Trajectory, found an array"),
+        (hdplan.Trajectory(("a", "b"), np.zeros((4, 2))), "guess: trajectory: joint '.*' of .* is missing"),
+        (hdplan.Trajectory((*names, "c"), np.zeros((4, 3))), "guess: trajectory: joint 'c' is not one of"),
+        (hdplan.Trajectory(names, np.full((4, 2), 90.0)), "guess: trajectory: waypoint 0 has joint .* its limits are"),
+    ):
+        with pytest.raises(hdplan.InputError, match=words):
+            hdplan.plan(scene, guess=guess)  # type: ignore[arg-type]
+
+
+def test_a_timed_motion_may_be_the_guess() -> None:
+    scene = hdplan.load_scene("ur5_pallet")
+    cold = hdplan.plan(scene)
+    warm = hdplan.plan(scene, guess=cold.trajectory)
+    assert cold.certified
+    assert warm.certified
+    assert warm.attempts == 1
+
+
+def test_inverse_kinematics_keeps_its_word() -> None:
+    """Each configuration is within the limits and brings the link there; a pose beyond reach has none; bad input is
+    refused as in a scene."""
+    robot = hdplan.load_robot("panda")
+    rng, model = np.random.default_rng(3), robot.model
+    data, frame = model.createData(), model.getFrameId("panda_hand")
+    import pinocchio as pin
+
+    for q in robot.draw(rng, 3):
+        pin.framesForwardKinematics(model, data, robot.pin_q(q))
+        place = data.oMf[frame].copy()
+        turn = pin.Quaternion(place.rotation).normalized().coeffs()
+        found = hdplan.inverse_kinematics(robot, "panda_hand", hdplan.Pose(place.translation, turn), near=q)
+        assert np.abs(found[0] - q).max() < 0.02
+        assert ((robot.lower <= found) & (found <= robot.upper)).all()
+        for row in found:
+            pin.framesForwardKinematics(model, data, robot.pin_q(row))
+            assert np.linalg.norm(data.oMf[frame].translation - place.translation) <= 1e-3 + 1e-9
+            assert np.linalg.norm(pin.log3(data.oMf[frame].rotation.T @ place.rotation)) <= 1e-2 + 1e-9
+        again = hdplan.inverse_kinematics(robot, "panda_hand", hdplan.Pose(place.translation, turn), near=q)
+        assert again.tobytes() == found.tobytes()
+    assert hdplan.inverse_kinematics(robot, "panda_hand", hdplan.Pose((9, 0, 0))).shape == (0, 7)
+    for call, words in (
+        (lambda: hdplan.inverse_kinematics("panda", "panda_hand", hdplan.Pose()), "robot: must be of the class Robot"),  # type: ignore[arg-type]
+        (lambda: hdplan.inverse_kinematics(robot, "panda_hnd", hdplan.Pose()), "pose.link: unknown link .*panda_hand"),
+        (lambda: hdplan.inverse_kinematics(robot, "panda_link0", hdplan.Pose()), "is fixed to the world"),
+        (lambda: hdplan.inverse_kinematics(robot, "panda_hand", [0, 0, 1]), "PoseTarget.pose: must be of the class"),  # type: ignore[arg-type]
+        (lambda: hdplan.inverse_kinematics(robot, "panda_hand", hdplan.Pose(), near=[0, 1]), "near: shape"),
+        (lambda: hdplan.inverse_kinematics(robot, "panda_hand", hdplan.Pose(), seed=-1), "seed: must be a whole"),
+        (lambda: hdplan.inverse_kinematics(robot, "panda_hand", hdplan.Pose(), free_rotation="w"), "unknown value 'w'"),
+    ):
+        with pytest.raises(hdplan.InputError, match=words):
+            call()
