@@ -45,7 +45,7 @@ from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.search import Event
 from hdplan.planner.solvers import SOLVERS
-from hdplan.planner.solvers.solution import Iteration
+from hdplan.planner.solvers.solution import Iteration, Solver
 from hdplan.scenes.model import Scene
 from hdplan.scenes.yaml_format.reader import shipped_scenes
 
@@ -120,9 +120,9 @@ def metered() -> Iterator[Meter]:
         meter.solve += time.process_time() - began
         return solution
 
-    true_evaluate, true_solver = Problem.evaluate, SOLVERS["gauss_newton"]
+    true_evaluate, true_solver = Problem.evaluate, SOLVERS["gauss_newton"].solve
     with (
-        patch.dict(SOLVERS, gauss_newton=solver),
+        patch.dict(SOLVERS, gauss_newton=Solver(solver)),
         patch.object(Problem, "evaluate", evaluate),
         patch.object(HdsdfPairs, "__call__", timed(HdsdfPairs.__call__)),
         patch.object(FclPairs, "__call__", timed(FclPairs.__call__)),

@@ -23,7 +23,7 @@ from hdplan.planner.search.warm_start import MOVED, rows_of, warm_start
 from hdplan.planner.solvers import solver_named
 from hdplan.scenes.deadline import check_time, seconds_left
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.model import Goals, JointTarget, PathConstraints, Scene
+from hdplan.scenes.model import Goals, JointTarget, Scene
 from hdplan.scenes.values import Number, Whole, checked, instance
 
 FOR_MESHES = 0.5  # share of what is left of a limit to all, for taking meshes apart
@@ -76,8 +76,8 @@ def plan(
     if guess is not None:
         instance(guess, Trajectory, "guess")
     run = solver_named(solver)
-    if solver == "ipopt" and (lacking := _without_second_derivatives(scene)):
-        raise InputError(f"solver ipopt: needs exact second derivatives, which {lacking} does not have")
+    if lacking := run.lacking(scene):
+        raise InputError(f"solver {solver}: {lacking}")
     began = time.perf_counter()
     with naming(scene.source):
         scene.check_effects()
@@ -172,15 +172,3 @@ def _taken(searches: Sequence[Search], taken: int, goals: Sequence[JointTarget])
         f"goal taken of {tried} tried, {found} certified, by least smoothness cost: {goals[taken].field} at "
         + ", ".join(f"{joint} {value:.4g}" for joint, value in joints)
     )
-
-
-def _without_second_derivatives(scene: Scene) -> str | None:
-    """Name what the scene asks for that has no exact second derivatives."""
-    lacking = {
-        "planner.swept: true": scene.planner.swept,
-        "the distance fcl": scene.planner.distance == "fcl",
-        "a path constraint (section path)": scene.path != PathConstraints(),
-        "a torque limit (limits.torque)": scene.limits.torque is not None,
-        "an obstacle that moves": bool(scene.moving),
-    }
-    return next((name for name, asked in lacking.items() if asked), None)

@@ -18,6 +18,7 @@ ROOMS = [  # from the ground up: a room imports rooms before it, so that nothing
     *("distance", "distance.numpy_reference", "distance.symbolic", "distance.batch", "distance.baselines"),
     *("distance.studies", "planner.geometry", "planner.robot", "planner.motion", "planner.certificate"),
     *("planner.kinematics", "planner.collision", "planner.timing", "planner.problem", "planner.solvers"),
+    "planner.solvers.methods",
     *("planner.search", "planner", "planner.control", "planner.pictures", "planner.terminal", "planner.studies"),
     *("planner.view.drawing", "planner.view", "planner.commands"),
 ]
@@ -26,7 +27,7 @@ DOORS = ("distance.__init__",)  # gives names of the rooms behind it, when they 
 CERTIFICATE = {"scenes", "planner.geometry", "planner.robot", "planner.motion"}  # what a proof may rest on
 
 HOMES = {  # of each heavy library
-    "casadi": {"distance.symbolic", "planner.kinematics", "planner.solvers"},
+    "casadi": {"distance.symbolic", "planner.kinematics", "planner.solvers", "planner.solvers.methods"},
     "jax": {"distance.batch"},
     "fcl": {"distance.baselines"},
     "viser": {"planner.view", "planner.view.drawing"},

@@ -16,8 +16,7 @@ from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.problem import Floats, Problem
 from hdplan.planner.search.roadmap import seeds
-from hdplan.planner.solvers import Solver
-from hdplan.planner.solvers.solution import FIRST_WEIGHT, RAISE, Budget, Iteration, Solution, SolverStatus
+from hdplan.planner.solvers.solution import FIRST_WEIGHT, RAISE, Budget, Iteration, Solution, Solver, SolverStatus
 from hdplan.scenes.deadline import seconds_left
 
 if TYPE_CHECKING:
@@ -88,7 +87,7 @@ class Search:
         problem = self.problem.resampled(guess)
         for turn in range(1 + REPAIRS):
             budget = Budget(self.deadline, first_weight=weight, report=self._report_step, stop=self.stop)
-            solution = self.last = self.solver(problem, guess, budget)
+            solution = self.last = self.solver.solve(problem, guess, budget)
             certificate, intervals = self._certify(solution)
             if solution.status is SolverStatus.INTERRUPTED or self.stop() or budget.spent():
                 return True

@@ -3,25 +3,25 @@ is free."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import importlib
+import pkgutil
 
 import numpy as np
 
 from hdplan.planner.problem.problem import Floats, Problem
-from hdplan.planner.solvers import chomp, gauss_newton, ipopt
-from hdplan.planner.solvers.solution import Budget, Solution
+from hdplan.planner.solvers import methods
+from hdplan.planner.solvers.solution import Budget, Solution, Solver
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.values import instance
 
 LARGEST = 1e9  # [rad] or [m] in a guess: beyond, the cost of a joint without limits drowns in rounding
 
-Solver = Callable[[Problem, Floats, Budget], Solution]
-
+DEFAULT = "gauss_newton"
 SOLVERS: dict[str, Solver] = {
-    "gauss_newton": gauss_newton.solve,  # banded second-order steps: the default
-    "chomp": chomp.solve,  # covariant gradient descent, as in the original
-    "ipopt": ipopt.solve,  # the CasADi problem with exact Hessians, by an interior-point method
+    name: importlib.import_module(f"{methods.__name__}.{name}").SOLVER
+    for name in sorted((each.name for each in pkgutil.iter_modules(methods.__path__)), key=lambda name: name != DEFAULT)
 }
+"""Every module of `methods`, the default first."""
 
 
 def solver_named(name: str) -> Solver:
@@ -50,7 +50,7 @@ def solve(
     instance(problem, Problem, "problem")
     budget = Budget() if budget is None else budget
     instance(budget, Budget, "budget")
-    return run(problem, problem.polyline() if guess is None else _checked(problem, guess), budget)
+    return run.solve(problem, problem.polyline() if guess is None else _checked(problem, guess), budget)
 
 
 def _checked(problem: Problem, guess: Floats) -> Floats:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.problem import Evaluation, Problem
+from hdplan.scenes.model import Scene
 
 Floats = NDArray[np.float64]
 
@@ -177,3 +178,12 @@ def _allowed_depth(problem: Problem) -> Floats:
     excused = np.maximum(start * (1 - time_ / ENDS), goal * (1 - (1 - time_) / ENDS))
     allowed: Floats = np.maximum(ENOUGH * problem.scene.planner.activation, excused)
     return allowed
+
+
+@dataclass(frozen=True)
+class Solver:
+    """A way to solve a problem, and what it can take."""
+
+    solve: Callable[[Problem, Floats, Budget], Solution]  # from a first guess (N, n)
+    lacking: Callable[[Scene], str | None] = lambda scene: None  # what a scene asks for that it cannot do, in words
+    live: bool = True  # whether every step of it is soon enough to be watched

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from hdplan.planner.problem.problem import Evaluation, Problem
-from hdplan.planner.solvers.solution import SAME, Budget, Progress, Solution, SolverStatus
+from hdplan.planner.solvers.solution import SAME, Budget, Progress, Solution, Solver, SolverStatus
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -95,3 +95,6 @@ def _places(count: int, n: int) -> tuple[Rows, Rows, tuple[Rows, Rows]]:
     below, beside = (index.ravel() for index in np.indices((n, n)))
     between = (n + below - beside) * width + first[:-1] + beside
     return within, between, (row, column)
+
+
+SOLVER = Solver(solve)

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.solvers.nlp import nlp
-from hdplan.planner.solvers.solution import SAME, Budget, Progress, Solution
+from hdplan.planner.solvers.solution import SAME, Budget, Progress, Solution, Solver
+from hdplan.scenes.model import PathConstraints, Scene
 
 Floats = NDArray[np.float64]
 
@@ -117,3 +118,19 @@ class _Stop(ca.Callback):
     def eval(self, arg: Sequence[ca.DM]) -> Sequence[ca.DM]:
         """1 ends the run."""
         return [ca.DM(float(self.budget.spent() or self.budget.stop() or self.pressed.is_set()))]
+
+
+def _without_second_derivatives(scene: Scene) -> str | None:
+    """Say what the scene asks for that has no exact second derivatives."""
+    lacking = {
+        "planner.swept: true": scene.planner.swept,
+        "the distance fcl": scene.planner.distance == "fcl",
+        "a path constraint (section path)": scene.path != PathConstraints(),
+        "a torque limit (limits.torque)": scene.limits.torque is not None,
+        "an obstacle that moves": bool(scene.moving),
+    }
+    found = next((name for name, asked in lacking.items() if asked), None)
+    return None if found is None else f"needs exact second derivatives, which {found} does not have"
+
+
+SOLVER = Solver(solve, _without_second_derivatives, live=False)

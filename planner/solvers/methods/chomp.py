@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from hdplan.planner.problem.problem import Problem
-from hdplan.planner.solvers.solution import Budget, Progress, Solution
+from hdplan.planner.solvers.solution import Budget, Progress, Solution, Solver
 
 Floats = NDArray[np.float64]
 
@@ -41,3 +41,6 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
             if progress.step(before, state, positions):
                 state, length = problem.evaluate(positions, progress.weight), 1.0
     return progress.solution(positions)
+
+
+SOLVER = Solver(solve)
