@@ -107,6 +107,7 @@ def test_install_lines_work_from_a_checkout() -> None:
         assert not re.search(r"pip install( -\S+| constraints.txt)* '?hdplan", text), name
         for named in re.findall(r"pip install[^`\n]* '?\.\[([a-z,]+)\]", text):
             assert set(named.split(",")) <= extras, name
+    assert [extra for extra in extras if f"`{extra}` (" not in PAGES["docs/quickstart.md"]] == []
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")])
