@@ -23,7 +23,7 @@ ROOMS = [  # from the ground up: a room imports rooms before it, so that nothing
     *("planner.view.drawing", "planner.view", "planner.commands"),
 ]
 
-DOORS = ("distance.__init__",)  # gives names of the rooms behind it, when they are asked for
+DOORS = ("distance.__init__", "planner.__init__", "scenes.__init__")  # give names of rooms behind them, when asked
 CERTIFICATE = {"scenes", "planner.geometry", "planner.robot", "planner.motion"}  # what a proof may rest on
 
 HOMES = {  # of each heavy library

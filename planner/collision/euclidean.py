@@ -15,7 +15,7 @@ the witness points, and in overlaps the normal too, are one choice among many.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -121,18 +121,17 @@ class FclPairs:
 
 @dataclass(frozen=True, eq=False)
 class _Solid:
-    """The hull of `vertices`, swept by a ball; or a shape by a formula, `vertices` being its centre. In its own
-    frame."""
+    """The hull of `vertices`, swept by a ball; or one of the scene's shapes, by its formula. In its own frame."""
 
     shape: Any  # the same for coal
     vertices: Floats  # (m, 3) [m]
     ball: float = 0.0  # [m] radius
-    formula: Callable[[Floats], Floats] | None = None
+    outlined: Shape | None = None  # its support is its row's formula, which cannot be pickled
 
     def support(self, directions: Floats) -> Floats:
         """h(d) = max d·x over the solid, for unit directions (S, 3)."""
-        if self.formula is not None:
-            return self.formula(directions)
+        if self.outlined is not None and (outline := operations(self.outlined).outline) is not None:
+            return outline.support(self.outlined, directions)
         values: Floats = (directions @ self.vertices.T).max(axis=1)
         values += self.ball * np.linalg.norm(directions, axis=1)
         return values
@@ -155,7 +154,7 @@ def _solid(shape: Shape | ConvexBody) -> _Solid:
     row = operations(shape)
     if row.outline is None:
         raise TypeError(f"a {type(shape).__name__} has to be split into convex pieces first")
-    return _Solid(row.coal(shape, ""), np.zeros((1, 3)), formula=functools.partial(row.outline.support, shape))
+    return _Solid(row.coal(shape, ""), np.zeros((1, 3)), outlined=shape)
 
 
 @functools.lru_cache(maxsize=4096)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.model import RobotSpec
+from hdplan.scenes.values import shorten
 
 DISTRIBUTION = "example-robot-data"
 
@@ -84,7 +85,9 @@ def find_robot(name: str) -> RobotFiles:
     """Return the files of a robot by name. Raises InputError with the nearest name."""
     table = robot_names()
     if name not in table:
-        raise InputError(f"robot.name: unknown robot '{name}'{nearest(name, table, '`hdplan robots` lists them')}")
+        raise InputError(
+            f"robot.name: unknown robot {shorten(repr(name))}{nearest(name, table, '`hdplan robots` lists them')}"
+        )
     return table[name]
 
 
