@@ -20,7 +20,7 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.search.search import Event, Guess, Search
-from hdplan.planner.solvers.solution import Budget, Solution, SolverStatus
+from hdplan.planner.solvers.solution import Budget, Solution, Solver, SolverStatus
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.model import Box, Goals, JointTarget, Obstacle, PathConstraints, Pose, Scene, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
@@ -283,7 +283,7 @@ def test_the_straight_line_is_taken_where_the_solver_leaves_it_for_worse() -> No
         return Solution(Trajectory(robot.joint_names, worse), SolverStatus.CLEAR, budget.first_weight, (), 0.0)
 
     problem, certifier = build(scene, robot), Certifier(scene, robot)
-    search = Search(problem, certifier, None, astray, 0.005, np.inf, lambda event: None, lambda: False)
+    search = Search(problem, certifier, None, Solver(astray), 0.005, np.inf, lambda event: None, lambda: False)
     line = np.linspace(START, GOAL, problem.waypoints)
     assert search.attempt(Guess(line, as_it_is=True))
     best = search.conclude()
