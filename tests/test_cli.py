@@ -366,7 +366,7 @@ BAD_URDF = {
     "another document": ("<html/>", ["<html>", "expected <robot>"]),
     "no link": ('<robot name="a"/>', ["No link"]),
     "no joint": ('<robot name="a"><link name="l"/></robot>', ["no joint left to plan"]),
-    "mesh missing": (URDF.replace('"bar.obj"', '"nope.obj"'), ["mesh nope.obj: no such file"]),
+    "mesh missing": (URDF.replace('"bar.obj"', '"nope.obj"'), ["link 'tip': mesh ", "nope.obj: no such file"]),
     "package missing": (URDF.replace("my_arm", "no_arm"), ["package://no_arm/bar.obj", "no such file in any package"]),
     "mesh a folder": (URDF.replace('"bar.obj"', '"packages"'), ["packages"]),
     "size text": (URDF.replace("0.2 0.2 0.1", "big 1 1"), ["link 'base'", "size must be 3 finite", "'big 1 1'"]),

@@ -589,7 +589,7 @@ def test_guesses_deep_inside_an_obstacle_come_out(monkeypatch: pytest.MonkeyPatc
             first = problem.clip(guess)
             monkeypatch.setattr(
                 "hdplan.planner.search.search.seeds",
-                lambda problem, seed, first=first: [first, *first_guesses(problem, seed)],
+                lambda problem, seed, first=first: iter([first, *first_guesses(problem, seed)]),
             )
             result = hdplan.plan(scene)
             assert result.certified, result.certificate.text
