@@ -20,6 +20,7 @@ from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.model import LINK_BODIES, Pose, RobotSpec
 from hdplan.scenes.yaml_format.reader import load_scene
 
+QUICK = ("panda", "ur5", "kinova", "panda_collision")  # the others, as long each, are left to the slow run
 ARMS = ["panda", "ur3_gripper", "ur5", "ur5_gripper", "ur10", "xarm7", "kinova", "z1"]
 MEAN, P95 = 0.010, 0.020  # how far Panda's bodies may stand out of its links' hulls [m]
 ROUNDING = 1e-9  # [m]
@@ -63,7 +64,10 @@ def _inside(bodies: list[LinkBody], points: np.ndarray) -> np.ndarray:
     return np.any([distance_to_hull(points, b.body.vertices)[0] <= b.body.radius + ROUNDING for b in bodies], axis=0)
 
 
-@pytest.mark.parametrize("name", [*ARMS, "panda_collision"])
+@pytest.mark.parametrize(
+    "name",
+    [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in (*ARMS, "panda_collision")],
+)
 def test_bodies_contain_the_collision_geometry(name: str) -> None:
     robot, random = load_robot(RobotSpec(name=name)), np.random.default_rng(0)
     bodies = link_bodies(robot)
