@@ -88,7 +88,7 @@ def plan(
     goals, found = _goals(scene, robot, certifier, seed)
     aims = [replace(scene, goal=goal) for goal in goals]
     clearances = [reachable_clearance(aim, robot, certifier) for aim in aims]  # ends in collision: before all fitting
-    retimer = _timekeeper(scene, robot)
+    retimer = _retimer(scene, robot)
     problems = [build(aim, robot, began + min(time_limit, FOR_MESHES * seconds_left())) for aim in aims]
     if retimer is not None:
         hurried = [retimer.too_short(problem.start, problem.goal) for problem in problems]
@@ -154,7 +154,7 @@ def _goals(
     return goal_choice(scene, robot, certifier, seed)
 
 
-def _timekeeper(scene: Scene, robot: Robot) -> Retimer | None:
+def _retimer(scene: Scene, robot: Robot) -> Retimer | None:
     """Return what gives motions their times, where the scene asks for them."""
     if not scene.timed:
         return None

@@ -20,7 +20,6 @@ from hdplan.scenes.model import (
     Attached,
     JointValue,
     Limits,
-    Mesh,
     Obstacle,
     Payload,
     PlannerSettings,
@@ -166,12 +165,11 @@ def _pose() -> Schema:
 
 def _shape() -> Schema:
     shapes = []
-    for name, keys in SHAPE_KEYS.items():
-        kind: Any = CLASSES.get(name, Mesh)
-        own = {key: _value(checks_of(kind)[key]) for key in keys}
-        own = {key: _nullable(schema) if key == "scale" else schema for key, schema in own.items()}
-        required = ("type", *(key for key in keys if key != "scale"))
-        shapes.append(_object({"type": {"const": name}, **own}, required, kind.__doc__))
+    for name, kind in CLASSES.items():
+        keys, checks = SHAPE_KEYS[name], checks_of(kind)
+        own = {key: _value(checks[key]) if needed else _nullable(_value(checks[key])) for key, needed in keys.items()}
+        required = ("type", *(key for key, needed in keys.items() if needed))
+        shapes.append(_object({"type": {"const": name}, **own}, required, kind.__doc__ or ""))
     return {"anyOf": shapes}
 
 

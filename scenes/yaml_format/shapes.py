@@ -21,17 +21,20 @@ def _keys(kind: Any) -> list[dataclasses.Field[Any]]:
     return [key for key in fields(kind) if not key.kw_only]
 
 
-SHAPE_KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {word: tuple(key.name for key in _keys(kind)) for word, kind in CLASSES.items()}
+SHAPE_KEYS: Mapping[str, Mapping[str, bool]] = MappingProxyType(
+    {
+        word: MappingProxyType({key.name: key.default is MISSING for key in _keys(kind)})
+        for word, kind in CLASSES.items()
+    }
 )
-"""Keys of each shape beside its type; those are required that have no default."""
+"""Keys of each shape beside its type, and whether they must be there."""
 
 
 def read_shape(section: Field) -> Shape:
     """Read a shape. Raises InputError: unknown type or key, a size that is not above 0, points in one plane."""
     every_key = {"type", *(key for keys in SHAPE_KEYS.values() for key in keys)}
     word = section.mapping(every_key, required=["type"])["type"].choice(SHAPE_KEYS)
-    required = [key.name for key in _keys(CLASSES[word]) if key.default is MISSING]
+    required = [key for key, needed in SHAPE_KEYS[word].items() if needed]
     keys: dict[str, Any] = dict(section.mapping(("type", *SHAPE_KEYS[word]), required))
     del keys["type"]
     if "file" in keys:
