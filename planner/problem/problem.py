@@ -25,7 +25,7 @@ from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.smoothness import Smoothness
 from hdplan.planner.problem.terms import Term
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from hdplan.planner.problem.clearance import Clearance, PairTerm
