@@ -144,7 +144,8 @@ class JointRates:
     """Values above 0 for joints: one for all, one each, by name, or the word urdf for what a URDF holds."""
 
     quantity: str
-    unit: str
+    unit: str  # of a joint that turns, or of one that slides
+    order: int | None = None  # of the derivative of a joint's value by time that it is; None: it is none
     in_urdf: bool = False
 
     def __call__(self, value: object) -> Any:
@@ -171,6 +172,12 @@ class JointRates:
             return number(value)
         except FieldError as error:
             raise self._wrong(value) if error.kind else error from None
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """The unit of a joint that turns, and of one that slides."""
+        turns, slides = self.unit.split(" or ")
+        return turns, slides
 
     def _wrong(self, value: object) -> FieldError:
         urdf = "urdf, " * self.in_urdf

@@ -405,9 +405,9 @@ others keep the URDF's)."""
 
 
 RATES = {
-    "velocity": meaning.JointRates("velocity", "rad/s or m/s", in_urdf=True),
-    "acceleration": meaning.JointRates("acceleration", "rad/s² or m/s²"),
-    "jerk": meaning.JointRates("jerk", "rad/s³ or m/s³"),
+    "velocity": meaning.JointRates("velocity", "rad/s or m/s", order=1, in_urdf=True),
+    "acceleration": meaning.JointRates("acceleration", "rad/s² or m/s²", order=2),
+    "jerk": meaning.JointRates("jerk", "rad/s³ or m/s³", order=3),
     "torque": meaning.JointRates("torque", "Nm or N", in_urdf=True),
 }
 """Limits beside those of positions."""
