@@ -40,7 +40,10 @@ from hdplan.planner.studies.corridor_experiment import (
     link_boxes,
     tool_task,
 )
-from hdplan.scenes.model import Box, Obstacle, Pose, Scene
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box
 
 Array = NDArray[np.float64]
 Made = Callable[[Robot, Scene, ControlSettings], Controller]

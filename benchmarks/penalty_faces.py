@@ -23,7 +23,8 @@ from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import seeds
-from hdplan.scenes.model import Box, PlannerSettings
+from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.shapes import Box
 
 Array = NDArray[np.float64]
 

@@ -24,7 +24,7 @@ from hdplan.distance.symbolic.halfspaces import box_directions, halfspace_distan
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.collision.link_bodies import link_bodies
 from hdplan.planner.robot.robot import load_robot
-from hdplan.scenes.model import RobotSpec
+from hdplan.scenes.robot_spec import RobotSpec
 
 Array = NDArray[np.float64]
 

@@ -32,7 +32,7 @@ from hdplan.distance.studies.random_poses import touching_poses
 from hdplan.distance.symbolic.compiled_pair import CompiledDistance, hdsdf_compiled
 from hdplan.planner.collision.link_bodies import link_bodies
 from hdplan.planner.robot.robot import load_robot
-from hdplan.scenes.model import RobotSpec
+from hdplan.scenes.robot_spec import RobotSpec
 
 Array = NDArray[np.float64]
 

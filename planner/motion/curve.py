@@ -29,6 +29,7 @@ Index = NDArray[np.int64]
 
 FARTHEST = 1e6  # [rad] or [m] that a control point may be from 0
 SHORTEST, LONGEST = 1e-60, 1e60  # [s] between two rows, and from time 0
+ROW_RATES = ("velocities", "accelerations")  # what rows may hold beside times and positions
 RULES = {1: "linear", 3: "cubic", 5: "quintic"}  # by the degree
 PARTS = 8  # of an interval, each bounded by its own control points
 

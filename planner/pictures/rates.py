@@ -18,7 +18,7 @@ from hdplan.planner.pictures.panels import lay_along, looks, short_names, units_
 from hdplan.planner.pictures.plot import Subject
 from hdplan.planner.pictures.style import CONTACT, CURVES, GREY
 from hdplan.planner.robot.joint_limits import DERIVATIVES
-from hdplan.scenes.model import RATES
+from hdplan.scenes.limits import QUANTITIES
 
 Array = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ def rates(subject: Subject) -> tuple[Rate, ...]:
     for check in checks:
         for name in check.limits.keys() - found.keys():
             found[name] = check.values(name, curve, interval, fraction)
-    return tuple(Rate(name, "", times, found[name], limits.get(name)) for name in RATES if name in found)
+    return tuple(Rate(name, "", times, found[name], limits.get(name)) for name in QUANTITIES if name in found)
 
 
 def draw_rate(axis: Any, subject: Subject, rate: Rate) -> None:
@@ -76,7 +76,7 @@ def draw_rate(axis: Any, subject: Subject, rate: Rate) -> None:
     axis.set_title(f"{rate.quantity}{rate.where}")
     if rate.limits is None:
         slide = {unit == "m" for unit in units_of(subject.certifier.robot)}
-        units = " or ".join(RATES[rate.quantity].units[slides] for slides in sorted(slide))
+        units = " or ".join(QUANTITIES[rate.quantity].units[slides] for slides in sorted(slide))
         axis.set(ylabel=f"{rate.quantity} [{units}]")
     else:
         axis.set(ylabel="share of limit [%]")

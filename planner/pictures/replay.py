@@ -14,7 +14,7 @@ from hdplan.planner.control.replay import Simulation
 from hdplan.planner.pictures.style import CONTACT, CURVES, FIXED, GOOD, RC, plain
 from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import RATES
+from hdplan.scenes.limits import QUANTITIES
 
 Array = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ def _draw(axis: Any, simulation: Simulation, what: str, times: Array, values: Ar
         shown = curve if limit is None else 100 * curve / limit
         axis.plot(times, shown, linewidth=1.2, label=plain(joint.name, 22), **style)
     if None in limits:
-        axis.set(title=what, ylabel=RATES[what].units[0])
+        axis.set(title=what, ylabel=QUANTITIES[what].units[0])
         return
     largest = max(joint.peaks[what].share or 0.0 for joint in simulation.joints)
     room = 100 * min(max(1.12, 1.05 * largest), SHOWN)

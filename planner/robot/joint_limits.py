@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import RATES, JointValues, Scene
+from hdplan.scenes.limits import QUANTITIES, JointValues
+from hdplan.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 
-DERIVATIVES = {name: rate.order for name, rate in RATES.items() if rate.order is not None}
+DERIVATIVES = {name: rate.order for name, rate in QUANTITIES.items() if rate.order is not None}
 """Velocity, acceleration and jerk: which derivative of a joint's value by time each is."""
 
 
@@ -39,7 +40,7 @@ def joint_limits(scene: Scene, robot: Robot) -> dict[str, Array]:
 
 def asked_limits(scene: Scene) -> dict[str, JointValues]:
     """Return what a scene says of each quantity that it limits, by name."""
-    said = {quantity: getattr(scene.limits, quantity) for quantity in RATES}
+    said = {quantity: getattr(scene.limits, quantity) for quantity in QUANTITIES}
     if scene.timed and said["velocity"] is None:
         said["velocity"] = "urdf"
     return {quantity: values for quantity, values in said.items() if values is not None}

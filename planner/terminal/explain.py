@@ -18,15 +18,10 @@ from hdplan.planner.robot.joint_limits import joint_limits
 from hdplan.planner.robot.robot import ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS
 from hdplan.planner.terminal.explain_cost import functions, trial
 from hdplan.planner.terminal.explain_effects import counted, effects
-from hdplan.scenes.model import (
-    RATES,
-    Goals,
-    JointTarget,
-    PlannerSettings,
-    PoseTarget,
-    SteadyMotion,
-    TimedPoses,
-)
+from hdplan.scenes.limits import QUANTITIES
+from hdplan.scenes.obstacles import SteadyMotion, TimedPoses
+from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 
 Rows = list[tuple[str, str]]
 
@@ -92,7 +87,7 @@ def _joints(problem: Problem) -> Rows:
     """One row for each joint: from where to where, its range, and what it can do where that matters."""
     robot, scene = problem.robot, problem.scene
     width = max(map(len, robot.joint_names))
-    most = [(limit, RATES[quantity].units) for quantity, limit in joint_limits(scene, robot).items()]
+    most = [(limit, QUANTITIES[quantity].units) for quantity, limit in joint_limits(scene, robot).items()]
     rows: Rows = []
     for i, joint in enumerate(robot.joint_names):
         low, high = robot.lower[i], robot.upper[i]

@@ -13,7 +13,11 @@ import numpy as np
 from hdplan.planner.problem.lay_out import self_margin
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.joint_limits import DERIVATIVES, asked_limits
-from hdplan.scenes.model import RATES, Goals, JointValues, Pose, PoseTarget, Scene, Timing
+from hdplan.scenes.limits import QUANTITIES, JointValues
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import Goals, PoseTarget
+from hdplan.scenes.timing import Timing
 
 
 class Effect(NamedTuple):
@@ -158,7 +162,7 @@ def _timed(problem: Problem) -> tuple[Effect, ...]:
     asked = asked_limits(scene)
     kept = [f"{quantity} ({_origin(asked[quantity])})" for quantity in DERIVATIVES if quantity in asked]
     sought = "; the time law is fixed, so what comes close to that of velocity is penalized" * bool(scene.moving)
-    others = [quantity for quantity in RATES if quantity not in DERIVATIVES]
+    others = [quantity for quantity in QUANTITIES if quantity not in DERIVATIVES]
     return (
         Effect("times", law, "needs timing.duration, or limits.acceleration"),
         Effect("limits of rates", ", ".join(kept) + sought, f"needs {_either(DERIVATIVES)}"),

@@ -29,7 +29,8 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.timing.limits import PathLook, timing_limits
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, TimeLaw
 from hdplan.scenes.errors import HdplanError, InputError
-from hdplan.scenes.model import MOST_ROWS, Scene, Timing
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.timing import MOST_ROWS, Timing
 
 Array = NDArray[np.float64]
 

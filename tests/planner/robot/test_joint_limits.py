@@ -13,7 +13,12 @@ from hdplan.planner.robot.joint_limits import joint_limit
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import RATES, JointTarget, JointValues, Limits, RobotSpec, Scene, SelfCollision, Timing
+from hdplan.scenes.limits import QUANTITIES, JointValues, Limits
+from hdplan.scenes.obstacles import SelfCollision
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget
+from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene
 
 
@@ -31,7 +36,7 @@ def limited(scene: Scene, quantity: str, values: JointValues | None) -> Scene:
     return replace(scene, limits=replace(Limits(), **{quantity: values}))  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("quantity", RATES)
+@pytest.mark.parametrize("quantity", QUANTITIES)
 def test_values_are_those_of_the_scene_in_the_robots_order(scene: Scene, robot: Robot, quantity: str) -> None:
     given = np.random.default_rng(0).uniform(0.1, 5.0, robot.n)
     by_name = dict(reversed(list(zip(robot.joint_names, given.tolist(), strict=True))))
