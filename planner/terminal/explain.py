@@ -93,10 +93,16 @@ def _joints(problem: Problem) -> Rows:
         low, high = robot.lower[i], robot.upper[i]
         limits = f"limits {low:7.4g} to {high:<7.4g}" if np.isfinite([low, high]).all() else f"{'turns freely':25}"
         slides = robot.model.joints[i + 1].shortname().startswith("JointModelP")
-        own = ", ".join(f"{limit[i]:.4g} {units[slides]}" for limit, units in most)
+        own = " ".join(f"{limit[i]:.4g}{_per(units[slides])}" for limit, units in most)
         row = f"{problem.start[i]:8.4g} → {problem.goal[i]:8.4g}  {limits} {own}"
         rows.append((f"{joint:{width}}", row.rstrip()))
     return rows
+
+
+def _per(unit: str) -> str:
+    """Shorten a unit for a table of joints: rad and m go without saying."""
+    per = unit.removeprefix("rad").removeprefix("m")
+    return per if per.startswith("/") else f" {per}"
 
 
 def _obstacles(problem: Problem) -> Rows:
