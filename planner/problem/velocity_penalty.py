@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.problem.terms import MotionPenalty, Term
-from hdplan.planner.robot.joint_limits import velocity_limits
+from hdplan.planner.robot.joint_limits import joint_limit
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.timing.time_laws import MinimumJerk
 from hdplan.scenes.scene import Scene
@@ -30,7 +30,7 @@ LOOKS = 9  # at the time law on every interval
 
 def velocity_penalty(scene: Scene, robot: Robot) -> VelocityPenalty:
     """Return the term of a scene with `timing.duration`. Raises InputError for limits that do not fit the robot."""
-    limits = velocity_limits(scene, robot)
+    limits = joint_limit("velocity", scene, robot)
     if limits is None:
         raise ValueError("the scene has no times")
     return VelocityPenalty(limits, MinimumJerk(scene.end_time), scene.planner.waypoints)
