@@ -10,13 +10,14 @@ from hdplan.planner.motion.trajectory_files import check_output
 from hdplan.planner.pictures.plot import Subject, check_picture
 from hdplan.planner.pictures.plot import plot as draw
 from hdplan.planner.plan import plan
-from hdplan.planner.problem.lay_out import check_distance
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.solvers import solver_named
 from hdplan.planner.terminal.arguments import SEARCH
 from hdplan.planner.terminal.console import printing, progress
 from hdplan.planner.terminal.tables import result_rows, table, verdict_text
 from hdplan.scenes.deadline import time_limit as limited
+from hdplan.scenes.planner_settings import DISTANCES
+from hdplan.scenes.values import Choice, checked
 from hdplan.scenes.yaml_format.reader import load_scene
 
 
@@ -40,7 +41,7 @@ def run_plan(
     """
     solver_named(solver)
     if distance is not None:
-        check_distance(distance)
+        checked(Choice(DISTANCES), distance, "distance")
     if output is not None:
         check_output(output)
     if plot is not None:
