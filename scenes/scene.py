@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import FieldError
-from hdplan.scenes.limits import RATES, Limits
+from hdplan.scenes.limits import QUANTITIES, Limits
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, obstacles_of
 from hdplan.scenes.output import check_writable, write_output
 from hdplan.scenes.path_constraints import PathConstraints
@@ -131,7 +131,7 @@ class Scene(Checked):
             if obstacle.motion is not None and duration is None:
                 raise FieldError("must be met at known times: timing.duration is missing", f"obstacles[{i}].motion")
         if self.timed and duration is None and self.limits.acceleration is None:
-            given = next((name for name in RATES if getattr(self.limits, name) is not None), None)
+            given = next((name for name in QUANTITIES if getattr(self.limits, name) is not None), None)
             raise FieldError(
                 "makes the motion timed, and a URDF holds no accelerations to time it by: timing.duration or "
                 "limits.acceleration is missing",
@@ -141,7 +141,7 @@ class Scene(Checked):
     @property
     def timed(self) -> bool:
         """Whether the result is to say when the motion is where: something in the scene depends on it."""
-        return self.timing is not None or any(getattr(self.limits, rate) is not None for rate in RATES)
+        return self.timing is not None or any(getattr(self.limits, rate) is not None for rate in QUANTITIES)
 
     @property
     def standing(self) -> tuple[Obstacle, ...]:

@@ -2,7 +2,7 @@
 
 A moving obstacle is one more body that is carried, as a link is, but by no joint: its placement at each sample's time
 is put beside those of the joints, and everything else is as for obstacles that stand. When a sample is reached follows
-from the law of time (`timing.duration`), which does not depend on the motion.
+from the time law (`timing.duration`), which does not depend on the motion.
 """
 
 from __future__ import annotations

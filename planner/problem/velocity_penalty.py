@@ -1,4 +1,4 @@
-"""How fast the joints go where the law of time is fixed: a penalty on what comes close to their limits of velocity.
+"""How fast the joints go where the time law is fixed: a penalty on what comes close to their limits of velocity.
 
 Where obstacles move, when a waypoint is reached is known beforehand, u(t), and with it the joints' velocities between
 waypoints, by the steepest du/dt there. Of each joint j and interval k the share of its limit v_j
@@ -6,7 +6,7 @@ waypoints, by the steepest du/dt there. Of each joint j and interval k the share
     s_kj = |q_{k+1,j} − q_{k,j}| (N − 1) max_k(du/dt) / v_j
 
 is kept below AIM by  h Σ_kj ½ (LEVER max(s_kj − AIM, 0))²,  h = 1/(N − 1), quadratic where it acts: the curvature is
-exact. Elsewhere the law of time is fitted to the limits afterwards (`retiming`), and this term is not there.
+exact. Elsewhere the time law is fitted to the limits afterwards (`retiming`), and this term is not there.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.terms import MotionPenalty, MotionTerm
-from hdplan.planner.robot.joint_limits import velocity_limits
+from hdplan.planner.robot.joint_limits import joint_limit
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.timing.time_laws import MinimumJerk
 from hdplan.scenes.scene import Scene
@@ -30,7 +30,7 @@ LOOKS = 9  # at the law on every interval
 
 def pace(scene: Scene, robot: Robot) -> Pace:
     """Return the term of a scene with `timing.duration`. Raises InputError for limits that do not fit the robot."""
-    limits = velocity_limits(scene, robot)
+    limits = joint_limit("velocity", scene, robot)
     if limits is None:
         raise ValueError("the scene has no times")
     return Pace(limits, MinimumJerk(scene.end_time), scene.planner.waypoints)

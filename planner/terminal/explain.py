@@ -14,10 +14,11 @@ import numpy as np
 from hdplan.planner.geometry.shapes import operations
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.terms import Clearance
-from hdplan.planner.robot.joint_limits import acceleration_limits, jerk_limits, torque_limits, velocity_limits
+from hdplan.planner.robot.joint_limits import joint_limits
 from hdplan.planner.robot.robot import ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS
 from hdplan.planner.terminal.explain_cost import functions, trial
 from hdplan.planner.terminal.explain_effects import counted, effects
+from hdplan.scenes.limits import QUANTITIES
 from hdplan.scenes.obstacles import SteadyMotion, TimedPoses
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
@@ -86,25 +87,22 @@ def _joints(problem: Problem) -> Rows:
     """One row for each joint: from where to where, its range, and what it can do where that matters."""
     robot, scene = problem.robot, problem.scene
     width = max(map(len, robot.joint_names))
-    most = [
-        (limits(scene, robot), unit)
-        for limits, unit in (
-            (velocity_limits, "/s"),
-            (acceleration_limits, "/s²"),
-            (jerk_limits, "/s³"),
-            (torque_limits, " N"),
-        )
-    ]
+    most = [(limit, QUANTITIES[quantity].units) for quantity, limit in joint_limits(scene, robot).items()]
     rows: Rows = []
     for i, joint in enumerate(robot.joint_names):
         low, high = robot.lower[i], robot.upper[i]
         limits = f"limits {low:7.4g} to {high:<7.4g}" if np.isfinite([low, high]).all() else f"{'turns freely':25}"
-        own = " ".join(f"{limit[i]:.4g}{unit}" for limit, unit in most if limit is not None)
-        if own.endswith(" N") and not robot.model.joints[i + 1].shortname().startswith("JointModelP"):
-            own += "m"
+        slides = robot.model.joints[i + 1].shortname().startswith("JointModelP")
+        own = " ".join(f"{limit[i]:.4g}{_per(units[slides])}" for limit, units in most)
         row = f"{problem.start[i]:8.4g} → {problem.goal[i]:8.4g}  {limits} {own}"
         rows.append((f"{joint:{width}}", row.rstrip()))
     return rows
+
+
+def _per(unit: str) -> str:
+    """Shorten a unit for a table of joints: rad and m go without saying."""
+    per = unit.removeprefix("rad").removeprefix("m")
+    return per if per.startswith("/") else f" {per}"
 
 
 def _obstacles(problem: Problem) -> Rows:

@@ -37,7 +37,7 @@ EFFECTS = {
             *(
                 "planner.certificate.torque_check",
                 "planner.certificate.torque_bounds",
-                "planner.timing.torque_constraint",
+                "planner.timing.torque_limit",
             ),
         ],
         "ur5_payload",

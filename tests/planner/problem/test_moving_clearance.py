@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation, Slerp
 import hdplan
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.certificate.rate_check import rates
+from hdplan.planner.certificate.rate_check import RateCheck
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.moving_clearance import MovingClearance
@@ -228,5 +228,6 @@ def test_what_is_clear_of_the_pace_is_within_the_limits_when_it_is_executed(prob
         bend = rng.normal(scale=0.6, size=robot.n) * np.sin(np.pi * np.linspace(0, 1, 32))[:, None]
         rows = np.clip(np.linspace(problem.start, problem.goal, 32) + bend, robot.lower, robot.upper)
         clear = pace.over_motion(rows, problem.kinematics.evaluate(rows)).depth.max() <= half
-        (use,) = rates(keeper(Trajectory(robot.joint_names, rows, robot.locked)).trajectory.curve, crossing, robot)
+        timed = keeper(Trajectory(robot.joint_names, rows, robot.locked)).trajectory
+        (use,) = RateCheck(crossing, robot).check(timed.curve).uses
         assert use.within or not clear
