@@ -115,19 +115,19 @@ class StaticTorque(Hinge):
     measure: GravityMeasure
 
 
-def static_torque(scene: Scene, robot: Robot) -> tuple[StaticTorque, ...]:
-    """Return the term where the scene limits torques and gravity may come near a limit; else none.
+def static_torque(scene: Scene, robot: Robot) -> StaticTorque | None:
+    """Return the term where the scene limits torques and gravity may come near a limit; else None.
 
     Raises InputError for loads or limits that do not fit the robot.
     """
     limits = joint_limit("torque", scene, robot)
     if limits is None:
-        return ()
+        return None
     model = loaded_model(scene, robot)
     torques = GravityTorques.of(model)
     bound = torques.most(model, np.stack([robot.lower, robot.upper], axis=1))
     joints = np.flatnonzero(~(bound <= (1 - BAND / ARM) * limits))  # a bound that is no number proves nothing
     if not len(joints):
-        return ()
+        return None
     measure = GravityMeasure(torques, joints, limits[joints])
-    return (StaticTorque("static torque", measure, scene.planner.activation),)
+    return StaticTorque("static torque", measure, scene.planner.activation)
