@@ -27,19 +27,12 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.studies.report import markdown_text
-from hdplan.scenes.model import (
-    Box,
-    Capsule,
-    Cylinder,
-    JointTarget,
-    Obstacle,
-    Pose,
-    PoseTarget,
-    RobotSpec,
-    Scene,
-    Shape,
-    Sphere,
-)
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from hdplan.scenes.targets import JointTarget, PoseTarget
 
 Array = NDArray[np.float64]
 Solver = Callable[[Array, Array, Array, Array, Array, Array], Array]

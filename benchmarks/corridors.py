@@ -41,7 +41,10 @@ from hdplan.planner.studies.corridor_experiment import (
     tool_task,
 )
 from hdplan.planner.studies.report import markdown_text
-from hdplan.scenes.model import Box, Obstacle, Pose, Scene
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box
 
 Array = NDArray[np.float64]
 Made = Callable[[Robot, Scene, ControlSettings], Controller]

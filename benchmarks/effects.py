@@ -24,7 +24,10 @@ import numpy as np
 import hdplan
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.studies.report import Cell, markdown_text
-from hdplan.scenes.model import Limits, PathConstraints, Scene, SelfCollision
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.obstacles import SelfCollision
+from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
 
 WEIGHT = 1e5  # [1/m²] of the penalty in an evaluation

@@ -25,7 +25,12 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.search.roadmap import onto_path
 from hdplan.planner.studies.report import markdown_text
-from hdplan.scenes.model import Box, JointTarget, Obstacle, PathConstraints, Pose, Scene, Upright, Within
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box
+from hdplan.scenes.targets import JointTarget
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.exact_proximity import Piece, link_pieces, obstacle_pieces
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 

@@ -47,7 +47,7 @@ from hdplan.planner.search.search import Event
 from hdplan.planner.solvers import SOLVERS
 from hdplan.planner.solvers.solution import Iteration, Solver
 from hdplan.planner.studies.report import markdown_text
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import shipped_scenes
 
 SHIPPED = "shipped scenes"

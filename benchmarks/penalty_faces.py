@@ -24,7 +24,8 @@ from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.studies.report import markdown_text
-from hdplan.scenes.model import Box, PlannerSettings
+from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.shapes import Box
 
 Array = NDArray[np.float64]
 

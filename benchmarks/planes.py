@@ -25,7 +25,7 @@ from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.collision.link_bodies import link_bodies
 from hdplan.planner.robot.robot import load_robot
 from hdplan.planner.studies.report import markdown_text
-from hdplan.scenes.model import RobotSpec
+from hdplan.scenes.robot_spec import RobotSpec
 
 Array = NDArray[np.float64]
 

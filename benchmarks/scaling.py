@@ -28,7 +28,11 @@ from memory import most_memory
 import hdplan
 from hdplan.planner.build import build
 from hdplan.planner.studies.report import markdown_text
-from hdplan.scenes.model import Box, JointTarget, Obstacle, Pose, Scene
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box
+from hdplan.scenes.targets import JointTarget
 
 WAYPOINTS = (20, 32, 50, 100, 200)
 BOXES = (10, 30, 100, 300, 1000, 2000)

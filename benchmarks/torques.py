@@ -25,7 +25,9 @@ from hdplan.planner.plan import plan
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.studies.report import markdown_text
-from hdplan.scenes.model import JointTarget, Payload, Scene
+from hdplan.scenes.attached import Payload
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget
 
 SCENES = {"panda_heavy": "panda_hand", "ur5_payload": "tool0"}  # and the link that bears the load
 MASSES = (3.0, 6.0)  # [kg]

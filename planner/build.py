@@ -9,7 +9,8 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import check_robot, load_scene_robot, resolve_query
 from hdplan.scenes.errors import naming
-from hdplan.scenes.model import JointTarget, Scene
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.values import instance
 
 

@@ -23,7 +23,8 @@ from hdplan.planner.search.warm_start import MOVED, rows_of, warm_start
 from hdplan.planner.solvers import solver_named
 from hdplan.scenes.deadline import check_time, seconds_left
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.model import Goals, JointTarget, Scene
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import Goals, JointTarget
 from hdplan.scenes.values import Number, Whole, checked, instance
 
 FOR_MESHES = 0.5  # share of what is left of a limit to all, for taking meshes apart

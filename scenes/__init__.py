@@ -1,6 +1,6 @@
-"""Scenes: what they say (`model`), and, behind this door, how a file says it.
+"""Scenes: what they say (`scene` and its parts), and, behind this door, how a file says it.
 
-The model stands below the readers and writers of files; what it needs of them it asks for here, when it is needed.
+A `Scene` stands below the readers and writers of files; what it needs of them it asks for here, when it is needed.
 """
 
 from __future__ import annotations

@@ -145,7 +145,7 @@ class Field:
         found: bool = self.checked(boolean, self.value)
         return found
 
-    # What the model checks
+    # What a scene's classes check
 
     def checked(self, check: Check, value: object) -> Any:
         """Return what a check makes of a value that stands here."""
@@ -153,7 +153,7 @@ class Field:
             return check(value)
 
     def make(self, kind: Callable[..., T], **values: object) -> T:
-        """Return what a class of the model makes of values, fields or what was made of them; what it refuses is said of
+        """Return what a class of a scene makes of values, fields or what was made of them; what it refuses is said of
         the field in the file: its attributes are named as the keys are."""
         given = {name: value.value if isinstance(value, Field) else value for name, value in values.items()}
         with self._naming():

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from hdplan.scenes.model import Obstacle, SteadyMotion
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion
 
 Array = NDArray[np.float64]
 

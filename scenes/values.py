@@ -1,4 +1,4 @@
-"""What a value may be, said once: the file reader and the constructors of the model ask the same checks.
+"""What a value may be, said once: a file's reader and a scene made in Python ask the same checks.
 
 A check takes a value and returns it in its one form (a float for a whole number, a tuple for a list or an array), or
 raises a `FieldError` that says what is allowed and what was found. A dataclass that is `Checked` finds the checks of
@@ -69,6 +69,9 @@ class Number:
         if self.above == 0.0 and number < SMALLEST:
             raise wrong(f"{allowed}, at least {SMALLEST:g}", value)
         return number
+
+
+JointValue = Number(unit="rad or m")
 
 
 @dataclass(frozen=True)
@@ -148,6 +151,9 @@ def text(value: object) -> str:
     if not isinstance(value, str) or not value.strip():
         raise wrong("a text that is not empty", value, "text")
     return str(value)
+
+
+Name = Annotated[str, text]
 
 
 def boolean(value: object) -> bool:

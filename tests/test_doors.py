@@ -21,7 +21,7 @@ from hdplan import cli
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.scenes.deadline import check_time, seconds_left, time_limit
 from hdplan.scenes.errors import InputError, OutOfTime
-from hdplan.scenes.model import MOST_ROWS
+from hdplan.scenes.timing import MOST_ROWS
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 
 ARM = shipped_scenes()["planar_arm"]
@@ -220,7 +220,7 @@ def test_what_is_no_file_is_refused_at_once(
     no_files: dict[str, Path], kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     import hdplan
-    from hdplan.scenes.model import RobotSpec
+    from hdplan.scenes.robot_spec import RobotSpec
 
     path = no_files[kind]
     assert refusal(lambda: load_scene(path)) == f"{path}: is {kind}; a file is wanted"
@@ -255,7 +255,8 @@ def test_names_that_the_system_refuses_are_refused_in_one_line(tmp_path: Path, n
     """Too long for a name, too long for a path, and a link that leads to itself, wherever a file is named."""
     import hdplan
     from hdplan.planner.geometry.meshes import load_mesh
-    from hdplan.scenes.model import Mesh, RobotSpec
+    from hdplan.scenes.robot_spec import RobotSpec
+    from hdplan.scenes.shapes import Mesh
 
     for ending in (".yaml", ".json", ".urdf", ".stl"):
         (tmp_path / f"circle{ending}").symlink_to(tmp_path / f"circle{ending}")

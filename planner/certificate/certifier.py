@@ -41,8 +41,10 @@ from hdplan.planner.robot.scene_robot import check_robot, load_scene_robot
 from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.model import Obstacle, PathConstraints, Scene
+from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import made_once
+from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import Number, checked, instance
 
 if TYPE_CHECKING:

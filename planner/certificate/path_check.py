@@ -30,8 +30,9 @@ from hdplan.planner.robot.link_frame import link_frame
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.deadline import seconds_left
 from hdplan.scenes.errors import naming
-from hdplan.scenes.model import Scene, Upright, Within
 from hdplan.scenes.once import read_only
+from hdplan.scenes.path_constraints import Upright, Within
+from hdplan.scenes.scene import Scene
 
 UP = read_only(np.array([0.0, 0.0, 1.0]))  # in the world
 GRANTED = 1e-9  # [rad] or [m] beyond what is allowed that rounding may cost

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.joint_limits import RATES, rate_limits
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 

@@ -23,7 +23,7 @@ from hdplan.planner.robot.joint_limits import torque_limits
 from hdplan.planner.robot.loads import loaded_model
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

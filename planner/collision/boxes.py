@@ -20,8 +20,8 @@ from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Box, Shape
 from hdplan.scenes.once import made_once
+from hdplan.scenes.shapes import Box, Shape
 
 RIGHT_ANGLE = 1e-9  # the cosine of a box's right angles is this close to 0
 

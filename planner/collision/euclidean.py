@@ -30,8 +30,8 @@ from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.geometry.shapes import operations
 from hdplan.planner.kinematics.forward import KinematicsBatch
-from hdplan.scenes.model import Shape
 from hdplan.scenes.once import read_only
+from hdplan.scenes.shapes import Shape
 
 DOUBTFUL = 1e-6  # coal's distance and the gap along its own normal differ by more [m] only where coal is wrong
 NUDGE = 1e-5  # [rad] by which A is turned to ask again: enough to end an exactly parallel contact

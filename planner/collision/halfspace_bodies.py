@@ -24,8 +24,9 @@ from hdplan.planner.collision.convex_pieces import MOST_SECONDS, convex_pieces
 from hdplan.planner.geometry.meshes import load_mesh
 from hdplan.planner.geometry.shapes import operations
 from hdplan.scenes.deadline import check_time
-from hdplan.scenes.model import Mesh, Obstacle, Points, Shape
+from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import freeze
+from hdplan.scenes.shapes import Mesh, Points, Shape
 
 Floats = NDArray[np.float64]
 

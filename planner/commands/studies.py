@@ -16,7 +16,7 @@ from hdplan.planner.studies.report import Report, Reporter, Stopper
 from hdplan.planner.terminal.console import measuring, printing, waiting
 from hdplan.planner.terminal.tables import columns, table
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 
 FIGURES: dict[str, Callable[[Path, bool, Reporter, Stopper], Report]] = {

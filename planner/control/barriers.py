@@ -31,8 +31,9 @@ from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import check_robot
 from hdplan.scenes.errors import FieldError, naming, nearest
-from hdplan.scenes.model import Pose, Scene
 from hdplan.scenes.moving import Passages
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import Checked, Choice, Number, Whole, instance, shorten, text
 
 Floats = NDArray[np.float64]

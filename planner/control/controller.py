@@ -51,7 +51,7 @@ from hdplan.planner.robot.joint_limits import velocity_limits
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.arrays import joint_numbers, quadratic
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import Number, checked, instance
 
 Array = NDArray[np.float64]

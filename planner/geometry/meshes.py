@@ -16,8 +16,8 @@ from scipy.spatial import ConvexHull
 
 from hdplan.planner.geometry.mesh_files import read_mesh_file
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.model import Mesh
 from hdplan.scenes.once import freeze
+from hdplan.scenes.shapes import Mesh
 
 Array = NDArray[np.float64]
 

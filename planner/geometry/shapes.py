@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from hdplan.planner.geometry.coal_shapes import convex_hull, triangle_tree
 from hdplan.planner.geometry.meshes import FLAT, TriangleMesh, load_mesh, thinness
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
 
 Array = NDArray[np.float64]
 

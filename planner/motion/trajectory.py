@@ -20,8 +20,8 @@ from hdplan.planner.motion.curve import FARTHEST, LONGEST, SHORTEST, Curve
 from hdplan.planner.motion.trajectory_files import READERS, WRITERS, format_of
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.files import read_file
-from hdplan.scenes.model import MOST_ROWS
 from hdplan.scenes.output import write_output
+from hdplan.scenes.timing import MOST_ROWS
 from hdplan.scenes.values import Named, Number, Row, checked, path_of, text
 
 SAME = 1e-9  # by which a path parameter may lie beyond its range: rounding

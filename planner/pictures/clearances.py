@@ -19,7 +19,7 @@ from hdplan.planner.certificate.verdict import Place
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.problem.moving_clearance import MovingClearance
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 

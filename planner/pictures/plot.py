@@ -19,8 +19,8 @@ from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.solvers.solution import Iteration
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Scene
 from hdplan.scenes.output import check_writable, write_output
+from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from hdplan.planner.control.replay import Simulation

@@ -23,9 +23,10 @@ from hdplan.planner.certificate.exact_proximity import Piece, link_pieces, obsta
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.pictures.style import BETWEEN, FIXED, FRAME, GOAL, INK, MOVING, OBSTACLE, START
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.model import Obstacle, Scene
 from hdplan.scenes.moving import Passages
+from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import read_only
+from hdplan.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 

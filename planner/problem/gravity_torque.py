@@ -25,7 +25,7 @@ from hdplan.planner.problem.hinge import BAND, Hinge, Measures
 from hdplan.planner.robot.joint_limits import torque_limits
 from hdplan.planner.robot.loads import loaded_model
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -25,7 +25,9 @@ from hdplan.planner.problem.terms import Clearance, MotionTerm, Smoothness, Term
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import Query
 from hdplan.scenes.errors import InputError, naming, nearest
-from hdplan.scenes.model import PathConstraints, PlannerSettings, Scene
+from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.scene import Scene
 
 DISTANCES = ("hdsdf", "fcl")
 SAMPLES_PER_INTERVAL = 2  # at least

@@ -22,8 +22,10 @@ from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.terms import Clearance, Penalty
 from hdplan.planner.timing.time_laws import MinimumJerk
-from hdplan.scenes.model import Obstacle, Pose, Scene
 from hdplan.scenes.moving import Passages
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
 
 Floats = NDArray[np.float64]
 

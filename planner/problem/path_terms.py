@@ -19,8 +19,9 @@ from hdplan.planner.problem.hinge import Hinge, Measures
 from hdplan.planner.robot.link_frame import link_frame
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import naming
-from hdplan.scenes.model import Scene, Upright, Within
 from hdplan.scenes.once import read_only
+from hdplan.scenes.path_constraints import Upright, Within
+from hdplan.scenes.scene import Scene
 
 Floats = NDArray[np.float64]
 

@@ -23,7 +23,8 @@ from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.terms import Clearance, MotionTerm, Smoothness, Term
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.model import PathConstraints, Scene
+from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from hdplan.planner.problem.path_terms import PathTerm

@@ -19,7 +19,7 @@ from hdplan.planner.problem.terms import MotionPenalty, MotionTerm
 from hdplan.planner.robot.joint_limits import velocity_limits
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.timing.time_laws import MinimumJerk
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 
 Floats = NDArray[np.float64]
 

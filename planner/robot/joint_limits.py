@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import JointValues, Scene
+from hdplan.scenes.limits import JointValues
+from hdplan.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 

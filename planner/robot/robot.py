@@ -19,13 +19,16 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.robot.pin_model import move_base, read_model, without_joints
+from hdplan.scenes.attached import Attached
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.files import Stamps, stamps_of
-from hdplan.scenes.model import Attached, JointTarget, Pose, RobotSpec, robot_spec
 from hdplan.scenes.once import freeze
+from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_files.description import LinkPair, Semantics, Tree, link_pair, read_semantics, read_tree
 from hdplan.scenes.robot_files.library import description_of
+from hdplan.scenes.robot_spec import RobotSpec, robot_spec
+from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.values import checked
 
 Array = NDArray[np.float64]

@@ -13,10 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.planner.robot.robot import SAME_PLACE, Robot, load_robot
+from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import Stamps, stamps_of
-from hdplan.scenes.model import Attached, Goals, JointTarget, Mesh, RobotSpec, Scene
 from hdplan.scenes.once import Turn, made_once
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Mesh
+from hdplan.scenes.targets import Goals, JointTarget
 
 Array = NDArray[np.float64]
 

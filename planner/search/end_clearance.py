@@ -6,7 +6,7 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import resolve_query
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 
 
 def reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tuple[float, tuple[str, ...]]:

@@ -22,7 +22,9 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.search.inverse_kinematics import STARTS, reaching
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.model import JointTarget, PathConstraints, PoseTarget, Scene
+from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget, PoseTarget
 
 if TYPE_CHECKING:
     from hdplan.planner.problem.path_terms import PathTerm

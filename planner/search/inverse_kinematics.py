@@ -20,7 +20,8 @@ from hdplan.planner.kinematics.inverse import LinkPose, damped_step
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.deadline import check_time
-from hdplan.scenes.model import Pose, PoseTarget
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.targets import PoseTarget
 from hdplan.scenes.values import Whole, checked, instance
 
 if TYPE_CHECKING:

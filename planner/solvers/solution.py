@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.problem import Evaluation, Problem
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 
 Floats = NDArray[np.float64]
 

@@ -33,8 +33,13 @@ from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch, kinem
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Box, JointTarget, Obstacle, Pose, RobotSpec, Scene, Vector3
+from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import read_only
+from hdplan.scenes.poses import Pose, Vector3
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box
+from hdplan.scenes.targets import JointTarget
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from hdplan.distance.studies.accuracy import BANDS, Entry, Study, pareto_front
 from hdplan.planner.pictures.style import CONTACT, FIXED, FRAME, GOOD, GREY, INK, OTHER_RUNG, RC, RUNG_STYLES
-from hdplan.scenes.model import PlannerSettings
+from hdplan.scenes.planner_settings import PlannerSettings
 
 GAP = 1e-2  # [m] at which false positives are compared
 GAMMAS = {1: "#CFE3F2", 2: "#7FB2D9", 4: "#2F78B7", 8: "#0B3A6B"}  # light to dark: told apart in grey, too

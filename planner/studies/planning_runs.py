@@ -29,7 +29,8 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
 from hdplan.planner.search.goals import settled
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import PlannerSettings, Scene
+from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.scene import Scene
 
 Floats = NDArray[np.float64]
 Value = str | int | float

@@ -19,7 +19,7 @@ from hdplan.scenes.errors import InputError
 
 if TYPE_CHECKING:
     from hdplan.planner.search.search import Event
-    from hdplan.scenes.model import PlannerSettings
+    from hdplan.scenes.planner_settings import PlannerSettings
 
 LONG = 1.0  # [s] after which a command is one for which people wait
 

@@ -18,14 +18,9 @@ from hdplan.planner.robot.joint_limits import acceleration_limits, jerk_limits, 
 from hdplan.planner.robot.robot import ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS
 from hdplan.planner.terminal.explain_cost import functions, trial
 from hdplan.planner.terminal.explain_effects import counted, effects
-from hdplan.scenes.model import (
-    Goals,
-    JointTarget,
-    PlannerSettings,
-    PoseTarget,
-    SteadyMotion,
-    TimedPoses,
-)
+from hdplan.scenes.obstacles import SteadyMotion, TimedPoses
+from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 
 Rows = list[tuple[str, str]]
 

@@ -12,7 +12,11 @@ import numpy as np
 
 from hdplan.planner.problem.lay_out import self_margin
 from hdplan.planner.problem.problem import Problem
-from hdplan.scenes.model import Goals, JointValues, Pose, PoseTarget, Scene, Timing
+from hdplan.scenes.limits import JointValues
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import Goals, PoseTarget
+from hdplan.scenes.timing import Timing
 
 
 class Effect(NamedTuple):

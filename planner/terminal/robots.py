@@ -9,8 +9,8 @@ import numpy as np
 from hdplan.planner.collision.link_bodies import fit_report
 from hdplan.planner.robot.robot import load_robot
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import RobotSpec
 from hdplan.scenes.robot_files.library import robot_names
+from hdplan.scenes.robot_spec import RobotSpec
 
 Rows = list[dict[str, Any]]
 

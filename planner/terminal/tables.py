@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from hdplan.planner.certificate.verdict import Certificate, Place
     from hdplan.planner.control.replay import JointUse, Peak, Simulation
     from hdplan.planner.result import PlanResult
-    from hdplan.scenes.model import Scene
+    from hdplan.scenes.scene import Scene
 
 STANDS = 1e-6  # [rad/s and the like] below which a joint does not move, but for rounding
 BAR = 14  # [columns] of a torque at its limit

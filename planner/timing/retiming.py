@@ -29,7 +29,8 @@ from hdplan.planner.robot.joint_limits import rate_limits, torque_limits
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.timing.time_laws import Averaged, Law, MinimumJerk
 from hdplan.scenes.errors import HdplanError, InputError
-from hdplan.scenes.model import MOST_ROWS, Scene, Timing
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.timing import MOST_ROWS, Timing
 
 if TYPE_CHECKING:
     from hdplan.planner.kinematics.inverse_dynamics import InverseDynamics

@@ -32,7 +32,8 @@ from hdplan.planner.view.drawing.motion import sample_parameters
 from hdplan.planner.view.drawing.nodes import draw_path
 from hdplan.planner.view.handles import Handles
 from hdplan.scenes.errors import HdplanError
-from hdplan.scenes.model import JointTarget, Scene
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.writer import scene_text
 
 if TYPE_CHECKING:

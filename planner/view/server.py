@@ -17,7 +17,7 @@ from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.view.quiet import quiet
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 
 HOST, PORT = "127.0.0.1", 8080
 TRIED = 100  # ports after the wanted one

@@ -43,8 +43,8 @@ from hdplan.planner.view.quiet import quiet
 from hdplan.planner.view.recording import record
 from hdplan.planner.view.worker import Worker
 from hdplan.scenes.errors import HdplanError, InputError, naming
-from hdplan.scenes.model import Scene
 from hdplan.scenes.once import read_only
+from hdplan.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 

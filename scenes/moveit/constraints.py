@@ -18,24 +18,13 @@ from typing import NamedTuple
 import numpy as np
 
 from hdplan.scenes.fields import Field
-from hdplan.scenes.model import (
-    Box,
-    Goals,
-    JointTarget,
-    PathConstraints,
-    Pose,
-    PoseTarget,
-    Quaternion,
-    Shape,
-    Sphere,
-    Upright,
-    Vector3,
-    Within,
-)
 from hdplan.scenes.moveit.fields import MESSAGES, is_filled
 from hdplan.scenes.moveit.frames import Frames
 from hdplan.scenes.moveit.messages import read_message_pose, read_orientation, read_point, read_primitive
-from hdplan.scenes.poses import compose
+from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
+from hdplan.scenes.poses import Pose, Quaternion, Vector3, compose
+from hdplan.scenes.shapes import Box, Shape, Sphere
+from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 
 KINDS = ("joint_constraints", "position_constraints", "orientation_constraints")
 AXES = ("x", "y", "z")

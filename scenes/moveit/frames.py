@@ -10,10 +10,9 @@ from dataclasses import dataclass
 
 from hdplan.scenes.errors import nearest
 from hdplan.scenes.fields import Field
-from hdplan.scenes.model import Pose
 from hdplan.scenes.moveit.fields import MESSAGES
 from hdplan.scenes.moveit.messages import read_transform
-from hdplan.scenes.poses import compose
+from hdplan.scenes.poses import Pose, compose
 from hdplan.scenes.robot_files.description import Tree
 
 WORLD = ("", "world")

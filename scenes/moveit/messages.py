@@ -10,9 +10,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from hdplan.scenes.fields import Field
-from hdplan.scenes.model import Box, Cylinder, Pose, Quaternion, Shape, Sphere, Vector3
 from hdplan.scenes.moveit.fields import MESSAGES
-from hdplan.scenes.poses import read_quaternion, read_vector
+from hdplan.scenes.pose_fields import read_quaternion, read_vector
+from hdplan.scenes.poses import Pose, Quaternion, Vector3
+from hdplan.scenes.shapes import Box, Cylinder, Shape, Sphere
 
 PRIMITIVES = {1: "box", 2: "sphere", 3: "cylinder", 4: "cone", 5: "prism"}  # numbers of shape_msgs/SolidPrimitive
 

@@ -10,17 +10,22 @@ import dataclasses
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
+from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import naming
 from hdplan.scenes.fields import Field, read_document
-from hdplan.scenes.model import Attached, JointTarget, Obstacle, PathConstraints, Pose, RobotSpec, Scene
 from hdplan.scenes.moveit.allowed_collisions import note_allowed
 from hdplan.scenes.moveit.constraints import read_goal_constraints, read_path_constraints
 from hdplan.scenes.moveit.fields import MESSAGES, check_message
 from hdplan.scenes.moveit.frames import Frames, same_place
 from hdplan.scenes.moveit.messages import read_message_pose, read_primitive, read_transform
-from hdplan.scenes.poses import compose
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.poses import Pose, compose
 from hdplan.scenes.robot_files.description import Semantics, read_semantics, read_tree
 from hdplan.scenes.robot_files.library import description_of
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget
 
 
 def is_moveit_scene(keys: Collection[str]) -> bool:

@@ -13,8 +13,7 @@ from pathlib import Path
 
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.files import read_file
-from hdplan.scenes.model import Pose
-from hdplan.scenes.poses import compose
+from hdplan.scenes.poses import Pose, compose
 from hdplan.scenes.robot_files.urdf_check import check_urdf, read_origin
 from hdplan.scenes.robot_files.urdf_words import check_shapes, check_srdf_words, check_urdf_words
 

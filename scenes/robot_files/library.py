@@ -12,7 +12,7 @@ from importlib import metadata
 from pathlib import Path
 
 from hdplan.scenes.errors import InputError, nearest
-from hdplan.scenes.model import RobotSpec
+from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.values import shorten
 
 DISTRIBUTION = "example-robot-data"

@@ -11,8 +11,7 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 
 from hdplan.scenes.errors import InputError, nearest
-from hdplan.scenes.meaning import from_rpy
-from hdplan.scenes.model import Pose
+from hdplan.scenes.poses import Pose, from_rpy
 
 SIZES = {  # attributes of each shape and how many numbers they hold; all must be positive
     "box": {"size": 3},

@@ -1,25 +1,18 @@
 """The sections that switch an effect on: motions of obstacles, self_collision, limits, payload, path, timing.
 
 A section that is there says something: an empty one is refused. What joints and links are called is checked when the
-robot is loaded; what the values may be, and what one section needs of another, the model checks.
+robot is loaded; what the values may be, and what one section needs of another, `Scene` and its parts check.
 """
 
 from __future__ import annotations
 
+from hdplan.scenes.attached import Payload
 from hdplan.scenes.fields import Field
-from hdplan.scenes.model import (
-    RATES,
-    Limits,
-    PathConstraints,
-    Payload,
-    SelfCollision,
-    SteadyMotion,
-    TimedPoses,
-    Timing,
-    Upright,
-    Within,
-)
-from hdplan.scenes.poses import pose_of, read_pose
+from hdplan.scenes.limits import RATES, Limits
+from hdplan.scenes.obstacles import SelfCollision, SteadyMotion, TimedPoses
+from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
+from hdplan.scenes.pose_fields import pose_of, read_pose
+from hdplan.scenes.timing import Timing
 
 
 def read_motion(section: Field) -> SteadyMotion | TimedPoses:

@@ -9,23 +9,19 @@ from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 
+from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.fields import Field, read_document
-from hdplan.scenes.model import (
-    Attached,
-    Limits,
-    Obstacle,
-    PathConstraints,
-    PlannerSettings,
-    Pose,
-    RobotSpec,
-    Scene,
-    SelfCollision,
-    TimedPoses,
-)
+from hdplan.scenes.limits import Limits
 from hdplan.scenes.moveit.geometry_text import ENDING, read_geometry
 from hdplan.scenes.moveit.planning_scene import is_moveit_request, is_moveit_scene, read_moveit
-from hdplan.scenes.poses import read_pose
+from hdplan.scenes.obstacles import Obstacle, SelfCollision, TimedPoses
+from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.pose_fields import read_pose
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import checked, path_of
 from hdplan.scenes.yaml_format.effects import (
     read_limits,

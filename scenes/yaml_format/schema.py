@@ -1,7 +1,7 @@
 """The scene format as a JSON Schema (draft 7), for editors: made of the classes and checks that the reader asks.
 
 The keys of a section are the fields of its class, but for the few that the tables here name; what a value may be, its
-field's check says (`values`, `meaning`). The schema and the reader agree about unknown and missing keys, types and
+field's check says (`scenes/values.py`). The schema and the reader agree about unknown and missing keys, types and
 ranges. What a schema cannot say the reader alone checks: what values mean together, what files hold, that 40.0 is no
 whole number and .nan no number.
 """
@@ -14,29 +14,22 @@ import math
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from hdplan.scenes import meaning
-from hdplan.scenes.meaning import AXES, JointRates
-from hdplan.scenes.model import (
-    Attached,
-    JointValue,
-    Limits,
-    Obstacle,
-    Payload,
-    PlannerSettings,
-    PoseTarget,
-    RobotSpec,
-    SelfCollision,
-    SteadyMotion,
-    TimedPoses,
-    Timing,
-    Upright,
-    Within,
-)
+from hdplan.scenes.attached import Attached, Payload, body_inertia
+from hdplan.scenes.limits import JointRates, Limits, ranges
+from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses, rising_times
+from hdplan.scenes.path_constraints import AXES, Upright, Within, direction, extent
+from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.poses import rotation
+from hdplan.scenes.robot_spec import RobotSpec, pair
+from hdplan.scenes.shapes import axis_factors, volume
+from hdplan.scenes.targets import PoseTarget
+from hdplan.scenes.timing import Timing
 from hdplan.scenes.values import (
     LARGEST,
     SMALLEST,
     Check,
     Choice,
+    JointValue,
     Maybe,
     Named,
     Number,
@@ -54,16 +47,16 @@ Schema = dict[str, Any]
 
 TEXT: Schema = {"type": "string", "pattern": r"\S", "not": {"pattern": r"[\x00-\x1f\x7f-\x9f\u2028\u2029]"}}
 FORMS: Mapping[Check, Check | tuple[Check, ...]] = {  # of checks that ask more than a schema can: one of these
-    meaning.rotation: Row(Number(), 4),
-    meaning.direction: (Choice(AXES), Row(Number(), 3)),
-    meaning.volume: Row(Row(Number(unit="m"), 3)),
-    meaning.scale: (Number(above=0.0), Row(Number(above=0.0), 3)),
-    meaning.inertia: Row(Number(unit="kg m²"), 6),
-    meaning.rising: Row(Number(low=0.0, unit="s")),
-    meaning.ranges: Named(Row(JointValue, 2)),
-    meaning.pair: Row(text, 2),
+    rotation: Row(Number(), 4),
+    direction: (Choice(AXES), Row(Number(), 3)),
+    volume: Row(Row(Number(unit="m"), 3)),
+    axis_factors: (Number(above=0.0), Row(Number(above=0.0), 3)),
+    body_inertia: Row(Number(unit="kg m²"), 6),
+    rising_times: Row(Number(low=0.0, unit="s")),
+    ranges: Named(Row(JointValue, 2)),
+    pair: Row(text, 2),
 }
-LEAST = {meaning.volume: 4, meaning.rising: 2}  # values in a list that mean something
+LEAST = {volume: 4, rising_times: 2}  # values in a list that mean something
 BEYOND = 1e308  # only infinity is
 PLAIN: Mapping[Check, Schema] = {
     text: TEXT,
@@ -95,7 +88,7 @@ def scene_schema() -> Schema:
                 "self_collision": {
                     "anyOf": [{"type": ["boolean", "null"]}, _filled(SelfCollision, without=("checked",))]
                 },
-                "limits": _nullable(_filled(Limits, position=_some(_value(meaning.ranges)))),
+                "limits": _nullable(_filled(Limits, position=_some(_value(ranges)))),
                 "payload": _nullable(_section(Payload)),
                 "path": _nullable(_some(_object({"upright": _section(Upright), "position": _placed(Within)}))),
                 "timing": _nullable({**_filled(Timing), "not": {"required": ["duration", "scale"]}}),
@@ -157,7 +150,7 @@ def _robot() -> Schema:
 
 
 def _pose() -> Schema:
-    turns = {"quaternion_xyzw": _value(meaning.rotation), "rpy": _value(Row(Number(unit="rad"), 3))}
+    turns = {"quaternion_xyzw": _value(rotation), "rpy": _value(Row(Number(unit="rad"), 3))}
     keys = {"position": _value(Row(Number(unit="m"), 3)), **turns}
     about = "A placement: position, and a unit quaternion (x, y, z, w) or the angles of URDF."
     return {**_object({name: _nullable(key) for name, key in keys.items()}, (), about), "not": {"required": [*turns]}}
@@ -219,7 +212,7 @@ def _value(check: Check) -> Schema:
             words = [{"enum": ["urdf"]}] if in_urdf else []
             named = {"type": "object", "additionalProperties": number, "minProperties": 1}
             return {"anyOf": [*words, number, {**_list(number), "minItems": 1}, named]}
-    if check is meaning.extent:
+    if check is extent:
         return {**_list(_edge()), "minItems": 3, "maxItems": 3}
     if check in PLAIN:
         return PLAIN[check]

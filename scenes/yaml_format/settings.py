@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 from hdplan.scenes.fields import Field
-from hdplan.scenes.model import PlannerSettings
+from hdplan.scenes.planner_settings import PlannerSettings
 
 
 def read_settings(section: Field) -> PlannerSettings:

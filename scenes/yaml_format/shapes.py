@@ -1,4 +1,4 @@
-"""Shapes in scene files: ``{type: box, size: [x, y, z]}`` and the like, as the model's classes have them."""
+"""Shapes in scene files: ``{type: box, size: [x, y, z]}`` and the like, as the classes of `scenes.shapes` have them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Any, get_args
 
 from hdplan.scenes.fields import Field
-from hdplan.scenes.model import Shape
+from hdplan.scenes.shapes import Shape
 
 CLASSES: Mapping[str, type[Any]] = MappingProxyType({kind.__name__.lower(): kind for kind in get_args(Shape)})
 """The word of each shape and its class."""

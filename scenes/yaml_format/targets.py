@@ -7,9 +7,9 @@ called is checked when the robot is loaded.
 from __future__ import annotations
 
 from hdplan.scenes.fields import Field
-from hdplan.scenes.model import FREE_ROTATIONS, NO_TURN, Goals, JointTarget, JointValue, PoseTarget
-from hdplan.scenes.poses import pose_of
-from hdplan.scenes.values import Named, Row
+from hdplan.scenes.pose_fields import pose_of
+from hdplan.scenes.targets import FREE_ROTATIONS, NO_TURN, Goals, JointTarget, PoseTarget
+from hdplan.scenes.values import JointValue, Named, Row
 
 GOAL_KEYS = ("joints", "state", "pose", "poses")
 POSE_KEYS = (

@@ -10,21 +10,13 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from hdplan.scenes.model import (
-    Attached,
-    Goals,
-    JointTarget,
-    JointValues,
-    Limits,
-    Obstacle,
-    PathConstraints,
-    Pose,
-    PoseTarget,
-    Scene,
-    SelfCollision,
-    SteadyMotion,
-    TimedPoses,
-)
+from hdplan.scenes.attached import Attached
+from hdplan.scenes.limits import RATES, JointValues, Limits
+from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
+from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 from hdplan.scenes.yaml_format.shapes import shape_entry
 from hdplan.scenes.yaml_text import flow_style
 
@@ -93,7 +85,7 @@ def _effects(scene: Scene) -> dict[str, Any]:
     if own != SelfCollision():
         sections["self_collision"] = {"clearance": own.clearance} if own.checked else False
     if limits != Limits():
-        asked = {name: _joint_values(getattr(limits, name)) for name in ("velocity", "acceleration", "jerk", "torque")}
+        asked = {name: _joint_values(getattr(limits, name)) for name in RATES}
         ranges = {joint: list(span) for joint, span in limits.position.items()}
         sections["limits"] = {name: value for name, value in {"position": ranges or None, **asked}.items() if value}
     if payload is not None:

@@ -39,72 +39,58 @@ if TYPE_CHECKING:
     from hdplan.planner.search.search import Event
     from hdplan.planner.solvers import solve
     from hdplan.planner.solvers.solution import Budget, Solution
+    from hdplan.scenes.attached import Attached, Payload
     from hdplan.scenes.errors import HdplanError, InputError, OutOfTime
-    from hdplan.scenes.model import (
-        Attached,
-        Box,
-        Capsule,
-        Cylinder,
-        Ellipsoid,
-        Limits,
-        Mesh,
-        Obstacle,
-        PathConstraints,
-        Payload,
-        PlannerSettings,
-        Points,
-        Pose,
-        PoseTarget,
-        RobotSpec,
-        Scene,
-        SelfCollision,
-        Sphere,
-        SteadyMotion,
-        TimedPoses,
-        Timing,
-        Upright,
-        Within,
-    )
+    from hdplan.scenes.limits import Limits
+    from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
+    from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
+    from hdplan.scenes.planner_settings import PlannerSettings
+    from hdplan.scenes.poses import Pose
+    from hdplan.scenes.robot_spec import RobotSpec
+    from hdplan.scenes.scene import Scene
+    from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Sphere
+    from hdplan.scenes.targets import PoseTarget
+    from hdplan.scenes.timing import Timing
     from hdplan.scenes.yaml_format.reader import load_scene
 
 __version__ = "0.1.0"
 
 _HOMES = {
-    "Attached": "hdplan.scenes.model",
-    "Box": "hdplan.scenes.model",
+    "Attached": "hdplan.scenes.attached",
+    "Box": "hdplan.scenes.shapes",
     "Budget": "hdplan.planner.solvers.solution",
-    "Capsule": "hdplan.scenes.model",
+    "Capsule": "hdplan.scenes.shapes",
     "Certificate": "hdplan.planner.certificate.verdict",
     "ConvexBody": "hdplan.distance.bodies",
-    "Cylinder": "hdplan.scenes.model",
-    "Ellipsoid": "hdplan.scenes.model",
+    "Cylinder": "hdplan.scenes.shapes",
+    "Ellipsoid": "hdplan.scenes.shapes",
     "Event": "hdplan.planner.search.search",
     "HdplanError": "hdplan.scenes.errors",
     "InputError": "hdplan.scenes.errors",
-    "Limits": "hdplan.scenes.model",
-    "Mesh": "hdplan.scenes.model",
-    "Obstacle": "hdplan.scenes.model",
+    "Limits": "hdplan.scenes.limits",
+    "Mesh": "hdplan.scenes.shapes",
+    "Obstacle": "hdplan.scenes.obstacles",
     "OutOfTime": "hdplan.scenes.errors",
-    "PathConstraints": "hdplan.scenes.model",
-    "Payload": "hdplan.scenes.model",
+    "PathConstraints": "hdplan.scenes.path_constraints",
+    "Payload": "hdplan.scenes.attached",
     "PlanResult": "hdplan.planner.result",
-    "PlannerSettings": "hdplan.scenes.model",
-    "Points": "hdplan.scenes.model",
-    "Pose": "hdplan.scenes.model",
-    "PoseTarget": "hdplan.scenes.model",
+    "PlannerSettings": "hdplan.scenes.planner_settings",
+    "Points": "hdplan.scenes.shapes",
+    "Pose": "hdplan.scenes.poses",
+    "PoseTarget": "hdplan.scenes.targets",
     "Problem": "hdplan.planner.problem.problem",
     "Robot": "hdplan.planner.robot.robot",
-    "RobotSpec": "hdplan.scenes.model",
-    "Scene": "hdplan.scenes.model",
-    "SelfCollision": "hdplan.scenes.model",
+    "RobotSpec": "hdplan.scenes.robot_spec",
+    "Scene": "hdplan.scenes.scene",
+    "SelfCollision": "hdplan.scenes.obstacles",
     "Solution": "hdplan.planner.solvers.solution",
-    "Sphere": "hdplan.scenes.model",
-    "SteadyMotion": "hdplan.scenes.model",
-    "TimedPoses": "hdplan.scenes.model",
-    "Timing": "hdplan.scenes.model",
+    "Sphere": "hdplan.scenes.shapes",
+    "SteadyMotion": "hdplan.scenes.obstacles",
+    "TimedPoses": "hdplan.scenes.obstacles",
+    "Timing": "hdplan.scenes.timing",
     "Trajectory": "hdplan.planner.motion.trajectory",
-    "Upright": "hdplan.scenes.model",
-    "Within": "hdplan.scenes.model",
+    "Upright": "hdplan.scenes.path_constraints",
+    "Within": "hdplan.scenes.path_constraints",
     "build": "hdplan.planner.build",
     "certify": "hdplan.planner.certificate.certifier",
     "check_configuration": "hdplan.planner.certificate.certifier",

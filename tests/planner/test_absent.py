@@ -18,7 +18,10 @@ import pytest
 from hdplan.planner.build import build
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.terminal.explain import explain
-from hdplan.scenes.model import Limits, PathConstraints, Scene, SelfCollision
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.obstacles import SelfCollision
+from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
 
 # Effect -> its modules, and a shipped scene that calls for it.

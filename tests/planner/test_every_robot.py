@@ -11,8 +11,13 @@ import hdplan
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import JointTarget, Obstacle, Pose, RobotSpec, Scene, Sphere
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_files.library import robot_names
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Sphere
+from hdplan.scenes.targets import JointTarget
 
 QUICK = ("TwoDofs", "double_pendulum", "double_pendulum_continuous", "quadruped", "simple_humanoid")
 WITHOUT = {  # robots that nothing can be planned for

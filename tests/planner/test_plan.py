@@ -22,7 +22,12 @@ from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.search.search import Event, Guess, Search
 from hdplan.planner.solvers.solution import Budget, Solution, Solver, SolverStatus
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Box, Goals, JointTarget, Obstacle, PathConstraints, Pose, Scene, Sphere
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Sphere
+from hdplan.scenes.targets import Goals, JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 
 EXACT = 1e-9  # [m] of a distance known in closed form: the certificate's own bound is 1e-9 of the sizes

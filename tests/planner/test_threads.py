@@ -27,7 +27,7 @@ from hdplan.planner.robot import scene_robot
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
 from hdplan.planner.search.roadmap import seeds
-from hdplan.scenes.model import Mesh
+from hdplan.scenes.shapes import Mesh
 from hdplan.scenes.yaml_format.reader import load_scene
 from tests.threads import THREADS, together
 

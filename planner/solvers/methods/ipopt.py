@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.solvers.nlp import nlp
 from hdplan.planner.solvers.solution import SAME, Budget, Progress, Solution, Solver
-from hdplan.scenes.model import PathConstraints, Scene
+from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.scene import Scene
 
 Floats = NDArray[np.float64]
 

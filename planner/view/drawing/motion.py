@@ -19,7 +19,7 @@ from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.pictures.clearances import exact
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 

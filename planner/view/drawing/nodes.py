@@ -18,8 +18,10 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.colors import CONTACT, INK, LINKS, OBSTACLE, REGION, clearance_colors
 from hdplan.planner.view.drawing.skins import Color, Skin, obstacle_mesh, shaded
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Obstacle, Pose, Within
 from hdplan.scenes.moving import Passages
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.path_constraints import Within
+from hdplan.scenes.poses import Pose
 
 Array = NDArray[np.float64]
 

@@ -32,9 +32,11 @@ from hdplan.planner.robot.pin_model import read_visuals
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import Stamps, stamps_of
-from hdplan.scenes.model import Obstacle, RobotSpec, Vector3
+from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import freeze
+from hdplan.scenes.poses import Vector3
 from hdplan.scenes.robot_files.library import description_of
+from hdplan.scenes.robot_spec import RobotSpec
 
 Array = NDArray[np.float64]
 Color = tuple[int, int, int]  # red, green, blue, 0 to 255

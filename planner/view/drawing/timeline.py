@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.motion.curve import Curve
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 

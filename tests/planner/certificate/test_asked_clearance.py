@@ -14,7 +14,7 @@ from hdplan.planner.pictures.plot import Subject
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
 from hdplan.planner.view.drawing.motion import ShownMotion
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
 
 ROUNDING = 1e-9  # [m]

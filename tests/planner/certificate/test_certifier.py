@@ -25,22 +25,12 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import (
-    Box,
-    Capsule,
-    Cylinder,
-    Ellipsoid,
-    JointTarget,
-    Mesh,
-    Obstacle,
-    Points,
-    Pose,
-    RobotSpec,
-    Scene,
-    SelfCollision,
-    Shape,
-    Sphere,
-)
+from hdplan.scenes.obstacles import Obstacle, SelfCollision
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
+from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Array = NDArray[np.float64]

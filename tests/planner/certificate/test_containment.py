@@ -23,18 +23,13 @@ from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.geometry.solids import Solid
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.scenes.model import (
-    Attached,
-    JointTarget,
-    Mesh,
-    Obstacle,
-    Pose,
-    RobotSpec,
-    Scene,
-    Shape,
-    Sphere,
-    SteadyMotion,
-)
+from hdplan.scenes.attached import Attached
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Mesh, Shape, Sphere
+from hdplan.scenes.targets import JointTarget
 
 Array = NDArray[np.float64]
 

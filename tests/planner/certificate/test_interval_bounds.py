@@ -13,7 +13,9 @@ from hdplan.planner.certificate.interval_bounds import Bounds, Items
 from hdplan.planner.certificate.intervals import Intervals
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.scenes.model import Box, Capsule, Cylinder, Ellipsoid, Obstacle, Pose, Sphere, SteadyMotion, TimedPoses
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
 
 LOOKS = 5  # places on an interval at which the exact distance is compared

@@ -16,24 +16,17 @@ from hdplan.planner.certificate.rounding import MOTION, PLACING, ROUNDING, SHARE
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.scenes.attached import Payload
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import (
-    Box,
-    JointTarget,
-    Limits,
-    Obstacle,
-    PathConstraints,
-    Payload,
-    Pose,
-    RobotSpec,
-    Scene,
-    Shape,
-    Sphere,
-    SteadyMotion,
-    TimedPoses,
-    Upright,
-)
+from hdplan.scenes.limits import Limits
 from hdplan.scenes.moving import Passages
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
+from hdplan.scenes.path_constraints import PathConstraints, Upright
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Shape, Sphere
+from hdplan.scenes.targets import JointTarget
 
 Array = NDArray[np.float64]
 Long = NDArray[np.longdouble]

@@ -18,7 +18,9 @@ from hdplan.planner.collision.reach import reach_of
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.problem.terms import Clearance
 from hdplan.planner.robot.robot import Robot, load_robot
-from hdplan.scenes.model import Box, Capsule, Cylinder, Points, Pose, RobotSpec, Shape, Sphere
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Points, Shape, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Array = NDArray[np.float64]

@@ -25,7 +25,10 @@ from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.problem.terms import Clearance
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.terminal.explain import explain
-from hdplan.scenes.model import Box, Capsule, Cylinder, Ellipsoid, Points, Pose, RobotSpec, Scene, Sphere
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Points, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Array = NDArray[np.float64]

@@ -41,21 +41,13 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import (
-    Box,
-    Capsule,
-    Cylinder,
-    JointTarget,
-    Obstacle,
-    Points,
-    Pose,
-    PoseTarget,
-    RobotSpec,
-    Scene,
-    Sphere,
-    SteadyMotion,
-)
 from hdplan.scenes.moving import Passages
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Points, Sphere
+from hdplan.scenes.targets import JointTarget, PoseTarget
 
 Array = NDArray[np.float64]
 

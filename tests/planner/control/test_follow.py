@@ -22,7 +22,13 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import JointTarget, Limits, Obstacle, Pose, Scene, Sphere, SteadyMotion, Timing
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Sphere
+from hdplan.scenes.targets import JointTarget
+from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.writer import scene_text
 
 

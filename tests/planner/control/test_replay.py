@@ -17,8 +17,16 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.loads import loaded_model
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.scenes.attached import Payload
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import JointTarget, Limits, Obstacle, Payload, Pose, RobotSpec, Scene, Sphere, Timing
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Sphere
+from hdplan.scenes.targets import JointTarget
+from hdplan.scenes.timing import Timing
 
 Floats = NDArray[np.float64]
 

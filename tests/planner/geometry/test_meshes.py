@@ -19,7 +19,8 @@ from hdplan.planner.collision.convex_pieces import convex_pieces
 from hdplan.planner.collision.halfspace_bodies import from_obstacle
 from hdplan.planner.geometry.meshes import TriangleMesh, load_mesh
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Mesh, Obstacle, Sphere
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.shapes import Mesh, Sphere
 
 
 def read(mesh: trimesh.Trimesh, path: Path, scale: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> TriangleMesh:

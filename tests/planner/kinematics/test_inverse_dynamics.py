@@ -14,23 +14,13 @@ from numpy.typing import NDArray
 from hdplan.planner.kinematics.inverse_dynamics import InverseDynamics, inverse_dynamics
 from hdplan.planner.robot.loads import loaded_model
 from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import (
-    Attached,
-    Box,
-    Capsule,
-    Cylinder,
-    Ellipsoid,
-    JointTarget,
-    Mesh,
-    Payload,
-    Points,
-    Pose,
-    RobotSpec,
-    Scene,
-    Shape,
-    Sphere,
-)
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
+from hdplan.scenes.targets import JointTarget
 
 Floats = NDArray[np.float64]
 

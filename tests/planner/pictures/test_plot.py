@@ -26,21 +26,13 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import (
-    Box,
-    Capsule,
-    Cylinder,
-    Limits,
-    Mesh,
-    Obstacle,
-    Points,
-    Pose,
-    Scene,
-    Sphere,
-    SteadyMotion,
-    Timing,
-)
+from hdplan.scenes.limits import Limits
 from hdplan.scenes.moving import Passages
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Mesh, Points, Sphere
+from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene
 
 pytest.importorskip("matplotlib")

@@ -21,8 +21,13 @@ from hdplan.planner.robot.loads import loaded_model
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.terminal.explain import explain
+from hdplan.scenes.attached import Payload
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import JointTarget, Limits, Payload, Pose, RobotSpec, Scene
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Floats = NDArray[np.float64]

@@ -21,8 +21,12 @@ from hdplan.planner.problem.velocity_penalty import Pace
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Box, Obstacle, Pose, Scene, Sphere, SteadyMotion, TimedPoses, Timing
 from hdplan.scenes.moving import Passages
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Sphere
+from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene
 
 

@@ -22,7 +22,10 @@ from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.search.goals import goal_choice
 from hdplan.planner.search.roadmap import Roadmap, onto_path
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Goals, JointTarget, PathConstraints, Pose, PoseTarget, Scene, Upright, Within
+from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Array = NDArray[np.float64]

@@ -20,20 +20,13 @@ from hdplan.planner.problem.problem import SPACING, Problem
 from hdplan.planner.problem.samples import MOST
 from hdplan.planner.problem.terms import Smoothness
 from hdplan.planner.solvers.nlp import Nlp, nlp
-from hdplan.scenes.model import (
-    Box,
-    Cylinder,
-    JointTarget,
-    Obstacle,
-    PlannerSettings,
-    Points,
-    Pose,
-    RobotSpec,
-    Scene,
-    SelfCollision,
-    Shape,
-    Sphere,
-)
+from hdplan.scenes.obstacles import Obstacle, SelfCollision
+from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Cylinder, Points, Shape, Sphere
+from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ from hdplan.planner.problem.swept_clearance import SweptClearance
 from hdplan.planner.solvers.nlp import nlp
 from hdplan.planner.terminal.explain import explain
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Array = NDArray[np.float64]

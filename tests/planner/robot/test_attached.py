@@ -20,21 +20,12 @@ from hdplan.planner.plan import plan
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.terminal.explain import explain
 from hdplan.planner.view.drawing.skins import HELD, visual_skins
+from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import (
-    Attached,
-    Box,
-    Capsule,
-    Cylinder,
-    Ellipsoid,
-    Mesh,
-    Obstacle,
-    Points,
-    Pose,
-    Scene,
-    Shape,
-    Sphere,
-)
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
 
 FINGERS = ("panda_leftfinger", "panda_rightfinger")

@@ -17,9 +17,12 @@ from hdplan.planner.plan import plan
 from hdplan.planner.robot.robot import load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.meaning import from_rpy
-from hdplan.scenes.model import Box, JointTarget, Pose, PoseTarget, RobotSpec, Scene, Within
-from hdplan.scenes.poses import compose
+from hdplan.scenes.path_constraints import Within
+from hdplan.scenes.poses import Pose, compose, from_rpy
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box
+from hdplan.scenes.targets import JointTarget, PoseTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
 LIFT = ("root", "lift", "column", "prismatic", (0.0, 0.0, 0.2))

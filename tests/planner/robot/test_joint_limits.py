@@ -15,7 +15,12 @@ from hdplan.planner.robot.joint_limits import acceleration_limits, jerk_limits, 
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import JointTarget, JointValues, Limits, RobotSpec, Scene, SelfCollision, Timing
+from hdplan.scenes.limits import JointValues, Limits
+from hdplan.scenes.obstacles import SelfCollision
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget
+from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Limit = Callable[[Scene, Robot], NDArray[np.float64] | None]

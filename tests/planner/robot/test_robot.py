@@ -17,8 +17,12 @@ from hdplan.planner.robot import pin_model
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import JointTarget, Mesh, Pose, RobotSpec, Scene
+from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_files.library import robot_names
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Mesh
+from hdplan.scenes.targets import JointTarget
 
 ARMS = {"panda": 7, "ur3_gripper": 6, "ur5": 6, "ur5_gripper": 6, "ur10": 6, "xarm7": 7, "kinova": 6, "z1": 6}
 FINGERS = {"panda_finger_joint1": 0.065, "panda_finger_joint2": 0.065}  # beyond the URDF's 0.04

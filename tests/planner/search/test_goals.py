@@ -25,7 +25,9 @@ from hdplan.planner.search.goals import goal_choice, settled
 from hdplan.planner.search.inverse_kinematics import APART, reaching
 from hdplan.planner.terminal.explain import explain
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Goals, JointTarget, Pose, PoseTarget, Scene
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
 

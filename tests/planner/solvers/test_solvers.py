@@ -18,7 +18,11 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.solvers import SOLVERS, solve
 from hdplan.planner.solvers.solution import SAME, Budget, Iteration, Solution, SolverStatus
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Box, JointTarget, Obstacle, Pose, Scene, Sphere
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Sphere
+from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Array = NDArray[np.float64]

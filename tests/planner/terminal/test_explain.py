@@ -12,7 +12,11 @@ import pytest
 from hdplan.planner.build import build
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.terminal.explain import explain
-from hdplan.scenes.model import Box, Obstacle, PlannerSettings, Pose, Scene, SelfCollision
+from hdplan.scenes.obstacles import Obstacle, SelfCollision
+from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box
 from hdplan.scenes.yaml_format.reader import load_scene
 
 SECTIONS = ["scene", "joints", "on", "off", "obstacles", "pairs", "size", "trial evaluation", "settings"]

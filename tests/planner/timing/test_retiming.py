@@ -22,7 +22,9 @@ from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.timing.retiming import Retimer, smooth
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Limits, Scene, Timing
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene
 
 LIMITS = [

@@ -19,8 +19,11 @@ from hdplan.planner.view.drawing.motion import SAMPLES, ShownMotion, Tip, sample
 from hdplan.planner.view.drawing.plots import joint_table, with_bar
 from hdplan.planner.view.drawing.timeline import PATH_DURATION, Timeline
 from hdplan.planner.view.handles import moved
-from hdplan.scenes.model import Obstacle, Pose, Sphere, SteadyMotion, TimedPoses, Timing
 from hdplan.scenes.moving import Passages
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.shapes import Sphere
+from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene
 
 

@@ -26,20 +26,14 @@ from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.viewer import OUTDATED, Viewer
 from hdplan.scenes.errors import HdplanError, InputError
-from hdplan.scenes.model import (
-    Box,
-    JointTarget,
-    Obstacle,
-    PathConstraints,
-    Pose,
-    Scene,
-    Sphere,
-    SteadyMotion,
-    TimedPoses,
-    Timing,
-    Within,
-)
 from hdplan.scenes.moving import Passages
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
+from hdplan.scenes.path_constraints import PathConstraints, Within
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Sphere
+from hdplan.scenes.targets import JointTarget
+from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene
 from tests.threads import together
 

@@ -15,7 +15,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Goals, JointTarget, PathConstraints, Pose, PoseTarget, Scene, Upright, Within
+from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 from hdplan.scenes.yaml_format.writer import scene_text
 

@@ -11,7 +11,9 @@ import pytest
 import yaml
 
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Box, Cylinder, Pose, Scene, Sphere
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Cylinder, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
 
 REQUEST = {

@@ -11,8 +11,11 @@ import numpy as np
 import pytest
 import yaml
 
+from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Attached, Box, Cylinder, Pose, RobotSpec, Sphere
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.shapes import Box, Cylinder, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
 
 MBM = Path(__file__).parents[4] / "shared" / "mbm"

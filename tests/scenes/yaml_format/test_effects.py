@@ -10,30 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import (
-    MOST_ROWS,
-    Attached,
-    Box,
-    JointTarget,
-    JointValues,
-    Limits,
-    Obstacle,
-    PathConstraints,
-    Payload,
-    Pose,
-    RobotSpec,
-    Scene,
-    SelfCollision,
-    Sphere,
-    SteadyMotion,
-    TimedPoses,
-    Timing,
-    Upright,
-    Vector3,
-    Within,
-)
+from hdplan.scenes.limits import RATES, JointValues, Limits
+from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
+from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
+from hdplan.scenes.poses import Pose, Vector3
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Sphere
+from hdplan.scenes.targets import JointTarget
+from hdplan.scenes.timing import MOST_ROWS, Timing
 from hdplan.scenes.yaml_format.reader import load_scene
+from hdplan.scenes.yaml_format.schema import scene_schema
 from hdplan.scenes.yaml_format.writer import scene_text
 
 HEAD = "hdplan: 1\nrobot: {name: panda}\nstart: {state: default}\ngoal: {joints: [1, 2]}\n"
@@ -84,6 +73,20 @@ def test_every_section_says_what_its_author_meant(tmp_path: Path) -> None:
         Within("hand", (math.inf, 1.0, 0.5), Pose((0.0, 0.0, 1.0)), (0.0, 0.0, 0.1)),
     )
     assert scene.timing == Timing(duration=3.0, rate=250.0)
+
+
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("value", [1.5, (1.0, 2.0), {"j1": 3.0}])
+def test_every_rate_is_written_read_and_known_to_editors(tmp_path: Path, rate: str, value: JointValues) -> None:
+    """A new limit of rate is an entry of RATES and a field of Limits, and nothing else in files."""
+    limits = Limits(**{rate: value})  # type: ignore[arg-type]
+    assert limits != Limits()
+    scene = replace(read(tmp_path, TIMED), limits=limits)
+    assert scene.timed
+    again = tmp_path / "again.yaml"
+    again.write_text(scene_text(scene), encoding="utf-8")
+    assert load_scene(again).limits == limits
+    assert rate in scene_schema()["properties"]["limits"]["properties"]
 
 
 def test_what_is_not_said_keeps_its_default(tmp_path: Path) -> None:

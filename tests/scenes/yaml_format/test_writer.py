@@ -14,35 +14,18 @@ import yaml
 from hdplan.planner.certificate.certifier import Certifier, certify
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import (
-    Attached,
-    Box,
-    Capsule,
-    Cylinder,
-    Ellipsoid,
-    Goals,
-    JointTarget,
-    Limits,
-    Mesh,
-    Obstacle,
-    PathConstraints,
-    Payload,
-    PlannerSettings,
-    Points,
-    Pose,
-    PoseTarget,
-    RobotSpec,
-    Scene,
-    SelfCollision,
-    Shape,
-    Sphere,
-    SteadyMotion,
-    TimedPoses,
-    Timing,
-    Upright,
-    Within,
-)
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
+from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
+from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
+from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
+from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 from hdplan.scenes.yaml_format.writer import scene_text
 

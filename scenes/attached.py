@@ -1,0 +1,58 @@
+"""What links carry: attached objects, which collide as the links do, and payloads, which only weigh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+
+from hdplan.scenes.errors import FieldError
+from hdplan.scenes.poses import Place, Placement, Pose
+from hdplan.scenes.shapes import Shape, check_unplaced
+from hdplan.scenes.values import Checked, Name, Number, Row, text
+
+ROUNDING = 1e-9  # share of the largest principal moment by which an inertia may break the laws of a body
+
+
+def body_inertia(value: object) -> tuple[float, ...]:
+    """Return xx, xy, xz, yy, yz, zz [kg m²] of a body that can exist: no principal moment is below 0, or above the sum
+    of the other two."""
+    xx, xy, xz, yy, yz, zz = numbers = Row(Number(unit="kg m²"), 6)(value)
+    least, middle, most = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).tolist()
+    moments = f"its principal moments are {least:.4g}, {middle:.4g} and {most:.4g} kg m²"
+    slack = ROUNDING * max(abs(least), abs(most))
+    if least < -slack:
+        raise FieldError(f"(xx, xy, xz, yy, yz, zz) belongs to no body: {moments}, and none may be negative")
+    if least + middle < most - slack:
+        raise FieldError(
+            f"(xx, xy, xz, yy, yz, zz) belongs to no body: {moments}, and none may exceed the sum of the other two"
+        )
+    return numbers
+
+
+@dataclass(frozen=True, repr=False)
+class Attached(Checked):
+    """A body that a link holds: it moves with the link and collides as the link does."""
+
+    name: Name
+    link: Name
+    shape: Shape
+    pose: Placement = field(default_factory=Pose)  # in the link's frame
+    touch_links: Annotated[tuple[str, ...], Row(text, of="link names")] = ()  # that it may touch, beside its own
+    mass: Annotated[float, Number(above=0.0, unit="kg")] | None = None
+    """[kg] of even density; counts where joint torques do (limits.torque). None: it weighs nothing."""
+
+    def _check_whole(self) -> None:
+        check_unplaced(self.shape, "held object")
+
+
+@dataclass(frozen=True, repr=False)
+class Payload(Checked):
+    """A mass that a link carries beside its own; it touches nothing."""
+
+    link: Name
+    mass: Annotated[float, Number(above=0.0, unit="kg")]  # [kg]
+    com: Place = (0.0, 0.0, 0.0)  # its centre, in the link's frame [m]
+    inertia: Annotated[tuple[float, float, float, float, float, float], body_inertia] = (0.0,) * 6
+    """xx, xy, xz, yy, yz, zz about its centre, in the link's axes [kg m²]."""

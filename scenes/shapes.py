@@ -1,0 +1,105 @@
+"""Shapes of obstacles and held objects, each in its own frame. Lengths in metres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+
+from hdplan.scenes.errors import FieldError
+from hdplan.scenes.poses import Placement, Vector3
+from hdplan.scenes.values import Checked, Name, Number, Row, absolute_path, is_row
+
+Length = Annotated[float, Number(above=0.0, unit="m")]
+FLAT = 1e-9  # thickness over size below which points lie in one plane
+
+
+def volume(value: object) -> tuple[tuple[float, ...], ...]:
+    """Return points that span a volume."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    points = Row(Row(Number(unit="m"), 3), of="points")(value)
+    spread = np.ptp(points, axis=0).max() if points else 0.0
+    if not points or np.linalg.matrix_rank(np.subtract(points, points[0]), tol=FLAT * spread) < 3:
+        raise FieldError(
+            f"must be points that span a volume (four or more, not in one plane), found {len(points)} that do not"
+        )
+    return points
+
+
+def axis_factors(value: object) -> tuple[float, ...]:
+    """Return factors along three axes, given as such or as one for all."""
+    factor = Number(above=0.0)
+    return Row(factor, 3)(value) if is_row(value) else (factor(value),) * 3
+
+
+@dataclass(frozen=True, repr=False)
+class Solid(Checked):
+    """A shape. In a scene's list of obstacles it may say itself what it is called and where it stands."""
+
+    name: Name | None = field(default=None, kw_only=True)  # None: obstacle0, obstacle1, … by its place in the list
+    pose: Placement | None = field(default=None, kw_only=True)  # in the world; None: at its origin
+
+
+@dataclass(frozen=True, repr=False)
+class Box(Solid):
+    """A box centred in its frame."""
+
+    size: Annotated[Vector3, Row(Number(above=0.0, unit="m"), 3)]  # full edge lengths [m]
+
+
+@dataclass(frozen=True, repr=False)
+class Sphere(Solid):
+    """A ball centred in its frame."""
+
+    radius: Length  # [m]
+
+
+@dataclass(frozen=True, repr=False)
+class Ellipsoid(Solid):
+    """An ellipsoid centred in its frame, its axes along x, y and z."""
+
+    radii: Annotated[Vector3, Row(Number(above=0.0, unit="m"), 3)]  # half axes [m]
+
+
+@dataclass(frozen=True, repr=False)
+class Cylinder(Solid):
+    """A right circular cylinder centred in its frame, axis z."""
+
+    radius: Length  # [m]
+    length: Length  # [m]
+
+
+@dataclass(frozen=True, repr=False)
+class Capsule(Solid):
+    """A segment on the z axis, centred, swept by a ball."""
+
+    radius: Length  # [m]
+    length: Annotated[float, Number(low=0.0, unit="m")]  # between the centres of the two end spheres [m]
+
+
+@dataclass(frozen=True, repr=False)
+class Points(Solid):
+    """The convex hull of points."""
+
+    points: Annotated[tuple[Vector3, ...], volume]  # in the obstacle's frame [m]
+
+
+@dataclass(frozen=True, repr=False)
+class Mesh(Solid):
+    """A triangle mesh read from a file (anything that trimesh reads)."""
+
+    file: Annotated[Path, absolute_path]
+    scale: Annotated[Vector3, axis_factors] = (1.0, 1.0, 1.0)  # factor along each axis of the file
+
+
+Shape = Box | Sphere | Ellipsoid | Cylinder | Capsule | Points | Mesh
+
+
+def check_unplaced(shape: Shape, owner: str) -> None:
+    """Refuse a shape that says itself what only its owner may say."""
+    for key in ("name", "pose"):
+        if getattr(shape, key) is not None:
+            raise FieldError(f"is the {owner}'s to say: give it there, not to its shape", f"shape.{key}")
