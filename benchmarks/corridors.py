@@ -118,6 +118,10 @@ def cases() -> dict[str, tuple[Made, ControlSettings]]:
     return {
         "the paper's boxes, its controller as safe": (paper, grown),
         "fitted bodies, our defaults": (ours, ControlSettings()),
+        "fitted bodies, growth 20 mm, margin −0.25 mm": (
+            ours,
+            ControlSettings(BarrierSettings(growth=0.02), margin=-2.5e-4),
+        ),
     }
 
 

@@ -32,7 +32,7 @@ from hdplan.distance.studies.conservativeness import conservativeness
 from hdplan.distance.studies.random_poses import paper_poses
 from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled, twist_function
 from hdplan.distance.symbolic.row_function import RowFunction
-from hdplan.planner.studies.report import markdown_text
+from hdplan.planner.studies.report import markdown_text, short
 
 Array = NDArray[np.float64]
 Way = Callable[[], float]  # -> processor time of a query [s]
@@ -89,7 +89,7 @@ def ladder(options: argparse.Namespace) -> None:
             a, b = poses(body_a, body_b, options.poses)
             distance = hdsdf_compiled(body_a, body_b, normals=rung.normals)
             both = medians([bulk(distance.value, a, b), bulk(distance.gradient, a, b)])
-            times[f"{'–'.join(names)} [µs]"] = " / ".join(f"{time:.2g}" for time in both)
+            times[f"{'–'.join(names)} [µs]"] = " / ".join(map(short, both))
         rows.append(
             {
                 "normals": f"`{rung.normals}`",

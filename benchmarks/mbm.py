@@ -103,7 +103,7 @@ def table(outcomes: list[Outcome]) -> str:
         refuted = sum(outcome.recheck.startswith("refuted") for outcome in group)
         checked = any(outcome.recheck for outcome in group)
         first = sum(outcome.attempts == 1 for outcome in good)
-        clearances = [1e3 * outcome.clearance for outcome in good] or [np.nan]
+        clearances = [1e3 * outcome.clearance for outcome in good]
         rows.append(
             {
                 "robot, set": name,
@@ -114,7 +114,7 @@ def table(outcomes: list[Outcome]) -> str:
                 "load + build + solve median / p95 / worst [ms]": _spread([sum(o.seconds[:3]) for o in group]),
                 "certificate median / p95 / worst [ms]": _spread([o.seconds[3] for o in group]),
                 "proven clearance 5 % / median [mm]": (
-                    f"{np.quantile(clearances, 0.05):.1f} / {np.median(clearances):.1f}"
+                    f"{np.quantile(clearances, 0.05):.1f} / {np.median(clearances):.1f}" if good else None
                 ),
             }
         )

@@ -57,9 +57,12 @@ def replaced(page: str, command: str, content: str) -> str:
 def measured(command: str, problems: Path | None) -> str:
     """Run a benchmark and return what a page shows of it. Raises Failed."""
     words = shlex.split(command)
-    if PROBLEMS in words and problems is None:
-        raise Failed("it needs MotionBenchMaker's problems: --problems DIR")
-    words = [str(problems.resolve()) if problems and word == PROBLEMS else word for word in words]
+    for place, word in enumerate(words):
+        folder, *below = word.split("/")
+        if folder == PROBLEMS:
+            if problems is None:
+                raise Failed("it needs MotionBenchMaker's problems: --problems DIR")
+            words[place] = str(problems.resolve().joinpath(*below))
     load, began = os.getloadavg()[0], time.monotonic()
     done = subprocess.run([sys.executable, *words], cwd=ROOT, stdout=subprocess.PIPE, text=True)
     seconds = time.monotonic() - began
