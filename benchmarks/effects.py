@@ -109,7 +109,7 @@ def measure(scenes: tuple[Scene, ...], repeat: int) -> list[Cost]:
         Cost(
             result.certificate.status.value,
             tuple(term.name for term in problem.terms),
-            sum(len(term.pairs) for term in problem.pair_terms),
+            sum(len(term.pairs) for term in problem.terms.pairs),
             result.iterations,
             tuple(np.median(taken[1:], axis=0).tolist()),
         )

@@ -115,7 +115,7 @@ def _gradients(problem: Problem, configurations: Array) -> Array:
     """The gradient (B, n) of the penalty of each configuration."""
     kinematics = problem.kinematics.evaluate(configurations)
     result = np.zeros_like(configurations)
-    for term in problem.pair_terms:
+    for term in problem.terms.pairs:
         inside = term.inside(kinematics)
         np.add.at(result, inside.sample, inside.distance[:, None] * inside.gradient)
     return result

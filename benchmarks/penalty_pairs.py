@@ -42,7 +42,7 @@ def measure(ours: Problem, exact: Problem) -> list[PairTimes]:
     guess = next(seeds(ours, 0))
     kinematics = ours.kinematics.evaluate(ours.resampled(guess).samples.configurations(guess))
     result = []
-    for mine, other in zip(ours.pair_terms, exact.pair_terms, strict=True):
+    for mine, other in zip(ours.terms.pairs, exact.terms.pairs, strict=True):
         sample, pair = mine.pairs.close(kinematics)
         if len(pair) < LEAST:
             continue

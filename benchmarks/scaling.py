@@ -81,10 +81,9 @@ def scene_of(waypoints: int, boxes: int) -> Scene:
         apart = dataclasses.replace(empty.planner, clearance=APART - empty.planner.activation)
         problem = build(dataclasses.replace(scene, obstacles=tuple(drawn), planner=apart))
         met: set[str] = set()
-        for term in problem.pair_terms:
-            if term.name == "obstacles":
-                inside = term.inside(problem.kinematics.evaluate(motions))
-                met = {problem.halfspace_bodies[b].name for b in term.pairs.plane_body[inside.pair].tolist()}
+        if term := problem.terms.obstacles:
+            inside = term.inside(problem.kinematics.evaluate(motions))
+            met = {problem.halfspace_bodies[b].name for b in term.pairs.plane_body[inside.pair].tolist()}
         kept += [box for box in drawn if box.name not in met]
     settings = dataclasses.replace(empty.planner, waypoints=waypoints)
     return dataclasses.replace(scene, obstacles=tuple(kept[:boxes]), planner=settings)

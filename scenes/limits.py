@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 
 from hdplan.scenes.errors import FieldError
-from hdplan.scenes.values import Checked, Named, Number, Row, describe
+from hdplan.scenes.values import Checked, Named, Number, Numbers, Row, describe
 
 FromUrdf = Literal["urdf"]
 JointValues = FromUrdf | float | tuple[float, ...] | Mapping[str, float]
 """A value for each joint: the URDF's, the same for all, one each in the order of the planned joints, or by name (the
 others keep the URDF's)."""
+AnyJointValues = FromUrdf | float | Numbers | Mapping[str, float]
 
 
 def ranges(value: object) -> dict[str, tuple[float, float]]:
@@ -30,12 +31,20 @@ def _range(value: object) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True)
-class JointRates:
-    """Values above 0 for joints: one for all, one each, by name, or the word urdf for what a URDF holds."""
+class JointQuantity:
+    """Something of every joint that can be limited. Its values are above 0: one for all joints, one each, by name, or
+    the word urdf for what a URDF holds."""
 
-    quantity: str
-    unit: str
+    name: str
+    unit: str  # of a joint that turns, or of one that slides
+    order: int | None = None  # of the derivative of a joint's value by time that it is; None: it is none
     in_urdf: bool = False
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """The unit of a joint that turns, and of one that slides."""
+        turns, slides = self.unit.split(" or ")
+        return turns, slides
 
     def __call__(self, value: object) -> Any:
         """Return a float, a tuple, a dictionary, or "urdf"; None as it is."""
@@ -48,7 +57,7 @@ class JointRates:
             case "urdf" if self.in_urdf:
                 return "urdf"
             case "urdf":
-                raise FieldError(f"a URDF holds no {self.quantity} limits: give numbers [{self.unit}]", value=value)
+                raise FieldError(f"a URDF holds no {self.name} limits: give numbers [{self.unit}]", value=value)
             case str(word) if word[:1] in "+-.0123456789":  # meant as a number: its own words say how to write it
                 return number(value)
             case {**named} if named:
@@ -68,13 +77,13 @@ class JointRates:
         return FieldError(f"must be {allowed} [{self.unit}], found {describe(value)}", value=value)
 
 
-RATES = {
-    "velocity": JointRates("velocity", "rad/s or m/s", in_urdf=True),
-    "acceleration": JointRates("acceleration", "rad/s² or m/s²"),
-    "jerk": JointRates("jerk", "rad/s³ or m/s³"),
-    "torque": JointRates("torque", "Nm or N", in_urdf=True),
+QUANTITIES = {
+    "velocity": JointQuantity("velocity", "rad/s or m/s", order=1, in_urdf=True),
+    "acceleration": JointQuantity("acceleration", "rad/s² or m/s²", order=2),
+    "jerk": JointQuantity("jerk", "rad/s³ or m/s³", order=3),
+    "torque": JointQuantity("torque", "Nm or N", in_urdf=True),
 }
-"""Limits beside those of positions."""
+"""What can be limited beside positions."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -83,7 +92,18 @@ class Limits(Checked):
 
     position: Annotated[Mapping[str, tuple[float, float]], ranges] = field(default_factory=dict)
     """Joint -> range within the URDF's [rad] or [m]."""
-    velocity: Annotated[JointValues | None, RATES["velocity"]] = None  # as soon as the motion is timed: the URDF's
-    acceleration: Annotated[JointValues | None, RATES["acceleration"]] = None
-    jerk: Annotated[JointValues | None, RATES["jerk"]] = None
-    torque: Annotated[JointValues | None, RATES["torque"]] = None
+    velocity: Annotated[JointValues | None, QUANTITIES["velocity"]] = None  # as soon as the motion is timed: the URDF's
+    acceleration: Annotated[JointValues | None, QUANTITIES["acceleration"]] = None
+    jerk: Annotated[JointValues | None, QUANTITIES["jerk"]] = None
+    torque: Annotated[JointValues | None, QUANTITIES["torque"]] = None
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            position: Mapping[str, Numbers] = {},
+            velocity: AnyJointValues | None = None,
+            acceleration: AnyJointValues | None = None,
+            jerk: AnyJointValues | None = None,
+            torque: AnyJointValues | None = None,
+        ) -> None: ...

@@ -21,6 +21,7 @@ from hdplan.planner.certificate.collision_proof import Proof, Spot, Sweep
 from hdplan.planner.certificate.end_check import EndCheck
 from hdplan.planner.certificate.exact_proximity import link_pieces, obstacle_pieces
 from hdplan.planner.certificate.intervals import Bodies, Body, Pairs
+from hdplan.planner.certificate.limit_checks import limit_checks
 from hdplan.planner.certificate.rounding import refuse_far_bodies, refuse_what_drowns
 from hdplan.planner.certificate.verdict import (
     Certificate,
@@ -49,8 +50,6 @@ from hdplan.scenes.values import Number, checked, instance
 
 if TYPE_CHECKING:
     from hdplan.planner.certificate.path_check import Departure, PathCheck
-    from hdplan.planner.certificate.rate_check import Use
-    from hdplan.planner.certificate.torque_check import Overload, TorqueLimits
     from hdplan.scenes.moving import Passages
 
 Array = NDArray[np.float64]
@@ -125,7 +124,7 @@ class Certifier:
         self.sweep = Sweep(gathered, Pairs.of(gathered, rows))
         self.ends = EndCheck(scene, robot)
         self.path = None if scene.path == PathConstraints() else _path_check(scene, robot, gathered.chain)
-        self.torques = None if scene.limits.torque is None else _torque_limits(scene, robot)
+        self.limits = tuple(limit_checks(scene, robot))
         self._lenient = {obstacle.name for obstacle in scene.obstacles if obstacle.clearance is None}
 
     @cached_property
@@ -155,8 +154,8 @@ class Certifier:
         beyond = beyond_limits(curve, self.robot)  # nothing else is looked at then: it could be anywhere
         if not beyond:
             refuse_what_drowns(self.sweep.bodies, self._fields, curve, self.robot.joint_names)
-        uses = self._uses(curve)
-        torques = None if self.torques is None or beyond else self.torques.check(curve)
+        self._check_times(curve)
+        limits = () if beyond else tuple(check.check(curve) for check in self.limits)
         required, lessened = self.asked(curve) if required is None else (required, ())
         floor = self._floor(required)
         proof = Proof() if beyond else self.sweep.prove(curve, floor, stop_at_contact)
@@ -177,28 +176,27 @@ class Certifier:
             tuple(spot.touching for spot in proof.failures),
             tuple(float(floor[spot.pair]) for spot in proof.failures),
             departures,
-            uses,
-            torques,
+            limits,
         )
-        certified = Status.CERTIFIED, proven(clearance, self_clearance, uses, kept, torques)
+        certified = Status.CERTIFIED, proven(clearance, self_clearance, limits, kept)
         status, words = next(complaints(found), certified)
         remedy = "" if status is Status.CERTIFIED else f" ({status.remedy})"
         return Certificate(
-            status,
-            f"{status.value.replace('_', ' ')}: {words}{remedy}",
-            clearance,
-            self_clearance,
-            worst,
-            self_worst,
-            failures,
-            uses if torques is None else (*uses, torques.use(curve)),
-            kept,
-            departures,
-            torques.overloaded if torques and torques.exceeded else (),
-            proof.configurations + (path.configurations if path else 0),
-            proof.exact_calls,
-            time.perf_counter() - began,
-            (*lessened, *self.holes),
+            status=status,
+            text=f"{status.value.replace('_', ' ')}: {words}{remedy}",
+            clearance=clearance,
+            self_clearance=self_clearance,
+            worst=worst,
+            self_worst=self_worst,
+            failures=failures,
+            uses=tuple(use for found in limits for use in found.uses),
+            path=kept,
+            departures=departures,
+            overloaded=tuple(sorted({interval for found in limits for interval in found.hopeless})),
+            configurations=proof.configurations + (path.configurations if path else 0),
+            exact_calls=proof.exact_calls,
+            seconds=time.perf_counter() - began,
+            notes=(*lessened, *self.holes),
         )
 
     def asked(self, curve: Curve) -> tuple[float, tuple[str, ...]]:
@@ -224,18 +222,12 @@ class Certifier:
                 )
         return required, ""
 
-    def _uses(self, curve: Curve) -> tuple[Use, ...]:
-        """Look at the rates, where the scene limits any. Raises InputError where the scene needs times and there are
-        none."""
+    def _check_times(self, curve: Curve) -> None:
+        """Raise InputError where the scene needs times and the curve has none."""
         moving = self.scene.moving
         if curve.times is None and (moving or self.scene.timed):
             why = f"obstacle '{moving[0].name}' moves" if moving else "the scene limits rates (limits, timing)"
             raise InputError(f"trajectory: has no times, and {why}")
-        if not self.scene.timed:
-            return ()
-        from hdplan.planner.certificate.rate_check import rates
-
-        return rates(curve, self.scene, self.robot)
 
     def _floor(self, required: float) -> Array:
         """Return what each pair must keep (P,) [m]."""
@@ -261,9 +253,11 @@ class Certifier:
         """Return the path constraints that configuration q (n,) breaks; exact to rounding."""
         return () if self.path is None else self.path.at(q)
 
-    def overload(self, q: ArrayLike) -> Overload | None:
-        """Return the joint that gravity overloads in one configuration; None if there is none, or no torque limit."""
-        return None if self.torques is None else self.torques.overload(np.asarray(q, dtype=np.float64))
+    def overload(self, q: ArrayLike) -> str | None:
+        """Say which limit the robot passes even if it stands still at q (n,): a joint that gravity overloads; None if
+        it passes none."""
+        values = np.asarray(q, dtype=np.float64)
+        return next((words for check in self.limits if (words := check.overload(values))), None)
 
     def too_close(self, q: ArrayLike, required: float, time: float = 0.0) -> tuple[tuple[Place, float], ...]:
         """Return where one configuration, at a time [s], falls short of what its obstacles and links must keep, with
@@ -331,12 +325,6 @@ def _path_check(scene: Scene, robot: Robot, chain: Chain) -> PathCheck:
     from hdplan.planner.certificate.path_check import PathCheck
 
     return PathCheck(scene, robot, chain)
-
-
-def _torque_limits(scene: Scene, robot: Robot) -> TorqueLimits | None:
-    from hdplan.planner.certificate.torque_check import TorqueLimits
-
-    return TorqueLimits.of(scene, robot)
 
 
 def _passages(obstacle: Obstacle) -> Passages | None:

@@ -6,7 +6,7 @@ Both know boxes alone: links by the setting `link_bodies: box`, and obstacles th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.collision.broad_phase import BodyPairs, Floats, Rows
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
+from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.once import made_once
@@ -35,7 +36,7 @@ class _Boxes:
         self.second = np.array([_box_row(body.shape, body.placement, body.name) for body in halfspace_bodies])
 
 
-class BoxPairs(_Boxes):
+class BoxPairs(_Boxes, PairDistance):
     """D of the paper's set of both boxes, less the obstacle's margin. Raises InputError for a body that is no box."""
 
     def __init__(
@@ -57,6 +58,11 @@ class BoxPairs(_Boxes):
         compiled = "compiled C" if self.kernel.is_compiled else "by CasADi’s interpreter: no C compiler"
         return f"HD-SDF of boxes with the paper's normals, {compiled}"
 
+    @property
+    def functions(self) -> Mapping[str, RowFunction]:
+        """Its one kernel."""
+        return {"boxes": self.kernel}
+
     def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Floats, Floats, Floats]:
         """Return D (S,) [m], its wrench (S, 6) and D̃ (S,) [m] for S pairs (row of the pairs) at samples."""
         batch, joints = kinematics.placements.shape[:2]
@@ -74,7 +80,7 @@ class BoxPairs(_Boxes):
         return values[:, 0], wrenches, separations[:, 0]
 
 
-class GdfPairs(_Boxes):
+class GdfPairs(_Boxes, PairDistance):
     """The GDF of the boxes, less the obstacle's margin; its parameters are those of the published experiment."""
 
     @property

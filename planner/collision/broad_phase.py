@@ -51,6 +51,11 @@ class BodyPairs:
         """The number of pairs."""
         return len(self.body)
 
+    @property
+    def vertex_slots(self) -> int:
+        """m, the number of vertices that a row of `body_table` has room for."""
+        return (int(self.body_table.shape[1]) - 1) // 4
+
     def close(self, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
         """Sample and pair indices (S,), samples ascending, whose bounding sphere reaches the enlarged box.
 

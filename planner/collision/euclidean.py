@@ -28,6 +28,7 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.collision.broad_phase import BodyPairs, Floats, Rows
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
+from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.geometry.shapes import operations
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.scenes.once import read_only
@@ -40,7 +41,7 @@ REQUEST = coal.DistanceRequest()
 REQUEST.gjk_tolerance = REQUEST.epa_tolerance = 1e-8
 
 
-class FclPairs:
+class FclPairs(PairDistance):
     """D of the pairs' bodies, less the margin: exact, apart from the contacts that coal gets wrong.
 
     In about one of a thousand exactly parallel contacts (one of a hundred with a cylinder) its distance is not the gap

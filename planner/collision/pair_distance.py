@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.collision.broad_phase import Rows
 from hdplan.planner.kinematics.forward import KinematicsBatch
 
@@ -15,6 +17,17 @@ Floats = NDArray[np.float64]
 
 class PairDistance(Protocol):
     """The distance of body pairs at samples, as a penalty needs it."""
+
+    @property
+    def functions(self) -> Mapping[str, RowFunction]:
+        """The compiled functions that it calls, by what they are for; none, unless it says some."""
+        return {}
+
+    @property
+    def symbolic(self) -> Callable[[int, int], Any] | None:
+        """One pair's D as a CasADi function, by its number of planes and the order of its exact derivatives; None where
+        it has none."""
+        return None
 
     @property
     def how(self) -> str:

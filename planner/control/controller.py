@@ -47,7 +47,7 @@ from hdplan.planner.control.barriers import BarrierRows, Barriers, scene_barrier
 from hdplan.planner.control.quadratic_program import Wishes, best_velocity
 from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.control.tasks import Task
-from hdplan.planner.robot.joint_limits import velocity_limits
+from hdplan.planner.robot.joint_limits import joint_limit
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.arrays import joint_numbers, quadratic
@@ -146,7 +146,7 @@ class Controller:
         robot = load_scene_robot(scene) if robot is None else robot
         instance(robot, Robot, "robot")
         given = scene.limits if scene.limits.velocity is not None else replace(scene.limits, velocity="urdf")
-        limits = velocity_limits(replace(scene, limits=given), robot)
+        limits = joint_limit("velocity", replace(scene, limits=given), robot)
         return cls(robot, scene_barriers(scene, robot, settings.barriers), settings, limits)
 
     def step(self, q: Array, task: Task, time: float = 0.0) -> Step:

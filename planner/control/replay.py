@@ -19,7 +19,7 @@ from hdplan.planner.control.computed_torque import LOST, STEP, Arm, Execution, e
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.joint_limits import RATES, rate_limits, torque_limits
+from hdplan.planner.robot.joint_limits import DERIVATIVES, joint_limits
 from hdplan.planner.robot.loads import loaded_model
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import InputError
@@ -37,7 +37,7 @@ JUMP = 1e-6  # [rad/s] or [rad/s²] that no controller sees
 
 @dataclass(frozen=True)
 class Peak:
-    """The largest absolute value of a joint's rate or torque."""
+    """The largest absolute value of a quantity of a joint."""
 
     value: float  # inf where the order below jumps
     limit: float | None  # None: the scene has none
@@ -60,7 +60,7 @@ class JointUse:
 
     name: str
     travel: float  # from its least to its greatest value in the file [rad] or [m]
-    peaks: dict[str, Peak]  # velocity, acceleration and jerk with times; torque with dynamics
+    peaks: dict[str, Peak]  # velocity, acceleration and jerk with times; with dynamics torque, and what has limits
     error: float | None = None  # largest, behind the motion [rad] or [m]; with dynamics
     error_rms: float | None = None
 
@@ -163,26 +163,30 @@ def replay(scene: Scene, trajectory: Trajectory, robot: Robot) -> Simulation:
     if curve.times is not None:
         _check_steps(curve.times)
     timed = curve.times is not None
-    limits = rate_limits(scene, robot)
-    torques = torque_limits(scene, robot)
+    limits = joint_limits(scene, robot)
+    torques = limits.get("torque")
+    certifier = Certifier(scene, robot)
     first, last = (0.0, 1.0) if curve.times is None else (float(curve.times[0]), float(curve.times[-1]))
     count = max(int(np.ceil((last - first) / STEP)), 1) if timed else PATH_SAMPLES
     times = np.linspace(first, last, count + 1)
     positions = curve.at_time(times)
     travel = np.ptp(positions, axis=0).tolist()
     peaks: list[dict[str, Peak]] = [{} for _ in range(robot.n)]
-    for order, name in enumerate(RATES, start=1) if timed else ():
-        for peak, found in zip(peaks, _rates(curve, order, times, limits[order - 1]), strict=True):
+    for name, order in DERIVATIVES.items() if timed else ():
+        for peak, found in zip(peaks, _rates(curve, order, times, limits.get(name)), strict=True):
             peak[name] = found
+    for name, along in _other_limits(certifier, curve, times) if timed else ():
+        for peak, values, limit in zip(peaks, along.T, limits[name].tolist(), strict=True):
+            peak[name] = _peak(values, times, limit)
     execution = None
     if torques is not None:
         execution = execute(Arm(loaded_model(scene, robot), robot), curve, torques)
         times, positions = execution.times, execution.positions
-        for joint, peak in enumerate(peaks):
+        for joint, peak in enumerate(peaks):  # what was asked for counts, not what the file alone would need
             peak["torque"] = _peak(execution.asked[:, joint], execution.times, float(torques[joint]))
     every = max(int(LOOKS / (times[1] - times[0])), 1) if timed else PATH_SAMPLES // 100
     looks = np.unique(np.r_[np.arange(0, len(times), every), len(times) - 1])
-    closest, between_links = _closest(Certifier(scene, robot), positions[looks], times[looks])
+    closest, between_links = _closest(certifier, positions[looks], times[looks])
     joints = tuple(
         JointUse(
             name,
@@ -200,6 +204,14 @@ def replay(scene: Scene, trajectory: Trajectory, robot: Robot) -> Simulation:
     )
     duration = last - first if timed else None
     return Simulation(duration, curve, joints, closest, between_links, len(looks), execution, failures)
+
+
+def _other_limits(certifier: Certifier, curve: Curve, times: Array) -> Iterator[tuple[str, Array]]:
+    """Give the quantities that are limited and no derivatives, as the file has them (k, n) at times (k,)."""
+    interval, fraction = curve.interval_of(curve.parameter_of(times))
+    for check in certifier.limits:
+        for name in check.limits.keys() - DERIVATIVES.keys():
+            yield name, check.values(name, curve, interval, fraction)
 
 
 def _rates(curve: Curve, order: int, times: Array, limit: Array | None) -> Iterator[Peak]:
@@ -251,8 +263,8 @@ def _overloaded(execution: Execution, limits: Array, robot: Robot) -> Iterator[s
 
 def _beyond(joints: tuple[JointUse, ...]) -> Iterator[str]:
     """Say for each rate which joint is farthest beyond its limit."""
-    for what in RATES:
-        shares = [(use.peaks[what].share or 0.0, use) for use in joints if what in use.peaks]
+    for what in (name for name in joints[0].peaks if name != "torque"):
+        shares = [(use.peaks[what].share or 0.0, use) for use in joints]
         share, use = max(shares, key=lambda found: found[0], default=(0.0, None))
         if use is not None and share > 1 + ROUNDING:
             peak, article = use.peaks[what], "an" if what == "acceleration" else "a"

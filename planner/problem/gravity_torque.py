@@ -1,7 +1,7 @@
 """What it takes to hold still against gravity, so that a motion keeps away from configurations too heavy for a joint.
 
 Torques of a motion that goes slowly enough come down to those of gravity, g(q) = ∂U/∂q with U = −Σ_b m_b γ·c_b, γ the
-gravity and c_b the bodies' centres: where they pass a limit, no law of time helps and another way has to be found. With
+gravity and c_b the bodies' centres: where they pass a limit, no time law helps and another way has to be found. With
 a_j and l_j the angular velocity and the velocity of the world's origin per unit of joint j's speed,
 
     g_j = −γ·w_j,   w_j = Σ_{b after j} m_b (l_j + a_j × c_b),   ∂g_j/∂q_k = −(γ × a_k)·w_j  for k at or before j,
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.motion.motion_bounds import Chain, cross
 from hdplan.planner.problem.hinge import BAND, Hinge, Measures
-from hdplan.planner.robot.joint_limits import torque_limits
+from hdplan.planner.robot.joint_limits import joint_limit
 from hdplan.planner.robot.loads import loaded_model
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.scene import Scene
@@ -115,19 +115,19 @@ class StaticTorque(Hinge):
     measure: GravityMeasure
 
 
-def static_torque(scene: Scene, robot: Robot) -> tuple[StaticTorque, ...]:
-    """Return the term where the scene limits torques and gravity may come near a limit; else none.
+def static_torque(scene: Scene, robot: Robot) -> StaticTorque | None:
+    """Return the term where the scene limits torques and gravity may come near a limit; else None.
 
     Raises InputError for loads or limits that do not fit the robot.
     """
-    limits = torque_limits(scene, robot)
+    limits = joint_limit("torque", scene, robot)
     if limits is None:
-        return ()
+        return None
     model = loaded_model(scene, robot)
     torques = GravityTorques.of(model)
     bound = torques.most(model, np.stack([robot.lower, robot.upper], axis=1))
     joints = np.flatnonzero(~(bound <= (1 - BAND / ARM) * limits))  # a bound that is no number proves nothing
     if not len(joints):
-        return ()
+        return None
     measure = GravityMeasure(torques, joints, limits[joints])
-    return (StaticTorque("static torque", measure, scene.planner.activation),)
+    return StaticTorque("static torque", measure, scene.planner.activation)

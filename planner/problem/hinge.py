@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.samples import Samples
-from hdplan.planner.problem.terms import Penalty
+from hdplan.planner.problem.terms import Penalty, Term
 
 Floats = NDArray[np.float64]
 
@@ -46,7 +46,7 @@ class Measure(Protocol):
         ...
 
 
-class Hinge:
+class Hinge(Term):
     """A squared hinge on measures of a configuration."""
 
     def __init__(self, name: str, measure: Measure, activation: float) -> None:
@@ -61,12 +61,12 @@ class Hinge:
         inside = np.maximum(found.value - (bound - _band(bound)), 0.0)
         return inside, found.slope * (inside > 0.0)[..., None]
 
-    def depth(self, kinematics: KinematicsBatch, time: Floats | None = None) -> Floats:
-        """How much of the band is used up, as a depth (B,) [m], the same at any time."""
+    def depth(self, kinematics: KinematicsBatch, parameter: Floats | None = None) -> Floats:
+        """How much of the band is used up, as a depth (B,) [m], the same anywhere on the motion."""
         inside, _ = self.inside(kinematics)
         return self._depth(inside)
 
-    def value(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
+    def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
         """The penalty at the samples of a motion."""
         inside, slope = self.inside(kinematics)
         weight = samples.weight[:, None]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,10 +19,11 @@ from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_obstac
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
-from hdplan.planner.problem.problem import Problem
+from hdplan.planner.problem.clearance import Clearance
+from hdplan.planner.problem.problem import Problem, Terms
 from hdplan.planner.problem.samples import Samples
+from hdplan.planner.problem.smoothness import Smoothness
 from hdplan.planner.problem.swept_clearance import SweptClearance
-from hdplan.planner.problem.terms import Clearance, MotionTerm, Smoothness, Term
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import Query
 from hdplan.scenes.errors import InputError, naming, nearest
@@ -64,7 +66,7 @@ def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf
     halfspace_bodies = tuple(body for pieces, _ in enclosed for body in pieces)
     notes = [*scene.notes, *robot.notes, *query.notes, *(word for _, words in enclosed for word in words)]
 
-    terms: list[Term | MotionTerm] = []
+    terms = Terms()
     clearances = scene.clearances
     margins = np.array([clearances[body.name] + settings.activation for body in halfspace_bodies])
     pairs = [
@@ -78,17 +80,18 @@ def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf
         slots = max(len(body.body.vertices) for body in bodies if body.joint > 0)
         laid_out = body_pairs(bodies, halfspace_bodies, pairs, margins, kinematics.supports, slots)
         distance = _distance(laid_out, bodies, halfspace_bodies, settings, plane_counts(settings.normals))
-        terms.append(
+        standing = (
             SweptClearance("obstacles", laid_out, distance, settings.gamma, settings.shaping_length)
             if settings.swept
             else Clearance("obstacles", laid_out, distance)
         )
+        terms = replace(terms, obstacles=standing)
     if scene.moving and any(body.joint > 0 for body in bodies):
         from hdplan.planner.problem.moving_clearance import moving_clearance
-        from hdplan.planner.problem.velocity_penalty import pace
+        from hdplan.planner.problem.velocity_penalty import velocity_penalty
 
         with naming(scene.source):
-            term, drifting, words = moving_clearance(
+            moving, drifting, words = moving_clearance(
                 scene,
                 bodies,
                 kinematics.supports,
@@ -97,7 +100,7 @@ def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf
                 ),
                 deadline,
             )
-        terms += [term, pace(scene, robot)]
+        terms = replace(terms, moving_obstacles=moving, velocity=velocity_penalty(scene, robot))
         halfspace_bodies, notes = (*halfspace_bodies, *drifting), [*notes, *words]
     margin = self_margin(scene)
     kept = [(pair, kept > margin) for pair, kept in zip(model.self_pairs, model.distances_kept, strict=True)]
@@ -105,15 +108,15 @@ def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf
     if own:
         laid_out = body_pairs(bodies, model.planes, own, margin, kinematics.supports)
         distance = _distance(laid_out, bodies, model.planes, settings)
-        terms.append(Clearance("self-collision", laid_out, distance))
+        terms = replace(terms, self_collision=Clearance("self-collision", laid_out, distance))
     if scene.path != PathConstraints():
         from hdplan.planner.problem.path_terms import path_terms
 
-        terms.extend(path_terms(scene, robot, kinematics.supports))
+        terms = replace(terms, path=path_terms(scene, robot, kinematics.supports))
     if scene.limits.torque is not None:
         from hdplan.planner.problem.gravity_torque import static_torque
 
-        terms.extend(static_torque(scene, robot))
+        terms = replace(terms, static_torque=static_torque(scene, robot))
 
     return Problem(
         scene=scene,
@@ -124,7 +127,7 @@ def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf
         bodies=bodies,
         halfspace_bodies=halfspace_bodies,
         smoothness=Smoothness(settings.waypoints),
-        terms=tuple(terms),
+        terms=terms,
         samples=Samples((SAMPLES_PER_INTERVAL,) * (settings.waypoints - 1)),
         unresolved=model.unresolved,
         apart=tuple(pair for pair, proven in kept if proven),

@@ -2,7 +2,7 @@
 
 A moving obstacle is one more body that is carried, as a link is, but by no joint: its placement at each sample's time
 is put beside those of the joints, and everything else is as for obstacles that stand. When a sample is reached follows
-from the law of time (`timing.duration`), which does not depend on the motion.
+from the time law (`timing.duration`), which does not depend on the motion.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_obstac
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.kinematics.forward import KinematicsBatch
+from hdplan.planner.problem.clearance import Clearance
 from hdplan.planner.problem.samples import Samples
-from hdplan.planner.problem.terms import Clearance, Penalty
+from hdplan.planner.problem.terms import Penalty
 from hdplan.planner.timing.time_laws import MinimumJerk
 from hdplan.scenes.moving import Passages
 from hdplan.scenes.obstacles import Obstacle
@@ -40,19 +41,24 @@ class MovingClearance(Clearance):
         super().__init__("moving obstacles", pairs, distance)
         self.passages, self.law = tuple(passages), law
 
-    def value(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
+    @property
+    def symbolic(self) -> bool:
+        """It is not: where the obstacles are is not in the graph."""
+        return False
+
+    def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
         """The penalty at the samples of a motion."""
-        return super().value(self.met(kinematics, self.law.time_at(samples.time)), samples)
+        return super().at_samples(self.met(kinematics, self.law.time_at(samples.parameter)), samples)
 
-    def depth(self, kinematics: KinematicsBatch, time: Floats | None = None) -> Floats:
+    def depth(self, kinematics: KinematicsBatch, parameter: Floats | None = None) -> Floats:
         """How far the worst pair may be inside its margin (B,) [m] at path parameters; 0 at no particular time."""
-        if time is None:
+        if parameter is None:
             return np.zeros(len(kinematics.placements))
-        return super().depth(self.met(kinematics, self.law.time_at(time)))
+        return super().depth(self.met(kinematics, self.law.time_at(parameter)))
 
-    def met(self, kinematics: KinematicsBatch, seconds: Floats) -> KinematicsBatch:
+    def met(self, kinematics: KinematicsBatch, times: Floats) -> KinematicsBatch:
         """The state of configurations, with the obstacles' placements at times (B,) [s] beside the joints'."""
-        placements = np.stack([each.at(seconds) for each in self.passages], axis=1)  # (B, m, 4, 4)
+        placements = np.stack([each.at(times) for each in self.passages], axis=1)  # (B, m, 4, 4)
         rows = np.concatenate([placements[..., :3, :3].reshape(*placements.shape[:2], 9), placements[..., :3, 3]], 2)
         return KinematicsBatch(np.concatenate([kinematics.placements, rows], axis=1), kinematics.columns)
 

@@ -35,7 +35,7 @@ class Samples:
         return np.concatenate([(np.arange(count) + 0.5) / count for count in self.counts])
 
     @cached_property
-    def time(self) -> Floats:
+    def parameter(self) -> Floats:
         """Path parameter of each sample (B,), from 0 at the first waypoint to 1 at the last."""
         return (self.interval + self.fraction) / len(self.counts)
 

@@ -29,7 +29,7 @@ def reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tup
         if departures := certifier.off_path(q):
             raise InputError(f"{scene.source}: {field}: off the path: {'; '.join(each.words for each in departures)}")
         if overload := certifier.overload(q):
-            raise InputError(f"{scene.source}: {field}: {overload.words}")
+            raise InputError(f"{scene.source}: {field}: {overload}")
         for place, asked in certifier.too_close(q, required, time_):
             if place.other not in lenient:
                 raise InputError(

@@ -136,7 +136,7 @@ def _fault(certifier: Certifier, q: Array) -> str:
     if departures := certifier.off_path(q):
         return f"off the path: {departures[0].words}"
     if overload := certifier.overload(q):
-        return f"too heavy: {overload.words}"
+        return f"too heavy: {overload}"
     place, asked = certifier.too_close(q, 0.0, certifier.scene.end_time)[0]
     if place.distance > 0.0:
         found = f"{place.distance * 1e3:.3g} mm, {asked * 1e3:g} mm are asked for"

@@ -46,7 +46,7 @@ def onto_path(problem: Problem, q: Floats) -> Floats:
     from hdplan.planner.problem.path_terms import to_path
 
     for _ in range(PULLS):
-        missing, slope = to_path(problem.path_terms, problem.kinematics.evaluate(q))
+        missing, slope = to_path(problem.terms.path, problem.kinematics.evaluate(q))
         if not missing.any():
             break
         q = damped_step(problem.robot, q, missing, slope)
@@ -71,7 +71,7 @@ class Roadmap:
         spread = self.rng.choice(SPREADS, size=(NODES, 1))
         drawn = middle + spread * (self.problem.robot.draw(self.rng, NODES) - middle)
         drawn = np.clip(drawn, self.problem.robot.lower, self.problem.robot.upper)
-        if self.problem.path_terms:
+        if self.problem.terms.path:
             drawn = onto_path(self.problem, drawn)
         before = len(self.nodes)
         self.nodes = np.vstack([self.nodes, drawn[self.problem.depth(drawn) == 0.0]])

@@ -103,7 +103,7 @@ class Search:
 
     def _free_already(self, solution: Solution, guess: Floats) -> bool:
         """Whether a guess (N, n) is certified as it is: where outer bodies overlap at an end, though the links are
-        free, a solver leaves it for worse. Not where motions are timed: it may have no law of time."""
+        free, a solver leaves it for worse. Not where motions are timed: there may be no time law for it."""
         if self.retimer is not None:
             return False
         before = self.best

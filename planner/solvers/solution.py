@@ -173,9 +173,9 @@ class Progress:
 def _allowed_depth(problem: Problem) -> Floats:
     """How deep inside its margin each sample (B,) may be in a clear motion [m]: more near an end that is deep
     itself, since no motion can do better there."""
-    time_ = problem.samples.time
+    parameter = problem.samples.parameter
     start, goal = problem.depth(np.array([problem.start, problem.goal]), np.array([0.0, 1.0]))
-    excused = np.maximum(start * (1 - time_ / ENDS), goal * (1 - (1 - time_) / ENDS))
+    excused = np.maximum(start * (1 - parameter / ENDS), goal * (1 - (1 - parameter) / ENDS))
     allowed: Floats = np.maximum(ENOUGH * problem.scene.planner.activation, excused)
     return allowed
 

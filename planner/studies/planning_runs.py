@@ -248,7 +248,7 @@ def _lost(scene: Scene, situation: _Situation) -> tuple[Floats, float | None]:
     """Return d − D̃ (K,) and the time of one pair's D and derivative, from a problem that sees as far as NEAR."""
     settings = replace(scene.planner, clearance=NEAR)
     problem = build(replace(scene, planner=settings), situation.robot)
-    term = next((term for term in problem.pair_terms if term.name == "obstacles"), None)
+    term = problem.terms.obstacles
     if term is None or not len(situation.near):
         return np.empty(0), None
     kinematics = problem.kinematics.evaluate(situation.near)
@@ -261,7 +261,7 @@ def _lost(scene: Scene, situation: _Situation) -> tuple[Floats, float | None]:
 
 def _off(problem: Problem, situation: _Situation) -> Floats:
     """Return |D − D̃| (K',) of the deepest pair at each configuration where the penalty acts."""
-    term = next((term for term in problem.pair_terms if term.name == "obstacles"), None)
+    term = problem.terms.obstacles
     if term is None or not len(situation.near):
         return np.empty(0)
     inside = term.inside(problem.kinematics.evaluate(situation.near))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from hdplan.scenes.attached import Payload
 from hdplan.scenes.fields import Field
-from hdplan.scenes.limits import RATES, Limits
+from hdplan.scenes.limits import QUANTITIES, Limits
 from hdplan.scenes.obstacles import SelfCollision, SteadyMotion, TimedPoses
 from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
 from hdplan.scenes.pose_fields import pose_of, read_pose
@@ -38,7 +38,7 @@ def read_self_collision(section: Field) -> SelfCollision:
 def read_limits(section: Field) -> Limits:
     """Read what the joints can do: ranges of positions by name, and ``velocity``, ``acceleration``, ``jerk`` and
     ``torque``, each in one of the forms of `JointValues`."""
-    keys = _filled(section, ("position", *RATES))
+    keys = _filled(section, ("position", *QUANTITIES))
     if "position" in keys:
         _filled(keys["position"])
     return section.make(Limits, **keys)

@@ -15,7 +15,7 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from hdplan.scenes.attached import Attached, Payload, body_inertia
-from hdplan.scenes.limits import JointRates, Limits, ranges
+from hdplan.scenes.limits import JointQuantity, Limits, ranges
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses, rising_times
 from hdplan.scenes.path_constraints import AXES, Upright, Within, direction, extent
 from hdplan.scenes.planner_settings import PlannerSettings
@@ -207,7 +207,7 @@ def _value(check: Check) -> Schema:
         case Row(item, length):
             exactly = {} if length is None else {"minItems": length, "maxItems": length}
             return {**_list(_value(item)), **exactly}
-        case JointRates(unit=unit, in_urdf=in_urdf):
+        case JointQuantity(unit=unit, in_urdf=in_urdf):
             number = _number(Number(above=0.0, unit=unit))
             words = [{"enum": ["urdf"]}] if in_urdf else []
             named = {"type": "object", "additionalProperties": number, "minProperties": 1}

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from hdplan.scenes.attached import Attached
-from hdplan.scenes.limits import RATES, JointValues, Limits
+from hdplan.scenes.limits import QUANTITIES, JointValues, Limits
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.poses import Pose
@@ -85,7 +85,7 @@ def _effects(scene: Scene) -> dict[str, Any]:
     if own != SelfCollision():
         sections["self_collision"] = {"clearance": own.clearance} if own.checked else False
     if limits != Limits():
-        asked = {name: _joint_values(getattr(limits, name)) for name in RATES}
+        asked = {name: _joint_values(getattr(limits, name)) for name in QUANTITIES}
         ranges = {joint: list(span) for joint, span in limits.position.items()}
         sections["limits"] = {name: value for name, value in {"position": ranges or None, **asked}.items() if value}
     if payload is not None:

@@ -15,7 +15,7 @@ import pytest
 import yaml
 
 from hdplan.planner.certificate.certifier import certify
-from hdplan.planner.certificate.rate_check import rates
+from hdplan.planner.certificate.rate_check import RateCheck
 from hdplan.planner.motion import ros_bag
 from hdplan.planner.motion.ros_message import joint_trajectory, read_message, robot_trajectory
 from hdplan.planner.motion.trajectory import Trajectory
@@ -128,7 +128,7 @@ def test_rounding_takes_no_more_of_a_limit_than_the_margin_that_is_left(rate: in
     after = Trajectory(**read_message(joint_trajectory(motion)))
     kept = replace(motion, times=after.times)
     shares, rounded, careless = (
-        [use.share for use in rates(moved.curve, scene, robot)] for moved in (motion, after, kept)
+        [use.share for use in RateCheck(scene, robot).check(moved.curve).uses] for moved in (motion, after, kept)
     )
     np.testing.assert_allclose(rounded, shares, rtol=1e-6)
     assert len(shares) == 3

@@ -12,12 +12,10 @@ from scipy.spatial.transform import Rotation, Slerp
 import hdplan
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.certificate.rate_check import rates
+from hdplan.planner.certificate.rate_check import RateCheck
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.problem.moving_clearance import MovingClearance
 from hdplan.planner.problem.problem import Problem
-from hdplan.planner.problem.velocity_penalty import Pace
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.errors import InputError
@@ -87,9 +85,9 @@ def test_the_gradient_is_that_of_the_cost(problem: Problem) -> None:
     positions = problem.clip(line + rng.normal(scale=0.03, size=line.shape))
     weight, step = 1e4, 1e-6
     state = problem.evaluate(positions, weight)
-    (term,) = (term for term in problem.pair_terms if term.name == "moving obstacles")
+    term = problem.terms.moving_obstacles
     kinematics = problem.kinematics.evaluate(problem.samples.configurations(positions))
-    assert term.value(kinematics, problem.samples).cost > 0.0  # it is met at all
+    assert term.at_samples(kinematics, problem.samples).cost > 0.0  # it is met at all
     for _ in range(12):
         direction = np.zeros_like(positions)
         direction[1:-1] = rng.normal(size=positions[1:-1].shape)
@@ -99,7 +97,7 @@ def test_the_gradient_is_that_of_the_cost(problem: Problem) -> None:
 
 def test_a_moving_obstacle_is_one_that_stands_where_it_is_at_that_time(problem: Problem, crossing: Scene) -> None:
     """At any one time, cost and depth are those of the scene in which it stands there."""
-    (moving,) = (term for term in problem.pair_terms if isinstance(term, MovingClearance))
+    moving = problem.terms.moving_obstacles
     rng = np.random.default_rng(4)
     configurations = problem.robot.draw(rng, 200)
     kinematics = problem.kinematics.evaluate(configurations)
@@ -110,7 +108,7 @@ def test_a_moving_obstacle_is_one_that_stands_where_it_is_at_that_time(problem: 
             for each in crossing.obstacles
         )
         standing = build(dataclasses.replace(crossing, obstacles=frozen))
-        (term,) = (term for term in standing.pair_terms if term.name == "obstacles")
+        term = standing.terms.obstacles
         found = moving.depth(kinematics, np.full(200, parameter))
         np.testing.assert_allclose(found, term.depth(kinematics), rtol=0, atol=1e-9)
         assert found.max() > 0.0
@@ -196,21 +194,20 @@ def test_a_path_without_times_meets_no_moving_obstacle(crossing: Scene) -> None:
         hdplan.plan(crossing, solver="ipopt")
 
 
-# --- the pace ---------------------------------------------------------------------------------------------------------
+# --- the velocity penalty --------------------------------------------------------------------------------------------
 
 
-def test_the_pace_is_penalized_by_its_exact_gradient_and_curvature(problem: Problem) -> None:
-    (pace,) = (term for term in problem.terms if isinstance(term, Pace))
+def test_the_velocity_penalty_has_its_exact_gradient_and_curvature(problem: Problem) -> None:
+    penalty = problem.terms.velocity
     rng = np.random.default_rng(6)
     line = np.linspace(problem.start, problem.goal, problem.waypoints)
     fast = line + np.cumsum(rng.normal(scale=0.2, size=line.shape), axis=0)
-    kinematics = problem.kinematics.evaluate(fast)
-    assert pace.over_motion(line[:1] + 0 * line, kinematics).cost == 0.0  # at rest
-    found, step = pace.over_motion(fast, kinematics), 1e-6
+    assert penalty.over_motion(line[:1] + 0 * line, problem.kinematics).cost == 0.0  # at rest
+    found, step = penalty.over_motion(fast, problem.kinematics), 1e-6
     assert found.cost > 0.0
     for _ in range(8):
         v = rng.normal(size=fast.shape)
-        after, before = (pace.over_motion(fast + sign * step * v, kinematics) for sign in (1, -1))
+        after, before = (penalty.over_motion(fast + sign * step * v, problem.kinematics) for sign in (1, -1))
         assert np.sum(found.gradient * v) == pytest.approx((after.cost - before.cost) / (2 * step), rel=1e-5)
         bent = np.einsum("kij,kj->ki", found.diagonal, v)
         bent[1:] += np.einsum("kij,kj->ki", found.coupling, v[:-1])
@@ -218,15 +215,16 @@ def test_the_pace_is_penalized_by_its_exact_gradient_and_curvature(problem: Prob
         np.testing.assert_allclose(bent, (after.gradient - before.gradient) / (2 * step), rtol=1e-4, atol=1e-6)
 
 
-def test_what_is_clear_of_the_pace_is_within_the_limits_when_it_is_executed(problem: Problem, crossing: Scene) -> None:
+def test_what_is_clear_of_the_velocity_penalty_is_executed_within_the_limits(problem: Problem, crossing: Scene) -> None:
     """The margin that a clear motion may use up ends below the limit, by the executed curve's own bounds."""
-    (pace,) = (term for term in problem.terms if isinstance(term, Pace))
+    penalty = problem.terms.velocity
     robot, half = problem.robot, 0.5 * crossing.planner.activation
     rng = np.random.default_rng(8)
     keeper = Retimer(crossing, robot)
     for _ in range(5):
         bend = rng.normal(scale=0.6, size=robot.n) * np.sin(np.pi * np.linspace(0, 1, 32))[:, None]
         rows = np.clip(np.linspace(problem.start, problem.goal, 32) + bend, robot.lower, robot.upper)
-        clear = pace.over_motion(rows, problem.kinematics.evaluate(rows)).depth.max() <= half
-        (use,) = rates(keeper(Trajectory(robot.joint_names, rows, robot.locked)).trajectory.curve, crossing, robot)
+        clear = penalty.over_motion(rows, problem.kinematics).depth.max() <= half
+        timed = keeper(Trajectory(robot.joint_names, rows, robot.locked)).trajectory
+        (use,) = RateCheck(crossing, robot).check(timed.curve).uses
         assert use.within or not clear

@@ -3,33 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from hdplan.planner.robot.joint_limits import acceleration_limits, jerk_limits, torque_limits, velocity_limits
+from hdplan.planner.robot.joint_limits import joint_limit
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.limits import JointValues, Limits
+from hdplan.scenes.limits import QUANTITIES, JointValues, Limits
 from hdplan.scenes.obstacles import SelfCollision
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Limit = Callable[[Scene, Robot], NDArray[np.float64] | None]
-FUNCTIONS: Mapping[str, Limit] = {
-    "velocity": velocity_limits,
-    "acceleration": acceleration_limits,
-    "jerk": jerk_limits,
-    "torque": torque_limits,
-}
 
 
 @pytest.fixture(scope="module")
@@ -46,22 +36,20 @@ def limited(scene: Scene, quantity: str, values: JointValues | None) -> Scene:
     return replace(scene, limits=replace(Limits(), **{quantity: values}))  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("quantity", FUNCTIONS)
+@pytest.mark.parametrize("quantity", QUANTITIES)
 def test_values_are_those_of_the_scene_in_the_robots_order(scene: Scene, robot: Robot, quantity: str) -> None:
     given = np.random.default_rng(0).uniform(0.1, 5.0, robot.n)
     by_name = dict(reversed(list(zip(robot.joint_names, given.tolist(), strict=True))))
-    of = FUNCTIONS[quantity]
-    np.testing.assert_array_equal(of(limited(scene, quantity, tuple(given.tolist())), robot), given)
-    np.testing.assert_array_equal(of(limited(scene, quantity, by_name), robot), given)
-    np.testing.assert_array_equal(of(limited(scene, quantity, 1.5), robot), np.full(robot.n, 1.5))
-    assert of(scene, robot) is None
+    np.testing.assert_array_equal(joint_limit(quantity, limited(scene, quantity, tuple(given.tolist())), robot), given)
+    np.testing.assert_array_equal(joint_limit(quantity, limited(scene, quantity, by_name), robot), given)
+    np.testing.assert_array_equal(joint_limit(quantity, limited(scene, quantity, 1.5), robot), np.full(robot.n, 1.5))
+    assert joint_limit(quantity, scene, robot) is None
 
 
 def test_the_urdf_speaks_where_the_scene_does_not(scene: Scene, robot: Robot) -> None:
     for quantity, of_urdf in (("velocity", robot.model.velocityLimit), ("torque", robot.model.effortLimit)):
-        of = FUNCTIONS[quantity]
-        np.testing.assert_array_equal(of(limited(scene, quantity, "urdf"), robot), of_urdf)
-        some = of(limited(scene, quantity, {"panda_joint3": 0.25}), robot)
+        np.testing.assert_array_equal(joint_limit(quantity, limited(scene, quantity, "urdf"), robot), of_urdf)
+        some = joint_limit(quantity, limited(scene, quantity, {"panda_joint3": 0.25}), robot)
         assert some is not None
         assert some[2] == 0.25
         np.testing.assert_array_equal(np.delete(some, 2), np.delete(of_urdf, 2))
@@ -69,8 +57,8 @@ def test_the_urdf_speaks_where_the_scene_does_not(scene: Scene, robot: Robot) ->
 
 def test_a_timed_motion_keeps_the_urdfs_speeds(scene: Scene, robot: Robot) -> None:
     for timed in (replace(scene, timing=Timing(duration=2.0)), limited(scene, "acceleration", 3.0)):
-        np.testing.assert_array_equal(velocity_limits(timed, robot), robot.model.velocityLimit)
-        assert torque_limits(timed, robot) is None
+        np.testing.assert_array_equal(joint_limit("velocity", timed, robot), robot.model.velocityLimit)
+        assert joint_limit("torque", timed, robot) is None
 
 
 @pytest.mark.parametrize(
@@ -86,7 +74,7 @@ def test_what_does_not_fit_the_robot_is_refused(
     scene: Scene, robot: Robot, quantity: str, values: JointValues, words: str
 ) -> None:
     with pytest.raises(InputError, match=re.escape(words)):
-        FUNCTIONS[quantity](limited(scene, quantity, values), robot)
+        joint_limit(quantity, limited(scene, quantity, values), robot)
 
 
 @pytest.mark.parametrize("missing", ["", 'effort="0" velocity="0"'])
@@ -102,8 +90,8 @@ def test_a_urdf_without_limits_is_refused_where_they_are_asked_for(tmp_path: Pat
     robot = load_scene_robot(scene)
     for quantity in ("velocity", "torque"):
         with pytest.raises(InputError, match=f"limits.{quantity}: the URDF gives joint 'turn' no limit"):
-            FUNCTIONS[quantity](limited(scene, quantity, "urdf"), robot)
-        np.testing.assert_array_equal(FUNCTIONS[quantity](limited(scene, quantity, {"turn": 2.0}), robot), [2.0])
+            joint_limit(quantity, limited(scene, quantity, "urdf"), robot)
+        np.testing.assert_array_equal(joint_limit(quantity, limited(scene, quantity, {"turn": 2.0}), robot), [2.0])
 
 
 # --- positions --------------------------------------------------------------------------------------------------------

@@ -11,12 +11,12 @@ import pytest
 
 import hdplan
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.certificate.rate_check import rates
+from hdplan.planner.certificate.rate_check import RateCheck
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import beyond_limits
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.joint_limits import acceleration_limits, jerk_limits, velocity_limits
+from hdplan.planner.robot.joint_limits import DERIVATIVES, joint_limits
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.timing.retiming import Retimer, smooth
@@ -55,9 +55,9 @@ def test_limits_hold_everywhere_and_one_of_them_is_used(limits: Limits, seed: in
     trajectory, parameter = Retimer(scene, robot)(path)
     when = np.linspace(0.0, 1.0, 20_001)
     shares = []
-    for order, limit in enumerate((f(scene, robot) for f in (velocity_limits, acceleration_limits, jerk_limits)), 1):
-        if limit is not None:
-            shares.append(np.max(np.abs(trajectory.curve.over_time(order).at_parameter(when)) / limit))
+    for quantity, limit in joint_limits(scene, robot).items():
+        rate = trajectory.curve.over_time(DERIVATIVES[quantity]).at_parameter(when)
+        shares.append(np.max(np.abs(rate) / limit))
     assert max(shares) <= 1.0
     assert max(shares) >= 0.93  # time is not given away: whole rows, and bounds a little above the values
     assert np.all(np.diff(parameter) >= 0)
@@ -146,7 +146,7 @@ def test_a_limit_that_breaks_only_between_the_rows_is_told() -> None:
     rows = np.zeros((3, robot.n))
     rows[1, 2] = 0.8
     curve = Curve.through(rows, np.arange(3.0), np.zeros_like(rows), np.zeros_like(rows))
-    use = {use.quantity: use for use in rates(curve, scene, robot)}
+    use = {use.quantity: use for use in RateCheck(scene, robot).check(curve).uses}
     assert use["velocity"].share == pytest.approx(0.8 * 1.875, rel=1e-2)
     assert (use["velocity"].joint, use["velocity"].within) == (robot.joint_names[2], False)
     assert use["acceleration"].within
@@ -156,12 +156,13 @@ def test_corners_have_infinite_acceleration_and_cubics_infinite_jerk() -> None:
     scene, robot = limited(Limits(velocity=10.0, acceleration=100.0, jerk=1e4))
     rows = np.linspace(np.zeros(robot.n), np.full(robot.n, 0.1), 5)
     times = np.arange(5.0)
-    shares = {use.quantity: use.share for use in rates(Curve.through(rows, times), scene, robot)}
+    shares = {use.quantity: use.share for use in RateCheck(scene, robot).check(Curve.through(rows, times)).uses}
     assert shares["velocity"] < 1.0
     assert np.isinf(shares["acceleration"])  # it starts and ends with a jump
     velocities = np.zeros_like(rows)
     velocities[1:-1] = 0.05
-    shares = {use.quantity: use.share for use in rates(Curve.through(rows, times, velocities), scene, robot)}
+    cubics = Curve.through(rows, times, velocities)
+    shares = {use.quantity: use.share for use in RateCheck(scene, robot).check(cubics).uses}
     assert shares["acceleration"] < 1.0
     assert np.isinf(shares["jerk"])
 
@@ -218,7 +219,7 @@ def test_a_duration_is_kept_by_the_fastest_law_where_that_of_minimum_jerk_is_too
         timed = Retimer(*limited(Limits(acceleration=4.0), timing))(path).trajectory
         assert timed.times is not None
         assert timed.times[-1] == timing.duration
-        assert all(use.within for use in rates(timed.curve, scene, robot)) == within
+        assert all(use.within for use in RateCheck(scene, robot).check(timed.curve).uses) == within
     even = Retimer(*limited(Limits(), Timing(duration=timing.duration)))(path).trajectory
     np.testing.assert_array_equal(even.positions, timed.positions)  # minimum jerk, where there is time enough
 

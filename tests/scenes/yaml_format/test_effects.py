@@ -12,7 +12,7 @@ import pytest
 
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.limits import RATES, JointValues, Limits
+from hdplan.scenes.limits import QUANTITIES, JointValues, Limits
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
 from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
 from hdplan.scenes.poses import Pose, Vector3
@@ -75,10 +75,10 @@ def test_every_section_says_what_its_author_meant(tmp_path: Path) -> None:
     assert scene.timing == Timing(duration=3.0, rate=250.0)
 
 
-@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("rate", QUANTITIES)
 @pytest.mark.parametrize("value", [1.5, (1.0, 2.0), {"j1": 3.0}])
 def test_every_rate_is_written_read_and_known_to_editors(tmp_path: Path, rate: str, value: JointValues) -> None:
-    """A new limit of rate is an entry of RATES and a field of Limits, and nothing else in files."""
+    """A new limit of rate is an entry of QUANTITIES and a field of Limits, and nothing else in files."""
     limits = Limits(**{rate: value})  # type: ignore[arg-type]
     assert limits != Limits()
     scene = replace(read(tmp_path, TIMED), limits=limits)
