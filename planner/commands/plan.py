@@ -6,7 +6,8 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from hdplan.planner.motion.trajectory_files import check_output
+from hdplan.planner.motion.curve import row_count
+from hdplan.planner.motion.trajectory_files import check_length, check_output
 from hdplan.planner.pictures.plot import Subject, check_picture
 from hdplan.planner.pictures.plot import plot as draw
 from hdplan.planner.plan import plan
@@ -50,6 +51,9 @@ def run_plan(
         problem = load_scene(scene, request=request, robot=robot)
         if distance is not None:
             problem = replace(problem, planner=replace(problem.planner, distance=distance))
+        timing = problem.timing
+        if output is not None and timing is not None and timing.duration is not None:
+            check_length(output, row_count(timing.duration, timing.rate), load_scene_robot(problem).n)
         with progress(problem.planner, shown=not quiet and not as_json) as (report, stop):
             longest = SEARCH if time_limit is None else time_limit
             result = plan(problem, solver=solver, seed=seed, time_limit=longest, report=report, stop=stop)
