@@ -31,7 +31,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import check_robot
 from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.errors import FieldError, naming, nearest
-from hdplan.scenes.moving import Passages
+from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import Checked, Choice, Number, Whole, instance, shorten, text
@@ -80,7 +80,7 @@ class Barriers:
         self_pairs: Sequence[tuple[int, int]],
         obstacles: Sequence[HalfspaceBody],
         settings: BarrierSettings,
-        movers: Sequence[tuple[Passages, Sequence[HalfspaceBody]]] = (),
+        movers: Sequence[tuple[ObstacleMotion, Sequence[HalfspaceBody]]] = (),
         clearances: Mapping[str, float] | None = None,
         hulls: Sequence[LinkBody] = (),
         unguarded: Sequence[tuple[str, str]] = (),
@@ -193,8 +193,8 @@ class Barriers:
             kinematics = replace(kinematics, placements=np.concatenate([kinematics.placements, flat[None]], axis=1))
         twists = []
         for motion, pose in zip(self.movers, poses, strict=True):
-            passage = int(motion.row(now)[0])
-            speed, spin = motion.velocity[passage], motion.spin[passage]
+            segment = int(motion.segment(now)[0])
+            speed, spin = motion.velocity[segment], motion.spin[segment]
             twists.append(np.append(speed - np.cross(spin, pose[:3, 3]), spin))
         return _Moment(kinematics, self.kinematics.nj, twists)
 
@@ -256,14 +256,14 @@ def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Bar
     planes = settings.normals if settings.distance == "hdsdf" else "box"
     collision_model = collision_model_of(robot, "box" if boxes else scene.planner.link_bodies, planes)
     standing: list[HalfspaceBody] = []
-    movers: list[tuple[Passages, Sequence[HalfspaceBody]]] = []
+    movers: list[tuple[ObstacleMotion, Sequence[HalfspaceBody]]] = []
     with naming(scene.source):
         for obstacle in scene.obstacles:
             if obstacle.motion is None:
                 standing += from_obstacle(obstacle, planes)[0]
             else:
                 movers.append(
-                    (Passages.of(obstacle), from_obstacle(replace(obstacle, pose=Pose(), motion=None), planes)[0])
+                    (ObstacleMotion.of(obstacle), from_obstacle(replace(obstacle, pose=Pose(), motion=None), planes)[0])
                 )
         return Barriers(
             robot,
