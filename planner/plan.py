@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hdplan.distance.symbolic.compile_time import compile_time
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.trajectory import Trajectory
@@ -90,7 +91,8 @@ def plan(
     aims = [replace(scene, goal=goal) for goal in goals]
     clearances = [reachable_clearance(aim, robot, certifier) for aim in aims]  # ends in collision: before all fitting
     retimer = _retimer(scene, robot)
-    problems = [build(aim, robot, began + min(time_limit, FOR_MESHES * seconds_left())) for aim in aims]
+    with compile_time() as stopwatch:
+        problems = [build(aim, robot, began + min(time_limit, FOR_MESHES * seconds_left())) for aim in aims]
     if retimer is not None:
         hurried = [retimer.too_short(problem.start, problem.goal) for problem in problems]
         if all(hurried):
@@ -119,8 +121,7 @@ def plan(
     best = searches[taken].conclude()
     certified = sum(search.certify_seconds for search in searches)
     solved = time.perf_counter() - built - certified  # guesses included
-    compile_ = sum(problem.compile_seconds for problem in problems)
-    load, build_ = loaded - began, built - loaded - compile_
+    load, build_ = loaded - began, built - loaded - stopwatch.seconds
     words = (*found, *clearances[taken][1])
     if seconds_left() == 0.0 and not best.certificate.certified:
         words = (*words, "the time limit passed: what is not proven may only not have been looked at closely enough")
@@ -137,7 +138,7 @@ def plan(
         attempts=sum(search.attempts for search in searches),
         iterations=sum(search.iterations for search in searches),
         steps=best.steps,
-        times=Times(load, build_, compile_, solved, certified),
+        times=Times(load, build_, stopwatch.seconds, solved, certified),
         notes=(*problems[taken].notes, *best.certificate.notes, *words),
         goal=goals[taken] if several else None,
         asked=scene,

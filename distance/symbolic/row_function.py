@@ -19,17 +19,17 @@ import subprocess
 import sys
 import tempfile
 import threading
-import time
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.distance.cache import cache_dir, content_key, write_whole
+from hdplan.distance.symbolic.compile_time import compiling
 from hdplan.scenes.deadline import check_time, most_seconds
 
 Floats = NDArray[np.float64]
@@ -76,22 +76,19 @@ class RowFunction:
     matrix.
     """
 
-    spent: ClassVar[_Spent]  # on compiling, or on finding what was compiled
-
     def __init__(self, function: ca.Function) -> None:
         """Compile the function, or find it in the cache."""
-        began = time.perf_counter()
         self.function = function
         self.widths = [function.numel_in(i) for i in range(function.n_in())]
         self.result_widths = [function.numel_out(i) for i in range(function.n_out())]
-        library = _library(function)
+        with compiling():
+            library = _library(function)
         self.is_compiled = library is not None
         if library is not None:
             self._loop = getattr(library, f"{function.name()}_rows")
             self._loop.restype = None
             self._numbers = [(ctypes.c_longlong * len(widths))(*widths) for widths in (self.widths, self.result_widths)]
         self._workspace = _Workspace(function, library)
-        self.spent.seconds += time.perf_counter() - began
 
     def __reduce__(self) -> tuple[type[RowFunction], tuple[ca.Function]]:
         """What another process is sent: it compiles the function itself, or finds it in the cache."""
@@ -151,15 +148,6 @@ class RowFunction:
             run()
             for result, output in zip(results, outputs, strict=True):
                 result[k] = output
-
-
-class _Spent(threading.local):
-    """Time that a thread has spent."""
-
-    seconds = 0.0
-
-
-RowFunction.spent = _Spent()
 
 
 class _Workspace(threading.local):

@@ -15,7 +15,7 @@ the witness points, and in overlaps the normal too, are one choice among many.
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,7 +29,7 @@ from hdplan.planner.collision.broad_phase import BodyPairs, Floats, Rows
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
-from hdplan.planner.geometry.shapes import operations
+from hdplan.planner.geometry.shapes import Outline, operations
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.scenes.once import read_only
 from hdplan.scenes.shapes import Shape
@@ -102,7 +102,7 @@ class FclPairs(PairDistance):
         many_a, many_b, shifts = np.full(count, a), np.full(count, b), np.tile(shift, (count, 1))
         _, normals, _ = self._ask(many_a[1:], many_b[1:], turn @ _turns(), shifts[1:])
         corners = self.first[a].vertices @ turn.T + shift
-        centres = corners.mean(axis=0) - self.second[b].vertices.mean(axis=0)
+        centres = corners.mean(axis=0) - self.second[b].centre
         length = float(np.linalg.norm(centres))
         between = centres / length if length else np.array([0.0, 0.0, 1.0])  # any direction is as good as any other
         normals = np.vstack([between, normals])
@@ -121,24 +121,51 @@ class FclPairs(PairDistance):
 
 
 @dataclass(frozen=True, eq=False)
-class _Solid:
-    """The hull of `vertices`, swept by a ball; or one of the scene's shapes, by its formula. In its own frame."""
+class _Swept:
+    """The hull of `vertices`, swept by a ball, in its own frame."""
 
     shape: Any  # the same for coal
     vertices: Floats  # (m, 3) [m]
-    ball: float = 0.0  # [m] radius
-    outlined: Shape | None = None  # its support is its row's formula, which cannot be pickled
+    ball: float  # [m] radius
+
+    @property
+    def centre(self) -> Floats:
+        """A point inside (3,)."""
+        return np.asarray(self.vertices.mean(axis=0))
 
     def support(self, directions: Floats) -> Floats:
-        """h(d) = max d·x over the solid, for unit directions (S, 3)."""
-        if self.outlined is not None and (outline := operations(self.outlined).outline) is not None:
-            return outline.support(self.outlined, directions)
+        """h(d) = max d·x over the body, for unit directions (S, 3)."""
         values: Floats = (directions @ self.vertices.T).max(axis=1)
         values += self.ball * np.linalg.norm(directions, axis=1)
         return values
 
 
-def _supports(solids: dict[int, _Solid], index: Rows, directions: Floats) -> Floats:
+@dataclass(frozen=True, eq=False)
+class _Outlined:
+    """One of the scene's shapes, in its own frame. Its support is a formula, which is looked up: it cannot be
+    pickled."""
+
+    shape: Any  # the same for coal
+    outlined: Shape
+
+    @property
+    def centre(self) -> Floats:
+        """A point inside (3,)."""
+        return np.zeros(3)
+
+    def support(self, directions: Floats) -> Floats:
+        """h(d) = max d·x over the shape, for unit directions (S, 3)."""
+        return _outline(self.outlined).support(self.outlined, directions)
+
+
+def _outline(shape: Shape) -> Outline:
+    outline = operations(shape).outline
+    if outline is None:
+        raise TypeError(f"a {type(shape).__name__} has to be split into convex pieces first")
+    return outline
+
+
+def _supports(solids: Mapping[int, _Swept | _Outlined], index: Rows, directions: Floats) -> Floats:
     """The support of solid `index` (S,) in each direction (S, 3)."""
     result = np.empty(len(index))
     order = np.argsort(index, kind="stable")
@@ -148,22 +175,20 @@ def _supports(solids: dict[int, _Solid], index: Rows, directions: Floats) -> Flo
     return result
 
 
-def _solid(shape: Shape | ConvexBody) -> _Solid:
-    """A plane body's true shape."""
+def _solid(shape: Shape | ConvexBody) -> _Swept | _Outlined:
+    """A halfspace body's true shape."""
     if isinstance(shape, ConvexBody):
         return _swept(shape)
-    row = operations(shape)
-    if row.outline is None:
-        raise TypeError(f"a {type(shape).__name__} has to be split into convex pieces first")
-    return _Solid(row.coal(shape, ""), np.zeros((1, 3)), outlined=shape)
+    _outline(shape)  # refuses a shape without one
+    return _Outlined(operations(shape).coal(shape, ""), shape)
 
 
 @functools.lru_cache(maxsize=4096)
-def _swept(body: ConvexBody) -> _Solid:
+def _swept(body: ConvexBody) -> _Swept:
     """A polytope swept by a ball; coal takes the radius off the distance of the polytopes."""
     shape = coal_hull(body)
     shape.setSweptSphereRadius(body.radius)
-    return _Solid(shape, body.vertices, ball=body.radius)
+    return _Swept(shape, body.vertices, body.radius)
 
 
 @functools.cache

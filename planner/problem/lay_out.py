@@ -11,7 +11,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
 from hdplan.planner.collision.collision_model import SELF_ACTIVATION, collision_model_of
 from hdplan.planner.collision.euclidean import FclPairs
@@ -26,19 +25,12 @@ from hdplan.planner.problem.smoothness import Smoothness
 from hdplan.planner.problem.swept_clearance import SweptClearance
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import Query
-from hdplan.scenes.errors import InputError, naming, nearest
+from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.scene import Scene
 
-DISTANCES = ("hdsdf", "fcl")
 SAMPLES_PER_INTERVAL = 2  # at least
-
-
-def check_distance(name: str) -> None:
-    """Raise InputError for an unknown distance."""
-    if name not in DISTANCES:
-        raise InputError(f"distance: unknown '{name}'{nearest(name, DISTANCES)}")
 
 
 def self_margin(scene: Scene) -> float:
@@ -56,7 +48,6 @@ def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf
     settings = scene.planner
     if settings.swept and settings.distance != "hdsdf":
         raise InputError(f"{scene.source}: planner.swept: true needs planner.distance hdsdf, found {settings.distance}")
-    compiled_before = RowFunction.spent.seconds
     model = collision_model_of(robot, settings.link_bodies, settings.normals)
     kinematics, bodies = model.kinematics, model.bodies
     with naming(scene.source):
@@ -132,7 +123,6 @@ def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf
         unresolved=model.unresolved,
         apart=tuple(pair for pair, proven in kept if proven),
         notes=tuple(notes),
-        compile_seconds=RowFunction.spent.seconds - compiled_before,
     )
 
 

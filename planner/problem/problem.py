@@ -92,7 +92,6 @@ class Problem:
     unresolved: tuple[tuple[str, str], ...]  # link pairs left to the certificate, as their outer bodies overlap anyway
     apart: tuple[tuple[int, int], ...]  # pairs of bodies left out, as they keep their margin within all limits
     notes: tuple[str, ...]  # words for the user
-    compile_seconds: float  # spent on compiling the distance, or on finding it in the cache
 
     def __repr__(self) -> str:
         """Say what is planned for whom, and what counts."""
