@@ -14,13 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from hdplan.planner.collision.broad_phase import Rows
 from hdplan.planner.collision.euclidean import REQUEST, FclPairs
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.studies.report import markdown_text
+from hdplan.scenes.array_types import Rows
 
 REPEATS = 5  # the quickest counts
 LEAST = 50  # pairs: fewer say little of a batch

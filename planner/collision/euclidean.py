@@ -21,16 +21,16 @@ from typing import Any
 
 import coal
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.baselines.coal import coal_hull
 from hdplan.distance.bodies import ConvexBody
-from hdplan.planner.collision.broad_phase import BodyPairs, Floats, Rows
+from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.geometry.shapes import Outline, operations
 from hdplan.planner.kinematics.forward import KinematicsBatch
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.once import read_only
 from hdplan.scenes.shapes import Shape
 
@@ -63,7 +63,7 @@ class FclPairs(PairDistance):
         """Which library, which version."""
         return f"exact Euclidean distance by FCL (coal {coal.__version__}), one pair after another"
 
-    def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Floats, Floats, Floats]:
+    def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
         """Return D (S,) [m], its wrench (S, 6) and D again, for S pairs (row of the pairs) at samples."""
         pairs = self.pairs
         a, b = pairs.body[pair], pairs.plane_body[pair]
@@ -83,7 +83,7 @@ class FclPairs(PairDistance):
         value = gap - pairs.margins[b]
         return value, np.concatenate([force, np.cross(point, force)], axis=1), value
 
-    def _ask(self, a: Rows, b: Rows, turn: Floats, shift: Floats) -> tuple[Floats, Floats, Floats]:
+    def _ask(self, a: Rows, b: Rows, turn: Array, shift: Array) -> tuple[Array, Array, Array]:
         """Return coal's distances (S,), normals (S, 3) and witness points on A (S, 3), in B's frames, as they are."""
         place, identity, result = coal.Transform3s(), coal.Transform3s(), coal.DistanceResult()
         distances, normals, witnesses = np.empty(len(a)), np.empty((len(a), 3)), np.empty((len(a), 3))
@@ -95,7 +95,7 @@ class FclPairs(PairDistance):
             normals[k], witnesses[k] = result.normal, result.getNearestPoint1()
         return distances, -normals, witnesses
 
-    def _ask_again(self, a: int, b: int, turn: Floats, shift: Floats) -> tuple[float, Floats, Floats]:
+    def _ask_again(self, a: int, b: int, turn: Array, shift: Array) -> tuple[float, Array, Array]:
         """Return the largest gap of one pair among the normals that turned poses and the centres give, the normal, and
         the point of A that is nearest along it."""
         count = 1 + NUDGES
@@ -111,10 +111,10 @@ class FclPairs(PairDistance):
         normal = normals[best]
         return float(gaps[best]), normal, corners[np.argmin(corners @ normal)] - self.first[a].ball * normal
 
-    def _gaps(self, a: Rows, b: Rows, turn: Floats, shift: Floats, normal: Floats) -> Floats:
+    def _gaps(self, a: Rows, b: Rows, turn: Array, shift: Array, normal: Array) -> Array:
         """gap(n) (S,) [m] along normals (S, 3) in B's frames; not a number where the normal has not length one."""
         inward = -(normal[:, None] @ turn)[:, 0]
-        gaps: Floats = np.einsum("si,si->s", normal, shift) - _supports(self.first, a, inward)
+        gaps: Array = np.einsum("si,si->s", normal, shift) - _supports(self.first, a, inward)
         gaps -= _supports(self.second, b, normal)
         gaps[~(np.abs(np.linalg.norm(normal, axis=1) - 1) <= 1e-9)] = np.nan
         return gaps
@@ -125,17 +125,17 @@ class _Swept:
     """The hull of `vertices`, swept by a ball, in its own frame."""
 
     shape: Any  # the same for coal
-    vertices: Floats  # (m, 3) [m]
+    vertices: Array  # (m, 3) [m]
     ball: float  # [m] radius
 
     @property
-    def centre(self) -> Floats:
+    def centre(self) -> Array:
         """A point inside (3,)."""
         return np.asarray(self.vertices.mean(axis=0))
 
-    def support(self, directions: Floats) -> Floats:
+    def support(self, directions: Array) -> Array:
         """h(d) = max d·x over the body, for unit directions (S, 3)."""
-        values: Floats = (directions @ self.vertices.T).max(axis=1)
+        values: Array = (directions @ self.vertices.T).max(axis=1)
         values += self.ball * np.linalg.norm(directions, axis=1)
         return values
 
@@ -149,11 +149,11 @@ class _Outlined:
     outlined: Shape
 
     @property
-    def centre(self) -> Floats:
+    def centre(self) -> Array:
         """A point inside (3,)."""
         return np.zeros(3)
 
-    def support(self, directions: Floats) -> Floats:
+    def support(self, directions: Array) -> Array:
         """h(d) = max d·x over the shape, for unit directions (S, 3)."""
         return _outline(self.outlined).support(self.outlined, directions)
 
@@ -165,7 +165,7 @@ def _outline(shape: Shape) -> Outline:
     return outline
 
 
-def _supports(solids: Mapping[int, _Swept | _Outlined], index: Rows, directions: Floats) -> Floats:
+def _supports(solids: Mapping[int, _Swept | _Outlined], index: Rows, directions: Array) -> Array:
     """The support of solid `index` (S,) in each direction (S, 3)."""
     result = np.empty(len(index))
     order = np.argsort(index, kind="stable")
@@ -192,7 +192,7 @@ def _swept(body: ConvexBody) -> _Swept:
 
 
 @functools.cache
-def _turns() -> NDArray[np.float64]:
+def _turns() -> Array:
     """Small turns (NUDGES, 3, 3) about axes drawn at random."""
     turns = []
     for x, y, z in np.random.default_rng(0).normal(size=(NUDGES, 3)):

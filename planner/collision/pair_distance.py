@@ -5,14 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from hdplan.distance.symbolic.row_function import RowFunction
-from hdplan.planner.collision.broad_phase import Rows
 from hdplan.planner.kinematics.forward import KinematicsBatch
-
-Floats = NDArray[np.float64]
+from hdplan.scenes.array_types import Array, Rows
 
 
 class PairDistance(Protocol):
@@ -34,7 +29,7 @@ class PairDistance(Protocol):
         """What computes it, in words."""
         ...
 
-    def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Floats, Floats, Floats]:
+    def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
         """Return, for S pairs (rows of the term's pairs) at samples, less the margin: the distance D (S,) [m] whose
         hinge is taken; its derivative under a motion of the first body, as a wrench (S, 6), force and torque about the
         world's origin; and a lower bound of the true distance (S,) [m]."""

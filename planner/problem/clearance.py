@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.collision.broad_phase import BodyPairs
@@ -18,19 +17,18 @@ from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.terms import Penalty, Term
-
-Floats = NDArray[np.float64]
+from hdplan.scenes.array_types import Array, Rows
 
 
 @dataclass(frozen=True)
 class Inside:
     """The S body pairs that are inside their margin, samples ascending."""
 
-    sample: NDArray[np.int64]  # (S,)
-    pair: NDArray[np.int64]  # (S,) row of the term's pairs
-    distance: Floats  # (S,) D < 0 [m]
-    separation: Floats  # (S,) D̃ [m], a lower bound of the true distance less the margin
-    gradient: Floats  # (S, n) dD/dq
+    sample: Rows  # (S,)
+    pair: Rows  # (S,) row of the term's pairs
+    distance: Array  # (S,) D < 0 [m]
+    separation: Array  # (S,) D̃ [m], a lower bound of the true distance less the margin
+    gradient: Array  # (S, n) dD/dq
 
 
 class PairTerm(Term):
@@ -49,7 +47,7 @@ class PairTerm(Term):
         """Those of its distance."""
         return self.distance.functions
 
-    def met(self, kinematics: KinematicsBatch, times: Floats) -> KinematicsBatch:
+    def met(self, kinematics: KinematicsBatch, times: Array) -> KinematicsBatch:
         """The state of configurations at times (B,) [s]: the same at any, as nothing moves of itself."""
         return kinematics
 
@@ -62,7 +60,7 @@ class PairTerm(Term):
         gradient = (kinematics.columns[sample] @ wrench[kept, :, None])[:, :, 0] * self.pairs.moves[pair]
         return Inside(sample, pair, distance[kept], separation[kept], gradient)
 
-    def depth(self, kinematics: KinematicsBatch, parameter: Floats | None = None) -> Floats:
+    def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
         """How far the worst pair may be inside its margin (B,) [m], the same anywhere on the motion."""
         inside, result = self.inside(kinematics), np.zeros(len(kinematics.placements))
         np.maximum.at(result, inside.sample, -inside.separation)

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.motion.motion_bounds import Chain, cross
@@ -25,10 +24,8 @@ from hdplan.planner.problem.hinge import BAND, Hinge, Measures
 from hdplan.planner.robot.joint_limits import joint_limit
 from hdplan.planner.robot.loads import loaded_model
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.scene import Scene
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 ARM = 0.1  # [m] that a torque at its limit counts as: with the hinge's band the penalty sets in at 80 % of it
 
@@ -94,7 +91,7 @@ class GravityMeasure:
     """Gravity's torques as shares of their limits, times ARM."""
 
     torques: GravityTorques
-    joints: NDArray[np.int64]  # (m,) that gravity may overload
+    joints: Rows  # (m,) that gravity may overload
     limits: Array  # (m,) of these
 
     @property

@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
@@ -25,6 +24,7 @@ from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.smoothness import Smoothness
 from hdplan.planner.problem.terms import Term
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from hdplan.planner.problem.path_terms import PathTerm
     from hdplan.planner.problem.velocity_penalty import VelocityPenalty
 
-Floats = NDArray[np.float64]
 
 SPACING = 0.03  # [m] farthest that a body's centre may move between two samples
 
@@ -46,10 +45,10 @@ class Evaluation:
     cost: float
     smoothness: float
     penalty: float  # without its weight
-    depth: Floats  # (B,) how far the worst pair at each sample may be inside its margin [m]
-    gradient: Floats  # (M, n)
-    diagonal: Floats  # (M, n, n) penalty curvature of each waypoint
-    coupling: Floats  # (M − 1, n, n) penalty curvature between neighbours
+    depth: Array  # (B,) how far the worst pair at each sample may be inside its margin [m]
+    gradient: Array  # (M, n)
+    diagonal: Array  # (M, n, n) penalty curvature of each waypoint
+    coupling: Array  # (M − 1, n, n) penalty curvature between neighbours
 
 
 @dataclass(frozen=True)
@@ -81,8 +80,8 @@ class Problem:
 
     scene: Scene
     robot: Robot
-    start: Floats  # (n,)
-    goal: Floats  # (n,)
+    start: Array  # (n,)
+    goal: Array  # (n,)
     kinematics: Kinematics
     bodies: tuple[LinkBody, ...]  # the links' outer bodies
     halfspace_bodies: tuple[HalfspaceBody, ...]  # the obstacles' convex pieces, those last that move
@@ -103,13 +102,13 @@ class Problem:
         """N, both ends included."""
         return self.scene.planner.waypoints
 
-    def clip(self, positions: Floats) -> Floats:
+    def clip(self, positions: Array) -> Array:
         """Move interior waypoints into the joint limits and set the ends."""
         result = np.clip(positions, self.robot.lower, self.robot.upper)
         result[0], result[-1] = self.start, self.goal
         return result
 
-    def polyline(self, via: Floats | None = None) -> Floats:
+    def polyline(self, via: Array | None = None) -> Array:
         """The straight line from start to goal, or the polyline through `via` (C, n), as waypoints (N, n) at equal
         steps of joint-space length."""
         corners = np.vstack([self.start, self.goal] if via is None else [self.start, via, self.goal])
@@ -119,7 +118,7 @@ class Problem:
         wanted = np.linspace(0, lengths[-1], self.waypoints)
         return np.stack([np.interp(wanted, lengths, column) for column in corners.T], axis=1)
 
-    def evaluate(self, positions: Floats, weight: float) -> Evaluation:
+    def evaluate(self, positions: Array, weight: float) -> Evaluation:
         """Cost and derivatives at waypoints (N, n) with penalty weight w [1/m²]."""
         smoothness, gradient = self.smoothness.value(positions)
         kinematics = self.kinematics.evaluate(self.samples.configurations(positions))
@@ -146,12 +145,12 @@ class Problem:
             coupling=weight * coupling[1:-1],
         )
 
-    def depth(self, configurations: Floats, parameter: Floats | None = None) -> Floats:
+    def depth(self, configurations: Array, parameter: Array | None = None) -> Array:
         """How far the worst term is inside its margin at single configurations (B, n) -> (B,) [m]: anywhere on the
         motion, or at path parameters (B,)."""
         kinematics = self.kinematics.evaluate(configurations)
         depths = [term.depth(kinematics, parameter) for term in self.terms]
-        result: Floats = np.max([np.zeros(len(configurations)), *depths], axis=0)
+        result: Array = np.max([np.zeros(len(configurations)), *depths], axis=0)
         return result
 
     def with_term(self, term: Term) -> Problem:
@@ -164,7 +163,7 @@ class Problem:
         counts[intervals] *= 2
         return replace(self, samples=self.samples.raised(counts))
 
-    def resampled(self, positions: Floats) -> Problem:
+    def resampled(self, positions: Array) -> Problem:
         """The same problem, sampled densely enough for a motion (N, n): no body's centre moves farther than SPACING
         from one sample to the next."""
         kinematics = self.kinematics.evaluate(positions)

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 
 @dataclass(frozen=True)
@@ -25,15 +24,15 @@ class Smoothness:
     acceleration: float = 0.01  # α, relative to the squared duration
 
     @cached_property
-    def matrix(self) -> Floats:
+    def matrix(self) -> Array:
         """The Hessian M (N, N), the same for every joint: the cost is ½ Σ_j q_jᵀ M q_j."""
         h = 1 / (self.waypoints - 1)
         first = np.diff(np.eye(self.waypoints), axis=0)
         second = np.diff(first, axis=0)
-        matrix: Floats = first.T @ first / h + self.acceleration * second.T @ second / h**3
+        matrix: Array = first.T @ first / h + self.acceleration * second.T @ second / h**3
         return matrix
 
-    def value(self, positions: Floats) -> tuple[float, Floats]:
+    def value(self, positions: Array) -> tuple[float, Array]:
         """Cost and gradient (N, n) at waypoints (N, n)."""
         gradient = self.matrix @ positions
         return float(0.5 * np.sum(positions * gradient)), gradient

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.symbolic.halfspaces import swept_halfspace_distance
 from hdplan.distance.symbolic.row_function import RowFunction
@@ -21,9 +20,8 @@ from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.problem.clearance import Inside, PairTerm
 from hdplan.planner.problem.terms import MotionPenalty
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import made_once
-
-Floats = NDArray[np.float64]
 
 
 class SweptClearance(PairTerm):
@@ -74,7 +72,7 @@ class SweptClearance(PairTerm):
         ]
         return Inside(interval, pair, distance[kept], separation[kept], np.hstack(gradient))
 
-    def over_motion(self, positions: Floats, kinematics: Kinematics) -> MotionPenalty:
+    def over_motion(self, positions: Array, kinematics: Kinematics) -> MotionPenalty:
         """The penalty over a motion through N waypoints."""
         count, n = positions.shape
         inside = self.between(kinematics.evaluate(positions))

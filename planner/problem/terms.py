@@ -10,13 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.problem.samples import Samples
-
-Floats = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 
 @dataclass(frozen=True)
@@ -24,9 +22,9 @@ class Penalty:
     """A penalty at B samples."""
 
     cost: float
-    gradient: Floats  # (B, n) with respect to the samples' configurations
-    curvature: Floats  # (B, n, n) Gauss-Newton
-    depth: Floats  # (B,) how far the worst pair may be inside its margin, 0 if none is [m]
+    gradient: Array  # (B, n) with respect to the samples' configurations
+    curvature: Array  # (B, n, n) Gauss-Newton
+    depth: Array  # (B,) how far the worst pair may be inside its margin, 0 if none is [m]
 
 
 @dataclass(frozen=True)
@@ -34,10 +32,10 @@ class MotionPenalty:
     """A penalty on a whole motion of N waypoints."""
 
     cost: float
-    gradient: Floats  # (N, n)
-    diagonal: Floats  # (N, n, n) Gauss-Newton curvature of each waypoint
-    coupling: Floats  # (N − 1, n, n) of q_{k+1} (rows) with q_k
-    depth: Floats  # (N − 1,) how far the worst may be inside its margin on the interval, 0 if nothing is [m]
+    gradient: Array  # (N, n)
+    diagonal: Array  # (N, n, n) Gauss-Newton curvature of each waypoint
+    coupling: Array  # (N − 1, n, n) of q_{k+1} (rows) with q_k
+    depth: Array  # (N − 1,) how far the worst may be inside its margin on the interval, 0 if nothing is [m]
 
 
 class Term:
@@ -54,11 +52,11 @@ class Term:
         """The penalty at the samples of a motion, with their weights; None for a term that has nothing there."""
         return None
 
-    def over_motion(self, positions: Floats, kinematics: Kinematics) -> MotionPenalty | None:
+    def over_motion(self, positions: Array, kinematics: Kinematics) -> MotionPenalty | None:
         """The penalty on a motion through waypoints (N, n) of a robot; None for a term that has nothing there."""
         return None
 
-    def depth(self, kinematics: KinematicsBatch, parameter: Floats | None = None) -> Floats:
+    def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
         """How far each of B configurations may be inside the margin (B,) [m], 0 if it is not; anywhere on the motion,
         or at path parameters (B,)."""
         return np.zeros(len(kinematics.placements))

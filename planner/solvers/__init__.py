@@ -8,9 +8,10 @@ import pkgutil
 
 import numpy as np
 
-from hdplan.planner.problem.problem import Floats, Problem
+from hdplan.planner.problem.problem import Problem
 from hdplan.planner.solvers import methods
 from hdplan.planner.solvers.solution import Budget, Solution, Solver
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.values import instance
 
@@ -34,7 +35,7 @@ def solver_named(name: str) -> Solver:
 
 
 def solve(
-    problem: Problem, *, solver: str = "gauss_newton", guess: Floats | None = None, budget: Budget | None = None
+    problem: Problem, *, solver: str = "gauss_newton", guess: Array | None = None, budget: Budget | None = None
 ) -> Solution:
     """Solve a problem once, from a first guess (N, n) or the straight line; certify the result before you trust it.
 
@@ -56,7 +57,7 @@ def solve(
     return run.solve(problem, problem.polyline() if guess is None else _checked(problem, guess), budget)
 
 
-def _checked(problem: Problem, guess: Floats) -> Floats:
+def _checked(problem: Problem, guess: Array) -> Array:
     """Return a guess that a solver can start from."""
     robot, shape = problem.robot, (problem.waypoints, problem.robot.n)
     try:

@@ -11,14 +11,12 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.symbolic.graph_distance import CLOSED
 from hdplan.planner.problem.clearance import PairTerm
 from hdplan.planner.problem.problem import Problem
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -31,8 +29,8 @@ class Nlp:
     cost: ca.MX
     gradient: ca.MX  # (M n)
     hessian: ca.MX  # (M n, M n), banded
-    lower: Floats  # (M n)
-    upper: Floats  # (M n)
+    lower: Array  # (M n)
+    upper: Array  # (M n)
 
 
 def nlp(problem: Problem) -> Nlp:

@@ -27,7 +27,7 @@ from hdplan.scenes.yaml_format.reader import load_scene
 # Effect -> its modules, and a shipped scene that calls for it.
 EFFECTS = {
     "moving obstacles": (
-        ["planner.problem.moving_clearance", "planner.problem.velocity_penalty", "scenes.moving"],
+        ["planner.problem.moving_clearance", "planner.problem.velocity_penalty", "scenes.obstacle_motion"],
         "panda_conveyor",
     ),
     "times": (["planner.timing.retiming", "planner.certificate.rate_check"], "ur5_pallet"),

@@ -19,7 +19,7 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.moving import Passages
+from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
@@ -40,9 +40,9 @@ def turned(rng: np.random.Generator) -> Pose:
 def test_a_steady_motion_has_its_velocity_and_spin(seed: int) -> None:
     rng = np.random.default_rng(seed)
     motion = SteadyMotion(*(tuple(each) for each in rng.normal(size=(2, 3)).tolist()))
-    passages, step = Passages.of(Obstacle("a", Sphere(0.1), turned(rng), motion=motion)), 1e-6
+    carried, step = ObstacleMotion.of(Obstacle("a", Sphere(0.1), turned(rng), motion=motion)), 1e-6
     for time in rng.uniform(-1, 5, size=5):
-        before, after = passages.at(np.array([time - step, time + step]))
+        before, after = carried.at(np.array([time - step, time + step]))
         np.testing.assert_allclose((after - before)[:3, 3] / (2 * step), motion.velocity, atol=1e-8)
         turn = Rotation.from_matrix(after[:3, :3] @ before[:3, :3].T).as_rotvec() / (2 * step)
         np.testing.assert_allclose(turn, motion.spin, atol=1e-8)
@@ -51,12 +51,12 @@ def test_a_steady_motion_has_its_velocity_and_spin(seed: int) -> None:
 def test_timed_poses_are_met_and_between_them_the_way_is_the_shortest() -> None:
     rng = np.random.default_rng(3)
     times, poses = (0.5, 1.0, 3.0), tuple(turned(rng) for _ in range(3))
-    passages = Passages.of(Obstacle("a", Sphere(0.1), poses[0], motion=TimedPoses(times, poses)))
-    np.testing.assert_allclose(passages.at(np.array(times)), [pose.matrix for pose in poses], atol=1e-12)
-    np.testing.assert_array_equal(passages.at(np.array([-1.0, 0.5])), [poses[0].matrix] * 2)
-    np.testing.assert_allclose(passages.at(np.array([9.0]))[0], poses[2].matrix, atol=1e-12)
+    carried = ObstacleMotion.of(Obstacle("a", Sphere(0.1), poses[0], motion=TimedPoses(times, poses)))
+    np.testing.assert_allclose(carried.at(np.array(times)), [pose.matrix for pose in poses], atol=1e-12)
+    np.testing.assert_array_equal(carried.at(np.array([-1.0, 0.5])), [poses[0].matrix] * 2)
+    np.testing.assert_allclose(carried.at(np.array([9.0]))[0], poses[2].matrix, atol=1e-12)
     when = np.linspace(0.5, 3.0, 40)
-    found = passages.at(when)
+    found = carried.at(when)
     slerp = Slerp(times, Rotation.from_matrix([pose.matrix[:3, :3] for pose in poses]))
     np.testing.assert_allclose(found[:, :3, :3], slerp(when).as_matrix(), atol=1e-12)
     wanted = [np.interp(when, times, [pose.position[i] for pose in poses]) for i in range(3)]
@@ -104,7 +104,7 @@ def test_a_moving_obstacle_is_one_that_stands_where_it_is_at_that_time(problem: 
     for parameter in (0.2, 0.5, 0.83):
         seconds = float(moving.law.time_at(np.array([parameter]))[0])
         frozen = tuple(
-            dataclasses.replace(each, pose=_pose(Passages.of(each).at(np.array([seconds]))[0]), motion=None)
+            dataclasses.replace(each, pose=_pose(ObstacleMotion.of(each).at(np.array([seconds]))[0]), motion=None)
             for each in crossing.obstacles
         )
         standing = build(dataclasses.replace(crossing, obstacles=frozen))
