@@ -14,7 +14,6 @@ from hdplan.distance.symbolic.compile_time import compile_time
 from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.problem.problem import Floats
 from hdplan.planner.result import PlanResult, Times
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
@@ -22,6 +21,7 @@ from hdplan.planner.search.end_clearance import reachable_clearance
 from hdplan.planner.search.search import Event, Search, search_in_turn
 from hdplan.planner.search.warm_start import MOVED, rows_of, warm_start
 from hdplan.planner.solvers import solver_named
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import check_time, seconds_left
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.scene import Scene
@@ -106,7 +106,7 @@ def plan(
         Search(problem, certifier, retimer, run, required, deadline, report, stop)
         for problem, (required, _) in zip(problems, clearances, strict=True)
     ]
-    warm: list[Floats | None] = [None] * len(problems)
+    warm: list[Array | None] = [None] * len(problems)
     if guess is not None and rows is not None:
         nearest = min(range(len(problems)), key=lambda i: float(np.linalg.norm(problems[i].goal - rows[-1])))
         warm[nearest], moved = warm_start(problems[nearest], rows, guess.times is not None)

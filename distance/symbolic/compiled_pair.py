@@ -7,7 +7,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.body_distance import BodyDistance
@@ -17,10 +17,8 @@ from hdplan.distance.poses import check_poses
 from hdplan.distance.symbolic.graph_poses import relative_pose
 from hdplan.distance.symbolic.polytopes import relative_function
 from hdplan.distance.symbolic.row_function import RowFunction
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import made_once
-
-Array = NDArray[np.float64]
-
 
 SHAPES: tuple[tuple[int, ...], ...] = ((), (), (12,), (12, 12))  # of D, D̃, gradient and Hessian at one pose
 

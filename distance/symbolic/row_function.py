@@ -26,14 +26,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.cache import cache_dir, content_key, write_whole
 from hdplan.distance.symbolic.compile_time import compiling
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.deadline import check_time, most_seconds
-
-Floats = NDArray[np.float64]
-Rows = NDArray[np.int64]
 
 # None of them changes a value: without the last, machines with a fused multiply-add would round differently. The second
 # and third let the smallest helpers of the generated code (fmin, a square) be inlined, which halves the time.
@@ -94,7 +91,7 @@ class RowFunction:
         """What another process is sent: it compiles the function itself, or finds it in the cache."""
         return RowFunction, (self.function,)
 
-    def __call__(self, tables: Sequence[Floats], rows: Sequence[Rows]) -> list[Floats]:
+    def __call__(self, tables: Sequence[Array], rows: Sequence[Rows]) -> list[Array]:
         """Evaluate for k = 0 … count-1 with input i taken from `tables[i][rows[i][k]]`.
 
         tables: one array (n_i, width_i) per input. rows: one index array (count,) per input. Returns one array
@@ -130,7 +127,7 @@ class RowFunction:
             self._interpret(tables, rows, results)
         return results
 
-    def once(self, *arguments: Floats) -> list[Floats]:
+    def once(self, *arguments: Array) -> list[Array]:
         """Evaluate at one row of each input, flat arrays (width_i,): the same with the least overhead for one call."""
         bound, run, results = self._workspace.single
         for slot, argument in zip(bound, arguments, strict=True):
@@ -138,7 +135,7 @@ class RowFunction:
         run()
         return [result.copy() for result in results]
 
-    def _interpret(self, tables: Sequence[Floats], rows: Sequence[Rows], results: Sequence[Floats]) -> None:
+    def _interpret(self, tables: Sequence[Array], rows: Sequence[Rows], results: Sequence[Array]) -> None:
         """The same through CasADi's virtual machine, by buffers: converting to CasADi's DM would cost more than the
         work."""
         bound, run, outputs = self._workspace.single
@@ -183,7 +180,7 @@ class _Workspace(threading.local):
         self.single = arguments, run, results
 
 
-def _addresses(arrays: Sequence[Floats] | Sequence[Rows]) -> ctypes.Array[ctypes.c_void_p]:
+def _addresses(arrays: Sequence[Array] | Sequence[Rows]) -> ctypes.Array[ctypes.c_void_p]:
     return (ctypes.c_void_p * len(arrays))(*(array.__array_interface__["data"][0] for array in arrays))
 
 

@@ -12,18 +12,19 @@ import numpy as np
 
 from hdplan.distance.symbolic.halfspaces import halfspace_distance
 from hdplan.distance.symbolic.row_function import RowFunction
-from hdplan.planner.collision.broad_phase import BodyPairs, Floats, Rows
+from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.kinematics.forward import KinematicsBatch
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.once import made_once
 
 
 class HdsdfPairs(PairDistance):
-    """D of the pairs' bodies, the plane bodies enlarged by the margin."""
+    """D of the pairs' bodies, the halfspace bodies enlarged by the margin."""
 
     def __init__(self, pairs: BodyPairs, gamma: int, shaping_length: float, plane_counts: tuple[int, ...] = ()) -> None:
-        """Compile the distance, or find it in the cache: one kernel for each number of plane slots among the pairs, and
-        for each of `plane_counts`, which other bodies than these may have."""
+        """Compile the distance, or find it in the cache: one kernel for each number of planes among the pairs, and for
+        each of `plane_counts`, which bodies of later scenes may have."""
         counts = sorted({*pairs.plane_slots.tolist(), *plane_counts})
         self.pairs, self.gamma, self.shaping_length = pairs, gamma, shaping_length
         self.kernels = {count: _kernel(pairs.vertex_slots, count, gamma, shaping_length) for count in counts}
@@ -46,7 +47,7 @@ class HdsdfPairs(PairDistance):
             self.pairs.vertex_slots, planes, self.gamma, self.shaping_length, order
         )
 
-    def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Floats, Floats, Floats]:
+    def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
         """Return D (S,) [m], its wrench (S, 6) and D̃ (S,) [m] for S pairs (row of the pairs) at samples."""
         batch, joints = kinematics.placements.shape[:2]
         placements = kinematics.placements.reshape(batch * joints, 12)  # row of sample s and joint j: s·joints + j

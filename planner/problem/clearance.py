@@ -1,4 +1,4 @@
-"""Clearance of pairs of bodies: a squared hinge on their distance, at single configurations and at a motion's samples.
+"""Clearance of body pairs: a squared hinge on their distance, at single configurations and at the samples of a motion.
 
 In: the kinematics of samples. Out: the penalty with its exact gradient and Gauss-Newton curvature; the derivatives come
 from the distance's hand-written wrench and the geometric Jacobian.
@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.collision.broad_phase import BodyPairs
@@ -18,26 +17,25 @@ from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.terms import Penalty, Term
-
-Floats = NDArray[np.float64]
+from hdplan.scenes.array_types import Array, Rows
 
 
 @dataclass(frozen=True)
 class Inside:
     """The S body pairs that are inside their margin, samples ascending."""
 
-    sample: NDArray[np.int64]  # (S,)
-    pair: NDArray[np.int64]  # (S,) row of the term's pairs
-    distance: Floats  # (S,) D < 0 [m]
-    separation: Floats  # (S,) D̃ [m], a lower bound of the true distance less the margin
-    gradient: Floats  # (S, n) dD/dq
+    sample: Rows  # (S,)
+    pair: Rows  # (S,) row of the term's pairs
+    distance: Array  # (S,) D < 0 [m]
+    separation: Array  # (S,) D̃ [m], a lower bound of the true distance less the margin
+    gradient: Array  # (S, n) dD/dq
 
 
 class PairTerm(Term):
     """A squared hinge on the distance of body pairs, ½ min(D, 0)².
 
-    D is taken to bodies enlarged by clearance + activation, so that the penalty sets in that far away and the HD-SDF's
-    flat spot, where its gradient fades, lies at the outer rim, where the penalty fades as well.
+    D is measured between bodies enlarged by clearance + activation. The penalty thus sets in at that distance, and the
+    HD-SDF's flat spot, where its gradient vanishes, lies at the outer rim, where the penalty vanishes as well.
     """
 
     def __init__(self, name: str, pairs: BodyPairs, distance: PairDistance) -> None:
@@ -49,8 +47,9 @@ class PairTerm(Term):
         """Those of its distance."""
         return self.distance.functions
 
-    def met(self, kinematics: KinematicsBatch, times: Floats) -> KinematicsBatch:
-        """The state of configurations at times (B,) [s]: the same at any, as nothing moves of itself."""
+    def met(self, kinematics: KinematicsBatch, times: Array) -> KinematicsBatch:
+        """The kinematics of configurations with the obstacles at times (B,) [s]: unchanged, as these obstacles
+        stand."""
         return kinematics
 
     def inside(self, kinematics: KinematicsBatch) -> Inside:
@@ -62,8 +61,8 @@ class PairTerm(Term):
         gradient = (kinematics.columns[sample] @ wrench[kept, :, None])[:, :, 0] * self.pairs.moves[pair]
         return Inside(sample, pair, distance[kept], separation[kept], gradient)
 
-    def depth(self, kinematics: KinematicsBatch, parameter: Floats | None = None) -> Floats:
-        """How far the worst pair may be inside its margin (B,) [m], the same anywhere on the motion."""
+    def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
+        """How far the worst pair may be inside its margin (B,) [m], the same all along the motion."""
         inside, result = self.inside(kinematics), np.zeros(len(kinematics.placements))
         np.maximum.at(result, inside.sample, -inside.separation)
         return result
@@ -74,7 +73,7 @@ class Clearance(PairTerm):
 
     @property
     def symbolic(self) -> bool:
-        """Whether its distance has one."""
+        """Whether its distance is."""
         return self.distance.symbolic is not None
 
     def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:

@@ -1,4 +1,4 @@
-"""What a term of the cost looks like to a problem: a penalty at the samples of a motion, or on the motion as a whole.
+"""The interface of a term of the cost: a penalty at the samples of a motion, or on the motion as a whole.
 
 In: the kinematics of samples, or waypoints. Out: a cost, its exact gradient and a positive semidefinite curvature
 (Gauss-Newton).
@@ -10,13 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.problem.samples import Samples
-
-Floats = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 
 @dataclass(frozen=True)
@@ -24,9 +22,9 @@ class Penalty:
     """A penalty at B samples."""
 
     cost: float
-    gradient: Floats  # (B, n) with respect to the samples' configurations
-    curvature: Floats  # (B, n, n) Gauss-Newton
-    depth: Floats  # (B,) how far the worst pair may be inside its margin, 0 if none is [m]
+    gradient: Array  # (B, n) with respect to the samples' configurations
+    curvature: Array  # (B, n, n) Gauss-Newton
+    depth: Array  # (B,) how far the worst pair may be inside its margin [m], 0 if none is
 
 
 @dataclass(frozen=True)
@@ -34,16 +32,16 @@ class MotionPenalty:
     """A penalty on a whole motion of N waypoints."""
 
     cost: float
-    gradient: Floats  # (N, n)
-    diagonal: Floats  # (N, n, n) Gauss-Newton curvature of each waypoint
-    coupling: Floats  # (N − 1, n, n) of q_{k+1} (rows) with q_k
-    depth: Floats  # (N − 1,) how far the worst may be inside its margin on the interval, 0 if nothing is [m]
+    gradient: Array  # (N, n)
+    diagonal: Array  # (N, n, n) Gauss-Newton curvature of each waypoint
+    coupling: Array  # (N − 1, n, n) of q_{k+1} (rows) with q_k
+    depth: Array  # (N − 1,) how far the worst pair may be inside its margin on the interval [m], 0 if none is
 
 
 class Term:
-    """An effect on a motion as a penalty. A term of one's own overrides `at_samples`, `over_motion` or both."""
+    """A penalty on a motion. A term overrides `at_samples`, `over_motion` or both."""
 
-    name: str  # what the user calls it
+    name: str  # as the user sees it
 
     @property
     def symbolic(self) -> bool:
@@ -54,16 +52,16 @@ class Term:
         """The penalty at the samples of a motion, with their weights; None for a term that has nothing there."""
         return None
 
-    def over_motion(self, positions: Floats, kinematics: Kinematics) -> MotionPenalty | None:
+    def over_motion(self, positions: Array, kinematics: Kinematics) -> MotionPenalty | None:
         """The penalty on a motion through waypoints (N, n) of a robot; None for a term that has nothing there."""
         return None
 
-    def depth(self, kinematics: KinematicsBatch, parameter: Floats | None = None) -> Floats:
-        """How far each of B configurations may be inside the margin (B,) [m], 0 if it is not; anywhere on the motion,
-        or at path parameters (B,)."""
+    def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
+        """How far each of B configurations may be inside the margin (B,) [m], 0 if it is not: at no particular point of
+        the motion, or at path parameters (B,)."""
         return np.zeros(len(kinematics.placements))
 
     @property
     def functions(self) -> Mapping[str, RowFunction]:
-        """The compiled functions that it calls, by what they are for."""
+        """The compiled functions that it calls, by purpose."""
         return {}

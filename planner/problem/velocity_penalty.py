@@ -12,20 +12,18 @@ exact. Elsewhere the timing is fitted to the limits afterwards (`retiming`), and
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.problem.terms import MotionPenalty, Term
 from hdplan.planner.robot.joint_limits import joint_limit
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.timing.time_laws import MinimumJerk
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.scene import Scene
 
-Floats = NDArray[np.float64]
-
-AIM = 0.85  # share of a limit from which on the penalty acts
-LEVER = 0.06  # [m] that a whole limit too much counts as, beside bodies inside their margins
-LOOKS = 9  # at the time law on every interval
+AIM = 0.85  # share of a limit above which the penalty acts
+LEVER = 0.06  # [m] depth inside a margin that exceeding a limit by 100 % counts as
+LOOKS = 9  # points of every interval at which the time law is evaluated
 
 
 def velocity_penalty(scene: Scene, robot: Robot) -> VelocityPenalty:
@@ -41,14 +39,14 @@ class VelocityPenalty(Term):
 
     name = "velocity"
 
-    def __init__(self, limits: Floats, law: MinimumJerk, waypoints: int) -> None:
+    def __init__(self, limits: Array, law: MinimumJerk, waypoints: int) -> None:
         """Take limits (n,) [rad/s] or [m/s]."""
         edges = np.linspace(0.0, 1.0, waypoints)
         looks = edges[:-1, None] + np.linspace(0.0, 1.0, LOOKS) * np.diff(edges)[:, None]
         steepest = law(law.time_at(looks.ravel()))[1].reshape(looks.shape).max(axis=1)  # (N − 1,) du/dt [1/s]
         self.shares = (waypoints - 1) * steepest[:, None] / limits  # (N − 1, n) of a limit, per unit of a joint's step
 
-    def over_motion(self, positions: Floats, kinematics: Kinematics) -> MotionPenalty:
+    def over_motion(self, positions: Array, kinematics: Kinematics) -> MotionPenalty:
         """The penalty of waypoints (N, n)."""
         count, n = positions.shape
         step = np.diff(positions, axis=0)

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from hdplan.planner.kinematics.forward import KinematicsBatch
-from hdplan.planner.problem.problem import Floats, Problem
+from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.terms import Term
 from hdplan.planner.solvers.solution import FIRST_WEIGHT
+from hdplan.scenes.array_types import Array
 
 Rows = list[tuple[str, str]]
 
@@ -64,7 +65,7 @@ def trial(problem: Problem) -> Rows:
     return [("measured", place), *rows, ("all, with derivatives", f"{evaluated * 1e3:7.3f} ms")]
 
 
-def _run(term: Term, problem: Problem, kinematics: KinematicsBatch, line: Floats) -> Callable[[], float]:
+def _run(term: Term, problem: Problem, kinematics: KinematicsBatch, line: Array) -> Callable[[], float]:
     """What one evaluation of a term takes; it returns the term's cost."""
 
     def run() -> float:

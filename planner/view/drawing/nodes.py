@@ -17,13 +17,12 @@ from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.colors import CONTACT, INK, LINKS, OBSTACLE, REGION, clearance_colors
 from hdplan.planner.view.drawing.skins import Color, Skin, obstacle_mesh, shaded
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.path_constraints import Within
 from hdplan.scenes.poses import Pose
-
-Array = NDArray[np.float64]
 
 PATH_WIDTH, SEGMENT_WIDTH = 0.006, 0.004  # [m]
 ENDLESS = 3.0  # [m] to which an endless box is drawn
