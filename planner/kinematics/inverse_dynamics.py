@@ -20,10 +20,10 @@ from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.kinematics.forward import constant, motion_axes, rotation_about
 from hdplan.planner.robot.loads import with_loads
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import naming
 from hdplan.scenes.once import made_once
-from hdplan.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 Spatial = tuple[ca.SX, ca.SX]  # linear and angular part of a rate, or a force and its moment about the frame's origin
@@ -88,13 +88,14 @@ class InverseDynamics:
         return PathTorques(a=along - gravity, b=bent - gravity, c=gravity)
 
 
-def dynamics_of(scene: Scene, robot: Robot) -> InverseDynamics:
+def dynamics_of(setup: Setup) -> InverseDynamics:
     """Return the dynamics of a scene's robot with its loads: built once for the same ones, as that takes its time.
 
     Raises InputError for loads that do not fit the robot.
     """
+    scene = setup.scene
     with naming(scene.source):
-        return _loaded_dynamics(robot, scene.payload, scene.attached)
+        return _loaded_dynamics(setup.robot, scene.payload, scene.attached)
 
 
 @made_once(8)

@@ -22,10 +22,7 @@ from numpy.typing import NDArray
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.motion.motion_bounds import Chain, cross
 from hdplan.planner.problem.hinge import BAND, Hinge, Measures
-from hdplan.planner.robot.joint_limits import joint_limit
-from hdplan.planner.robot.loads import loaded_model
-from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.scene import Scene
+from hdplan.planner.robot.setup import Setup
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -115,19 +112,19 @@ class StaticTorque(Hinge):
     measure: GravityMeasure
 
 
-def static_torque(scene: Scene, robot: Robot) -> tuple[StaticTorque, ...]:
+def static_torque(setup: Setup) -> tuple[StaticTorque, ...]:
     """Return the term where the scene limits torques and gravity may come near a limit; else none.
 
     Raises InputError for loads or limits that do not fit the robot.
     """
-    limits = joint_limit("torque", scene, robot)
+    robot, limits = setup.robot, setup.limits.get("torque")
     if limits is None:
         return ()
-    model = loaded_model(scene, robot)
+    model = setup.loaded_model
     torques = GravityTorques.of(model)
     bound = torques.most(model, np.stack([robot.lower, robot.upper], axis=1))
     joints = np.flatnonzero(~(bound <= (1 - BAND / ARM) * limits))  # a bound that is no number proves nothing
     if not len(joints):
         return ()
     measure = GravityMeasure(torques, joints, limits[joints])
-    return (StaticTorque("static torque", measure, scene.planner.activation),)
+    return (StaticTorque("static torque", measure, setup.scene.planner.activation),)

@@ -22,8 +22,7 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.swept_clearance import SweptClearance
 from hdplan.planner.problem.terms import Clearance, MotionTerm, Smoothness, Term
-from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import Query
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.planner_settings import PlannerSettings
@@ -44,13 +43,14 @@ def self_margin(scene: Scene) -> float:
     return max(scene.planner.clearance, scene.self_collision.clearance) + SELF_ACTIVATION
 
 
-def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf) -> Problem:
+def lay_out(setup: Setup, deadline: float = math.inf) -> Problem:
     """Lay out the problem of a scene between two configurations. Raises InputError for what the scene or its robot gets
     wrong.
 
     What can be done without waits no longer than `deadline` (time.perf_counter()): meshes that are not split into
     convex pieces by then are planned around as their hulls, with a note.
     """
+    scene, robot, query = setup.scene, setup.robot, setup.query
     settings = scene.planner
     if settings.swept and settings.distance != "hdsdf":
         raise InputError(f"{scene.source}: planner.swept: true needs planner.distance hdsdf, found {settings.distance}")
@@ -62,7 +62,7 @@ def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf
             from_obstacle(obstacle, settings.normals, deadline - time.perf_counter()) for obstacle in scene.standing
         ]
     halfspace_bodies = tuple(body for pieces, _ in enclosed for body in pieces)
-    notes = [*scene.notes, *robot.notes, *query.notes, *(word for _, words in enclosed for word in words)]
+    notes = [*setup.notes, *(word for _, words in enclosed for word in words)]
 
     terms: list[Term | MotionTerm] = []
     clearances = scene.clearances
@@ -97,7 +97,7 @@ def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf
                 ),
                 deadline,
             )
-        terms += [term, pace(scene, robot)]
+        terms += [term, pace(setup)]
         halfspace_bodies, notes = (*halfspace_bodies, *drifting), [*notes, *words]
     margin = self_margin(scene)
     kept = [(pair, kept > margin) for pair, kept in zip(model.self_pairs, model.distances_kept, strict=True)]
@@ -109,15 +109,14 @@ def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf
     if scene.path != PathConstraints():
         from hdplan.planner.problem.path_terms import path_terms
 
-        terms.extend(path_terms(scene, robot, kinematics.supports))
+        terms.extend(path_terms(setup, kinematics.supports))
     if scene.limits.torque is not None:
         from hdplan.planner.problem.gravity_torque import static_torque
 
-        terms.extend(static_torque(scene, robot))
+        terms.extend(static_torque(setup))
 
     return Problem(
-        scene=scene,
-        robot=robot,
+        setup=setup,
         start=query.start,
         goal=query.goal,
         kinematics=kinematics,

@@ -18,10 +18,10 @@ from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.hinge import Hinge, Measures
 from hdplan.planner.robot.link_frame import link_frame
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import naming
 from hdplan.scenes.once import read_only
 from hdplan.scenes.path_constraints import Upright, Within
-from hdplan.scenes.scene import Scene
 
 Floats = NDArray[np.float64]
 
@@ -74,11 +74,12 @@ class WithinMeasure:
         return Measures(np.abs(off), np.sign(off)[..., None] * (self.axes @ velocity.transpose(0, 2, 1)))
 
 
-def path_terms(scene: Scene, robot: Robot, supports: NDArray[np.bool_]) -> tuple[PathTerm, ...]:
+def path_terms(setup: Setup, supports: NDArray[np.bool_]) -> tuple[PathTerm, ...]:
     """Return the terms that the scene's path constraints call for; `supports` (nj, n) as in Kinematics.
 
     Raises InputError for a link that the robot lacks or that does not move.
     """
+    scene, robot = setup.scene, setup.robot
     given = (("path.upright", scene.path.upright), ("path.position", scene.path.position))
     with naming(scene.source):
         return tuple(

@@ -23,6 +23,7 @@ from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.terms import Clearance, MotionTerm, Smoothness, Term
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.scene import Scene
 
@@ -51,8 +52,7 @@ class Evaluation:
 class Problem:
     """What is to be solved. Nothing in it changes; `refined` gives another one."""
 
-    scene: Scene
-    robot: Robot
+    setup: Setup
     start: Floats  # (n,)
     goal: Floats  # (n,)
     kinematics: Kinematics
@@ -70,6 +70,16 @@ class Problem:
         """Say what is planned for whom, and what counts."""
         terms = ", ".join(["smoothness", *(term.name for term in self.terms)])
         return f"<Problem of {self.scene.name} with {self.robot.name}: {self.waypoints} waypoints; {terms}>"
+
+    @property
+    def scene(self) -> Scene:
+        """What is asked."""
+        return self.setup.scene
+
+    @property
+    def robot(self) -> Robot:
+        """Whose motion is planned."""
+        return self.setup.robot
 
     @property
     def waypoints(self) -> int:

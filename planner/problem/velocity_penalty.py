@@ -16,10 +16,8 @@ from numpy.typing import NDArray
 
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.terms import MotionPenalty, MotionTerm
-from hdplan.planner.robot.joint_limits import joint_limit
-from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.time_laws import MinimumJerk
-from hdplan.scenes.scene import Scene
 
 Floats = NDArray[np.float64]
 
@@ -28,12 +26,10 @@ LEVER = 0.06  # [m] that a whole limit too much counts as, beside bodies inside 
 LOOKS = 9  # at the law on every interval
 
 
-def pace(scene: Scene, robot: Robot) -> Pace:
+def pace(setup: Setup) -> Pace:
     """Return the term of a scene with `timing.duration`. Raises InputError for limits that do not fit the robot."""
-    limits = joint_limit("velocity", scene, robot)
-    if limits is None:
-        raise ValueError("the scene has no times")
-    return Pace(limits, MinimumJerk(scene.end_time), scene.planner.waypoints)
+    scene = setup.scene
+    return Pace(setup.limits["velocity"], MinimumJerk(scene.end_time), scene.planner.waypoints)
 
 
 class Pace(MotionTerm):
