@@ -27,7 +27,7 @@ def build(scene: Scene, robot: Robot | None = None, deadline: float = math.inf) 
         scene.check_effects()
     setup = Setup.of(scene, robot)
     if isinstance(scene.goal, JointTarget):
-        return lay_out(setup, deadline)
+        return lay_out(setup, setup.query, deadline)
     from hdplan.planner.search.goals import settled
 
-    return lay_out(settled(setup), deadline)
+    return lay_out(setup, settled(setup).query, deadline)

@@ -90,7 +90,7 @@ def plan(
     aims = [setup.aiming_at(goal) for goal in goals]
     clearances = [reachable_clearance(aim, certifier) for aim in aims]  # ends in collision: before all fitting
     retimer = _retimer(setup)
-    problems = [lay_out(aim, began + min(time_limit, FOR_MESHES * seconds_left())) for aim in aims]
+    problems = [lay_out(aim, aim.query, began + min(time_limit, FOR_MESHES * seconds_left())) for aim in aims]
     if retimer is not None:
         hurried = [retimer.too_short(problem.start, problem.goal) for problem in problems]
         if all(hurried):

@@ -22,7 +22,7 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.swept_clearance import SweptClearance
 from hdplan.planner.problem.terms import Clearance, MotionTerm, Smoothness, Term
-from hdplan.planner.robot.setup import Setup
+from hdplan.planner.robot.setup import Query, Setup
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.planner_settings import PlannerSettings
@@ -43,14 +43,14 @@ def self_margin(scene: Scene) -> float:
     return max(scene.planner.clearance, scene.self_collision.clearance) + SELF_ACTIVATION
 
 
-def lay_out(setup: Setup, deadline: float = math.inf) -> Problem:
+def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
     """Lay out the problem of a scene between two configurations. Raises InputError for what the scene or its robot gets
     wrong.
 
     What can be done without waits no longer than `deadline` (time.perf_counter()): meshes that are not split into
     convex pieces by then are planned around as their hulls, with a note.
     """
-    scene, robot, query = setup.scene, setup.robot, setup.query
+    scene, robot = setup.scene, setup.robot
     settings = scene.planner
     if settings.swept and settings.distance != "hdsdf":
         raise InputError(f"{scene.source}: planner.swept: true needs planner.distance hdsdf, found {settings.distance}")

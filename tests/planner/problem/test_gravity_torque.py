@@ -101,7 +101,8 @@ def _scene(limit: float, payload: Payload | None = None, torque: bool = True) ->
 
 def test_the_terms_derivatives_are_those_of_its_value(tmp_path: Path) -> None:
     robot = load_robot(RobotSpec(name="panda"))
-    (term,) = static_torque(replace(_scene(1.0), limits=Limits(torque=(30.0, 30, 20, 15, 2, 2, 1))), robot)
+    scene = replace(_scene(1.0), limits=Limits(torque=(30.0, 30, 20, 15, 2, 2, 1)))
+    (term,) = static_torque(Setup.of(scene, robot))
     kinematics, samples = Kinematics(robot.model), Samples((8,))
     q = robot.draw(np.random.default_rng(2), 8)
     value = term.value(kinematics.evaluate(q), samples)
@@ -121,7 +122,9 @@ def test_a_joint_that_gravity_cannot_overload_is_left_out() -> None:
 
     def joints(limit: float, carried: float) -> list[int]:
         payload = Payload("forearm", carried, (0.5, 0.0, 0.0)) if carried else None
-        return [j for term in static_torque(_scene(limit, payload), robot) for j in term.measure.joints.tolist()]
+        return [
+            j for term in static_torque(Setup.of(_scene(limit, payload), robot)) for j in term.measure.joints.tolist()
+        ]
 
     assert joints(12.0, 0.0) == [0]  # the elbow bears 2.9 Nm at most, of 10
     assert joints(12.0, 1.0) == [0]
@@ -200,7 +203,7 @@ def test_the_weight_of_a_held_object_counts_by_exactly_its_body() -> None:
     robot = load_scene_robot(scene)
     weightless = replace(scene, attached=tuple(replace(held, mass=None) for held in scene.attached))
     (held,) = scene.attached
-    heavy, light = (Setup.of(each, robot).loaded_model for each in (scene, weightless))
+    heavy, light = (Setup(each, robot).loaded_model for each in (scene, weightless))
     hand = robot.model.frames[robot.model.getFrameId("panda_hand")]
     body = pin.Inertia.FromCylinder(held.mass, 0.03, 0.26)
     placement = hand.placement * pin.SE3(held.pose.matrix)

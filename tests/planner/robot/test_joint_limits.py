@@ -34,7 +34,7 @@ def robot(scene: Scene) -> Robot:
 
 
 def limited(scene: Scene, quantity: str, values: JointValues | None) -> Scene:
-    return replace(scene, limits=replace(Limits(), **{quantity: values}))  # type: ignore[arg-type]
+    return replace(scene, limits=replace(scene.limits, **{quantity: values}))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
@@ -90,9 +90,10 @@ def test_a_urdf_without_limits_is_refused_where_they_are_asked_for(tmp_path: Pat
     scene = Scene("wheel", tmp_path / "wheel.yaml", RobotSpec(urdf=urdf), (), *ends)
     robot = load_scene_robot(scene)
     for quantity in ("velocity", "torque"):
+        paced = limited(scene, "velocity", 1.0)
         with pytest.raises(InputError, match=f"limits.{quantity}: the URDF gives joint 'turn' no limit"):
-            joint_limits(limited(scene, quantity, "urdf"), robot).get(quantity)
-        np.testing.assert_array_equal(joint_limits(limited(scene, quantity, {"turn": 2.0}), robot).get(quantity), [2.0])
+            joint_limits(limited(paced, quantity, "urdf"), robot)
+        np.testing.assert_array_equal(joint_limits(limited(paced, quantity, {"turn": 2.0}), robot)[quantity], [2.0])
 
 
 # --- positions --------------------------------------------------------------------------------------------------------
