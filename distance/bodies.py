@@ -14,11 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix, triu
 from scipy.spatial import ConvexHull
 
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.once import read_only
 from hdplan.scenes.values import Whole, checked, instance
-
-Array = NDArray[np.float64]
 
 NONE = read_only(np.empty((0, 3)))
 FLAT = 1e-9  # an extent below this part of the body's size is none: the body is a point, a segment or a flat polygon
@@ -239,7 +238,7 @@ def _polytope(points: Array, scaled: Array, rounding: float, to_points: Array) -
     return points[corners], _unit(planes @ to_points), *unique_directions(_unit(np.array(ridges)))
 
 
-def _planes(hull: ConvexHull, points: Array, tolerance: float) -> tuple[Array, NDArray[np.bool_]]:
+def _planes(hull: ConvexHull, points: Array, tolerance: float) -> tuple[Array, Mask]:
     """Return the normals (F, 3) of the faces and which hull vertices lie on each (F, m).
 
     The largest triangle not yet in a face founds the next one, and takes in every triangle within ``tolerance`` of its

@@ -7,12 +7,11 @@ every ratio lies in [0, 1], for any gamma and any scale.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.values import Number, Whole, checked
-
-Array = NDArray[np.float64]
 
 HIGHEST = 1_000_000  # of gamma: far beyond, 1/gamma and powers by it are nothing but rounding
 

@@ -28,13 +28,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hdplan.distance.bodies import ConvexBody, check_bodies, unique_directions
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.values import describe, shorten
-
-Array = NDArray[np.float64]
 
 PARALLEL = 1e-14  # sine of the angle between two edges below which their cross product is left out
 CENTRE_SOFTNESS = 0.1  # of the bodies' reach: how near the centres are when the axis between them begins to fade

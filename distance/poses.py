@@ -9,11 +9,10 @@ from __future__ import annotations
 from math import prod
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
-
-Array = NDArray[np.float64]
 
 RIGID = 1e-5  # what may be amiss in a rotation: its decimals were cut at the sixth, or it is a product of float32
 FAR = 1e100  # [m] what is farther away has squares that overflow

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hdplan.distance.symbolic.compile_time import compile_time
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.lay_out import lay_out
-from hdplan.planner.problem.problem import Floats
 from hdplan.planner.result import PlanResult, Times
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
@@ -20,6 +20,7 @@ from hdplan.planner.search.end_clearance import reachable_clearance
 from hdplan.planner.search.search import Event, Search, search_in_turn
 from hdplan.planner.search.warm_start import MOVED, rows_of, warm_start
 from hdplan.planner.solvers import solver_named
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import check_time, seconds_left
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.scene import Scene
@@ -90,7 +91,8 @@ def plan(
     aims = [setup.aiming_at(goal) for goal in goals]
     clearances = [reachable_clearance(aim, certifier) for aim in aims]  # ends in collision: before all fitting
     retimer = _retimer(setup)
-    problems = [lay_out(aim, aim.query, began + min(time_limit, FOR_MESHES * seconds_left())) for aim in aims]
+    with compile_time() as stopwatch:
+        problems = [lay_out(aim, aim.query, began + min(time_limit, FOR_MESHES * seconds_left())) for aim in aims]
     if retimer is not None:
         hurried = [retimer.too_short(problem.start, problem.goal) for problem in problems]
         if all(hurried):
@@ -104,7 +106,7 @@ def plan(
         Search(problem, certifier, retimer, run, required, deadline, report, stop)
         for problem, (required, _) in zip(problems, clearances, strict=True)
     ]
-    warm: list[Floats | None] = [None] * len(problems)
+    warm: list[Array | None] = [None] * len(problems)
     if guess is not None and rows is not None:
         nearest = min(range(len(problems)), key=lambda i: float(np.linalg.norm(problems[i].goal - rows[-1])))
         warm[nearest], moved = warm_start(problems[nearest], rows, guess.times is not None)
@@ -119,8 +121,7 @@ def plan(
     best = searches[taken].conclude()
     certified = sum(search.certify_seconds for search in searches)
     solved = time.perf_counter() - built - certified  # guesses included
-    compile_ = sum(problem.compile_seconds for problem in problems)
-    load, build_ = loaded - began, built - loaded - compile_
+    load, build_ = loaded - began, built - loaded - stopwatch.seconds
     words = (*found, *clearances[taken][1])
     if seconds_left() == 0.0 and not best.certificate.certified:
         words = (*words, "the time limit passed: what is not proven may only not have been looked at closely enough")
@@ -137,7 +138,7 @@ def plan(
         attempts=sum(search.attempts for search in searches),
         iterations=sum(search.iterations for search in searches),
         steps=best.steps,
-        times=Times(load, build_, compile_, solved, certified),
+        times=Times(load, build_, stopwatch.seconds, solved, certified),
         notes=(*problems[taken].notes, *best.certificate.notes, *words),
         goal=goals[taken] if several else None,
         asked=scene,

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from hdplan.scenes.errors import FieldError
-from hdplan.scenes.poses import Place, Placement, Pose
-from hdplan.scenes.shapes import Shape, check_unplaced
-from hdplan.scenes.values import Checked, Name, Number, Row, text
+from hdplan.scenes.poses import AnyPose, Place, Placement, Pose
+from hdplan.scenes.shapes import Shape, Solid, check_unplaced
+from hdplan.scenes.values import Checked, Name, Number, Numbers, Row, text
 
 ROUNDING = 1e-9  # share of the largest principal moment by which an inertia may break the laws of a body
 
@@ -43,6 +44,18 @@ class Attached(Checked):
     mass: Annotated[float, Number(above=0.0, unit="kg")] | None = None
     """[kg] of even density; counts where joint torques do (limits.torque). None: it weighs nothing."""
 
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            name: str,
+            link: str,
+            shape: Solid,
+            pose: AnyPose = Pose(),
+            touch_links: Sequence[str] = (),
+            mass: float | None = None,
+        ) -> None: ...
+
     def _check_whole(self) -> None:
         check_unplaced(self.shape, "held object")
 
@@ -56,3 +69,9 @@ class Payload(Checked):
     com: Place = (0.0, 0.0, 0.0)  # its centre, in the link's frame [m]
     inertia: Annotated[tuple[float, float, float, float, float, float], body_inertia] = (0.0,) * 6
     """xx, xy, xz, yy, yz, zz about its centre, in the link's axes [kg m²]."""
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, link: str, mass: float, com: Numbers = (0.0, 0.0, 0.0), inertia: Numbers = (0.0,) * 6
+        ) -> None: ...

@@ -7,8 +7,17 @@ import difflib
 from collections.abc import Iterable, Iterator
 
 
+def one_line(text: str) -> str:
+    """Return a text as one line, whatever names it repeats: characters that do not print are written as escapes."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
 class HdplanError(Exception):
     """Base of every error that hdplan raises on purpose; its text is meant for the user."""
+
+    def __str__(self) -> str:
+        """Return the message, on one line."""
+        return one_line(super().__str__())
 
 
 class InputError(HdplanError):

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 
 from hdplan.scenes.errors import FieldError
-from hdplan.scenes.values import Checked, Named, Number, Row, describe
+from hdplan.scenes.values import Checked, Named, Number, Numbers, Row, describe
 
 FromUrdf = Literal["urdf"]
 JointValues = FromUrdf | float | tuple[float, ...] | Mapping[str, float]
 """A value for each joint: the URDF's, the same for all, one each in the order of the planned joints, or by name (the
 others keep the URDF's)."""
+AnyJointValues = FromUrdf | float | Numbers | Mapping[str, float]
 
 
 def ranges(value: object) -> dict[str, tuple[float, float]]:
@@ -95,3 +96,14 @@ class Limits(Checked):
     acceleration: Annotated[JointValues | None, QUANTITIES["acceleration"]] = None
     jerk: Annotated[JointValues | None, QUANTITIES["jerk"]] = None
     torque: Annotated[JointValues | None, QUANTITIES["torque"]] = None
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            position: Mapping[str, Numbers] = {},
+            velocity: AnyJointValues | None = None,
+            acceleration: AnyJointValues | None = None,
+            jerk: AnyJointValues | None = None,
+            torque: AnyJointValues | None = None,
+        ) -> None: ...

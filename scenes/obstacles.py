@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any, get_args
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 from hdplan.scenes.errors import FieldError
-from hdplan.scenes.poses import Placement, Pose, Vector3
+from hdplan.scenes.poses import AnyPose, Placement, Pose, Vector3
 from hdplan.scenes.shapes import Shape, Solid, check_unplaced
-from hdplan.scenes.values import Checked, Name, Number, Row, checked, is_row, wrong
+from hdplan.scenes.values import Checked, Name, Number, Numbers, Row, checked, is_row, wrong
 
 Clearance = Annotated[float, Number(0.0, 1.0, unit="m")]
 
@@ -34,6 +34,10 @@ class SteadyMotion(Checked):
     velocity: Annotated[Vector3, Row(Number(unit="m/s"), 3)] = (0.0, 0.0, 0.0)  # of its origin, in the world [m/s]
     spin: Annotated[Vector3, Row(Number(unit="rad/s"), 3)] = (0.0, 0.0, 0.0)  # about its origin, in the world [rad/s]
 
+    if TYPE_CHECKING:
+
+        def __init__(self, velocity: Numbers = (0.0, 0.0, 0.0), spin: Numbers = (0.0, 0.0, 0.0)) -> None: ...
+
 
 @dataclass(frozen=True, repr=False)
 class TimedPoses(Checked):
@@ -41,6 +45,10 @@ class TimedPoses(Checked):
 
     times: Annotated[tuple[float, ...], rising_times]  # rising, at least two [s]
     poses: tuple[Pose, ...]  # one at each time, in the world
+
+    if TYPE_CHECKING:
+
+        def __init__(self, times: Numbers, poses: Sequence[Pose]) -> None: ...
 
     def _check_whole(self) -> None:
         if len(self.poses) != len(self.times):
@@ -56,6 +64,17 @@ class Obstacle(Checked):
     pose: Placement = field(default_factory=Pose)  # at time 0, where it moves; of timed poses the first
     clearance: Clearance | None = None  # to be proven free around it [m]; None: planner.clearance
     motion: SteadyMotion | TimedPoses | None = None
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            name: str,
+            shape: Solid,
+            pose: AnyPose = Pose(),
+            clearance: float | None = None,
+            motion: SteadyMotion | TimedPoses | None = None,
+        ) -> None: ...
 
     def _check_whole(self) -> None:
         check_unplaced(self.shape, "obstacle")

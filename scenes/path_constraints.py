@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from hdplan.scenes.errors import FieldError
 from hdplan.scenes.poses import EXACT, Place, Pose, Vector3
-from hdplan.scenes.values import Checked, Choice, Name, Number, Row, is_row, wrong
+from hdplan.scenes.values import Checked, Choice, Name, Number, Numbers, Row, is_row, wrong
 
 AXES: Mapping[str, tuple[float, float, float]] = {
     "x": (1.0, 0.0, 0.0),
@@ -59,6 +59,10 @@ class Upright(Checked):
     axis: Annotated[Vector3, direction] = (0.0, 0.0, 1.0)  # in the link's frame, of length one
     tolerance: Annotated[float, Number(high=math.pi, above=0.0, unit="rad")] = 0.1  # of its turn away [rad]
 
+    if TYPE_CHECKING:
+
+        def __init__(self, link: str, axis: str | Numbers = (0.0, 0.0, 1.0), tolerance: float = 0.1) -> None: ...
+
 
 @dataclass(frozen=True, repr=False)
 class Within(Checked):
@@ -68,6 +72,10 @@ class Within(Checked):
     size: Annotated[Vector3, extent]  # full edge lengths of the box [m]; inf where any place will do
     pose: Pose = field(default_factory=Pose)  # of the box's centre, in the world
     point: Place = (0.0, 0.0, 0.0)  # in the link's frame [m]
+
+    if TYPE_CHECKING:
+
+        def __init__(self, link: str, size: Numbers, pose: Pose = Pose(), point: Numbers = (0.0, 0.0, 0.0)) -> None: ...
 
 
 @dataclass(frozen=True, repr=False)

@@ -7,6 +7,7 @@ from typing import Annotated
 
 from hdplan.scenes.values import Checked, Choice, Number, Whole
 
+DISTANCES = ("hdsdf", "fcl")
 LINK_BODIES = ("fitted", "capsule", "outer-4", "outer-12", "box", "hull")
 
 
@@ -19,7 +20,7 @@ class PlannerSettings(Checked):
     activation: Annotated[float, Number(0.0, 1.0)] = 0.02  # beyond the clearance, where the penalty sets in [m]
     gamma: Annotated[int, Whole(1, 32)] = 2  # order of differentiability of the distance
     shaping_length: Annotated[float, Number(1e-9, 1.0)] = 1e-3  # width of the distance's flat spot at contact [m]
-    distance: Annotated[str, Choice(("hdsdf", "fcl"))] = "hdsdf"  # of the obstacle penalty: fcl is the exact one
+    distance: Annotated[str, Choice(DISTANCES)] = "hdsdf"  # of the obstacle penalty: fcl is the exact one
     link_bodies: Annotated[str, Choice(LINK_BODIES)] = "fitted"  # what encloses a link
     swept: bool = False  # hulls of link bodies at neighbouring waypoints in place of samples between them
     normals: Annotated[str, Choice(("faces", "box", "sphere"))] = "box"

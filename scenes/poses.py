@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.scenes.errors import FieldError
-from hdplan.scenes.values import Checked, Number, Row, checked, is_row, wrong
+from hdplan.scenes.values import Checked, Number, Numbers, Row, checked, is_row, wrong
 
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -53,8 +53,14 @@ class Pose(Checked):
     position: Place = (0.0, 0.0, 0.0)
     quaternion_xyzw: Annotated[Quaternion, rotation] = (0.0, 0.0, 0.0, 1.0)
 
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, position: Numbers = (0.0, 0.0, 0.0), quaternion_xyzw: Numbers = (0.0, 0.0, 0.0, 1.0)
+        ) -> None: ...
+
     @classmethod
-    def from_rpy(cls, position: Vector3, rpy: Vector3) -> Pose:
+    def from_rpy(cls, position: Numbers, rpy: Numbers) -> Pose:
         """Return the pose at `position` [m] that is turned by roll, pitch and yaw [rad], R = Rz(yaw) Ry(pitch)
         Rx(roll), as URDF has it. Raises InputError for what is not three finite numbers."""
         return cls(position, from_rpy(*checked(Row(Number(unit="rad"), 3), rpy, "rpy")))
@@ -80,10 +86,11 @@ def placement(value: object) -> Pose:
         return value
     if not is_row(value) or len(value) != 3:
         raise wrong("a Pose, or a position of three numbers [m]", value)
-    return Pose(value)  # type: ignore[arg-type]
+    return Pose(value)
 
 
 Placement = Annotated[Pose, placement]
+AnyPose = Pose | Numbers
 
 
 def compose(outer: Pose, inner: Pose) -> Pose:

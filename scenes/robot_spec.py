@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from hdplan.scenes.errors import FieldError
-from hdplan.scenes.poses import Placement, Pose
-from hdplan.scenes.values import Checked, JointValue, Name, Named, Row, absolute_path, text, wrong
+from hdplan.scenes.poses import AnyPose, Placement, Pose
+from hdplan.scenes.values import Checked, FilePath, JointValue, Name, Named, Row, absolute_path, text, wrong
 
 
 def pair(value: object) -> tuple[str, str]:
@@ -35,6 +35,21 @@ class RobotSpec(Checked):
     locked: Annotated[Mapping[str, float], Named(JointValue)] = field(default_factory=dict)  # joint -> [rad] or [m]
     ignore_pairs: Annotated[tuple[tuple[str, str], ...], Row(pair, of="link pairs")] = ()  # not checked
     source: str = field(default="", compare=False)  # for error messages: the file or option; empty: the scene's file
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            name: str | None = None,
+            urdf: FilePath | None = None,
+            srdf: FilePath | None = None,
+            package_dirs: Sequence[FilePath] = (),
+            group: str | None = None,
+            base: AnyPose = Pose(),
+            locked: Mapping[str, float] = {},
+            ignore_pairs: Sequence[Sequence[str]] = (),
+            source: str = "",
+        ) -> None: ...
 
     def _check_whole(self) -> None:
         if (self.name is None) == (self.urdf is None):

@@ -7,9 +7,10 @@ whoever makes it: a file's reader or a program (`values`); what is not allowed r
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import FieldError
@@ -19,7 +20,8 @@ from hdplan.scenes.output import check_writable, write_output
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.robot_spec import RobotSpec, robot_spec
-from hdplan.scenes.targets import Configuration, Goals, JointTarget, goal_of
+from hdplan.scenes.shapes import Solid
+from hdplan.scenes.targets import AnyConfiguration, AnyGoal, Configuration, Goals, JointTarget, goal_of
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.values import Checked, checked, path_of
 
@@ -63,6 +65,27 @@ class Scene(Checked):
     timing: Timing | None = None
     notes: tuple[str, ...] = field(default=(), compare=False)  # what the reader changed or left out, in words
 
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            name: str = "scene",
+            source: Path = Path(),
+            robot: str | RobotSpec = NEEDED,
+            obstacles: Sequence[Obstacle | Solid] = (),
+            start: AnyConfiguration = NEEDED,
+            goal: AnyGoal = NEEDED,
+            planner: PlannerSettings = PlannerSettings(),
+            from_request: bool = False,
+            attached: Sequence[Attached] = (),
+            self_collision: SelfCollision = SelfCollision(),
+            limits: Limits = Limits(),
+            payload: Payload | None = None,
+            path: PathConstraints = PathConstraints(),
+            timing: Timing | None = None,
+            notes: Sequence[str] = (),
+        ) -> None: ...
+
     def _check_whole(self) -> None:
         if self.source == Path():
             object.__setattr__(self, "source", Path(self.name))
@@ -75,11 +98,12 @@ class Scene(Checked):
                 raise FieldError(f"the name {name!r} is taken by an {other}; names must differ", where)
             taken[name] = kind
 
-    def with_start(self, start: object) -> Scene:
-        """Return the same scene with another start, in any form that `Scene` takes. Raises InputError as it does."""
+    def with_start(self, start: AnyConfiguration | Goals) -> Scene:
+        """Return the same scene with another start, in any form that `Scene` takes; a goal will do if it leaves no
+        choice. Raises InputError as `Scene` does."""
         return dataclasses.replace(self, start=start)  # type: ignore[arg-type]
 
-    def with_goal(self, goal: object) -> Scene:
+    def with_goal(self, goal: AnyGoal) -> Scene:
         """Return the same scene with another goal, in any form that `Scene` takes. Raises InputError as it does."""
         return dataclasses.replace(self, goal=goal)  # type: ignore[arg-type]
 

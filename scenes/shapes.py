@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdplan.scenes.errors import FieldError
-from hdplan.scenes.poses import Placement, Vector3
-from hdplan.scenes.values import Checked, Name, Number, Row, absolute_path, is_row
+from hdplan.scenes.poses import AnyPose, Placement, Vector3
+from hdplan.scenes.values import Checked, FilePath, Name, Number, Numbers, Row, absolute_path, is_row
 
 Length = Annotated[float, Number(above=0.0, unit="m")]
 FLAT = 1e-9  # thickness over size below which points lie in one plane
@@ -49,6 +51,10 @@ class Box(Solid):
 
     size: Annotated[Vector3, Row(Number(above=0.0, unit="m"), 3)]  # full edge lengths [m]
 
+    if TYPE_CHECKING:
+
+        def __init__(self, size: Numbers, *, name: str | None = None, pose: AnyPose | None = None) -> None: ...
+
 
 @dataclass(frozen=True, repr=False)
 class Sphere(Solid):
@@ -56,12 +62,20 @@ class Sphere(Solid):
 
     radius: Length  # [m]
 
+    if TYPE_CHECKING:
+
+        def __init__(self, radius: float, *, name: str | None = None, pose: AnyPose | None = None) -> None: ...
+
 
 @dataclass(frozen=True, repr=False)
 class Ellipsoid(Solid):
     """An ellipsoid centred in its frame, its axes along x, y and z."""
 
     radii: Annotated[Vector3, Row(Number(above=0.0, unit="m"), 3)]  # half axes [m]
+
+    if TYPE_CHECKING:
+
+        def __init__(self, radii: Numbers, *, name: str | None = None, pose: AnyPose | None = None) -> None: ...
 
 
 @dataclass(frozen=True, repr=False)
@@ -71,6 +85,12 @@ class Cylinder(Solid):
     radius: Length  # [m]
     length: Length  # [m]
 
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, radius: float, length: float, *, name: str | None = None, pose: AnyPose | None = None
+        ) -> None: ...
+
 
 @dataclass(frozen=True, repr=False)
 class Capsule(Solid):
@@ -79,12 +99,28 @@ class Capsule(Solid):
     radius: Length  # [m]
     length: Annotated[float, Number(low=0.0, unit="m")]  # between the centres of the two end spheres [m]
 
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, radius: float, length: float, *, name: str | None = None, pose: AnyPose | None = None
+        ) -> None: ...
+
 
 @dataclass(frozen=True, repr=False)
 class Points(Solid):
     """The convex hull of points."""
 
     points: Annotated[tuple[Vector3, ...], volume]  # in the obstacle's frame [m]
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            points: Sequence[Numbers] | NDArray[Any],
+            *,
+            name: str | None = None,
+            pose: AnyPose | None = None,
+        ) -> None: ...
 
 
 @dataclass(frozen=True, repr=False)
@@ -93,6 +129,17 @@ class Mesh(Solid):
 
     file: Annotated[Path, absolute_path]
     scale: Annotated[Vector3, axis_factors] = (1.0, 1.0, 1.0)  # factor along each axis of the file
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            file: FilePath,
+            scale: float | Numbers = (1.0, 1.0, 1.0),
+            *,
+            name: str | None = None,
+            pose: AnyPose | None = None,
+        ) -> None: ...
 
 
 Shape = Box | Sphere | Ellipsoid | Cylinder | Capsule | Points | Mesh

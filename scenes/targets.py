@@ -4,13 +4,26 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
 from hdplan.scenes.errors import FieldError
 from hdplan.scenes.poses import Pose
-from hdplan.scenes.values import Checked, Choice, JointValue, Name, Named, Number, Row, checked, is_row, text, wrong
+from hdplan.scenes.values import (
+    Checked,
+    Choice,
+    JointValue,
+    Name,
+    Named,
+    Number,
+    Numbers,
+    Row,
+    checked,
+    is_row,
+    text,
+    wrong,
+)
 
 FREE_ROTATIONS = ("none", "x", "y", "z", "all")
 NO_TURN = "has no meaning with free_rotation: all, which lets the link turn as it likes; leave it out"
@@ -95,6 +108,10 @@ class Configuration:
         if is_row(value) and len(value):
             return JointTarget(self.field, Row(JointValue)(value))
         raise wrong(self.allowed, value)
+
+
+AnyConfiguration = JointTarget | Numbers | Mapping[str, float] | str
+AnyGoal = AnyConfiguration | Goals | PoseTarget | Sequence[AnyConfiguration | PoseTarget]
 
 
 def goal_of(value: object) -> JointTarget | Goals:

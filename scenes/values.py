@@ -14,16 +14,22 @@ import re
 import reprlib
 import types
 import typing
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, TypeGuard
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hdplan.scenes.errors import FieldError, nearest
 
 Check = Callable[[Any], Any]
+
+FilePath = str | os.PathLike[str]
+Numbers = Sequence[float] | NDArray[Any]
+"""What a program may give for a tuple of numbers. A class that is given more than its fields hold says so in an
+``__init__`` that only type checkers see; what is made checks the values, and holds the types of its fields."""
 
 LARGEST = 1e6  # in size, of any number [m, rad]: beyond it distances drown in rounding
 SMALLEST = 1e-100  # of a number above 0: squared, and as a divisor of LARGEST, it is still far from the floats' ends

@@ -477,6 +477,14 @@ def test_bad_arguments(hdplan: Callable[..., Done], case: str) -> None:
     assert [file.name for file in Path().iterdir()] == ["folder.json"]
 
 
+def test_a_motion_that_its_file_cannot_hold_is_refused_before_it_is_planned(
+    hdplan: Callable[..., Done], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = arm_scene(tmp_path, timing={"duration": 90, "rate": 1000})
+    monkeypatch.setattr("hdplan.planner.commands.plan.plan", lambda *_, **__: pytest.fail("planned"))
+    refused(hdplan("plan", scene, "-o", "m.robot_trajectory.yaml"), "90001 waypoints", "write .mcap")
+
+
 BAD_SCENES = {
     "syntax": ("hdplan: 1\nrobot: [\n", ["line 3", "YAML syntax"]),
     "not text": (b"\x00\xff\xfe", ["scene.yaml"]),

@@ -14,15 +14,14 @@ from typing import NamedTuple
 
 import coal
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hdplan.distance.baselines.ground_truth import Proximity, ground_truth
 from hdplan.distance.baselines.surface import triangles
 from hdplan.distance.bodies import ConvexBody, check_bodies
 from hdplan.distance.normals import PARALLEL, own_directions, separating_axes
 from hdplan.distance.poses import check_pose, check_pose_lists
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array, Mask
 
 __all__ = ["CoalPair", "Proximity", "signed_distance", "signed_distances"]
 
@@ -146,7 +145,7 @@ def _coal(body_a: ConvexBody, body_b: ConvexBody, places: _Placements) -> _Answe
     return found._replace(normals=-found.normals)
 
 
-def _proven(body_a: ConvexBody, body_b: ConvexBody, places: _Placements, found: _Answers) -> NDArray[np.bool_]:
+def _proven(body_a: ConvexBody, body_b: ConvexBody, places: _Placements, found: _Answers) -> Mask:
     """Return which answers (N,) prove themselves.
 
     The gap along any unit normal is a lower bound of the signed distance, and that along the answer's normal must equal

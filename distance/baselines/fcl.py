@@ -31,9 +31,8 @@ from numpy.typing import ArrayLike, NDArray
 from hdplan.distance.baselines.surface import triangles
 from hdplan.distance.bodies import ConvexBody, check_bodies
 from hdplan.distance.poses import check_pose_lists
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.errors import InputError
-
-Array = NDArray[np.float64]
 
 ANSWER = np.dtype([("done", "?"), ("distance", "f8"), ("point_a", "f8", 3), ("point_b", "f8", 3)])  # of the polytopes
 DEADLY = (signal.SIGABRT, signal.SIGSEGV)  # how FCL ends its process
@@ -48,7 +47,7 @@ class FclAnswers:
     points_a: Array  # (N, 3) [m] closest points on A, in the world; for swept bodies NaN where the normal is
     points_b: Array  # (N, 3) [m] and on B
     normals: Array  # (N, 3) unit, from B to A; NaN also where FCL's two points on the polytopes are one
-    aborted: NDArray[np.bool_]  # (N,) FCL ended its process there
+    aborted: Mask  # (N,) FCL ended its process there
 
 
 class FclPair(threading.local):

@@ -27,13 +27,13 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.poses import check_pose
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 
-Array = NDArray[np.float64]
 Energy = Callable[[Array], tuple[float, Array]]  # q (3,) -> E [m²] and ∇E (3,) [m]
 
 RIGHT_ANGLE = 1e-9  # the cosine of a box's right angles is this close to 0

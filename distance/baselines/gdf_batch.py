@@ -7,9 +7,8 @@ the boxes meet, and there without a derivative. See ``gdf`` for the equations; a
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 
 def gdf_boxes(

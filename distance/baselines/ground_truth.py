@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from itertools import chain, combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 ROUNDING = 1e-13  # of the size: where the closest points are this little beyond an axis' gap, that axis is their normal
 CONTACT = 1e-15  # of the size: closest points this near are one point

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from hdplan.distance.batch.tables import FARTHEST, Pair, pair_tables
 from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.body_distance import BodyDistance
 from hdplan.distance.holder import check_gamma, resolve_shaping_length
 from hdplan.distance.normals import check_witness_count, check_witnesses
 from hdplan.distance.poses import check_poses
@@ -37,7 +38,7 @@ GPU_NUMBERS = 2**25  # a GPU wants many; this takes about 1 GB
 
 
 @dataclass(frozen=True, eq=False)
-class BatchDistance:
+class BatchDistance(BodyDistance[Array]):
     """D of two bodies (Definition III.2) at poses (..., 4, 4); leading axes broadcast.
 
     A lower bound of the signed distance in sign; ``separation`` D̃ (eq. (5)) is one in value, and has the sign
@@ -74,29 +75,7 @@ class BatchDistance:
         (device,) = self.pair.radii.devices()
         return device.platform if device.platform == "cpu" else f"{device.platform}: {device.device_kind}"
 
-    def value(self, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None = None) -> tuple[Array, Array]:
-        """Return D and D̃ (...,) [m]. ``witnesses``: (..., W, 3) axes in B's frame, as many as the distance has."""
-        distance, separation = self._run(0, pose_a, pose_b, witnesses)
-        return distance, separation
-
-    def gradient(
-        self, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None = None
-    ) -> tuple[Array, Array, Array]:
-        """Return D, D̃ and the gradient of D (..., 12) by [v_a, ω_a, v_b, ω_b], each in the body's own frame."""
-        distance, separation, gradient = self._run(1, pose_a, pose_b, witnesses)
-        return distance, separation, gradient
-
-    def hessian(
-        self, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None = None
-    ) -> tuple[Array, Array, Array, Array]:
-        """Return D, D̃, the gradient of D and its Hessian (..., 12, 12) by the same twists ξ: D(pose·exp(ξ)).
-
-        For gamma = 1 the Hessian has jumps; it is one of its one-sided values there.
-        """
-        distance, separation, gradient, hessian = self._run(2, pose_a, pose_b, witnesses)
-        return distance, separation, gradient, hessian
-
-    def _run(self, order: int, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None) -> list[Array]:
+    def _evaluate(self, order: int, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None) -> list[Array]:
         import jax
 
         from hdplan.distance.batch.kernel import Places, evaluate

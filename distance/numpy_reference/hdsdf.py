@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.holder import (
@@ -27,8 +27,7 @@ from hdplan.distance.normals import candidate_normals, check_witnesses, separati
 from hdplan.distance.numpy_reference.jets import Jet, fixed, moving, stack
 from hdplan.distance.numpy_reference.projections import Along, separations
 from hdplan.distance.poses import check_pose, check_poses
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 
 @dataclass(frozen=True, eq=False)

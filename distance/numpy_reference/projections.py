@@ -6,14 +6,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.normals import CandidateNormals
 from hdplan.distance.numpy_reference.jets import Jet, inverse_power, product
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import read_only
-
-Array = NDArray[np.float64]
 
 CROSS = np.zeros((3, 3, 3))  # (u×v)_x = CROSS[x, y, z] u_y v_z
 CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]], CROSS[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = 1.0, -1.0

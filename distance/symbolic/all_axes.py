@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.symbolic.axis_wrenches import Motion, wrench_function
 from hdplan.distance.symbolic.one_axis import (
@@ -24,8 +23,7 @@ from hdplan.distance.symbolic.one_axis import (
     positive_part,
     shaped,
 )
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,20 +24,18 @@ import functools
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.symbolic.all_axes import Axes, combined
 from hdplan.distance.symbolic.axis_wrenches import fixed_in_a
 from hdplan.distance.symbolic.graph_poses import rigid_or_nan
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import read_only
-
-Floats = NDArray[np.float64]
 
 FAR = 1e3  # [m] offset of an unused plane: its term, about −FAR, weighs (depth/FAR)^(gamma+1) in the maximum
 
 
 @functools.cache
-def box_directions() -> Floats:
+def box_directions() -> Array:
     """The 26 unit directions (26, 3) of a cube's faces, edges and corners: Ñ of a box, widened to 13 axes."""
     grid = np.array(
         [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) != (0, 0, 0)], dtype=float

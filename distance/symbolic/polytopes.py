@@ -12,14 +12,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.normals import CandidateNormals, candidate_normals
 from hdplan.distance.symbolic.all_axes import Axes, combined
 from hdplan.distance.symbolic.axis_wrenches import across_edges, between_centres, edge_axis, fixed_in_a, fixed_in_b
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 # Projections this close, relative to the largest, are one projection with a count.
 SAME_PROJECTION = 1e-14

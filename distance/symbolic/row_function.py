@@ -19,21 +19,18 @@ import subprocess
 import sys
 import tempfile
 import threading
-import time
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.cache import cache_dir, content_key, write_whole
+from hdplan.distance.symbolic.compile_time import compiling
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.deadline import check_time, most_seconds
-
-Floats = NDArray[np.float64]
-Rows = NDArray[np.int64]
 
 # None of them changes a value: without the last, machines with a fused multiply-add would round differently. The second
 # and third let the smallest helpers of the generated code (fmin, a square) be inlined, which halves the time.
@@ -76,28 +73,25 @@ class RowFunction:
     matrix.
     """
 
-    spent: ClassVar[_Spent]  # on compiling, or on finding what was compiled
-
     def __init__(self, function: ca.Function) -> None:
         """Compile the function, or find it in the cache."""
-        began = time.perf_counter()
         self.function = function
         self.widths = [function.numel_in(i) for i in range(function.n_in())]
         self.result_widths = [function.numel_out(i) for i in range(function.n_out())]
-        library = _library(function)
+        with compiling():
+            library = _library(function)
         self.is_compiled = library is not None
         if library is not None:
             self._loop = getattr(library, f"{function.name()}_rows")
             self._loop.restype = None
             self._numbers = [(ctypes.c_longlong * len(widths))(*widths) for widths in (self.widths, self.result_widths)]
         self._workspace = _Workspace(function, library)
-        self.spent.seconds += time.perf_counter() - began
 
     def __reduce__(self) -> tuple[type[RowFunction], tuple[ca.Function]]:
         """What another process is sent: it compiles the function itself, or finds it in the cache."""
         return RowFunction, (self.function,)
 
-    def __call__(self, tables: Sequence[Floats], rows: Sequence[Rows]) -> list[Floats]:
+    def __call__(self, tables: Sequence[Array], rows: Sequence[Rows]) -> list[Array]:
         """Evaluate for k = 0 … count-1 with input i taken from `tables[i][rows[i][k]]`.
 
         tables: one array (n_i, width_i) per input. rows: one index array (count,) per input. Returns one array
@@ -133,7 +127,7 @@ class RowFunction:
             self._interpret(tables, rows, results)
         return results
 
-    def once(self, *arguments: Floats) -> list[Floats]:
+    def once(self, *arguments: Array) -> list[Array]:
         """Evaluate at one row of each input, flat arrays (width_i,): the same with the least overhead for one call."""
         bound, run, results = self._workspace.single
         for slot, argument in zip(bound, arguments, strict=True):
@@ -141,7 +135,7 @@ class RowFunction:
         run()
         return [result.copy() for result in results]
 
-    def _interpret(self, tables: Sequence[Floats], rows: Sequence[Rows], results: Sequence[Floats]) -> None:
+    def _interpret(self, tables: Sequence[Array], rows: Sequence[Rows], results: Sequence[Array]) -> None:
         """The same through CasADi's virtual machine, by buffers: converting to CasADi's DM would cost more than the
         work."""
         bound, run, outputs = self._workspace.single
@@ -151,15 +145,6 @@ class RowFunction:
             run()
             for result, output in zip(results, outputs, strict=True):
                 result[k] = output
-
-
-class _Spent(threading.local):
-    """Time that a thread has spent."""
-
-    seconds = 0.0
-
-
-RowFunction.spent = _Spent()
 
 
 class _Workspace(threading.local):
@@ -195,7 +180,7 @@ class _Workspace(threading.local):
         self.single = arguments, run, results
 
 
-def _addresses(arrays: Sequence[Floats] | Sequence[Rows]) -> ctypes.Array[ctypes.c_void_p]:
+def _addresses(arrays: Sequence[Array] | Sequence[Rows]) -> ctypes.Array[ctypes.c_void_p]:
     return (ctypes.c_void_p * len(arrays))(*(array.__array_interface__["data"][0] for array in arrays))
 
 

@@ -50,7 +50,7 @@ from hdplan.scenes.values import Number, checked, instance
 
 if TYPE_CHECKING:
     from hdplan.planner.certificate.path_check import Departure, PathCheck
-    from hdplan.scenes.moving import Passages
+    from hdplan.scenes.obstacle_motion import ObstacleMotion
 
 Array = NDArray[np.float64]
 
@@ -107,8 +107,8 @@ class Certifier:
             check_time("reading the scene's shapes for the certificate")
             with naming(scene.source):
                 pieces = obstacle_pieces(obstacle)
-            passages = _passages(obstacle)
-            bodies.extend(Body(obstacle.name, piece, 0, obstacle.pose.matrix, passages) for piece in pieces)
+            motion = _motion_of(obstacle)
+            bodies.extend(Body(obstacle.name, piece, 0, obstacle.pose.matrix, motion) for piece in pieces)
         rows = [(a, b, 0) for a in range(count) for b in range(count, len(bodies))]
         rows += [(a, b, 1) for first, second in robot.self_pairs for a in links[first] for b in links[second]]
         gathered = Bodies(_chain(robot), bodies, robot.pin_q)
@@ -322,10 +322,10 @@ def _path_check(setup: Setup, chain: Chain) -> PathCheck:
     return PathCheck(setup, chain)
 
 
-def _passages(obstacle: Obstacle) -> Passages | None:
+def _motion_of(obstacle: Obstacle) -> ObstacleMotion | None:
     """Return how an obstacle moves; None if it stands."""
     if obstacle.motion is None:
         return None
-    from hdplan.scenes.moving import Passages
+    from hdplan.scenes.obstacle_motion import ObstacleMotion
 
-    return Passages.of(obstacle)
+    return ObstacleMotion.of(obstacle)

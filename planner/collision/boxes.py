@@ -6,19 +6,20 @@ Both know boxes alone: links by the setting `link_bodies: box`, and obstacles th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.baselines.gdf_batch import gdf_boxes
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.symbolic.boxes import box_distance
 from hdplan.distance.symbolic.row_function import RowFunction
-from hdplan.planner.collision.broad_phase import BodyPairs, Floats, Rows
+from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
+from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.kinematics.forward import KinematicsBatch
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.once import made_once
 from hdplan.scenes.shapes import Box, Shape
@@ -35,7 +36,7 @@ class _Boxes:
         self.second = np.array([_box_row(body.shape, body.placement, body.name) for body in halfspace_bodies])
 
 
-class BoxPairs(_Boxes):
+class BoxPairs(_Boxes, PairDistance):
     """D of the paper's set of both boxes, less the obstacle's margin. Raises InputError for a body that is no box."""
 
     def __init__(
@@ -57,7 +58,12 @@ class BoxPairs(_Boxes):
         compiled = "compiled C" if self.kernel.is_compiled else "by CasADi’s interpreter: no C compiler"
         return f"HD-SDF of boxes with the paper's normals, {compiled}"
 
-    def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Floats, Floats, Floats]:
+    @property
+    def functions(self) -> Mapping[str, RowFunction]:
+        """Its one kernel."""
+        return {"boxes": self.kernel}
+
+    def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
         """Return D (S,) [m], its wrench (S, 6) and D̃ (S,) [m] for S pairs (row of the pairs) at samples."""
         batch, joints = kinematics.placements.shape[:2]
         placements = kinematics.placements.reshape(batch * joints, 12)
@@ -74,7 +80,7 @@ class BoxPairs(_Boxes):
         return values[:, 0], wrenches, separations[:, 0]
 
 
-class GdfPairs(_Boxes):
+class GdfPairs(_Boxes, PairDistance):
     """The GDF of the boxes, less the obstacle's margin; its parameters are those of the published experiment."""
 
     @property
@@ -82,7 +88,7 @@ class GdfPairs(_Boxes):
         """What it is."""
         return "GDF (h 0.1, bulging 0.01), an approximation, by iteration"
 
-    def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Floats, Floats, Floats]:
+    def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
         """Return D (S,) [m], its wrench (S, 6) and D again: it bounds nothing."""
         placed = []
         for boxes, index, joint in (
@@ -97,7 +103,7 @@ class GdfPairs(_Boxes):
         return distance, wrench, distance
 
 
-def _box_row(shape: Shape | ConvexBody, placement: NDArray[np.float64], name: str) -> Floats:
+def _box_row(shape: Shape | ConvexBody, placement: Array, name: str) -> Array:
     """A box as [R | t | half sides]; a box that is swept by a ball as the box around it."""
     frame, half = np.eye(4), np.zeros(3)
     match shape:
@@ -116,7 +122,7 @@ def _box_row(shape: Shape | ConvexBody, placement: NDArray[np.float64], name: st
     return np.concatenate([placed[:3, :3].ravel(), placed[:3, 3], half])
 
 
-def _box_axes(body: ConvexBody) -> Floats | None:
+def _box_axes(body: ConvexBody) -> Array | None:
     """The axes (3, 3) of a box, as columns; None for a body that is none."""
     if len(body.vertices) != 8 or len(body.faces) != 6:
         return None

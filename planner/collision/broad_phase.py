@@ -12,14 +12,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hdplan.planner.collision.halfspace_bodies import FEW, HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import KinematicsBatch
-
-Floats = NDArray[np.float64]
-Rows = NDArray[np.int64]
+from hdplan.scenes.array_types import Array, Mask, Rows
 
 # Every direction is within 27.6 degrees of one of a box's 26 directions whose support is attained at the same place of
 # the box. So where a sphere of radius r is farther than r / cos(27.6°) from the box, one of the planes separates it for
@@ -37,19 +35,24 @@ class BodyPairs:
     plane_row: Rows  # (P,) its row in the plane table of that many slots
     joint_a: Rows  # (P,) joint that carries the link body
     joint_b: Rows  # (P,) joint that carries the plane body, 0 for the world
-    moves: Floats  # (P, n) 1 where a joint moves only the first body, −1 only the second, else 0
-    body_table: Floats  # (A, 4 m + 1) vertices, weights, radius
-    plane_tables: dict[int, Floats]  # slots -> (·, 4 slots) normals and supports enlarged by the margin
-    centres: Floats  # (A, 3) of the link bodies' bounding spheres, in their joints' frames [m]
-    radii: Floats  # (A,) of those spheres [m]
+    moves: Array  # (P, n) 1 where a joint moves only the first body, −1 only the second, else 0
+    body_table: Array  # (A, 4 m + 1) vertices, weights, radius
+    plane_tables: dict[int, Array]  # slots -> (·, 4 slots) normals and supports enlarged by the margin
+    centres: Array  # (A, 3) of the link bodies' bounding spheres, in their joints' frames [m]
+    radii: Array  # (A,) of those spheres [m]
     widest: float  # how much farther than its radius from a box a sphere is separated by one of the planes for certain
-    boxes: Floats  # (B, 4, 4) the plane bodies' boxes, in their joints' frames
-    half_sizes: Floats  # (B, 3) of those boxes, enlarged by the margin [m]
-    margins: Floats  # (B,) by which each plane body is enlarged [m]
+    boxes: Array  # (B, 4, 4) the plane bodies' boxes, in their joints' frames
+    half_sizes: Array  # (B, 3) of those boxes, enlarged by the margin [m]
+    margins: Array  # (B,) by which each plane body is enlarged [m]
 
     def __len__(self) -> int:
         """The number of pairs."""
         return len(self.body)
+
+    @property
+    def vertex_slots(self) -> int:
+        """m, the number of vertices that a row of `body_table` has room for."""
+        return (int(self.body_table.shape[1]) - 1) // 4
 
     def close(self, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
         """Sample and pair indices (S,), samples ascending, whose bounding sphere reaches the enlarged box.
@@ -72,12 +75,12 @@ class BodyPairs:
         order = np.argsort(interval, kind="stable")
         return interval[order], pair[order]
 
-    def _placed_centres(self, kinematics: KinematicsBatch) -> Floats:
+    def _placed_centres(self, kinematics: KinematicsBatch) -> Array:
         """The centres of the link bodies' spheres in the world (batch, A, 3)."""
         joint = np.zeros(len(self.centres), dtype=np.int64)
         joint[self.body] = self.joint_a
         rotations, translations = kinematics.rotations[:, joint], kinematics.translations[:, joint]
-        centres: Floats = (rotations @ self.centres[:, :, None])[..., 0] + translations
+        centres: Array = (rotations @ self.centres[:, :, None])[..., 0] + translations
         return centres
 
     @cached_property
@@ -89,7 +92,7 @@ class BodyPairs:
     def _moving(self) -> Rows:
         return np.flatnonzero(self.joint_b > 0)
 
-    def _close_to_standing(self, centres: Floats, reach: Floats) -> tuple[Rows, Rows]:
+    def _close_to_standing(self, centres: Array, reach: Array) -> tuple[Rows, Rows]:
         """The same for the standing boxes; first all samples at once, by a ball around each body's whole motion."""
         pair = self._standing
         if not len(pair) or not len(centres):
@@ -108,7 +111,7 @@ class BodyPairs:
         row, sample = np.nonzero(np.einsum("pbi,pbi->pb", outside, outside) < reach[body, None] ** 2)
         return sample, pair[row]
 
-    def _close_to_moving(self, centres: Floats, reach: Floats, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
+    def _close_to_moving(self, centres: Array, reach: Array, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
         """The same for the boxes on links; first by the balls around the boxes."""
         pair = self._moving
         if not len(pair):
@@ -131,7 +134,7 @@ def body_pairs(
     halfspace_bodies: Sequence[HalfspaceBody],
     pairs: Sequence[tuple[int, int]],
     margin: ArrayLike,
-    supports: NDArray[np.bool_],
+    supports: Mask,
     slots: int = 0,
 ) -> BodyPairs:
     """Lay out pairs (index of link body, index of plane body) as tables, the plane bodies enlarged by `margin` [m].
@@ -179,7 +182,7 @@ def body_pairs(
     )
 
 
-def _body_row(body: LinkBody, slots: int) -> Floats:
+def _body_row(body: LinkBody, slots: int) -> Array:
     """Vertices, weights and radius in one row; unused slots repeat the first vertex with weight 0.
 
     A body of more vertices is in no pair on this side; its row is cut short and never read.

@@ -16,19 +16,17 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.cache import content_key, load, store
 from hdplan.planner.geometry.meshes import TriangleMesh
-
-Floats = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 CONCAVITY = 0.03  # how deep a dent a convex piece may bridge, as part of the mesh's size (coacd's threshold)
 MOST_SECONDS = 60.0  # that taking apart may last
 MOST_MEMORY = 8 * 2**30  # [bytes] of addresses: several times what is used
 
 
-def convex_pieces(mesh: TriangleMesh, seconds: float = MOST_SECONDS) -> tuple[Floats, ...] | None:
+def convex_pieces(mesh: TriangleMesh, seconds: float = MOST_SECONDS) -> tuple[Array, ...] | None:
     """Return point sets (m, 3) whose convex hulls together stand for `mesh`: exactly, if its loose parts are convex.
 
     None where it cannot be taken apart, or not within `seconds`.
@@ -47,7 +45,7 @@ def convex_pieces(mesh: TriangleMesh, seconds: float = MOST_SECONDS) -> tuple[Fl
     return tuple(np.array(vertices) for vertices in known)
 
 
-def _taken_apart(mesh: TriangleMesh, seconds: float) -> list[Floats]:
+def _taken_apart(mesh: TriangleMesh, seconds: float) -> list[Array]:
     """Run coacd on a mesh; empty where it fails."""
     if seconds <= 0.0:
         return []

@@ -15,7 +15,6 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from hdplan.distance.bodies import ConvexBody
@@ -23,12 +22,11 @@ from hdplan.distance.symbolic.halfspaces import FAR, box_directions
 from hdplan.planner.collision.convex_pieces import MOST_SECONDS, convex_pieces
 from hdplan.planner.geometry.meshes import load_mesh
 from hdplan.planner.geometry.shapes import operations
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import freeze
 from hdplan.scenes.shapes import Mesh, Points, Shape
-
-Floats = NDArray[np.float64]
 
 FEW, MANY = 26, 50  # planes of box-like bodies and of everything else; one compiled kernel each
 SPREAD = 96  # more of them for normals "sphere"
@@ -40,22 +38,22 @@ class HalfspaceBody:
 
     name: str  # of the obstacle or link
     joint: int  # the joint that carries it; 0, the universe, if it stands in the world
-    normals: Floats  # (K, 3) unit normals, the directions of its box first; K is the same for all bodies alike
-    supports: Floats  # (K,) [m]
-    box: Floats  # (4, 4) the frame of a tight box around the body
-    half_size: Floats  # (3,) of that box [m]
+    normals: Array  # (K, 3) unit normals, the directions of its box first; K is the same for all bodies alike
+    supports: Array  # (K,) [m]
+    box: Array  # (4, 4) the frame of a tight box around the body
+    half_size: Array  # (3,) of that box [m]
     shape: Shape | ConvexBody  # the body itself, no mesh
-    placement: Floats  # (4, 4) the frame in which `shape` is given
+    placement: Array  # (4, 4) the frame in which `shape` is given
 
     def __post_init__(self) -> None:
         """Share its arrays read-only."""
         freeze(self)
 
     @property
-    def directions(self) -> Floats:
+    def directions(self) -> Array:
         """Its normals (k, 3) in the frame of its box, without slots that were only filled."""
         reach = self.supports - self.normals @ self.box[:3, 3]
-        used: Floats = (self.normals @ self.box[:3, :3])[reach < np.linalg.norm(self.half_size) + FAR / 2]
+        used: Array = (self.normals @ self.box[:3, :3])[reach < np.linalg.norm(self.half_size) + FAR / 2]
         return used
 
 
@@ -81,7 +79,7 @@ def from_obstacle(
     return bodies, (f"{about} split into {len(pieces)} convex pieces",) if len(pieces) > 1 else ()
 
 
-def from_shape(name: str, shape: Shape, placement: Floats, normals: str = "box") -> HalfspaceBody:
+def from_shape(name: str, shape: Shape, placement: Array, normals: str = "box") -> HalfspaceBody:
     """Enclose a scene shape that stands at `placement` in the world. Meshes come as the convex Points of their
     pieces."""
     if isinstance(shape, Points):
@@ -100,7 +98,7 @@ def from_shape(name: str, shape: Shape, placement: Floats, normals: str = "box")
     return _placed(name, 0, placement, shape, directions, outline.support(shape, directions), half)
 
 
-def from_points(name: str, points: Floats, placement: Floats, normals: str = "box") -> HalfspaceBody:
+def from_points(name: str, points: Array, placement: Array, normals: str = "box") -> HalfspaceBody:
     """Enclose the hull of points (m, 3), flat ones too, that stands at `placement` in the world."""
     frame = _box_frame(points)
     local = (points - frame[:3, 3]) @ frame[:3, :3]
@@ -126,14 +124,14 @@ def plane_counts(normals: str) -> tuple[int, int]:
     return len(_few(normals)), len(_many(_round_directions(), normals))
 
 
-def _few(normals: str) -> Floats:
+def _few(normals: str) -> Array:
     """The directions of a box-like body."""
     if normals == "faces":
         return np.vstack([np.eye(3), -np.eye(3)])
     return _many(box_directions(), normals)
 
 
-def _many(directions: Floats, normals: str) -> Floats:
+def _many(directions: Array, normals: str) -> Array:
     """These directions, and more of them for normals "sphere"."""
     return np.vstack([directions, _fibonacci(SPREAD)]) if normals == "sphere" else directions
 
@@ -141,12 +139,12 @@ def _many(directions: Floats, normals: str) -> Floats:
 def _placed(
     name: str,
     joint: int,
-    placement: Floats,
+    placement: Array,
     shape: Shape | ConvexBody,
-    normals: Floats,
-    supports: Floats,
-    half_size: Floats,
-    frame: Floats | None = None,
+    normals: Array,
+    supports: Array,
+    half_size: Array,
+    frame: Array | None = None,
 ) -> HalfspaceBody:
     """Express planes given in the frame of the body's box, the shape's own frame if none is given, in that of what
     carries the body: h' = h + n'·t."""
@@ -155,13 +153,13 @@ def _placed(
     return HalfspaceBody(name, joint, turned, supports + turned @ box[:3, 3], box, half_size, shape, placement)
 
 
-def _fill(normals: Floats, supports: Floats, spare: int) -> tuple[Floats, Floats]:
+def _fill(normals: Array, supports: Array, spare: int) -> tuple[Array, Array]:
     """Fill unused slots with a plane so far behind that it never decides."""
     far = FAR + supports.max()
     return np.vstack([normals, np.tile([0.0, 0.0, 1.0], (spare, 1))]), np.append(supports, np.full(spare, far))
 
 
-def _box_frame(points: Floats) -> Floats:
+def _box_frame(points: Array) -> Array:
     """A frame (4, 4) in which the points' box is centred and aligned with their principal axes."""
     axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=len(points) < 3)[2].T
     if np.linalg.det(axes) < 0:
@@ -173,7 +171,7 @@ def _box_frame(points: Floats) -> Floats:
     return frame
 
 
-def _face_normals(points: Floats) -> Floats:
+def _face_normals(points: Array) -> Array:
     """Normals of the hull's largest faces (F, 3), as many as there are slots, none that a box direction already gives;
     none for flat hulls."""
     try:
@@ -182,7 +180,7 @@ def _face_normals(points: Floats) -> Floats:
         return np.empty((0, 3))
     triangles = points[hull.simplices]
     areas = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
-    kept: list[Floats] = []
+    kept: list[Array] = []
     known = box_directions()
     for index in np.argsort(-areas, kind="stable"):
         normal = hull.equations[index, :3]
@@ -194,7 +192,7 @@ def _face_normals(points: Floats) -> Floats:
     return np.array(kept).reshape(-1, 3)
 
 
-def _round_directions() -> Floats:
+def _round_directions() -> Array:
     """MANY directions for bodies round about z: the box's, 8 more sideways (16 in all) and 16 more slanted. Like those
     of a box and a ball they are their own mirror images, so that a mirrored scene is the same problem."""
     between = np.pi / 8 + np.arange(8) * np.pi / 4
@@ -203,7 +201,7 @@ def _round_directions() -> Floats:
     return np.vstack([box_directions(), sideways, slanted, slanted * [1, 1, -1]])
 
 
-def _ball_directions(half_size: Floats) -> Floats:
+def _ball_directions(half_size: Array) -> Array:
     """MANY directions around a ball: the box's, and the 24 like (1, 1, 3) in the widest gaps between them. No direction
     is farther than 19.1 degrees from all of these. Around an ellipsoid the 24 are the normals where those would touch
     it, were it stretched to a ball."""
@@ -215,7 +213,7 @@ def _ball_directions(half_size: Floats) -> Floats:
     return np.vstack([box_directions(), between])
 
 
-def _fibonacci(count: int) -> Floats:
+def _fibonacci(count: int) -> Array:
     """Evenly spread unit directions (count, 3)."""
     index = np.arange(count) + 0.5
     height, around = 1 - 2 * index / count, index * np.pi * (3 - np.sqrt(5))

@@ -19,7 +19,6 @@ import coal
 import numpy as np
 import pinocchio as pin
 import trimesh
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 from threadpoolctl import threadpool_limits
 
@@ -37,10 +36,9 @@ from hdplan.planner.collision.sphere_swept_fit import (
 from hdplan.planner.geometry.meshes import below
 from hdplan.planner.geometry.shapes import operations, shape_of
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.once import Turn
-
-Array = NDArray[np.float64]
 
 FIT_VERSION = "7"  # changes with anything that changes a fit, so that old cache entries are not used
 GOOD_MEAN, GOOD_P95 = 0.0095, 0.0185  # outside the link's hull [m]: the first candidate this tight is taken

@@ -7,28 +7,27 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.once import freeze
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Reach:
     """A ball in the world that a body never leaves."""
 
-    centre: Floats  # (3,) [m]
+    centre: Array  # (3,) [m]
     radius: float  # [m]
 
     def __post_init__(self) -> None:
         """Share its arrays read-only."""
         freeze(self)
 
-    def meets(self, others: Sequence[HalfspaceBody], margin: ArrayLike) -> NDArray[np.bool_]:
+    def meets(self, others: Sequence[HalfspaceBody], margin: ArrayLike) -> Mask:
         """For each standing body (B,), whether the ball touches its box enlarged by `margin`, one for all or one for
         each [m]; if not, the pair never matters."""
         margins = np.full(len(others), margin, dtype=np.float64)
@@ -57,7 +56,7 @@ def reach_of(robot: Robot, joint: int, body: ConvexBody) -> Reach:
     return Reach(np.array(model.jointPlacements[joint].translation), radius)
 
 
-def levers(robot: Robot, bodies: Sequence[tuple[int, ConvexBody]]) -> Floats:
+def levers(robot: Robot, bodies: Sequence[tuple[int, ConvexBody]]) -> Array:
     """Bound how fast any point of the bodies (joint, body) moves per unit of each joint's speed (n,), wherever the
     joints stand within the robot's limits: [m] for a joint that turns, 1 for one that slides.
 

@@ -29,15 +29,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.cache import content_key, load, store
-from hdplan.planner.collision.broad_phase import Floats, Rows, body_pairs
+from hdplan.planner.collision.broad_phase import body_pairs
 from hdplan.planner.collision.euclidean import FclPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array, Mask, Rows
 
 VERSION = "2"  # changes with anything that changes a bound, so that old cache entries are not used
 MOST, BUDGET = 4000, 300_000  # boxes looked at for a pair, and for all pairs of a robot
@@ -53,7 +53,7 @@ def distances_kept(
     planes: Sequence[HalfspaceBody],
     pairs: Sequence[tuple[int, int]],
     wanted: float,
-) -> Floats:
+) -> Array:
     """Return for each pair (row of `bodies`, row of `planes`, which are the same bodies) a distance (P,) [m] that it
     keeps within the robot's limits: a lower bound, 0 where none above `wanted` [m] is proven."""
     if not pairs:
@@ -106,7 +106,7 @@ class _Search:
         proven = float(bounds.min()) - ROUNDING
         return (proven if proven > wanted else 0.0), looked
 
-    def _look(self, pair: int, centres: Floats, halves: Floats) -> tuple[Floats, Floats, Rows]:
+    def _look(self, pair: int, centres: Array, halves: Array) -> tuple[Array, Array, Rows]:
         """Return the distance at the centres of K boxes, the bound over each of them (K,) [m], and the joint (K,) that
         makes most of the difference."""
         laid_out, kinematics = self.distance.pairs, self.kinematics.evaluate(centres)
@@ -130,7 +130,7 @@ class _Search:
         return distances, gap, shifts.argmax(axis=1)
 
 
-def _shifts(vertices: Floats, normal: Floats, half: Floats, columns: Floats) -> Floats:
+def _shifts(vertices: Array, normal: Array, half: Array, columns: Array) -> Array:
     """Return e_j (K, V, m) of vertices (K, V, 3) for joints of half widths (K, m) and unit velocities (K, m, 6)."""
     linear, angular = columns[:, None, :, :3], columns[:, None, :, 3:]
     velocity = linear + np.cross(angular, vertices[:, :, None])
@@ -139,16 +139,16 @@ def _shifts(vertices: Floats, normal: Floats, half: Floats, columns: Floats) -> 
     before = np.cumsum(half * turns, axis=1) - half * turns
     speed, along = np.linalg.norm(velocity, axis=3), np.abs(np.einsum("kvmi,ki->kvm", velocity, normal))
     bend = 0.5 * half**2 * turns + chord * np.minimum(before, 2.0)
-    shifts: Floats = np.minimum(chord[:, None] * speed, half[:, None] * along + bend[:, None] * speed)
+    shifts: Array = np.minimum(chord[:, None] * speed, half[:, None] * along + bend[:, None] * speed)
     return shifts
 
 
-def _turns(columns: Floats) -> NDArray[np.bool_]:
+def _turns(columns: Array) -> Mask:
     """Whether joints of unit velocities (..., 6) turn; the others slide."""
     return np.asarray(np.linalg.norm(columns[..., 3:], axis=-1) > 0.5)
 
 
-def _ranges(robot: Robot, kinematics: Kinematics) -> tuple[Floats, Floats]:
+def _ranges(robot: Robot, kinematics: Kinematics) -> tuple[Array, Array]:
     """The limits (n,) of each joint; one whole turn of a joint that turns farther."""
     at_rest = kinematics.evaluate(np.clip(np.zeros(robot.n), robot.lower, robot.upper))
     whole = _turns(at_rest.columns[0]) & (robot.upper - robot.lower >= 2 * np.pi)

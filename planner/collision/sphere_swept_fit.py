@@ -19,9 +19,8 @@ from scipy.optimize import minimize
 from scipy.spatial import ConvexHull
 from scipy.spatial.distance import cdist
 
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import check_time
-
-Array = NDArray[np.float64]
 
 MARGIN = 1e-6  # added to every radius [m], above rounding
 SPREAD = 200  # points that the steps of a fit look at; its radius is taken over all

@@ -35,7 +35,7 @@ def run_distance_study(folder: Path, *, quick: bool) -> int:
 
 def run_planning_study(folder: Path, *, quick: bool, problems: Path | None, every: int) -> int:
     """Measure what accuracy costs when planning. Returns the exit code: 0, or 1 if it was interrupted."""
-    scenes = [*shipped_with_obstacles(quick), *(_problems(problems, every) if problems else [])]
+    scenes = [*shipped_with_obstacles(quick), *(problems_below(problems, every) if problems else [])]
     with measuring() as (report, stop):
         found = study_planning(folder, scenes, quick, report, stop)
     return _shown(found)
@@ -61,8 +61,8 @@ def shipped_with_obstacles(only_panda: bool) -> list[Scene]:
     return [scene for scene in scenes if scene.obstacles and (not only_panda or scene.robot.name == "panda")]
 
 
-def _problems(folder: Path, every: int) -> list[Scene]:
-    """Every K-th MoveIt problem below a folder, named by its path in it."""
+def problems_below(folder: Path, every: int) -> list[Scene]:
+    """Load every K-th MoveIt problem below a folder, named by its path in it."""
     if every < 1:
         raise InputError(f"--every: found {every}, allowed is a whole number of at least 1")
     scenes = []

@@ -19,14 +19,12 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.once import Turn
 
-Floats = NDArray[np.float64]
-Rows = NDArray[np.int64]
-Triangles = tuple[Floats, Rows]  # vertices (m, 3) in the file's unit, corners (F, 3): rows of vertices
+Triangles = tuple[Array, Rows]  # vertices (m, 3) in the file's unit, corners (F, 3): rows of vertices
 
 MOST_BYTES = 100_000_000
 MOST_TRIANGLES = 1_000_000  # more would take minutes to be made ready for a proof
@@ -69,7 +67,7 @@ def read_mesh_file(path: Path) -> Triangles:
     return points, corners
 
 
-def _check_range(vertices: Sequence[Any] | Floats, triangles: Rows) -> None:
+def _check_range(vertices: Sequence[Any] | Array, triangles: Rows) -> None:
     """Check that triangles have vertices that exist: a negative index would count from the end."""
     for wrong in (int(triangles.min(initial=0)), int(triangles.max(initial=-1))):
         if not 0 <= wrong < len(vertices) and len(triangles):

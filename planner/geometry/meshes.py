@@ -9,17 +9,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
 
 from hdplan.planner.geometry.mesh_files import read_mesh_file
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.once import freeze
 from hdplan.scenes.shapes import Mesh
-
-Array = NDArray[np.float64]
 
 CONVEX = 1e-3  # a solid that misses less than this part of its hull's volume passes for its hull, which contains it
 LARGEST = 1e6  # [m] beyond which distances drown in rounding
@@ -31,7 +30,7 @@ class TriangleMesh:
     """Triangles with shared vertices; those that bound a solid run counter-clockwise seen from outside."""
 
     vertices: Array  # (m, 3) [m]
-    triangles: NDArray[np.int64]  # (F, 3) rows of vertices
+    triangles: Rows  # (F, 3) rows of vertices
 
     def __post_init__(self) -> None:
         """Share its arrays read-only."""

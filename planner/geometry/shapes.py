@@ -16,14 +16,12 @@ import coal
 import numpy as np
 import pinocchio as pin
 import trimesh
-from numpy.typing import NDArray
 
 from hdplan.planner.geometry.coal_shapes import convex_hull, triangle_tree
 from hdplan.planner.geometry.meshes import FLAT, TriangleMesh, load_mesh, thinness
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
-
-Array = NDArray[np.float64]
 
 SECTIONS = 48  # of a round body's triangles, to be drawn
 ROUND_SIDES = 16  # of a prism around a cylinder

@@ -22,18 +22,14 @@ from functools import cached_property
 
 import coal
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from hdplan.planner.geometry.coal_shapes import triangle_tree
 from hdplan.planner.geometry.meshes import TriangleMesh
+from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.once import freeze, read_only
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 WELD = 1e-6  # of a mesh's size: narrower cracks are none
 MOST_CROSSINGS = 10_000  # pairs of shells looked at; where there are more, none is taken for a cavity
@@ -43,8 +39,8 @@ MOST_CROSSINGS = 10_000  # pairs of shells looked at; where there are more, none
 class Shells:
     """Triangles of a mesh, each once, in shells."""
 
-    triangles: Index  # (F, 3) rows of vertices, turned to run the same way in each shell
-    shell: Index  # (F,) 0 to S − 1
+    triangles: Rows  # (F, 3) rows of vertices, turned to run the same way in each shell
+    shell: Rows  # (F,) 0 to S − 1
     turned: Mask  # (S,) did not run the same way at first
     open: Mask  # (S,) have a rim
     one_sided: Mask  # (S,) cannot be made to run the same way
@@ -54,7 +50,7 @@ class Shells:
         freeze(self)
 
     @classmethod
-    def of(cls, triangles: Index) -> Shells:
+    def of(cls, triangles: Rows) -> Shells:
         """Take triangles (F, 3) apart."""
         size = int(triangles.max()) + 1
         low, middle, high = np.sort(triangles, axis=1).T
@@ -185,13 +181,13 @@ class Solid:
         return False
 
 
-def _odd(triangles: Index) -> Mask:
+def _odd(triangles: Rows) -> Mask:
     """Whether a triangle's corners (F, 3) are an odd permutation of their order."""
     a, b, c = triangles.T
     return np.asarray((a > b) ^ (b > c) ^ (a > c))
 
 
-def _any(chosen: Mask, shell: Index, number: int) -> Mask:
+def _any(chosen: Mask, shell: Rows, number: int) -> Mask:
     return np.bincount(shell, weights=chosen, minlength=number) > 0.0
 
 

@@ -14,12 +14,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import freeze, made_once
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,15 +9,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hdplan.planner.kinematics.forward import Kinematics, kinematics_of
 from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.targets import PoseTarget
-
-Array = NDArray[np.float64]
 
 DAMPING = 0.02  # λ: keeps steps short near a singular configuration
 LONGEST = 0.4  # [rad] or [m] of one step of a joint

@@ -14,18 +14,18 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.kinematics.forward import constant, motion_axes, rotation_about
 from hdplan.planner.robot.loads import with_loads
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import naming
 from hdplan.scenes.once import made_once
 
-Array = NDArray[np.float64]
 Spatial = tuple[ca.SX, ca.SX]  # linear and angular part of a rate, or a force and its moment about the frame's origin
 
 

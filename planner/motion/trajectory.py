@@ -126,15 +126,15 @@ class Trajectory:
         """Return the number of waypoints."""
         return len(self.positions)
 
-    def at(self, time: ArrayLike) -> NDArray[np.float64]:
-        """Return the configurations (…, n) at path parameters `time` in [0, 1]; the waypoints stand at equal steps.
+    def at(self, parameter: ArrayLike) -> NDArray[np.float64]:
+        """Return the configurations (…, n) at path parameters in [0, 1]; the waypoints stand at equal steps.
 
         Raises InputError for other parameters.
         """
-        parameters = _numbers(time, "time")
+        parameters = _numbers(parameter, "parameter")
         within = np.clip(parameters, 0.0, 1.0)
         if not (np.abs(parameters - within) <= SAME).all():
-            raise InputError("time: path parameters lie in [0, 1], from the first waypoint to the last")
+            raise InputError("parameter: path parameters lie in [0, 1], from the first waypoint to the last")
         return self.curve.at_parameter(within)
 
     def save(

@@ -17,7 +17,6 @@ from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Place
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.problem.moving_clearance import MovingClearance
 from hdplan.planner.robot.setup import Setup
 
 Array = NDArray[np.float64]
@@ -66,9 +65,9 @@ def outer_clearance(setup: Setup, positions: Array, times: Array, within: float)
     problem = build(replace(scene, planner=settings), setup.robot)
     least = np.full(len(positions), np.inf)
     kinematics = problem.kinematics.evaluate(positions)
-    for term in problem.pair_terms:
-        if term.name in ("obstacles", "moving obstacles"):
-            inside = term.inside(term.met(kinematics, times) if isinstance(term, MovingClearance) else kinematics)
+    for term in (problem.terms.obstacles, problem.terms.moving_obstacles):
+        if term:
+            inside = term.inside(term.met(kinematics, times))
             margin = term.pairs.margins[term.pairs.plane_body[inside.pair]]  # `within`, and an obstacle's own clearance
             np.minimum.at(least, inside.sample, margin + inside.separation)
     return least

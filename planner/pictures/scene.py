@@ -24,7 +24,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.pictures.style import BETWEEN, FIXED, FRAME, GOAL, INK, MOVING, OBSTACLE, START
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.moving import Passages
+from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import read_only
 from hdplan.scenes.scene import Scene
@@ -102,7 +102,7 @@ class Picture:
             (body.placed(place), paint)
             for o, body in drifting
             for place, paint in zip(
-                Passages.of(o).at(trajectory.curve.time_of([time for time, _ in DRIFTING])),
+                ObstacleMotion.of(o).at(trajectory.curve.time_of([time for time, _ in DRIFTING])),
                 (paint for _, paint in DRIFTING),
                 strict=True,
             )

@@ -17,15 +17,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.motion.motion_bounds import Chain, cross
 from hdplan.planner.problem.hinge import BAND, Hinge, Measures
 from hdplan.planner.robot.setup import Setup
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from hdplan.scenes.array_types import Array, Mask, Rows
 
 ARM = 0.1  # [m] that a torque at its limit counts as: with the hinge's band the penalty sets in at 80 % of it
 
@@ -91,7 +88,7 @@ class GravityMeasure:
     """Gravity's torques as shares of their limits, times ARM."""
 
     torques: GravityTorques
-    joints: NDArray[np.int64]  # (m,) that gravity may overload
+    joints: Rows  # (m,) that gravity may overload
     limits: Array  # (m,) of these
 
     @property
@@ -112,19 +109,19 @@ class StaticTorque(Hinge):
     measure: GravityMeasure
 
 
-def static_torque(setup: Setup) -> tuple[StaticTorque, ...]:
-    """Return the term where the scene limits torques and gravity may come near a limit; else none.
+def static_torque(setup: Setup) -> StaticTorque | None:
+    """Return the term where the scene limits torques and gravity may come near a limit; else None.
 
     Raises InputError for loads or limits that do not fit the robot.
     """
     robot, limits = setup.robot, setup.limits.get("torque")
     if limits is None:
-        return ()
+        return None
     model = setup.loaded_model
     torques = GravityTorques.of(model)
     bound = torques.most(model, np.stack([robot.lower, robot.upper], axis=1))
     joints = np.flatnonzero(~(bound <= (1 - BAND / ARM) * limits))  # a bound that is no number proves nothing
     if not len(joints):
-        return ()
+        return None
     measure = GravityMeasure(torques, joints, limits[joints])
-    return (StaticTorque("static torque", measure, setup.scene.planner.activation),)
+    return StaticTorque("static torque", measure, setup.scene.planner.activation)

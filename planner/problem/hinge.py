@@ -14,13 +14,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.samples import Samples
-from hdplan.planner.problem.terms import Penalty
-
-Floats = NDArray[np.float64]
+from hdplan.planner.problem.terms import Penalty, Term
+from hdplan.scenes.array_types import Array
 
 BAND = 0.02  # [m] widest band below the bound in which the penalty sets in
 
@@ -29,15 +27,15 @@ BAND = 0.02  # [m] widest band below the bound in which the penalty sets in
 class Measures:
     """m measures at B configurations."""
 
-    value: Floats  # (B, m) g, never negative [m]
-    slope: Floats  # (B, m, n) dg/dq
+    value: Array  # (B, m) g, never negative [m]
+    slope: Array  # (B, m, n) dg/dq
 
 
 class Measure(Protocol):
     """What is to stay below a bound."""
 
     @property
-    def bound(self) -> Floats:
+    def bound(self) -> Array:
         """What each of the m measures is to stay below (m,) [m]."""
         ...
 
@@ -46,14 +44,14 @@ class Measure(Protocol):
         ...
 
 
-class Hinge:
+class Hinge(Term):
     """A squared hinge on measures of a configuration."""
 
     def __init__(self, name: str, measure: Measure, activation: float) -> None:
         """Take what is measured, and how much of `depth` a used-up band counts [m]."""
         self.name, self.measure, self.activation = name, measure, activation
 
-    def inside(self, kinematics: KinematicsBatch) -> tuple[Floats, Floats]:
+    def inside(self, kinematics: KinematicsBatch) -> tuple[Array, Array]:
         """How far each measure is within its band or beyond (B, m) [m], 0 where it is not, and the slope (B, m, n) of
         that."""
         found = self.measure(kinematics)
@@ -61,12 +59,12 @@ class Hinge:
         inside = np.maximum(found.value - (bound - _band(bound)), 0.0)
         return inside, found.slope * (inside > 0.0)[..., None]
 
-    def depth(self, kinematics: KinematicsBatch, time: Floats | None = None) -> Floats:
-        """How much of the band is used up, as a depth (B,) [m], the same at any time."""
+    def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
+        """How much of the band is used up, as a depth (B,) [m], the same anywhere on the motion."""
         inside, _ = self.inside(kinematics)
         return self._depth(inside)
 
-    def value(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
+    def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
         """The penalty at the samples of a motion."""
         inside, slope = self.inside(kinematics)
         weight = samples.weight[:, None]
@@ -74,11 +72,11 @@ class Hinge:
         curvature = weight[..., None] * (slope.transpose(0, 2, 1) @ slope)
         return Penalty(float(0.5 * np.sum(weight * inside**2)), gradient, curvature, self._depth(inside))
 
-    def _depth(self, inside: Floats) -> Floats:
+    def _depth(self, inside: Array) -> Array:
         band = _band(self.measure.bound)
-        depth: Floats = (self.activation * inside / band + np.maximum(inside - band, 0.0)).max(axis=1)
+        depth: Array = (self.activation * inside / band + np.maximum(inside - band, 0.0)).max(axis=1)
         return depth
 
 
-def _band(bound: Floats) -> Floats:
+def _band(bound: Array) -> Array:
     return np.minimum(0.5 * bound, BAND)

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 
-from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
 from hdplan.planner.collision.collision_model import SELF_ACTIVATION, collision_model_of
 from hdplan.planner.collision.euclidean import FclPairs
@@ -18,24 +18,18 @@ from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_obstac
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
-from hdplan.planner.problem.problem import Problem
+from hdplan.planner.problem.clearance import Clearance
+from hdplan.planner.problem.problem import Problem, Terms
 from hdplan.planner.problem.samples import Samples
+from hdplan.planner.problem.smoothness import Smoothness
 from hdplan.planner.problem.swept_clearance import SweptClearance
-from hdplan.planner.problem.terms import Clearance, MotionTerm, Smoothness, Term
 from hdplan.planner.robot.setup import Query, Setup
-from hdplan.scenes.errors import InputError, naming, nearest
+from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.scene import Scene
 
-DISTANCES = ("hdsdf", "fcl")
 SAMPLES_PER_INTERVAL = 2  # at least
-
-
-def check_distance(name: str) -> None:
-    """Raise InputError for an unknown distance."""
-    if name not in DISTANCES:
-        raise InputError(f"distance: unknown '{name}'{nearest(name, DISTANCES)}")
 
 
 def self_margin(scene: Scene) -> float:
@@ -54,7 +48,6 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
     settings = scene.planner
     if settings.swept and settings.distance != "hdsdf":
         raise InputError(f"{scene.source}: planner.swept: true needs planner.distance hdsdf, found {settings.distance}")
-    compiled_before = RowFunction.spent.seconds
     model = collision_model_of(robot, settings.link_bodies, settings.normals)
     kinematics, bodies = model.kinematics, model.bodies
     with naming(scene.source):
@@ -64,7 +57,7 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
     halfspace_bodies = tuple(body for pieces, _ in enclosed for body in pieces)
     notes = [*setup.notes, *(word for _, words in enclosed for word in words)]
 
-    terms: list[Term | MotionTerm] = []
+    terms = Terms()
     clearances = scene.clearances
     margins = np.array([clearances[body.name] + settings.activation for body in halfspace_bodies])
     pairs = [
@@ -78,17 +71,18 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
         slots = max(len(body.body.vertices) for body in bodies if body.joint > 0)
         laid_out = body_pairs(bodies, halfspace_bodies, pairs, margins, kinematics.supports, slots)
         distance = _distance(laid_out, bodies, halfspace_bodies, settings, plane_counts(settings.normals))
-        terms.append(
+        standing = (
             SweptClearance("obstacles", laid_out, distance, settings.gamma, settings.shaping_length)
             if settings.swept
             else Clearance("obstacles", laid_out, distance)
         )
+        terms = replace(terms, obstacles=standing)
     if scene.moving and any(body.joint > 0 for body in bodies):
         from hdplan.planner.problem.moving_clearance import moving_clearance
-        from hdplan.planner.problem.velocity_penalty import pace
+        from hdplan.planner.problem.velocity_penalty import velocity_penalty
 
         with naming(scene.source):
-            term, drifting, words = moving_clearance(
+            moving, drifting, words = moving_clearance(
                 scene,
                 bodies,
                 kinematics.supports,
@@ -97,7 +91,7 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
                 ),
                 deadline,
             )
-        terms += [term, pace(setup)]
+        terms = replace(terms, moving_obstacles=moving, velocity=velocity_penalty(setup))
         halfspace_bodies, notes = (*halfspace_bodies, *drifting), [*notes, *words]
     margin = self_margin(scene)
     kept = [(pair, kept > margin) for pair, kept in zip(model.self_pairs, model.distances_kept, strict=True)]
@@ -105,15 +99,15 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
     if own:
         laid_out = body_pairs(bodies, model.planes, own, margin, kinematics.supports)
         distance = _distance(laid_out, bodies, model.planes, settings)
-        terms.append(Clearance("self-collision", laid_out, distance))
+        terms = replace(terms, self_collision=Clearance("self-collision", laid_out, distance))
     if scene.path != PathConstraints():
         from hdplan.planner.problem.path_terms import path_terms
 
-        terms.extend(path_terms(setup, kinematics.supports))
+        terms = replace(terms, path=path_terms(setup, kinematics.supports))
     if scene.limits.torque is not None:
         from hdplan.planner.problem.gravity_torque import static_torque
 
-        terms.extend(static_torque(setup))
+        terms = replace(terms, static_torque=static_torque(setup))
 
     return Problem(
         setup=setup,
@@ -123,12 +117,11 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
         bodies=bodies,
         halfspace_bodies=halfspace_bodies,
         smoothness=Smoothness(settings.waypoints),
-        terms=tuple(terms),
+        terms=terms,
         samples=Samples((SAMPLES_PER_INTERVAL,) * (settings.waypoints - 1)),
         unresolved=model.unresolved,
         apart=tuple(pair for pair, proven in kept if proven),
         notes=tuple(notes),
-        compile_seconds=RowFunction.spent.seconds - compiled_before,
     )
 
 

@@ -12,18 +12,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.hinge import Hinge, Measures
 from hdplan.planner.robot.link_frame import link_frame
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.errors import naming
 from hdplan.scenes.once import read_only
 from hdplan.scenes.path_constraints import Upright, Within
-
-Floats = NDArray[np.float64]
 
 LEVER = 1.0  # [m] arm at which an angle counts as a length
 BEYOND = 1.2  # of the way to where a constraint is kept that is asked for: damped steps only come close
@@ -40,9 +38,9 @@ class UprightMeasure:
     """The angle of a link's axis to the upward direction, times LEVER."""
 
     joint: int  # of the model, that carries the link
-    axis: Floats  # (3,) unit, in the joint's frame
-    moves: NDArray[np.bool_]  # (n,) coordinates that move the link
-    bound: Floats  # (1,) [m]
+    axis: Array  # (3,) unit, in the joint's frame
+    moves: Mask  # (n,) coordinates that move the link
+    bound: Array  # (1,) [m]
 
     def __call__(self, kinematics: KinematicsBatch) -> Measures:
         """Evaluate."""
@@ -60,11 +58,11 @@ class WithinMeasure:
     """The distance of a point of a link from the middle of a box, along those of its axes in which it is bounded."""
 
     joint: int
-    point: Floats  # (3,) in the joint's frame [m]
-    moves: NDArray[np.bool_]  # (n,)
-    centre: Floats  # (3,) of the box, in the world [m]
-    axes: Floats  # (m, 3) of the box, in the world, where it has sides
-    bound: Floats  # (m,) half its edges [m]
+    point: Array  # (3,) in the joint's frame [m]
+    moves: Mask  # (n,)
+    centre: Array  # (3,) of the box, in the world [m]
+    axes: Array  # (m, 3) of the box, in the world, where it has sides
+    bound: Array  # (m,) half its edges [m]
 
     def __call__(self, kinematics: KinematicsBatch) -> Measures:
         """Evaluate."""
@@ -74,7 +72,7 @@ class WithinMeasure:
         return Measures(np.abs(off), np.sign(off)[..., None] * (self.axes @ velocity.transpose(0, 2, 1)))
 
 
-def path_terms(setup: Setup, supports: NDArray[np.bool_]) -> tuple[PathTerm, ...]:
+def path_terms(setup: Setup, supports: Mask) -> tuple[PathTerm, ...]:
     """Return the terms that the scene's path constraints call for; `supports` (nj, n) as in Kinematics.
 
     Raises InputError for a link that the robot lacks or that does not move.
@@ -89,16 +87,14 @@ def path_terms(setup: Setup, supports: NDArray[np.bool_]) -> tuple[PathTerm, ...
         )
 
 
-def to_path(terms: tuple[PathTerm, ...], kinematics: KinematicsBatch) -> tuple[Floats, Floats]:
+def to_path(terms: tuple[PathTerm, ...], kinematics: KinematicsBatch) -> tuple[Array, Array]:
     """Return what configurations lack to keep one or more constraints, bands included (B, m) [m], 0 where they keep
     them, and what the joints do about it (B, m, n): for steps of damped least squares."""
     inside, slopes = zip(*(term.inside(kinematics) for term in terms), strict=True)
     return -BEYOND * np.concatenate(inside, axis=1), np.concatenate(slopes, axis=1)
 
 
-def _measure(
-    asked: Upright | Within, field: str, robot: Robot, supports: NDArray[np.bool_]
-) -> UprightMeasure | WithinMeasure:
+def _measure(asked: Upright | Within, field: str, robot: Robot, supports: Mask) -> UprightMeasure | WithinMeasure:
     frame = robot.model.frames[link_frame(robot, asked.link, field)]
     joint, placement = int(frame.parentJoint), frame.placement
     if isinstance(asked, Upright):

@@ -11,26 +11,30 @@ Only the terms that the scene calls for exist.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.problem.samples import Samples
-from hdplan.planner.problem.terms import Clearance, MotionTerm, Smoothness, Term
+from hdplan.planner.problem.smoothness import Smoothness
+from hdplan.planner.problem.terms import Term
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
+    from hdplan.planner.problem.clearance import Clearance, PairTerm
+    from hdplan.planner.problem.gravity_torque import StaticTorque
+    from hdplan.planner.problem.moving_clearance import MovingClearance
     from hdplan.planner.problem.path_terms import PathTerm
+    from hdplan.planner.problem.velocity_penalty import VelocityPenalty
 
-Floats = NDArray[np.float64]
 
 SPACING = 0.03  # [m] farthest that a body's centre may move between two samples
 
@@ -42,10 +46,33 @@ class Evaluation:
     cost: float
     smoothness: float
     penalty: float  # without its weight
-    depth: Floats  # (B,) how far the worst pair at each sample may be inside its margin [m]
-    gradient: Floats  # (M, n)
-    diagonal: Floats  # (M, n, n) penalty curvature of each waypoint
-    coupling: Floats  # (M − 1, n, n) penalty curvature between neighbours
+    depth: Array  # (B,) how far the worst pair at each sample may be inside its margin [m]
+    gradient: Array  # (M, n)
+    diagonal: Array  # (M, n, n) penalty curvature of each waypoint
+    coupling: Array  # (M − 1, n, n) penalty curvature between neighbours
+
+
+@dataclass(frozen=True)
+class Terms:
+    """The terms of a cost beside smoothness, by what they are: those that the scene calls for, and one's own."""
+
+    obstacles: PairTerm | None = None  # that stand
+    moving_obstacles: MovingClearance | None = None
+    velocity: VelocityPenalty | None = None
+    self_collision: Clearance | None = None
+    path: tuple[PathTerm, ...] = ()
+    static_torque: StaticTorque | None = None
+    own: tuple[Term, ...] = ()
+
+    def __iter__(self) -> Iterator[Term]:
+        """All that there are, in this order."""
+        found = (self.obstacles, self.moving_obstacles, self.velocity, self.self_collision, *self.path)
+        return (term for term in (*found, self.static_torque, *self.own) if term is not None)
+
+    @property
+    def pairs(self) -> tuple[PairTerm, ...]:
+        """Those that keep pairs of bodies apart."""
+        return tuple(term for term in (self.obstacles, self.moving_obstacles, self.self_collision) if term is not None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,18 +80,17 @@ class Problem:
     """What is to be solved. Nothing in it changes; `refined` gives another one."""
 
     setup: Setup
-    start: Floats  # (n,)
-    goal: Floats  # (n,)
+    start: Array  # (n,)
+    goal: Array  # (n,)
     kinematics: Kinematics
     bodies: tuple[LinkBody, ...]  # the links' outer bodies
     halfspace_bodies: tuple[HalfspaceBody, ...]  # the obstacles' convex pieces, those last that move
     smoothness: Smoothness
-    terms: tuple[Term | MotionTerm, ...]  # what the scene calls for: obstacles, self-collision, …
+    terms: Terms
     samples: Samples
     unresolved: tuple[tuple[str, str], ...]  # link pairs left to the certificate, as their outer bodies overlap anyway
     apart: tuple[tuple[int, int], ...]  # pairs of bodies left out, as they keep their margin within all limits
     notes: tuple[str, ...]  # words for the user
-    compile_seconds: float  # spent on compiling the distance, or on finding it in the cache
 
     def __repr__(self) -> str:
         """Say what is planned for whom, and what counts."""
@@ -86,27 +112,13 @@ class Problem:
         """N, both ends included."""
         return self.scene.planner.waypoints
 
-    @property
-    def pair_terms(self) -> tuple[Clearance, ...]:
-        """The terms that keep pairs of bodies apart."""
-        return tuple(term for term in self.terms if isinstance(term, Clearance))
-
-    @property
-    def path_terms(self) -> tuple[PathTerm, ...]:
-        """The terms that hold the scene's path constraints."""
-        if self.scene.path == PathConstraints():
-            return ()
-        from hdplan.planner.problem.path_terms import PathTerm
-
-        return tuple(term for term in self.terms if isinstance(term, PathTerm))
-
-    def clip(self, positions: Floats) -> Floats:
+    def clip(self, positions: Array) -> Array:
         """Move interior waypoints into the joint limits and set the ends."""
         result = np.clip(positions, self.robot.lower, self.robot.upper)
         result[0], result[-1] = self.start, self.goal
         return result
 
-    def polyline(self, via: Floats | None = None) -> Floats:
+    def polyline(self, via: Array | None = None) -> Array:
         """The straight line from start to goal, or the polyline through `via` (C, n), as waypoints (N, n) at equal
         steps of joint-space length."""
         corners = np.vstack([self.start, self.goal] if via is None else [self.start, via, self.goal])
@@ -116,12 +128,11 @@ class Problem:
         wanted = np.linspace(0, lengths[-1], self.waypoints)
         return np.stack([np.interp(wanted, lengths, column) for column in corners.T], axis=1)
 
-    def evaluate(self, positions: Floats, weight: float) -> Evaluation:
+    def evaluate(self, positions: Array, weight: float) -> Evaluation:
         """Cost and derivatives at waypoints (N, n) with penalty weight w [1/m²]."""
         smoothness, gradient = self.smoothness.value(positions)
         kinematics = self.kinematics.evaluate(self.samples.configurations(positions))
-        sampled = [term for term in self.terms if not isinstance(term, MotionTerm)]
-        penalties = [term.value(kinematics, self.samples) for term in sampled]
+        penalties = [p for term in self.terms if (p := term.at_samples(kinematics, self.samples))]
         n, batch = positions.shape[1], len(self.samples.weight)
         total = sum((p.gradient for p in penalties), np.zeros((batch, n)))
         curvature = sum((p.curvature for p in penalties), np.zeros((batch, n, n)))
@@ -129,12 +140,11 @@ class Problem:
         slope = self.samples.to_waypoints(total)
         penalty = sum(p.cost for p in penalties)
         depth = np.max([np.zeros(batch), *(p.depth for p in penalties)], axis=0)
-        for term in self.terms:
-            if isinstance(term, MotionTerm):
-                found = term.over_motion(positions, self.kinematics.evaluate(positions))
-                penalty, slope = penalty + found.cost, slope + found.gradient
-                diagonal, coupling = diagonal + found.diagonal, coupling + found.coupling
-                depth = np.maximum(depth, found.depth[self.samples.interval])
+        for spanning in (term.over_motion(positions, self.kinematics) for term in self.terms):
+            if spanning:
+                penalty, slope = penalty + spanning.cost, slope + spanning.gradient
+                diagonal, coupling = diagonal + spanning.diagonal, coupling + spanning.coupling
+                depth = np.maximum(depth, spanning.depth[self.samples.interval])
         return Evaluation(
             cost=smoothness + weight * penalty,
             smoothness=smoothness,
@@ -145,13 +155,17 @@ class Problem:
             coupling=weight * coupling[1:-1],
         )
 
-    def depth(self, configurations: Floats, time: Floats | None = None) -> Floats:
-        """How far the worst term is inside its margin at single configurations (B, n) -> (B,) [m]; of no particular
-        time, or at path parameters `time` (B,)."""
+    def depth(self, configurations: Array, parameter: Array | None = None) -> Array:
+        """How far the worst term is inside its margin at single configurations (B, n) -> (B,) [m]: anywhere on the
+        motion, or at path parameters (B,)."""
         kinematics = self.kinematics.evaluate(configurations)
-        depths = [term.depth(kinematics, time) for term in self.terms]
-        result: Floats = np.max([np.zeros(len(configurations)), *depths], axis=0)
+        depths = [term.depth(kinematics, parameter) for term in self.terms]
+        result: Array = np.max([np.zeros(len(configurations)), *depths], axis=0)
         return result
+
+    def with_term(self, term: Term) -> Problem:
+        """The same problem with a term of one's own in its cost."""
+        return replace(self, terms=replace(self.terms, own=(*self.terms.own, term)))
 
     def refined(self, intervals: list[int]) -> Problem:
         """The same problem, sampled twice as densely on the given intervals."""
@@ -159,7 +173,7 @@ class Problem:
         counts[intervals] *= 2
         return replace(self, samples=self.samples.raised(counts))
 
-    def resampled(self, positions: Floats) -> Problem:
+    def resampled(self, positions: Array) -> Problem:
         """The same problem, sampled densely enough for a motion (N, n): no body's centre moves farther than SPACING
         from one sample to the next."""
         kinematics = self.kinematics.evaluate(positions)

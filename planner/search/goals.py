@@ -11,7 +11,6 @@ import itertools
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.pose_goals import Miss
@@ -20,6 +19,7 @@ from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.inverse_kinematics import STARTS, reaching
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.targets import JointTarget, PoseTarget
@@ -27,7 +27,6 @@ from hdplan.scenes.targets import JointTarget, PoseTarget
 if TYPE_CHECKING:
     from hdplan.planner.problem.path_terms import PathTerm
 
-Array = NDArray[np.float64]
 
 PICKED = 12  # free configurations of a pose, nearest to the start, that are compared
 CLOSE = 0.03  # [m] to an obstacle below which a goal counts as farther away

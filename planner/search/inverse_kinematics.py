@@ -12,12 +12,13 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hdplan.planner.certificate.pose_goals import Miss, miss_of
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.kinematics.inverse import LinkPose, damped_step
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.poses import Pose
@@ -27,7 +28,6 @@ from hdplan.scenes.values import Whole, checked, instance
 if TYPE_CHECKING:
     from hdplan.planner.problem.path_terms import PathTerm
 
-Array = NDArray[np.float64]
 
 STARTS = 128  # the scene's start, and random configurations
 STEPS = 80  # at most
@@ -126,11 +126,9 @@ def _sizes(error: Array) -> tuple[Array, Array]:
     return np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)
 
 
-def _within(error: Array, target: PoseTarget, share: float) -> NDArray[np.bool_]:
+def _within(error: Array, target: PoseTarget, share: float) -> Mask:
     position, angle = _sizes(error)
-    within: NDArray[np.bool_] = (position <= share * target.position_tolerance) & (
-        angle <= share * target.orientation_tolerance
-    )
+    within: Mask = (position <= share * target.position_tolerance) & (angle <= share * target.orientation_tolerance)
     return within
 
 

@@ -12,14 +12,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from hdplan.planner.problem.problem import Problem
-
-Floats = NDArray[np.float64]
-Rows = NDArray[np.int64]
+from hdplan.scenes.array_types import Array, Rows
 
 NODES = 48  # configurations drawn for each guess; the clear ones among them stay
 SPREADS = (0.3, 0.6, 1.0)  # shares of the joints' ranges by which they may lie off the straight line
@@ -30,7 +27,7 @@ WORN = 3.0  # factor on the cost of an edge that has been tried
 PULLS = 30  # steps that bring a configuration to where the path constraints hold
 
 
-def seeds(problem: Problem, seed: int) -> Iterator[Floats]:
+def seeds(problem: Problem, seed: int) -> Iterator[Array]:
     """Yield guesses (N, n) without end, the straight line first."""
     yield problem.polyline()
     roadmap = Roadmap(problem, np.random.default_rng(seed))
@@ -39,14 +36,14 @@ def seeds(problem: Problem, seed: int) -> Iterator[Floats]:
         yield problem.polyline(roadmap.way())
 
 
-def onto_path(problem: Problem, q: Floats) -> Floats:
+def onto_path(problem: Problem, q: Array) -> Array:
     """Configurations (B, n) moved until they keep the path constraints, as far as PULLS steps of damped least squares
     bring them: hardly one that is drawn at random keeps them."""
     from hdplan.planner.kinematics.inverse import damped_step  # only now: few scenes have path constraints
     from hdplan.planner.problem.path_terms import to_path
 
     for _ in range(PULLS):
-        missing, slope = to_path(problem.path_terms, problem.kinematics.evaluate(q))
+        missing, slope = to_path(problem.terms.path, problem.kinematics.evaluate(q))
         if not missing.any():
             break
         q = damped_step(problem.robot, q, missing, slope)
@@ -71,7 +68,7 @@ class Roadmap:
         spread = self.rng.choice(SPREADS, size=(NODES, 1))
         drawn = middle + spread * (self.problem.robot.draw(self.rng, NODES) - middle)
         drawn = np.clip(drawn, self.problem.robot.lower, self.problem.robot.upper)
-        if self.problem.path_terms:
+        if self.problem.terms.path:
             drawn = onto_path(self.problem, drawn)
         before = len(self.nodes)
         self.nodes = np.vstack([self.nodes, drawn[self.problem.depth(drawn) == 0.0]])
@@ -85,7 +82,7 @@ class Roadmap:
             self.costs = np.append(self.costs, self._costs(edges, LOOKS))
             self.close = np.append(self.close, np.zeros(len(edges), dtype=np.bool_))
 
-    def way(self) -> Floats:
+    def way(self) -> Array:
         """The nodes (C, n) between start and goal on the cheapest way, which costs more from now on.
 
         Only a way that would be taken is looked at closely, and taken if it is still the cheapest then (the lazy
@@ -104,15 +101,15 @@ class Roadmap:
             rough = np.flatnonzero(taken & ~self.close)
             self.costs[rough], self.close[rough] = self._costs(self.edges[rough], CLOSE_LOOKS), True
         self.costs[taken] *= WORN
-        between: Floats = self.nodes[way[-2:0:-1]]
+        between: Array = self.nodes[way[-2:0:-1]]
         return between
 
-    def _costs(self, edges: Rows, count: int) -> Floats:
+    def _costs(self, edges: Rows, count: int) -> Array:
         """Length of each edge (E, 2), times 1 + the mean squared depth at `count` places along it, in units of
         DEPTH."""
         first, last = self.nodes[edges[:, 0]], self.nodes[edges[:, 1]]
         fractions = (np.arange(count)[:, None] + 0.5) / count
         looks = first[:, None] + fractions * (last - first)[:, None]
         depth = self.problem.depth(looks.reshape(-1, first.shape[1])).reshape(-1, count)
-        costs: Floats = np.linalg.norm(last - first, axis=1) * (1 + np.mean((depth / DEPTH) ** 2, axis=1))
+        costs: Array = np.linalg.norm(last - first, axis=1) * (1 + np.mean((depth / DEPTH) ** 2, axis=1))
         return costs

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, NamedTuple
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.problem.problem import Floats, Problem
+from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.solvers.solution import FIRST_WEIGHT, RAISE, Budget, Iteration, Solution, Solver, SolverStatus
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import seconds_left
 
 if TYPE_CHECKING:
@@ -33,14 +34,14 @@ class Event:
 
     attempt: int
     step: Iteration | None = None
-    positions: Floats | None = None  # (N, n) the waypoints after that step; the caller may keep, not change them
+    positions: Array | None = None  # (N, n) the waypoints after that step; the caller may keep, not change them
     certificate: Certificate | None = None
 
 
 class Guess(NamedTuple):
     """Where an attempt begins."""
 
-    positions: Floats  # (N, n)
+    positions: Array  # (N, n)
     weight: float = DETOUR_WEIGHT  # of the penalty, at first [1/m²]
     as_it_is: bool = False  # whether it may be the motion itself
 
@@ -101,7 +102,7 @@ class Search:
             problem = problem.resampled(guess).refined(intervals)
         return False
 
-    def _free_already(self, solution: Solution, guess: Floats) -> bool:
+    def _free_already(self, solution: Solution, guess: Array) -> bool:
         """Whether a guess (N, n) is certified as it is: where outer bodies overlap at an end, though the links are
         free, a solver leaves it for worse. Not where motions are timed: there may be no time law for it."""
         if self.retimer is not None:
@@ -113,7 +114,7 @@ class Search:
             self.best = before
         return certificate.certified
 
-    def _report_step(self, step: Iteration, positions: Floats) -> None:
+    def _report_step(self, step: Iteration, positions: Array) -> None:
         self.report(Event(self.attempts, step=self._numbered(step), positions=positions))
 
     def _numbered(self, step: Iteration) -> Iteration:
@@ -170,7 +171,7 @@ class Search:
         return certificate, sorted(failed)
 
 
-def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Floats | None]) -> None:
+def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Array | None]) -> None:
     """Give each goal its first guesses, then each the next ones, until one is certified after a whole round or time is
     over. With one goal that is one guess after another. `warm` holds a guess (N, n) that is tried before all others,
     where a goal has one."""
@@ -182,7 +183,7 @@ def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Floats 
                 return
 
 
-def _guesses(problem: Problem, seed: int, warm: Floats | None) -> Iterator[Guess]:
+def _guesses(problem: Problem, seed: int, warm: Array | None) -> Iterator[Guess]:
     """Yield guesses without end: the one that was given, if any, the straight line, then the roadmap's."""
     if warm is not None:
         yield Guess(warm, as_it_is=True)

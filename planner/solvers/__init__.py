@@ -8,9 +8,10 @@ import pkgutil
 
 import numpy as np
 
-from hdplan.planner.problem.problem import Floats, Problem
+from hdplan.planner.problem.problem import Problem
 from hdplan.planner.solvers import methods
 from hdplan.planner.solvers.solution import Budget, Solution, Solver
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.values import instance
 
@@ -34,7 +35,7 @@ def solver_named(name: str) -> Solver:
 
 
 def solve(
-    problem: Problem, *, solver: str = "gauss_newton", guess: Floats | None = None, budget: Budget | None = None
+    problem: Problem, *, solver: str = "gauss_newton", guess: Array | None = None, budget: Budget | None = None
 ) -> Solution:
     """Solve a problem once, from a first guess (N, n) or the straight line; certify the result before you trust it.
 
@@ -44,16 +45,19 @@ def solve(
         guess: the waypoints to begin with (N, n) [rad or m], in the order of the robot's joints.
         budget: what the solver may spend, and what it reports to.
 
-    Raises InputError for an unknown solver, and for a guess of another shape or with values beyond LARGEST.
+    Raises InputError for an unknown solver, for a problem that it cannot solve, and for a guess of another shape or
+    with values beyond LARGEST.
     """
     run = solver_named(solver)
     instance(problem, Problem, "problem")
+    if lacking := run.lacking(problem.scene):
+        raise InputError(f"solver {solver}: {lacking}")
     budget = Budget() if budget is None else budget
     instance(budget, Budget, "budget")
     return run.solve(problem, problem.polyline() if guess is None else _checked(problem, guess), budget)
 
 
-def _checked(problem: Problem, guess: Floats) -> Floats:
+def _checked(problem: Problem, guess: Array) -> Array:
     """Return a guess that a solver can start from."""
     robot, shape = problem.robot, (problem.waypoints, problem.robot.n)
     try:

@@ -11,17 +11,12 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.symbolic.graph_distance import CLOSED
-from hdplan.distance.symbolic.halfspaces import halfspace_distance
-from hdplan.planner.collision.hdsdf import HdsdfPairs
+from hdplan.planner.problem.clearance import PairTerm
 from hdplan.planner.problem.problem import Problem
-from hdplan.planner.problem.swept_clearance import SweptClearance
-from hdplan.planner.problem.terms import Clearance
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -34,12 +29,14 @@ class Nlp:
     cost: ca.MX
     gradient: ca.MX  # (M n)
     hessian: ca.MX  # (M n, M n), banded
-    lower: Floats  # (M n)
-    upper: Floats  # (M n)
+    lower: Array  # (M n)
+    upper: Array  # (M n)
 
 
 def nlp(problem: Problem) -> Nlp:
-    """Write the problem as CasADi expressions."""
+    """Write the problem as CasADi expressions. Raises InputError for a term without exact second derivatives."""
+    if lacking := [term.name for term in problem.terms if not term.symbolic]:
+        raise InputError(f"solver ipopt: needs exact second derivatives, which the term '{lacking[0]}' does not have")
     n, count = len(problem.start), problem.waypoints - 2
     samples = problem.samples
     x, weight = ca.MX.sym("x", n * count), ca.MX.sym("weight")
@@ -52,7 +49,7 @@ def nlp(problem: Problem) -> Nlp:
     hessian = ca.MX(ca.kron(matrix[1:-1, 1:-1], ca.DM.eye(n)))
     to_interior = ca.kron(spread[1:-1, :], ca.DM.eye(n))  # (M n, B n)
     scale, unused = weight * ca.DM(samples.weight), (ca.DM(1, len(samples.weight)), ca.DM(1, n * len(samples.weight)))
-    for term in problem.pair_terms:
+    for term in problem.terms.pairs:
         value, slope, curvature = (function.map(len(samples.weight)) for function in _sample_functions(problem, term))
         cost += ca.dot(scale, value(looks).T)
         gradient += (ca.reshape(slope(looks, unused[0]), n, -1) @ ca.diag(scale)) @ spread.T
@@ -72,37 +69,32 @@ def _interpolation(problem: Problem) -> ca.DM:
     return ca.sparsify(ca.DM(dense))
 
 
-def _sample_functions(problem: Problem, term: Clearance) -> tuple[ca.Function, ca.Function, ca.Function]:
+def _sample_functions(problem: Problem, term: PairTerm) -> tuple[ca.Function, ca.Function, ca.Function]:
     """One sample's penalty ½ Σ_pairs min(D, 0)² as functions of its configuration: value, gradient (1, n), Hessian
     (n, n). Each is the derivative of the one before to CasADi too, which refuses a third."""
-    if isinstance(term, SweptClearance):
-        raise InputError("solver ipopt: needs exact second derivatives, which planner.swept: true does not have")
-    distance = term.distance
-    if not isinstance(distance, HdsdfPairs):
-        raise InputError(f"solver ipopt: needs exact second derivatives, which {distance.how} does not have")
+    distance = term.distance.symbolic
+    if distance is None:
+        raise TypeError(f"{term.name}: {term.distance.how} is no CasADi function")
     n, pairs, kinematics = len(problem.start), term.pairs, problem.kinematics
     q = ca.MX.sym("q", n)
     state = kinematics.state(q)
     moved = 12 * kinematics.nj
     placements, columns = ca.reshape(state[:moved], 12, kinematics.nj), ca.reshape(state[moved:], 6, n)
     value, gradient, hessian = ca.MX(0), ca.MX.zeros(n), ca.MX.zeros(n * n)
-    for slots in distance.kernels:
-        chosen = np.flatnonzero(pairs.plane_slots == slots)
-        if len(chosen) == 0:
-            continue
+    for planes in sorted(set(pairs.plane_slots.tolist())):
+        chosen = np.flatnonzero(pairs.plane_slots == planes)
         joint_a, joint_b = pairs.joint_a[chosen], pairs.joint_b[chosen]
         given = (
             placements[:, joint_a.tolist()],
             placements[:, joint_b.tolist()],
             ca.DM(pairs.body_table[pairs.body[chosen]].T),
-            ca.DM(pairs.plane_tables[slots][pairs.plane_row[chosen]].T),
+            ca.DM(pairs.plane_tables[planes][pairs.plane_row[chosen]].T),
             ca.repmat(columns, 1, len(chosen)),
             ca.DM(pairs.moves[chosen].T),
             ca.DM((kinematics.supports[joint_a].astype(float) + kinematics.supports[joint_b]).T),
         )
-        sizes = distance.vertices, slots, distance.gamma, distance.shaping_length
         first, second = (
-            _pair_penalty(halfspace_distance(*sizes, order), n).map(len(chosen))  # each pair in straight-line code
+            _pair_penalty(distance(planes, order), n).map(len(chosen))  # each pair in straight-line code
             for order in (1, 2)
         )
         values, gradients = first(*given)

@@ -14,13 +14,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.problem import Evaluation, Problem
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.scene import Scene
-
-Floats = NDArray[np.float64]
 
 
 class SolverStatus(enum.Enum):
@@ -53,7 +51,7 @@ class Iteration:
     weight: float  # of the penalty
 
 
-def _silent(step: Iteration, positions: Floats) -> None:
+def _silent(step: Iteration, positions: Array) -> None:
     pass
 
 
@@ -68,7 +66,7 @@ class Budget:
     deadline: float = float("inf")  # time.perf_counter() at which to stop
     iterations: int = 1000
     first_weight: float = FIRST_WEIGHT  # of the penalty [1/m²]
-    report: Callable[[Iteration, Floats], None] = _silent
+    report: Callable[[Iteration, Array], None] = _silent
     """Called once per iteration, with the waypoints (N, n) that it ended at."""
     stop: Callable[[], bool] = _never
     """Asked once per iteration: whether to end with what there is."""
@@ -124,7 +122,7 @@ class Progress:
             self.status = SolverStatus.ITERATIONS
         return self.status is None
 
-    def step(self, before: float, state: Evaluation, positions: Floats) -> bool:
+    def step(self, before: float, state: Evaluation, positions: Array) -> bool:
         """Record a step from cost `before` to `state` at `positions` (N, n), at the same weight; True if the weight was
         raised after it."""
         depth = float(state.depth.max(initial=0.0))
@@ -144,7 +142,7 @@ class Progress:
             return True
         return False
 
-    def go_on(self, before: float, state: Evaluation, positions: Floats) -> None:
+    def go_on(self, before: float, state: Evaluation, positions: Array) -> None:
         """Record one more step of a clear motion, and look on if it brought much."""
         self.status = None
         self.step(before, state, positions)
@@ -163,20 +161,20 @@ class Progress:
         except KeyboardInterrupt:
             self.status = SolverStatus.INTERRUPTED
 
-    def solution(self, positions: Floats) -> Solution:
+    def solution(self, positions: Array) -> Solution:
         """Wrap up."""
         trajectory = Trajectory(self.problem.robot.joint_names, positions, self.problem.robot.locked)
         seconds = time.perf_counter() - self.began
         return Solution(trajectory, self.status or SolverStatus.ITERATIONS, self.weight, tuple(self.steps), seconds)
 
 
-def _allowed_depth(problem: Problem) -> Floats:
+def _allowed_depth(problem: Problem) -> Array:
     """How deep inside its margin each sample (B,) may be in a clear motion [m]: more near an end that is deep
     itself, since no motion can do better there."""
-    time_ = problem.samples.time
+    parameter = problem.samples.parameter
     start, goal = problem.depth(np.array([problem.start, problem.goal]), np.array([0.0, 1.0]))
-    excused = np.maximum(start * (1 - time_ / ENDS), goal * (1 - (1 - time_) / ENDS))
-    allowed: Floats = np.maximum(ENOUGH * problem.scene.planner.activation, excused)
+    excused = np.maximum(start * (1 - parameter / ENDS), goal * (1 - (1 - parameter) / ENDS))
+    allowed: Array = np.maximum(ENOUGH * problem.scene.planner.activation, excused)
     return allowed
 
 
@@ -184,6 +182,6 @@ def _allowed_depth(problem: Problem) -> Floats:
 class Solver:
     """A way to solve a problem, and what it can take."""
 
-    solve: Callable[[Problem, Floats, Budget], Solution]  # from a first guess (N, n)
+    solve: Callable[[Problem, Array, Budget], Solution]  # from a first guess (N, n)
     lacking: Callable[[Scene], str | None] = lambda scene: None  # what a scene asks for that it cannot do, in words
     live: bool = True  # whether every step of it is soon enough to be watched

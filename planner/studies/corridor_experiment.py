@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.certificate.certifier import Certifier
@@ -32,6 +31,7 @@ from hdplan.planner.control.tasks import least_squares
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch, kinematics_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import read_only
@@ -40,8 +40,6 @@ from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box
 from hdplan.scenes.targets import JointTarget
-
-Array = NDArray[np.float64]
 
 START = (1.0582, -1.3811, 0.3629, -1.9647, -0.959, 1.4881, -0.1534)  # [rad]
 WALLS: dict[str, tuple[Vector3, Vector3]] = {  # centre and sides [m]

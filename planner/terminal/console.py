@@ -15,7 +15,7 @@ from rich.status import Status
 from rich.text import Text
 
 from hdplan.planner.terminal.interrupts import noting
-from hdplan.scenes.errors import InputError
+from hdplan.scenes.errors import InputError, one_line
 
 if TYPE_CHECKING:
     from hdplan.planner.search.search import Event
@@ -26,7 +26,7 @@ LONG = 1.0  # [s] after which a command is one for which people wait
 
 def say(text: str, style: str) -> None:
     """Print one line, whatever names and values it repeats."""
-    line = "".join(c if c.isprintable() else " " if c == "\n" else repr(c)[1:-1] for c in f"hdplan: {text}")
+    line = one_line(f"hdplan: {text}".replace("\n", " "))
     PlainConsole(sys.stderr).print(Text(line, style=style), soft_wrap=True)
 
 

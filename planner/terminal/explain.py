@@ -12,8 +12,8 @@ from collections import Counter
 import numpy as np
 
 from hdplan.planner.geometry.shapes import operations
+from hdplan.planner.problem.clearance import PairTerm
 from hdplan.planner.problem.problem import Problem
-from hdplan.planner.problem.terms import Clearance
 from hdplan.planner.robot.robot import ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS
 from hdplan.planner.terminal.explain_cost import functions, trial
 from hdplan.planner.terminal.explain_effects import counted, effects
@@ -108,7 +108,7 @@ def _obstacles(problem: Problem) -> Rows:
     """One row for each obstacle: its shape, its own clearance, how it moves, and how much of the robot can reach it."""
     pieces = Counter(piece.name for piece in problem.halfspace_bodies)
     met: Counter[str] = Counter()
-    if standing := _term(problem, "obstacles"):
+    if standing := problem.terms.obstacles:
         met = Counter(problem.halfspace_bodies[index].name for index in standing.pairs.plane_body.tolist())
     moving = sum(body.joint > 0 for body in problem.bodies)
     rows: Rows = []
@@ -152,11 +152,11 @@ def _pairs(problem: Problem) -> Rows:
     moving = sum(body.joint > 0 for body in problem.bodies)
     standing = [obstacle.name for obstacle in problem.scene.standing]
     if total := moving * sum(piece.name in standing for piece in problem.halfspace_bodies):
-        kept = _kept(problem, "obstacles")
+        kept = _kept(problem.terms.obstacles)
         why = "" if kept == total else f"; {total - kept} can never meet within the joint limits"
         rows.append(("robot and obstacles", f"{kept} of {total} pairs of bodies kept{why}"))
     if total := moving * sum(piece.name not in standing for piece in problem.halfspace_bodies):
-        rows.append(("moving obstacles", f"{_kept(problem, 'moving obstacles')} of {total} pairs of bodies kept"))
+        rows.append(("moving obstacles", f"{_kept(problem.terms.moving_obstacles)} of {total} pairs of bodies kept"))
     links = len(robot.links)
     if total := links * (links - 1) // 2:
         named = set(robot.links)
@@ -168,7 +168,7 @@ def _pairs(problem: Problem) -> Rows:
                 f"{len(robot.self_pairs)} of {total} pairs checked" + (f"; told apart: {told}" if told else ""),
             )
         )
-    kept = _kept(problem, "self-collision")
+    kept = _kept(problem.terms.self_collision)
     if total := kept + len(problem.apart):
         apart = Counter("-".join(sorted(problem.bodies[index].link for index in pair)) for pair in problem.apart)
         most = ", ".join([*list(apart)[:MOST_NAMED], *(["…"] if len(apart) > MOST_NAMED else [])])
@@ -184,7 +184,7 @@ def _pairs(problem: Problem) -> Rows:
 
 def _size(problem: Problem) -> Rows:
     unknowns = (problem.waypoints - 2) * problem.robot.n
-    how = ", ".join(sorted({term.distance.how for term in problem.pair_terms})) or "not needed"
+    how = ", ".join(sorted({term.distance.how for term in problem.terms.pairs})) or "not needed"
     return [
         ("unknowns", f"{unknowns}: {problem.waypoints - 2} free waypoints × {counted(problem.robot.n, 'joint')}"),
         ("looked at", f"{len(problem.samples.weight)} configurations between the waypoints"),
@@ -203,10 +203,5 @@ def _settings(problem: Problem) -> Rows:
     return rows
 
 
-def _term(problem: Problem, name: str) -> Clearance | None:
-    return next((term for term in problem.pair_terms if term.name == name), None)
-
-
-def _kept(problem: Problem, name: str) -> int:
-    term = _term(problem, name)
+def _kept(term: PairTerm | None) -> int:
     return len(term.pairs) if term else 0

@@ -63,7 +63,7 @@ def _joint_limits(problem: Problem) -> tuple[Effect, ...]:
 def _standing(problem: Problem) -> Effect:
     scene, settings = problem.scene, problem.scene.planner
     standing = scene.standing
-    if not _has(problem, "obstacles"):
+    if problem.terms.obstacles is None:
         if not problem.bodies:
             return Effect("obstacles", "", "no link has collision geometry")
         why = "every obstacle is out of the robot's reach" if standing else "needs obstacles[]"
@@ -80,13 +80,13 @@ def _moving(problem: Problem) -> Effect:
     words = f"{count}; each sample of the motion meets them where they are at its time"
     return Effect(
         "moving obstacles",
-        words if _has(problem, "moving obstacles") else "",
+        words if problem.terms.moving_obstacles else "",
         "no link has collision geometry" if count else "needs obstacles[].motion, with timing.duration",
     )
 
 
 def _self_collision(problem: Problem) -> Effect:
-    if _has(problem, "self-collision"):
+    if problem.terms.self_collision:
         held = " or held objects" if problem.robot.attached else ""
         clearance = problem.scene.self_collision.clearance
         why = f"clearance {clearance:g} m" if clearance else "by default"
@@ -184,16 +184,15 @@ def _driven(problem: Problem, quantity: str, limits: JointValues | None) -> str:
         return ""
     if quantity != "torque":
         return f"{_origin(limits)}: kept by the timing"
-    from hdplan.planner.problem.gravity_torque import ARM, StaticTorque
+    from hdplan.planner.problem.gravity_torque import ARM
     from hdplan.planner.problem.hinge import BAND
     from hdplan.planner.robot.loads import moved_mass
 
     mass = moved_mass(problem.setup.loaded_model)
     words = f"{_origin(limits)}, moving {mass:.3g} kg: kept by the timing"
-    for term in problem.terms:
-        if isinstance(term, StaticTorque):
-            joints = ", ".join(problem.robot.joint_names[i] for i in term.measure.joints.tolist())
-            return f"{words}; grows where gravity alone takes {1 - BAND / ARM:.0%} of the limit of {joints}"
+    if term := problem.terms.static_torque:
+        joints = ", ".join(problem.robot.joint_names[i] for i in term.measure.joints.tolist())
+        return f"{words}; grows where gravity alone takes {1 - BAND / ARM:.0%} of the limit of {joints}"
     return f"{words}; no term, as gravity alone overloads no joint"
 
 
@@ -201,7 +200,3 @@ def _origin(values: JointValues) -> str:
     if values == "urdf":
         return "the URDF's"
     return "by joint" if isinstance(values, Mapping) else "the scene's"
-
-
-def _has(problem: Problem, name: str) -> bool:
-    return any(term.name == name for term in problem.terms)

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.curve import Curve
@@ -31,6 +30,7 @@ from hdplan.planner.view.drawing.colors import ITERATE
 from hdplan.planner.view.drawing.motion import sample_parameters
 from hdplan.planner.view.drawing.nodes import draw_path
 from hdplan.planner.view.handles import Handles
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
@@ -39,7 +39,6 @@ from hdplan.scenes.yaml_format.writer import scene_text
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
-Array = NDArray[np.float64]
 
 NAME = "planned"  # of the motion that Plan finds
 TIME_LIMIT = 30.0  # [s] for planning

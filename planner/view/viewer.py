@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate, Contact
@@ -42,11 +41,10 @@ from hdplan.planner.view.player import Player
 from hdplan.planner.view.quiet import quiet
 from hdplan.planner.view.recording import record
 from hdplan.planner.view.worker import Worker
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError, InputError, naming
 from hdplan.scenes.once import read_only
 from hdplan.scenes.scene import Scene
-
-Array = NDArray[np.float64]
 
 GHOST = 0.35  # opacity
 PLOT_EVERY = 0.1  # [s] between movements of the plots' bars while the slider moves

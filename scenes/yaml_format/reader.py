@@ -6,7 +6,6 @@ import dataclasses
 import difflib
 import os
 from collections.abc import Callable
-from os import PathLike
 from pathlib import Path
 
 from hdplan.scenes.attached import Attached
@@ -22,7 +21,7 @@ from hdplan.scenes.pose_fields import read_pose
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
-from hdplan.scenes.values import checked, path_of
+from hdplan.scenes.values import FilePath, checked, path_of
 from hdplan.scenes.yaml_format.effects import (
     read_limits,
     read_motion,
@@ -52,8 +51,6 @@ SECTIONS = (
     "planner",
 )
 ROBOT_KEYS = ("name", "urdf", "srdf", "package_dirs", "group", "base", "locked", "ignore_pairs")
-
-FilePath = str | PathLike[str]
 
 
 def load_scene(path: FilePath, request: FilePath | None = None, robot: FilePath | None = None) -> Scene:

@@ -24,6 +24,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from hdplan.scenes.doors import door
+
 if TYPE_CHECKING:
     from hdplan import control, distance
     from hdplan.distance.bodies import ConvexBody
@@ -55,50 +57,50 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-_HOMES = {
-    "Attached": "hdplan.scenes.attached",
-    "Box": "hdplan.scenes.shapes",
-    "Budget": "hdplan.planner.solvers.solution",
-    "Capsule": "hdplan.scenes.shapes",
-    "Certificate": "hdplan.planner.certificate.verdict",
-    "ConvexBody": "hdplan.distance.bodies",
-    "Cylinder": "hdplan.scenes.shapes",
-    "Ellipsoid": "hdplan.scenes.shapes",
-    "Event": "hdplan.planner.search.search",
-    "HdplanError": "hdplan.scenes.errors",
-    "InputError": "hdplan.scenes.errors",
-    "Limits": "hdplan.scenes.limits",
-    "Mesh": "hdplan.scenes.shapes",
-    "Obstacle": "hdplan.scenes.obstacles",
-    "OutOfTime": "hdplan.scenes.errors",
-    "PathConstraints": "hdplan.scenes.path_constraints",
-    "Payload": "hdplan.scenes.attached",
-    "PlanResult": "hdplan.planner.result",
-    "PlannerSettings": "hdplan.scenes.planner_settings",
-    "Points": "hdplan.scenes.shapes",
-    "Pose": "hdplan.scenes.poses",
-    "PoseTarget": "hdplan.scenes.targets",
-    "Problem": "hdplan.planner.problem.problem",
-    "Robot": "hdplan.planner.robot.robot",
-    "RobotSpec": "hdplan.scenes.robot_spec",
-    "Scene": "hdplan.scenes.scene",
-    "SelfCollision": "hdplan.scenes.obstacles",
-    "Solution": "hdplan.planner.solvers.solution",
-    "Sphere": "hdplan.scenes.shapes",
-    "SteadyMotion": "hdplan.scenes.obstacles",
-    "TimedPoses": "hdplan.scenes.obstacles",
-    "Timing": "hdplan.scenes.timing",
-    "Trajectory": "hdplan.planner.motion.trajectory",
-    "Upright": "hdplan.scenes.path_constraints",
-    "Within": "hdplan.scenes.path_constraints",
-    "build": "hdplan.planner.build",
-    "certify": "hdplan.planner.certificate.certifier",
-    "check_configuration": "hdplan.planner.certificate.certifier",
-    "inverse_kinematics": "hdplan.planner.search.inverse_kinematics",
-    "load_robot": "hdplan.planner.robot.robot",
-    "load_scene": "hdplan.scenes.yaml_format.reader",
-    "plan": "hdplan.planner.plan",
-    "solve": "hdplan.planner.solvers",
+_HOMES = {  # of names, below hdplan
+    "Attached": "scenes.attached",
+    "Box": "scenes.shapes",
+    "Budget": "planner.solvers.solution",
+    "Capsule": "scenes.shapes",
+    "Certificate": "planner.certificate.verdict",
+    "ConvexBody": "distance.bodies",
+    "Cylinder": "scenes.shapes",
+    "Ellipsoid": "scenes.shapes",
+    "Event": "planner.search.search",
+    "HdplanError": "scenes.errors",
+    "InputError": "scenes.errors",
+    "Limits": "scenes.limits",
+    "Mesh": "scenes.shapes",
+    "Obstacle": "scenes.obstacles",
+    "OutOfTime": "scenes.errors",
+    "PathConstraints": "scenes.path_constraints",
+    "Payload": "scenes.attached",
+    "PlanResult": "planner.result",
+    "PlannerSettings": "scenes.planner_settings",
+    "Points": "scenes.shapes",
+    "Pose": "scenes.poses",
+    "PoseTarget": "scenes.targets",
+    "Problem": "planner.problem.problem",
+    "Robot": "planner.robot.robot",
+    "RobotSpec": "scenes.robot_spec",
+    "Scene": "scenes.scene",
+    "SelfCollision": "scenes.obstacles",
+    "Solution": "planner.solvers.solution",
+    "Sphere": "scenes.shapes",
+    "SteadyMotion": "scenes.obstacles",
+    "TimedPoses": "scenes.obstacles",
+    "Timing": "scenes.timing",
+    "Trajectory": "planner.motion.trajectory",
+    "Upright": "scenes.path_constraints",
+    "Within": "scenes.path_constraints",
+    "build": "planner.build",
+    "certify": "planner.certificate.certifier",
+    "check_configuration": "planner.certificate.certifier",
+    "inverse_kinematics": "planner.search.inverse_kinematics",
+    "load_robot": "planner.robot.robot",
+    "load_scene": "scenes.yaml_format.reader",
+    "plan": "planner.plan",
+    "solve": "planner.solvers",
 }
 
 __all__ = [
@@ -151,12 +153,13 @@ __all__ = [
 ]
 
 
+_behind = door(__name__, _HOMES)
+
+
 def __getattr__(name: str) -> Any:
     if name in ("control", "distance"):
         return importlib.import_module(f"hdplan.{name}")
-    if name not in _HOMES:
-        raise AttributeError(f"module 'hdplan' has no attribute '{name}'")
-    return getattr(importlib.import_module(_HOMES[name]), name)
+    return _behind(name)
 
 
 def __dir__() -> list[str]:

@@ -47,7 +47,7 @@ def planned(name: str) -> dict[str, Any]:
     return {
         "status": result.certificate.status.value,
         "terms": [term.name for term in problem.terms],
-        "pairs": [len(term.pairs) for term in problem.pair_terms],
+        "pairs": [len(term.pairs) for term in problem.terms.pairs],
         "functions": [(f.name(), f.n_instructions(), f.n_nodes()) for f in functions],
         "waypoints": hashlib.sha256(result.trajectory.positions.tobytes()).hexdigest(),
         "iterations": result.iterations,

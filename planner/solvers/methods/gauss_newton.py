@@ -12,21 +12,18 @@ from __future__ import annotations
 import functools
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from hdplan.planner.problem.problem import Evaluation, Problem
 from hdplan.planner.solvers.solution import SAME, Budget, Progress, Solution, Solver, SolverStatus
-
-Floats = NDArray[np.float64]
-Rows = NDArray[np.int64]
+from hdplan.scenes.array_types import Array, Rows
 
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-6, 1e6  # λ
 PATIENCE = 1  # a step of Newton that brings little has arrived
 REST = 1e15  # stiffness that keeps a coordinate at its limit for one step
 
 
-def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
+def solve(problem: Problem, guess: Array, budget: Budget) -> Solution:
     """Improve a guess (N, n) until every sample keeps its distance, or nothing helps any more."""
     positions = problem.clip(guess)
     progress = Progress(problem, budget, PATIENCE)
@@ -54,7 +51,7 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
     return progress.solution(positions)
 
 
-def _step(problem: Problem, positions: Floats, state: Evaluation, damping: float) -> Floats:
+def _step(problem: Problem, positions: Array, state: Evaluation, damping: float) -> Array:
     """The damped Gauss-Newton step as waypoint displacements (N, n), zero at the ends."""
     interior = positions[1:-1]
     count, n = interior.shape
@@ -71,7 +68,7 @@ def _step(problem: Problem, positions: Floats, state: Evaluation, damping: float
     return step
 
 
-def _band(smoothness: Floats, state: Evaluation, damping: float) -> Floats:
+def _band(smoothness: Array, state: Evaluation, damping: float) -> Array:
     """The lower band (2 n + 1, M n) of the Hessian for M interior waypoints: row d, column c holds H[c + d, c]."""
     count, n = state.gradient.shape
     band = np.zeros((2 * n + 1, count * n))

@@ -14,20 +14,18 @@ from collections.abc import Iterator, Sequence
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.solvers.nlp import nlp
 from hdplan.planner.solvers.solution import SAME, Budget, Progress, Solution, Solver
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.scene import Scene
-
-Floats = NDArray[np.float64]
 
 STEPS_PER_WEIGHT = 20
 
 
-def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
+def solve(problem: Problem, guess: Array, budget: Budget) -> Solution:
     """Improve a guess (N, n) by interior-point runs at rising penalty weights."""
     positions = problem.clip(guess)
     progress = Progress(problem, budget, patience=1)

@@ -20,7 +20,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.attached import Payload
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import Limits
-from hdplan.scenes.moving import Passages
+from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
 from hdplan.scenes.path_constraints import PathConstraints, Upright
 from hdplan.scenes.poses import Pose
@@ -112,10 +112,10 @@ def test_moving_obstacles_are_placed_to_what_is_taken_off() -> None:
         lever = rng.normal(size=3)
         speed = float(np.linalg.norm(velocity) + np.linalg.norm(spin) * np.linalg.norm(lever))
         motion = SteadyMotion(tuple(velocity.tolist()), tuple(spin.tolist()))
-        passages = Passages.of(Obstacle("x", Box((1, 1, 1)), motion=motion))
+        carried = ObstacleMotion.of(Obstacle("x", Box((1, 1, 1)), motion=motion))
         latest = SHARE / UNIT / TIME / speed
         for time, kept in ((latest * rng.uniform(0.5, 1.0), True), (1000.0 * latest, False)):
-            place = passages.at(np.array([time]))[0]
+            place = carried.at(np.array([time]))[0]
             found = place[:3, :3] @ lever + place[:3, 3]
             t, w = np.longdouble(time), spin.astype(np.longdouble)
             turned = lever.astype(np.longdouble)

@@ -16,7 +16,7 @@ from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody, link_bodies
 from hdplan.planner.collision.reach import reach_of
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
-from hdplan.planner.problem.terms import Clearance
+from hdplan.planner.problem.clearance import Clearance
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec

@@ -22,7 +22,7 @@ from hdplan.planner.collision.euclidean import FclPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_link_body, from_shape
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
-from hdplan.planner.problem.terms import Clearance
+from hdplan.planner.problem.clearance import Clearance
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.terminal.explain import explain
 from hdplan.scenes.poses import Pose

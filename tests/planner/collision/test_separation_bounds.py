@@ -200,7 +200,7 @@ def test_a_wider_margin_brings_pairs_back_and_narrower_limits_take_more_out() ->
 
     def kept(scene: Scene) -> tuple[int, int]:
         problem = build(scene)
-        own = [term for term in problem.pair_terms if term.name == "self-collision"]
+        own = [term for term in (problem.terms.self_collision,) if term]
         return sum(len(term.pairs) for term in own), len(problem.apart)
 
     pairs, apart = kept(scene)

@@ -42,7 +42,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.moving import Passages
+from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
@@ -186,7 +186,7 @@ def test_a_moving_obstacle_enters_with_its_own_speed(robot: Robot) -> None:
     rng = np.random.default_rng(4)
     for settings in (DISTANCES[0], DISTANCES[1]):
         bodies = from_obstacle(Obstacle("it", Box((0.1, 0.2, 0.3))))[0]
-        moved = [(Passages.of(obstacle), bodies)]
+        moved = [(ObstacleMotion.of(obstacle), bodies)]
         still = scene_barriers(scene_of(), robot, settings)
         links = [LinkBody("five", 5, ConvexBody.box([0.08, 0.12, 0.2]))]
         barriers = Barriers(robot, still.kinematics, links, [], [], settings, moved)

@@ -27,7 +27,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import Limits
-from hdplan.scenes.moving import Passages
+from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
@@ -200,7 +200,7 @@ def test_clearance_meets_what_moves_where_it_is_at_that_time(crossed: tuple[Cert
 
 
 def pose_at(obstacle: Obstacle, seconds: float) -> Pose:
-    matrix = Passages.of(obstacle).at(np.array([seconds]))[0]
+    matrix = ObstacleMotion.of(obstacle).at(np.array([seconds]))[0]
     return Pose(tuple(matrix[:3, 3].tolist()), tuple(Rotation.from_matrix(matrix[:3, :3]).as_quat().tolist()))
 
 
@@ -258,7 +258,7 @@ def test_the_drawn_scene_has_what_moves_where_it_is_when_the_robot_is_there(
         seconds = np.array([float(motion.curve.time_of(parameter))])
         shown = [body.vertices for body, found in picture.solids if found is paint]
         for vertices, obstacle in zip(shown, certifier.scene.obstacles, strict=False):
-            place = Passages.of(obstacle).at(seconds)[0]
+            place = ObstacleMotion.of(obstacle).at(seconds)[0]
             in_frame = (vertices - place[:3, 3]) @ place[:3, :3]
             np.testing.assert_allclose(np.abs(in_frame), np.tile([0.1, 0.05, 0.05], (len(vertices), 1)), atol=1e-9)
     panels = {"joints", "velocity", "acceleration", "torque", "clearance"}

@@ -14,7 +14,6 @@ from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.path_check import PathCheck
 from hdplan.planner.plan import plan
-from hdplan.planner.problem.path_terms import PathTerm
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.robot.robot import Robot
@@ -56,7 +55,7 @@ def between(scene: Scene, start: Array, goal: Array) -> Scene:
 
 def cost(problem: Problem, q: Array) -> Array:
     """The path terms' penalty at single configurations (B, n) -> (B,), from their depths' definition alone."""
-    inside = [term.inside(problem.kinematics.evaluate(q))[0] for term in problem.path_terms]
+    inside = [term.inside(problem.kinematics.evaluate(q))[0] for term in problem.terms.path]
     return 0.5 * sum((each**2).sum(axis=1) for each in inside)
 
 
@@ -64,10 +63,10 @@ def cost(problem: Problem, q: Array) -> Array:
 @pytest.mark.parametrize("make", [upright, within])
 def test_slopes_are_those_of_the_penalty(name: str, make: object) -> None:
     problem = build(make(name))  # type: ignore[operator]
-    (term,) = problem.path_terms
+    (term,) = problem.terms.path
     q = problem.robot.draw(np.random.default_rng(1), 40)
     samples = Samples((40,))
-    penalty = term.value(problem.kinematics.evaluate(q), samples)
+    penalty = term.at_samples(problem.kinematics.evaluate(q), samples)
     assert penalty.cost == pytest.approx(float(samples.weight @ cost(problem, q)), rel=1e-12)
     for j in range(problem.robot.n):
         step = HALF_STEP * np.eye(problem.robot.n)[j]
@@ -79,13 +78,13 @@ def test_slopes_are_those_of_the_penalty(name: str, make: object) -> None:
 
 def test_an_upright_link_has_no_penalty_and_one_upside_down_is_still_drawn_back() -> None:
     up = build(upright("ur5_table"))
-    (term,) = up.path_terms
+    (term,) = up.terms.path
     level = onto_path(up, up.robot.draw(np.random.default_rng(2), 60))
     level = level[term.depth(up.kinematics.evaluate(level)) == 0.0]
     assert len(level) > 30
     assert not cost(up, level).any()
     down = build(upright("ur5_table", axis=(0.0, 0.0, 1.0)))
-    (other,) = down.path_terms
+    (other,) = down.terms.path
     inside, slope = other.inside(down.kinematics.evaluate(level))
     assert inside.min() > math.pi - 0.2
     lengths = np.linalg.norm(slope[:, 0], axis=1)
@@ -109,7 +108,7 @@ def test_what_counts_as_clear_keeps_the_constraint(tolerance: float, activation:
     scene = upright("panda_carry", tolerance)
     scene = dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, activation=activation))
     problem = build(scene)
-    (term,) = problem.path_terms
+    (term,) = problem.terms.path
     q = onto_path(problem, problem.robot.draw(np.random.default_rng(3), 200))
     q = np.vstack([q, q + 0.4 * tolerance * np.random.default_rng(4).normal(size=q.shape)])
     tilt, depth = angles(problem.robot, "panda_hand", q), term.depth(problem.kinematics.evaluate(q))
@@ -134,7 +133,7 @@ def test_drawn_configurations_are_brought_to_where_the_constraints_hold(name: st
         assert np.all((found >= problem.robot.lower) & (found <= problem.robot.upper))
         kept = np.array([not check.at(q) for q in found])
         assert np.count_nonzero(kept) > 30
-        settled = np.all([term.depth(problem.kinematics.evaluate(found)) == 0.0 for term in problem.path_terms], axis=0)
+        settled = np.all([term.depth(problem.kinematics.evaluate(found)) == 0.0 for term in problem.terms.path], axis=0)
         assert np.all(kept[settled])
 
 
@@ -153,7 +152,7 @@ def test_the_roadmap_is_drawn_where_the_constraints_hold() -> None:
 def test_absent_is_absent() -> None:
     scene = load_scene("panda_cage")
     problem = build(scene)
-    assert problem.path_terms == ()
+    assert problem.terms.path == ()
     assert {term.name for term in problem.terms} == {"obstacles", "self-collision"}
     assert Certifier(Setup.of(scene, problem.robot)).path is None
 
@@ -210,4 +209,4 @@ def test_goals_by_inverse_kinematics_keep_the_constraint() -> None:
 
 def test_terms_are_named_after_their_sections() -> None:
     problem = build(within("ur5_table"))
-    assert [term.name for term in problem.terms if isinstance(term, PathTerm)] == ["path.position"]
+    assert [term.name for term in problem.terms.path] == ["path.position"]

@@ -118,7 +118,7 @@ def test_pairs_told_apart_and_why_add_up() -> None:
         checked, total, told = re.fullmatch(r"(\d+) of (\d+) pairs checked; told apart: (.*)", links).groups()
         assert int(checked) == len(problem.robot.self_pairs)
         assert int(checked) + sum(int(part.split()[0]) for part in told.split(", ")) == int(total)
-        own = next(term for term in problem.pair_terms if term.name == "self-collision")
+        own = problem.terms.self_collision
         assert said["bodies of links"].startswith(f"{len(own.pairs)} of {len(own.pairs) + len(problem.apart)} pairs")
         assert ("proven" in said["bodies of links"]) == bool(problem.apart)
 
@@ -147,7 +147,7 @@ def test_joints_with_and_without_limits() -> None:
 def test_pairs_kept_and_pruned_add_up() -> None:
     problem = build(arm(*load_scene("planar_arm").obstacles, FAR_AWAY, clearance=0.2))
     moving = sum(body.joint > 0 for body in problem.bodies)
-    kept = next(len(term.pairs) for term in problem.terms if term.name == "obstacles")
+    kept = len(problem.terms.obstacles.pairs)
     assert moving <= 3 * moving - kept, "at least those of the far body are pruned"
     assert rows(problem, "pairs")["robot and obstacles"] == (
         f"{kept} of {3 * moving} pairs of bodies kept; {3 * moving - kept} can never meet within the joint limits"
@@ -157,7 +157,7 @@ def test_pairs_kept_and_pruned_add_up() -> None:
     assert by_obstacle["far"].endswith("out of reach, left out")
     of_ball, of_prism = (int(by_obstacle[name].split("; ")[1].split(" of ")[0]) for name in ("ball", "prism"))
     assert of_ball + of_prism == kept
-    own = next(len(term.pairs) for term in problem.terms if term.name == "self-collision")
+    own = len(problem.terms.self_collision.pairs)
     assert rows(problem, "pairs")["links"] == "1 of 3 pairs checked; told apart: 2 neighbours"
     assert rows(problem, "pairs")["bodies of links"] == f"{own} of {own} pairs kept"
 

@@ -19,7 +19,7 @@ from hdplan.planner.view.drawing.motion import SAMPLES, ShownMotion, Tip, sample
 from hdplan.planner.view.drawing.plots import joint_table, with_bar
 from hdplan.planner.view.drawing.timeline import PATH_DURATION, Timeline
 from hdplan.planner.view.handles import moved
-from hdplan.scenes.moving import Passages
+from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.shapes import Sphere
@@ -95,7 +95,7 @@ def test_a_moving_obstacle_that_is_dragged_keeps_its_motion() -> None:
         pose = turned(rng) if isinstance(motion, SteadyMotion) else motion.poses[0]
         before = Obstacle("a", Sphere(0.1), pose, motion=motion)
         aim = turned(rng)
-        old, new = Passages.of(before), Passages.of(moved(before, aim))
+        old, new = ObstacleMotion.of(before), ObstacleMotion.of(moved(before, aim))
         np.testing.assert_allclose(new.at(np.zeros(1))[0], aim.matrix, atol=1e-12)
         np.testing.assert_allclose(new.velocity, old.velocity, atol=1e-12)
         np.testing.assert_allclose(new.spin, old.spin, atol=1e-12)

@@ -26,7 +26,7 @@ from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.viewer import OUTDATED, Viewer
 from hdplan.scenes.errors import HdplanError, InputError
-from hdplan.scenes.moving import Passages
+from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
 from hdplan.scenes.path_constraints import PathConstraints, Within
 from hdplan.scenes.poses import Pose
@@ -123,7 +123,7 @@ def test_moving_obstacles_are_where_they_are_at_the_sliders_time(
     for now in (0.0, 0.412, 1.5):
         viewer.show(now)
         for node in viewer.obstacles:
-            wanted = Passages.of(node.obstacle).at(np.array([now]))[0]
+            wanted = ObstacleMotion.of(node.obstacle).at(np.array([now]))[0]
             np.testing.assert_allclose(pose_of(node.frame).matrix, wanted, rtol=0, atol=1e-12)
         q = timed.at(timed.curve.parameter_of(now))
         assert_posed(viewer.shown[0].robot, q)
