@@ -67,7 +67,7 @@ def scene_of(spec: RobotSpec, *asked: Upright | Within) -> Scene:
 
 
 def proof_of(robot: Robot, scene: Scene, curve: Curve) -> PathProof:
-    return PathCheck(scene, robot, Chain.of(robot.model)).prove(curve)
+    return PathCheck(Setup(scene, robot), Chain.of(robot.model)).prove(curve)
 
 
 def sampled(robot: Robot, scene: Scene, q: Array) -> dict[str, Array]:

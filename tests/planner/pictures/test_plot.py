@@ -47,6 +47,11 @@ def planned() -> Planned:
     return scene, robot, plan(scene, robot=robot)
 
 
+def planned_subject(planned: Planned) -> Subject:
+    scene, robot, result = planned
+    return Subject.planned(Setup.of(scene, robot), result)
+
+
 def pixels(path: Path) -> np.ndarray:
     from matplotlib.image import imread
 
@@ -65,7 +70,7 @@ def assert_drawn(path: Path) -> None:
 
 def test_certified_result_in_every_format(planned: Planned, tmp_path: Path) -> None:
     for suffix, begins in ((".png", b"\x89PNG"), (".pdf", b"%PDF"), (".SVG", b"<?xml")):
-        plot.plot(Subject.planned(*planned), tmp_path / f"sheet{suffix}")
+        plot.plot(planned_subject(planned), tmp_path / f"sheet{suffix}")
         assert (tmp_path / f"sheet{suffix}").read_bytes().startswith(begins)
     assert_drawn(tmp_path / "sheet.png")
     assert len(list(tmp_path.iterdir())) == 3
@@ -274,13 +279,13 @@ def test_names_are_written_as_they_are(planned: Planned, tmp_path: Path) -> None
 
 def test_unknown_ending_names_the_allowed_ones(planned: Planned, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"\.bmp.*\.png, \.pdf, \.svg"):
-        plot.plot(Subject.planned(*planned), tmp_path / "a.bmp")
+        plot.plot(planned_subject(planned), tmp_path / "a.bmp")
     assert not list(tmp_path.iterdir())
 
 
 def test_nothing_half_written(planned: Planned, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InputError, match="folder"):
-        plot.plot(Subject.planned(*planned), tmp_path / "missing" / "a.png")
+        plot.plot(planned_subject(planned), tmp_path / "missing" / "a.png")
     target = tmp_path / "a.png"
     target.write_bytes(b"before")
 
@@ -289,7 +294,7 @@ def test_nothing_half_written(planned: Planned, tmp_path: Path, monkeypatch: pyt
 
     monkeypatch.setattr("os.replace", full)
     with pytest.raises(InputError, match="No space left"):
-        plot.plot(Subject.planned(*planned), target)
+        plot.plot(planned_subject(planned), target)
     assert target.read_bytes() == b"before"
     assert list(tmp_path.iterdir()) == [target]
 
