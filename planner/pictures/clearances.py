@@ -68,7 +68,7 @@ def outer_clearance(setup: Setup, positions: Array, times: Array, within: float)
     for term in (problem.terms.obstacles, problem.terms.moving_obstacles):
         if term:
             inside = term.inside(term.met(kinematics, times))
-            margin = term.pairs.margins[term.pairs.plane_body[inside.pair]]  # `within`, and an obstacle's own clearance
+            margin = term.pairs.margins[term.pairs.halfspace_body[inside.pair]]  # `within` + own clearance
             np.minimum.at(least, inside.sample, margin + inside.separation)
     return least
 

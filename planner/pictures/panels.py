@@ -38,7 +38,7 @@ CLEARANCE_STEPS = 128  # pieces of the motion between which distances are comput
 POINTS = 800  # of a curve that is not straight between its waypoints, at least
 LANE = 0.84  # of the distance between two joints' lanes: a joint's range
 WIDE = 30.0  # ratio of costs from which on their axis is logarithmic
-LEGEND = 0.5  # [in] for the legend above the curves of clearance
+LEGEND = 0.62  # [in] for the legend above the curves of clearance
 DISTANCE_WORDS = {"hdsdf": "HD-SDF’s D̃", "fcl": "FCL"}  # of the planner's bodies
 
 
@@ -172,7 +172,7 @@ def draw_convergence(axis: Any, subject: Subject) -> None:
     iteration = [step.iteration for step in steps]
     cost, smoothness = np.array([[step.cost, step.smoothness] for step in steps]).T
     axis.plot(iteration, cost, color=INK, marker=".", markersize=4, linewidth=1.4, label="cost")
-    axis.plot(iteration, smoothness, color=START, linestyle="--", linewidth=1.4, label="of it smoothness")
+    axis.plot(iteration, smoothness, color=START, linestyle="--", linewidth=1.4, label="smoothness part")
     if smoothness.min() > 0.0 and cost.max() > WIDE * smoothness.min():
         axis.set_yscale("log")
     else:

@@ -18,7 +18,7 @@ from hdplan.scenes.limits import QUANTITIES
 
 Array = NDArray[np.float64]
 
-PANEL, HEAD = 1.35, 0.78  # [in] height of one, and above them
+PANEL, HEAD = 1.35, 0.9  # [in] height of one, and above them
 MOST = 110  # letters of the verdict in a line
 SHOWN = 1.25  # times a limit that is shown, where it is passed by more
 

@@ -1,6 +1,7 @@
 """Lay out the problem of a scene: its bodies, the pairs that can meet, and the terms that the scene calls for.
 
-With `planner.swept` obstacles are kept from hulls between waypoints (`swept_clearance`) instead of at samples.
+With `planner.swept`, clearance from obstacles is measured to hulls swept between waypoints (`swept_clearance`), not at
+samples.
 """
 
 from __future__ import annotations
@@ -38,11 +39,11 @@ def self_margin(scene: Scene) -> float:
 
 
 def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
-    """Lay out the problem of a scene between two configurations. Raises InputError for what the scene or its robot gets
-    wrong.
+    """Lay out the problem of a scene between two configurations. Raises InputError for errors in the scene or its
+    robot.
 
-    What can be done without waits no longer than `deadline` (time.perf_counter()): meshes that are not split into
-    convex pieces by then are planned around as their hulls, with a note.
+    Optional work stops at `deadline` (time.perf_counter()): a mesh that is not split into convex pieces by then is
+    replaced by its convex hull for planning, with a note.
     """
     scene, robot = setup.scene, setup.robot
     settings = scene.planner
@@ -67,7 +68,7 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
         for b in np.flatnonzero(model.reach[a].meets(halfspace_bodies, margins)).tolist()
     ]
     if pairs:
-        # room for every body and kernels for every shape: other obstacles then need nothing new compiled
+        # room for every body and kernels for every shape, so that other obstacles need no new compilation
         slots = max(len(body.body.vertices) for body in bodies if body.joint > 0)
         laid_out = body_pairs(bodies, halfspace_bodies, pairs, margins, kinematics.supports, slots)
         distance = _distance(laid_out, bodies, halfspace_bodies, settings, plane_counts(settings.normals))

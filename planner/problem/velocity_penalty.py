@@ -19,9 +19,9 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.time_laws import MinimumJerk
 from hdplan.scenes.array_types import Array
 
-AIM = 0.85  # share of a limit from which on the penalty acts
-LEVER = 0.06  # [m] that a whole limit too much counts as, beside bodies inside their margins
-LOOKS = 9  # at the time law on every interval
+AIM = 0.85  # share of a limit above which the penalty acts
+LEVER = 0.06  # [m] depth inside a margin that exceeding a limit by 100 % counts as
+LOOKS = 9  # points of every interval at which the time law is evaluated
 
 
 def velocity_penalty(setup: Setup) -> VelocityPenalty:

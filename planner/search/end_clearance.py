@@ -1,4 +1,5 @@
-"""What the ends of a scene allow: free of contact, on the path, not too heavy; and what clearance can be asked for."""
+"""Checks of a scene's start and goal: no contact, path constraints, gravity torques; and the clearance that they
+allow."""
 
 from __future__ import annotations
 
@@ -8,7 +9,7 @@ from hdplan.scenes.errors import InputError
 
 
 def reachable_clearance(setup: Setup, certifier: Certifier) -> tuple[float, tuple[str, ...]]:
-    """The clearance that can be asked for [m]: the scene's, or less, with a word, where its own ends are closer than
+    """The clearance that can be required [m]: the scene's, or less, with a note, where its own ends are closer than
     that.
 
     Raises InputError if an end is in collision, or breaks a path constraint.
@@ -25,7 +26,8 @@ def reachable_clearance(setup: Setup, certifier: Certifier) -> tuple[float, tupl
             )
             raise InputError(f"{scene.source}: {field}: in collision: {said}")
         if departures := certifier.off_path(q):
-            raise InputError(f"{scene.source}: {field}: off the path: {'; '.join(each.words for each in departures)}")
+            broken = "; ".join(each.words for each in departures)
+            raise InputError(f"{scene.source}: {field}: breaks a path constraint: {broken}")
         if overload := certifier.overload(q):
             raise InputError(f"{scene.source}: {field}: {overload}")
         for place, asked in certifier.too_close(q, required, time_):

@@ -63,7 +63,7 @@ def _title(figure: Figure, found: Study, choice: Entry) -> None:
         f"take {s.normals}, gamma {s.gamma}, shaping length {_length(s.shaping_length)}: {rate:.2g} % of gaps over "
         f"{_length(GAP)} taken for contact, value and gradient in {1e6 * choice.seconds['gradient']:.2g} µs"
     )
-    figure.text(0.02, 0.932, take, color=GOOD, fontsize=11, weight="bold", va="center")
+    figure.text(0.02, 0.932, take, color=GOOD, fontsize=10, weight="bold", va="center")
     pairs = len(found.bodies)
     about = f"mean of {pairs} pairs of bodies" if pairs > 1 else found.bodies[0]
     part = "" if found.complete else ", interrupted: what was measured till then"

@@ -109,7 +109,7 @@ def _obstacles(problem: Problem) -> Rows:
     pieces = Counter(piece.name for piece in problem.halfspace_bodies)
     met: Counter[str] = Counter()
     if standing := problem.terms.obstacles:
-        met = Counter(problem.halfspace_bodies[index].name for index in standing.pairs.plane_body.tolist())
+        met = Counter(problem.halfspace_bodies[index].name for index in standing.pairs.halfspace_body.tolist())
     moving = sum(body.joint > 0 for body in problem.bodies)
     rows: Rows = []
     for obstacle in problem.scene.obstacles[:MOST_OBSTACLES]:

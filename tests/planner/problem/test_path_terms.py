@@ -175,7 +175,7 @@ def test_ends_that_break_a_constraint_are_refused_with_by_how_much() -> None:
     level = next(q for q in onto_path(problem, robot.draw(np.random.default_rng(7), 50)) if not check.at(q))
     tilted = np.clip(level - [0, 0, 0, 0, 0, 0.4, 0], robot.lower, robot.upper)
     angle = float(angles(robot, "panda_hand", tilted[None])[0])
-    said = rf"off the path: path\.upright: panda_hand is tilted by {angle:.3g} rad, 0\.1 are allowed"
+    said = rf"breaks a path constraint: path\.upright: panda_hand is tilted by {angle:.3g} rad, 0\.1 are allowed"
     with pytest.raises(InputError, match=rf"start: {said}"):
         plan(between(scene, tilted, level))
     with pytest.raises(InputError, match=rf"goal: {said}"):
@@ -202,7 +202,7 @@ def test_goals_by_inverse_kinematics_keep_the_constraint() -> None:
     wrong = dataclasses.replace(scene, goal=Goals((PoseTarget("tool0", tilted, field="goal.pose"),)))
     with pytest.raises(
         InputError,
-        match=r"goal\.pose: none of .* the nearest is off the path: path\.upright: tool0 is tilted by 0\.4 rad",
+        match=r"goal\.pose: none of .*: breaks a path constraint: path\.upright: tool0 is tilted by 0\.4 rad",
     ):
         goal_choice(Certifier(Setup.of(wrong, robot)))
 

@@ -105,7 +105,7 @@ def test_a_pose_out_of_reach_is_refused_with_how_close_it_came() -> None:
     robot = load_scene_robot(scene)
     target = PoseTarget("tool0", Pose((0.3, 0.0, 1.5)), 0.001, 0.01, field="goal.pose")
     with pytest.raises(
-        InputError, match=r"goal\.pose: link 'tool0' is not brought there: the best of \d+ tries is .* mm"
+        InputError, match=r"goal\.pose: link 'tool0' cannot be brought there: the best of \d+ tries is off by .* mm"
     ):
         goal_choice(Certifier(Setup.of(aimed(scene, target), robot)))
 
@@ -148,7 +148,7 @@ def test_the_shipped_grasp_needs_its_free_axis_and_many_starts() -> None:
     fixed = aimed(scene, dataclasses.replace(target, free_rotation="none"))
     with pytest.raises(
         InputError,
-        match=r"panda_grasp.yaml: goal\.pose: none of \d+ configurations found will do; the nearest is in collision: ",
+        match=r"panda_grasp.yaml: goal\.pose: none of \d+ configurations found is valid; the nearest: in collision: ",
     ):
         plan(fixed)
 
@@ -276,7 +276,7 @@ def test_a_pose_out_of_reach_does_not_keep_from_the_others() -> None:
     assert result.certified
     assert result.goal is not None
     assert result.goal.field == "goal.poses[1]"
-    assert any(note.startswith("goal.poses[0]: link 'tool0' is not brought there") for note in result.notes)
+    assert any(note.startswith("goal.poses[0]: link 'tool0' cannot be brought there") for note in result.notes)
 
 
 def test_without_time_the_best_there_is_is_given_back() -> None:
