@@ -110,8 +110,8 @@ def _loop_seconds(distance: FclPairs, kinematics: KinematicsBatch, sample: Rows,
     model, pairs = pin.GeometryModel(), distance.pairs
     for k, (s, p) in enumerate(zip(sample.tolist(), pair.tolist(), strict=True)):
         a, b = _placement(kinematics, s, pairs.joint_a[p]), _placement(kinematics, s, pairs.joint_b[p])
-        b = b * pin.SE3(distance.placements[pairs.plane_body[p]])
-        solids = distance.first[int(pairs.body[p])], distance.second[int(pairs.plane_body[p])]
+        b = b * pin.SE3(distance.placements[pairs.halfspace_body[p]])
+        solids = distance.first[int(pairs.body[p])], distance.second[int(pairs.halfspace_body[p])]
         for side, place, solid in zip("ab", (a, b), solids, strict=True):
             model.addGeometryObject(pin.GeometryObject(f"{k}{side}", 0, 0, place, solid.shape))
         model.addCollisionPair(pin.CollisionPair(2 * k, 2 * k + 1))

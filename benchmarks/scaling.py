@@ -83,7 +83,7 @@ def scene_of(waypoints: int, boxes: int) -> Scene:
         met: set[str] = set()
         if term := problem.terms.obstacles:
             inside = term.inside(problem.kinematics.evaluate(motions))
-            met = {problem.halfspace_bodies[b].name for b in term.pairs.plane_body[inside.pair].tolist()}
+            met = {problem.halfspace_bodies[b].name for b in term.pairs.halfspace_body[inside.pair].tolist()}
         kept += [box for box in drawn if box.name not in met]
     settings = dataclasses.replace(empty.planner, waypoints=waypoints)
     return dataclasses.replace(scene, obstacles=tuple(kept[:boxes]), planner=settings)

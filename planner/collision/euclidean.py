@@ -1,15 +1,16 @@
-"""The exact Euclidean distance of many body pairs at many samples, by FCL (coal, its maintained successor).
+"""The exact Euclidean distance of many body pairs at many samples, by coal (the maintained successor of FCL).
 
-The other distance for the obstacle penalty, to compare the HD-SDF with: same bodies, same margin, same pairs. The first
-body is the link's outer body, the second the obstacle's true shape (or another link's outer body), not its planes.
+The alternative distance for the obstacle penalty, to compare the HD-SDF with: same bodies, same margin, same pairs. The
+first body is the link's outer body, the second the obstacle's true shape (or another link's outer body), not its
+planes.
 
-coal proposes the normal n of a pair (from the second body to the first); the number is computed here from supports,
+coal proposes the normal n of a pair (from the second body to the first); the distance is computed here from supports,
 
     D = gap(n) − margin,   gap(n) = min_{a ∈ A} n·a − max_{b ∈ B} n·b  ≤  d(A, B),
 
 exact to about 2e-7 m where n is the witness normal, and a lower bound whatever coal says. The gradient of D is the
-motion of A's witness point along n (the envelope theorem). It jumps where d has kinks: between faces that are parallel
-the witness points, and in overlaps the normal too, are one choice among many.
+motion of A's witness point along n (the envelope theorem). It jumps where d has kinks: between parallel faces the
+witness points, and in overlaps the normal too, are one choice among many.
 """
 
 from __future__ import annotations
@@ -34,28 +35,29 @@ from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.once import read_only
 from hdplan.scenes.shapes import Shape
 
-DOUBTFUL = 1e-6  # coal's distance and the gap along its own normal differ by more [m] only where coal is wrong
-NUDGE = 1e-5  # [rad] by which A is turned to ask again: enough to end an exactly parallel contact
+DOUBTFUL = 1e-6  # [m] coal's distance and the gap along its own normal differ by more only where coal is wrong
+NUDGE = 1e-5  # [rad] by which A is turned for another query: enough to break an exactly parallel contact
 NUDGES = 3
 REQUEST = coal.DistanceRequest()
 REQUEST.gjk_tolerance = REQUEST.epa_tolerance = 1e-8
 
 
 class FclPairs(PairDistance):
-    """D of the pairs' bodies, less the margin: exact, apart from the contacts that coal gets wrong.
+    """D of the pairs' bodies, less the margin: exact, except in the contacts that coal gets wrong.
 
     In about one of a thousand exactly parallel contacts (one of a hundred with a cylinder) its distance is not the gap
-    along its own normal; python-fcl, the older binding, ends the whole process in some of them. There coal is asked
-    again with A turned by NUDGE, and the largest gap counts, that along the line of the centres among them. No pair is
-    left out: D is finite always, never more than exact, and the wrench fits it. Where a cylinder and a box aligned with
-    it overlap deeply, coal may give a direction out that is not the shortest: there D is a lower bound only.
+    along its own normal; python-fcl, the older binding, crashes the whole process in some of them. There coal is
+    queried again with A turned by NUDGE, and the largest gap counts, including that along the line of the centres. No
+    pair is left out: D is always finite and never above the exact value, and the wrench is its derivative. Where a
+    cylinder and a box aligned with it overlap deeply, coal may return a direction out that is not the shortest: there D
+    is only a lower bound.
     """
 
     def __init__(self, pairs: BodyPairs, bodies: Sequence[LinkBody], halfspace_bodies: Sequence[HalfspaceBody]) -> None:
-        """Take the pairs and the bodies that their indices mean; the second's margin comes off every distance."""
+        """Take the pairs and the bodies that they index; the second body's margin is subtracted from every distance."""
         self.pairs = pairs
         self.first = {a: _swept(bodies[a].body) for a in set(pairs.body.tolist())}
-        self.second = {b: _solid(halfspace_bodies[b].shape) for b in set(pairs.plane_body.tolist())}
+        self.second = {b: _solid(halfspace_bodies[b].shape) for b in set(pairs.halfspace_body.tolist())}
         self.placements = np.array([body.placement for body in halfspace_bodies])  # (B, 4, 4) in the joints' frames
 
     @property
@@ -66,7 +68,7 @@ class FclPairs(PairDistance):
     def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
         """Return D (S,) [m], its wrench (S, 6) and D again, for S pairs (row of the pairs) at samples."""
         pairs = self.pairs
-        a, b = pairs.body[pair], pairs.plane_body[pair]
+        a, b = pairs.body[pair], pairs.halfspace_body[pair]
         joint_a, joint_b = pairs.joint_a[pair], pairs.joint_b[pair]
         turn_b = kinematics.rotations[sample, joint_b]
         origin = (turn_b @ self.placements[b, :3, 3, None])[..., 0] + kinematics.translations[sample, joint_b]
@@ -104,7 +106,7 @@ class FclPairs(PairDistance):
         corners = self.first[a].vertices @ turn.T + shift
         centres = corners.mean(axis=0) - self.second[b].centre
         length = float(np.linalg.norm(centres))
-        between = centres / length if length else np.array([0.0, 0.0, 1.0])  # any direction is as good as any other
+        between = centres / length if length else np.array([0.0, 0.0, 1.0])  # any direction will do
         normals = np.vstack([between, normals])
         gaps = self._gaps(many_a, many_b, np.tile(turn, (count, 1, 1)), shifts, normals)
         best = int(np.nanargmax(np.where(np.isfinite(gaps), gaps, np.nan)))  # the first is finite
@@ -112,7 +114,7 @@ class FclPairs(PairDistance):
         return float(gaps[best]), normal, corners[np.argmin(corners @ normal)] - self.first[a].ball * normal
 
     def _gaps(self, a: Rows, b: Rows, turn: Array, shift: Array, normal: Array) -> Array:
-        """gap(n) (S,) [m] along normals (S, 3) in B's frames; not a number where the normal has not length one."""
+        """gap(n) (S,) [m] along normals (S, 3) in B's frames; NaN where the normal is not of length one."""
         inward = -(normal[:, None] @ turn)[:, 0]
         gaps: Array = np.einsum("si,si->s", normal, shift) - _supports(self.first, a, inward)
         gaps -= _supports(self.second, b, normal)
@@ -142,8 +144,8 @@ class _Swept:
 
 @dataclass(frozen=True, eq=False)
 class _Outlined:
-    """One of the scene's shapes, in its own frame. Its support is a formula, which is looked up: it cannot be
-    pickled."""
+    """One of the scene's shapes, in its own frame. Its support is a formula, looked up rather than stored, as it cannot
+    be pickled."""
 
     shape: Any  # the same for coal
     outlined: Shape

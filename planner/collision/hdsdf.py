@@ -20,11 +20,11 @@ from hdplan.scenes.once import made_once
 
 
 class HdsdfPairs(PairDistance):
-    """D of the pairs' bodies, the plane bodies enlarged by the margin."""
+    """D of the pairs' bodies, the halfspace bodies enlarged by the margin."""
 
     def __init__(self, pairs: BodyPairs, gamma: int, shaping_length: float, plane_counts: tuple[int, ...] = ()) -> None:
-        """Compile the distance, or find it in the cache: one kernel for each number of plane slots among the pairs, and
-        for each of `plane_counts`, which other bodies than these may have."""
+        """Compile the distance, or find it in the cache: one kernel for each number of planes among the pairs, and for
+        each of `plane_counts`, which bodies of later scenes may have."""
         counts = sorted({*pairs.plane_slots.tolist(), *plane_counts})
         self.pairs, self.gamma, self.shaping_length = pairs, gamma, shaping_length
         self.kernels = {count: _kernel(pairs.vertex_slots, count, gamma, shaping_length) for count in counts}

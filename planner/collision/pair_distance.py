@@ -1,4 +1,4 @@
-"""What any distance of many body pairs looks like to the problem and to the controller."""
+"""The interface of a distance of many body pairs, for the problem and the controller."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ class PairDistance(Protocol):
 
     @property
     def functions(self) -> Mapping[str, RowFunction]:
-        """The compiled functions that it calls, by what they are for; none, unless it says some."""
+        """The compiled functions that it calls, by purpose; none by default."""
         return {}
 
     @property
     def symbolic(self) -> Callable[[int, int], Any] | None:
-        """One pair's D as a CasADi function, by its number of planes and the order of its exact derivatives; None where
-        it has none."""
+        """Returns D of one pair as a CasADi function, given its number of planes and the order of its exact
+        derivatives; None for a distance that has no such function."""
         return None
 
     @property
     def how(self) -> str:
-        """What computes it, in words."""
+        """What computes it, for the user."""
         ...
 
     def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:

@@ -1,4 +1,4 @@
-"""Points and triangles as coal wants them: convex hulls, and trees of bounding volumes over meshes."""
+"""Points and triangles as coal's geometries: convex hulls, and bounding volume hierarchies of meshes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hdplan.scenes.array_types import Array
 
 def convex_hull(points: Array) -> Any | None:
     """Return coal's hull of points (m, 3) that are not flat; None where a corner has more than 255 neighbours, such as
-    a cone's tip or the centre of a round face: coal counts them in a byte."""
+    a cone's tip or the centre of a round face: coal stores their number in a byte."""
     try:
         return coal.Convex.convexHull(_points(points), True, "Qt")
     except RuntimeError as error:
@@ -22,7 +22,7 @@ def convex_hull(points: Array) -> Any | None:
 
 
 def triangle_tree(mesh: TriangleMesh) -> Any:
-    """Return coal's tree over a mesh's triangles."""
+    """Return coal's bounding volume hierarchy of a mesh's triangles."""
     tree = coal.BVHModelOBBRSS()
     tree.beginModel(len(mesh.triangles), len(mesh.vertices))
     tree.addVertices(mesh.vertices)

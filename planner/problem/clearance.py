@@ -1,4 +1,4 @@
-"""Clearance of pairs of bodies: a squared hinge on their distance, at single configurations and at a motion's samples.
+"""Clearance of body pairs: a squared hinge on their distance, at single configurations and at the samples of a motion.
 
 In: the kinematics of samples. Out: the penalty with its exact gradient and Gauss-Newton curvature; the derivatives come
 from the distance's hand-written wrench and the geometric Jacobian.
@@ -34,8 +34,8 @@ class Inside:
 class PairTerm(Term):
     """A squared hinge on the distance of body pairs, ½ min(D, 0)².
 
-    D is taken to bodies enlarged by clearance + activation, so that the penalty sets in that far away and the HD-SDF's
-    flat spot, where its gradient fades, lies at the outer rim, where the penalty fades as well.
+    D is measured between bodies enlarged by clearance + activation. The penalty thus sets in at that distance, and the
+    HD-SDF's flat spot, where its gradient vanishes, lies at the outer rim, where the penalty vanishes as well.
     """
 
     def __init__(self, name: str, pairs: BodyPairs, distance: PairDistance) -> None:
@@ -48,7 +48,8 @@ class PairTerm(Term):
         return self.distance.functions
 
     def met(self, kinematics: KinematicsBatch, times: Array) -> KinematicsBatch:
-        """The state of configurations at times (B,) [s]: the same at any, as nothing moves of itself."""
+        """The kinematics of configurations with the obstacles at times (B,) [s]: unchanged, as these obstacles
+        stand."""
         return kinematics
 
     def inside(self, kinematics: KinematicsBatch) -> Inside:
@@ -61,7 +62,7 @@ class PairTerm(Term):
         return Inside(sample, pair, distance[kept], separation[kept], gradient)
 
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
-        """How far the worst pair may be inside its margin (B,) [m], the same anywhere on the motion."""
+        """How far the worst pair may be inside its margin (B,) [m], the same all along the motion."""
         inside, result = self.inside(kinematics), np.zeros(len(kinematics.placements))
         np.maximum.at(result, inside.sample, -inside.separation)
         return result
@@ -72,7 +73,7 @@ class Clearance(PairTerm):
 
     @property
     def symbolic(self) -> bool:
-        """Whether its distance has one."""
+        """Whether its distance is."""
         return self.distance.symbolic is not None
 
     def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:

@@ -1,11 +1,11 @@
-"""What is to stay below a bound along a motion, as a penalty: m measures g(q) in [m], one bound t each.
+"""A penalty that keeps quantities below a bound along a motion: m measures g(q) in [m], each with a bound t.
 
 The penalty is a squared hinge that sets in a band b below the bound, as an obstacle's does within its activation:
 
     Σ_samples w_s Σ ½ max(g − (t − b), 0)²,    b = min(t/2, BAND)
 
-Depth is the share of the band that is used up, times `planner.activation`, plus what is beyond t: so a motion counts as
-clear with half of the band left as room for what happens between the samples.
+The depth is the share of the band that is used up times `planner.activation`, plus any excess over t. A motion thus
+counts as clear while half of the band is left, as room for what happens between the samples.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.terms import Penalty, Term
 from hdplan.scenes.array_types import Array
 
-BAND = 0.02  # [m] widest band below the bound in which the penalty sets in
+BAND = 0.02  # [m] largest width of the band below the bound in which the penalty acts
 
 
 @dataclass(frozen=True)
@@ -32,11 +32,11 @@ class Measures:
 
 
 class Measure(Protocol):
-    """What is to stay below a bound."""
+    """Quantities that must stay below a bound."""
 
     @property
     def bound(self) -> Array:
-        """What each of the m measures is to stay below (m,) [m]."""
+        """The bound of each of the m measures (m,) [m]."""
         ...
 
     def __call__(self, kinematics: KinematicsBatch) -> Measures:
@@ -48,11 +48,11 @@ class Hinge(Term):
     """A squared hinge on measures of a configuration."""
 
     def __init__(self, name: str, measure: Measure, activation: float) -> None:
-        """Take what is measured, and how much of `depth` a used-up band counts [m]."""
+        """Take the measures, and the depth at which a used-up band counts [m]."""
         self.name, self.measure, self.activation = name, measure, activation
 
     def inside(self, kinematics: KinematicsBatch) -> tuple[Array, Array]:
-        """How far each measure is within its band or beyond (B, m) [m], 0 where it is not, and the slope (B, m, n) of
+        """How far each measure has entered its band (B, m) [m], 0 where it has not, and the derivative (B, m, n) of
         that."""
         found = self.measure(kinematics)
         bound = self.measure.bound
@@ -60,7 +60,7 @@ class Hinge(Term):
         return inside, found.slope * (inside > 0.0)[..., None]
 
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
-        """How much of the band is used up, as a depth (B,) [m], the same anywhere on the motion."""
+        """How much of the band is used up, as a depth (B,) [m], the same all along the motion."""
         inside, _ = self.inside(kinematics)
         return self._depth(inside)
 

@@ -1,8 +1,8 @@
-"""Clearance of obstacles that move: every sample of a motion meets them where they are at its time.
+"""Clearance from moving obstacles: each sample of a motion sees them where they are at the sample's time.
 
 A moving obstacle is one more body that is carried, as a link is, but by no joint: its placement at each sample's time
-is put beside those of the joints, and everything else is as for obstacles that stand. When a sample is reached follows
-from the time law (`timing.duration`), which does not depend on the motion.
+is appended to those of the joints, and everything else is as for standing obstacles. The time of a sample follows from
+the time law (`timing.duration`), which does not depend on the motion.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from hdplan.scenes.scene import Scene
 
 
 class MovingClearance(Clearance):
-    """The clearance of obstacles that move, at the times of the samples."""
+    """Clearance from moving obstacles at the times of the samples."""
 
     def __init__(
         self, pairs: BodyPairs, distance: PairDistance, motions: Sequence[ObstacleMotion], law: MinimumJerk
@@ -41,7 +41,7 @@ class MovingClearance(Clearance):
 
     @property
     def symbolic(self) -> bool:
-        """It is not: where the obstacles are is not in the graph."""
+        """It is not: the graph does not know where the obstacles are."""
         return False
 
     def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
@@ -49,13 +49,13 @@ class MovingClearance(Clearance):
         return super().at_samples(self.met(kinematics, self.law.time_at(samples.parameter)), samples)
 
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
-        """How far the worst pair may be inside its margin (B,) [m] at path parameters; 0 at no particular time."""
+        """How far the worst pair may be inside its margin (B,) [m] at path parameters; 0 where none are given."""
         if parameter is None:
             return np.zeros(len(kinematics.placements))
         return super().depth(self.met(kinematics, self.law.time_at(parameter)))
 
     def met(self, kinematics: KinematicsBatch, times: Array) -> KinematicsBatch:
-        """The state of configurations, with the obstacles' placements at times (B,) [s] beside the joints'."""
+        """The kinematics of configurations, with the obstacles' placements at times (B,) [s] after the joints'."""
         placements = np.stack([each.at(times) for each in self.motions], axis=1)  # (B, m, 4, 4)
         rows = np.concatenate([placements[..., :3, :3].reshape(*placements.shape[:2], 9), placements[..., :3, 3]], 2)
         return KinematicsBatch(np.concatenate([kinematics.placements, rows], axis=1), kinematics.columns)
@@ -68,8 +68,8 @@ def moving_clearance(
     distance: Callable[[BodyPairs, tuple[LinkBody, ...], tuple[HalfspaceBody, ...]], PairDistance],
     deadline: float,
 ) -> tuple[MovingClearance, tuple[HalfspaceBody, ...], tuple[str, ...]]:
-    """Lay out the pairs of every moving link body with every moving obstacle; also the obstacles' convex pieces, and
-    words on what was made of them.
+    """Lay out the pairs of every moving link body with every moving obstacle; also return the obstacles' convex pieces,
+    and notes on how they were made.
 
     supports: (nj, n) as Kinematics.supports. distance: makes the pairs' distance. deadline: as `problem.build`'s.
     """

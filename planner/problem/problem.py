@@ -1,12 +1,11 @@
 """One planning problem: waypoints to choose, a cost made of terms, and its exact derivatives.
 
-`lay_out` makes a `Problem` to look at; solvers only evaluate it. The cost of waypoints q_0 … q_{N−1} with both ends
-fixed is
+`lay_out` makes a `Problem`; solvers only evaluate it. The cost of waypoints q_0 … q_{N−1} with both ends fixed is
 
     smoothness(q) + w Σ_samples w_s Σ_pairs ½ min(D, 0)²
 
-(CHOMP, Ratliff et al. 2009, with the HD-SDF in place of a distance field; the exact distance may stand in for it).
-Only the terms that the scene calls for exist.
+(CHOMP, Ratliff et al. 2009, with the HD-SDF, or the exact distance, in place of a distance field). Only the terms that
+the scene calls for exist.
 """
 
 from __future__ import annotations
@@ -24,6 +23,7 @@ from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.smoothness import Smoothness
 from hdplan.planner.problem.terms import Term
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.scene import Scene
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from hdplan.planner.problem.velocity_penalty import VelocityPenalty
 
 
-SPACING = 0.03  # [m] farthest that a body's centre may move between two samples
+SPACING = 0.03  # [m] the most that a body's centre may move between two samples
 
 
 @dataclass(frozen=True)
@@ -53,9 +53,9 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Terms:
-    """The terms of a cost beside smoothness, by what they are: those that the scene calls for, and one's own."""
+    """The terms of the cost other than smoothness, by name: those that the scene calls for, and the user's own."""
 
-    obstacles: PairTerm | None = None  # that stand
+    obstacles: PairTerm | None = None  # standing ones
     moving_obstacles: MovingClearance | None = None
     velocity: VelocityPenalty | None = None
     self_collision: Clearance | None = None
@@ -64,38 +64,47 @@ class Terms:
     own: tuple[Term, ...] = ()
 
     def __iter__(self) -> Iterator[Term]:
-        """All that there are, in this order."""
+        """All terms that are present, in this order."""
         found = (self.obstacles, self.moving_obstacles, self.velocity, self.self_collision, *self.path)
         return (term for term in (*found, self.static_torque, *self.own) if term is not None)
 
     @property
     def pairs(self) -> tuple[PairTerm, ...]:
-        """Those that keep pairs of bodies apart."""
+        """The terms that keep pairs of bodies apart."""
         return tuple(term for term in (self.obstacles, self.moving_obstacles, self.self_collision) if term is not None)
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is to be solved. Nothing in it changes; `refined` gives another one."""
+    """A problem to be solved. It never changes; `refined` and others return a new one."""
 
-    scene: Scene
-    robot: Robot
+    setup: Setup
     start: Array  # (n,)
     goal: Array  # (n,)
     kinematics: Kinematics
     bodies: tuple[LinkBody, ...]  # the links' outer bodies
-    halfspace_bodies: tuple[HalfspaceBody, ...]  # the obstacles' convex pieces, those last that move
+    halfspace_bodies: tuple[HalfspaceBody, ...]  # the obstacles' convex pieces, moving ones last
     smoothness: Smoothness
     terms: Terms
     samples: Samples
     unresolved: tuple[tuple[str, str], ...]  # link pairs left to the certificate, as their outer bodies overlap anyway
-    apart: tuple[tuple[int, int], ...]  # pairs of bodies left out, as they keep their margin within all limits
-    notes: tuple[str, ...]  # words for the user
+    apart: tuple[tuple[int, int], ...]  # pairs of bodies left out, proven to keep their margin within the joint limits
+    notes: tuple[str, ...]  # for the user
 
     def __repr__(self) -> str:
-        """Say what is planned for whom, and what counts."""
+        """Name the scene, the robot and the terms."""
         terms = ", ".join(["smoothness", *(term.name for term in self.terms)])
         return f"<Problem of {self.scene.name} with {self.robot.name}: {self.waypoints} waypoints; {terms}>"
+
+    @property
+    def scene(self) -> Scene:
+        """What is asked."""
+        return self.setup.scene
+
+    @property
+    def robot(self) -> Robot:
+        """Whose motion is planned."""
+        return self.setup.robot
 
     @property
     def waypoints(self) -> int:
@@ -146,15 +155,15 @@ class Problem:
         )
 
     def depth(self, configurations: Array, parameter: Array | None = None) -> Array:
-        """How far the worst term is inside its margin at single configurations (B, n) -> (B,) [m]: anywhere on the
-        motion, or at path parameters (B,)."""
+        """How far the worst term is inside its margin at single configurations (B, n) -> (B,) [m]: at no particular
+        point of the motion, or at path parameters (B,)."""
         kinematics = self.kinematics.evaluate(configurations)
         depths = [term.depth(kinematics, parameter) for term in self.terms]
         result: Array = np.max([np.zeros(len(configurations)), *depths], axis=0)
         return result
 
     def with_term(self, term: Term) -> Problem:
-        """The same problem with a term of one's own in its cost."""
+        """The same problem with one more term in its cost, the user's own."""
         return replace(self, terms=replace(self.terms, own=(*self.terms.own, term)))
 
     def refined(self, intervals: list[int]) -> Problem:

@@ -1,4 +1,4 @@
-"""Configurations at which a motion is looked at: between the waypoints, more where an interval asks for it.
+"""Configurations at which a motion is evaluated: between the waypoints, more of them where an interval needs it.
 
 In: the number of samples of every interval. Out: configurations of a motion, and sums over samples carried back to
 waypoints. A sample on interval k at fraction f is (1 − f) q_k + f q_{k+1}, which the trajectory, linear between
@@ -14,7 +14,7 @@ import numpy as np
 
 from hdplan.scenes.array_types import Array, Rows
 
-MOST = 32  # samples on one interval
+MOST = 32  # samples on one interval, at most
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Smoothness of a motion: the cost that bends it gently and keeps it short."""
+"""Smoothness of a motion: the cost that keeps it short and its bends gentle."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class Smoothness:
 
         ½ Σ_k h |(q_{k+1} − q_k)/h|² + ½ α Σ_k h |(q_{k+1} − 2 q_k + q_{k−1})/h²|²,  h = 1/(N − 1)
 
-    Velocity makes the motion short and even, acceleration bends it gently. Ratliff et al., CHOMP, ICRA 2009, section
-    II.
+    The velocity makes the motion short and even, the acceleration makes its bends gentle. Ratliff et al., CHOMP, ICRA
+    2009, section II.
     """
 
     waypoints: int  # N

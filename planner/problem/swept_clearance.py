@@ -1,10 +1,10 @@
-"""Clearance between waypoints without samples: a link body at two waypoints in a row, as one hull, against an obstacle.
+"""Clearance between waypoints without samples: the hull of a link body at two consecutive waypoints, to an obstacle.
 
     h Σ_intervals Σ_pairs ½ min(D, 0)²,   D(q_k, q_{k+1}) of conv(A(q_k) ∪ A(q_{k+1})) and B,   h = 1/(N − 1)
 
 In: the kinematics of the waypoints. Out: the penalty with its gradient at both ends of every interval, and Gauss-Newton
-curvature with the block between them. The hull holds every straight way from the one placement to the other; a link
-that turns leaves it a little in between, which is the certificate's to see, as with samples.
+curvature with the block between them. The hull contains every straight-line motion from one placement to the other. A
+link that turns leaves it slightly in between; that is for the certificate to find, as it is with samples.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ class SweptClearance(PairTerm):
 
     @property
     def functions(self) -> Mapping[str, RowFunction]:
-        """Those of its distance at single configurations, and the swept ones."""
+        """Those of its distance at single configurations, and of the swept distance."""
         return {**super().functions, **{f"{count} planes, swept": run for count, run in self.kernels.items()}}
 
     def between(self, kinematics: KinematicsBatch) -> Inside:
         """Every pair with D < 0 on every interval between N configurations: `sample` is the interval, `gradient` (S, 2
-        n) that by the configurations at its beginning and its end."""
+        n) is with respect to the configurations at its start and its end."""
         interval, pair = self.pairs.close_between(kinematics)
         joints = kinematics.placements.shape[1]
         placements = kinematics.placements.reshape(-1, 12)  # row of waypoint k and joint j: k·joints + j

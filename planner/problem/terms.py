@@ -1,4 +1,4 @@
-"""What a term of the cost looks like to a problem: a penalty at the samples of a motion, or on the motion as a whole.
+"""The interface of a term of the cost: a penalty at the samples of a motion, or on the motion as a whole.
 
 In: the kinematics of samples, or waypoints. Out: a cost, its exact gradient and a positive semidefinite curvature
 (Gauss-Newton).
@@ -24,7 +24,7 @@ class Penalty:
     cost: float
     gradient: Array  # (B, n) with respect to the samples' configurations
     curvature: Array  # (B, n, n) Gauss-Newton
-    depth: Array  # (B,) how far the worst pair may be inside its margin, 0 if none is [m]
+    depth: Array  # (B,) how far the worst pair may be inside its margin [m], 0 if none is
 
 
 @dataclass(frozen=True)
@@ -35,13 +35,13 @@ class MotionPenalty:
     gradient: Array  # (N, n)
     diagonal: Array  # (N, n, n) Gauss-Newton curvature of each waypoint
     coupling: Array  # (N − 1, n, n) of q_{k+1} (rows) with q_k
-    depth: Array  # (N − 1,) how far the worst may be inside its margin on the interval, 0 if nothing is [m]
+    depth: Array  # (N − 1,) how far the worst pair may be inside its margin on the interval [m], 0 if none is
 
 
 class Term:
-    """An effect on a motion as a penalty. A term of one's own overrides `at_samples`, `over_motion` or both."""
+    """A penalty on a motion. A term overrides `at_samples`, `over_motion` or both."""
 
-    name: str  # what the user calls it
+    name: str  # as the user sees it
 
     @property
     def symbolic(self) -> bool:
@@ -57,11 +57,11 @@ class Term:
         return None
 
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
-        """How far each of B configurations may be inside the margin (B,) [m], 0 if it is not; anywhere on the motion,
-        or at path parameters (B,)."""
+        """How far each of B configurations may be inside the margin (B,) [m], 0 if it is not: at no particular point of
+        the motion, or at path parameters (B,)."""
         return np.zeros(len(kinematics.placements))
 
     @property
     def functions(self) -> Mapping[str, RowFunction]:
-        """The compiled functions that it calls, by what they are for."""
+        """The compiled functions that it calls, by purpose."""
         return {}

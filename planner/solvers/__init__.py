@@ -1,5 +1,5 @@
-"""Solvers by name. Each takes a problem and a first guess and gives a `Solution`; none of them claims that a motion
-is free."""
+"""Solvers by name. Each takes a problem and a first guess and returns a `Solution`; none claims that its motion is free
+of collisions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.values import instance
 
-LARGEST = 1e9  # [rad] or [m] in a guess: beyond, the cost of a joint without limits drowns in rounding
+LARGEST = 1e9  # [rad] or [m] in a guess: above it, the cost of a joint without limits is lost in rounding
 
 DEFAULT = "gauss_newton"
 SOLVERS: dict[str, Solver] = {
@@ -40,10 +40,8 @@ def solve(
     """Solve a problem once, from a first guess (N, n) or the straight line; certify the result before you trust it.
 
     Args:
-        problem: what build returns.
-        solver: "gauss_newton", "chomp" or "ipopt".
-        guess: the waypoints to begin with (N, n) [rad or m], in the order of the robot's joints.
-        budget: what the solver may spend, and what it reports to.
+        problem: what build returns. solver: "gauss_newton", "chomp" or "ipopt". guess: the waypoints to begin with (N,
+        n) [rad or m], in the order of the robot's joints. budget: what the solver may spend, and where it reports.
 
     Raises InputError for an unknown solver, for a problem that it cannot solve, and for a guess of another shape or
     with values beyond LARGEST.
@@ -66,11 +64,11 @@ def _checked(problem: Problem, guess: Array) -> Array:
         raise InputError(f"guess: numbers of shape {shape} are expected") from None
     if positions.shape != shape:
         raise InputError(f"guess: shape {positions.shape}, expected {shape}: waypoints by joints of {robot.name}")
-    beyond = ~(np.abs(positions) <= LARGEST)  # so is what is no number
+    beyond = ~(np.abs(positions) <= LARGEST)  # NaN too
     if beyond.any():
         row, joint = np.argwhere(beyond)[0].tolist()
         raise InputError(
-            f"guess: waypoint {row}, joint '{robot.joint_names[joint]}': {positions[row, joint]:g} is no number up to "
-            f"{LARGEST:g}"
+            f"guess: waypoint {row}, joint '{robot.joint_names[joint]}': {positions[row, joint]:g}, allowed are finite "
+            f"values up to {LARGEST:g}"
         )
     return positions

@@ -1,8 +1,8 @@
-"""The whole problem as one CasADi graph: for general solvers, and as a second witness of the fast evaluation.
+"""The whole problem as one CasADi graph: for general solvers, and as an independent check of the fast evaluation.
 
-The same kinematics, the same distance functions, the same pairs and samples as `Problem.evaluate`, but every pair at
-every sample is there, without a broad phase. Gradient and Hessian are closed forms: the distance's own, chained through
-the geometric Jacobian.
+It has the same kinematics, distance functions, pairs and samples as `Problem.evaluate`, but every pair at every sample,
+without a broad phase. Gradient and Hessian are closed forms: the distance's own, chained through the geometric
+Jacobian.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from hdplan.scenes.errors import InputError
 
 @dataclass(frozen=True)
 class Nlp:
-    """Cost of x = the interior waypoints one after another (M n), bounds, and derivatives. No constraints beside the
-    bounds."""
+    """Cost of x = the interior waypoints one after another (M n), bounds, and derivatives. There are no constraints
+    other than the bounds."""
 
     x: ca.MX
     weight: ca.MX  # of the penalty, a parameter [1/m²]
@@ -71,7 +71,7 @@ def _interpolation(problem: Problem) -> ca.DM:
 
 def _sample_functions(problem: Problem, term: PairTerm) -> tuple[ca.Function, ca.Function, ca.Function]:
     """One sample's penalty ½ Σ_pairs min(D, 0)² as functions of its configuration: value, gradient (1, n), Hessian
-    (n, n). Each is the derivative of the one before to CasADi too, which refuses a third."""
+    (n, n). CasADi too knows each as the derivative of the one before, and refuses a third."""
     distance = term.distance.symbolic
     if distance is None:
         raise TypeError(f"{term.name}: {term.distance.how} is no CasADi function")
@@ -112,10 +112,11 @@ def _sample_functions(problem: Problem, term: PairTerm) -> tuple[ca.Function, ca
 
 def _pair_penalty(distance: ca.Function, n: int) -> ca.Function:
     """One pair's penalty ½ min(D, 0)² with its gradient and, where `distance` gives that of D, its Hessian, in closed
-    form: `halfspace_distance` is not to be differentiated by CasADi.
+    form: CasADi must not differentiate `halfspace_distance`.
 
     With the joints' screws S_j in the world, m_j = 1, −1 or 0 as joint j moves A only, B only or both (or neither), c_j
-    how many of them it carries, and w, H the derivatives of D by a motion of A in the world:
+    the number of the two bodies that it carries, and w, H the derivatives of D with respect to a motion of A in the
+    world:
 
         ∂D/∂q_j = m_j w·S_j        ∂²D/∂q_j∂q_k = m_j m_k S_j·H S_k + ½ m_j c_k w·[S_j, S_k],   j nearer the base than k
     """

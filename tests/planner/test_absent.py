@@ -159,7 +159,7 @@ def test_a_held_object_is_in_no_pair_of_a_scene_without_it() -> None:
         first, second = (
             {
                 (problem.bodies[a].link, bodies[b].link if own else bodies[b].name)
-                for a, b in zip(term.pairs.body.tolist(), term.pairs.plane_body.tolist(), strict=True)
+                for a, b in zip(term.pairs.body.tolist(), term.pairs.halfspace_body.tolist(), strict=True)
             }
             for problem, term in ((whole, one), (less, other))
             for own in (term.name == "self-collision",)
@@ -188,7 +188,7 @@ def test_what_says_what_holds_anyway_changes_nothing() -> None:
     )
     again = build(said)
     for one, other in zip(problem.terms.pairs, again.terms.pairs, strict=True):
-        for name in ("body_table", "half_sizes", "boxes", "body", "plane_body"):
+        for name in ("body_table", "half_sizes", "boxes", "body", "halfspace_body"):
             assert getattr(one.pairs, name).tobytes() == getattr(other.pairs, name).tobytes()
         for slots, table in one.pairs.plane_tables.items():
             assert table.tobytes() == other.pairs.plane_tables[slots].tobytes()

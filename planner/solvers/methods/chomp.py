@@ -1,8 +1,8 @@
 """CHOMP as first published: covariant gradient descent, dq = −η M⁻¹ ∇U, with M the smoothness' Hessian.
 
-A step in the metric M spreads a local push over the whole motion smoothly (Ratliff et al., CHOMP, ICRA 2009, eq. 4).
-The step length η is halved while the cost does not fall, and doubled when it does; the penalty's weight is raised as
-in gauss_newton.
+A step in the metric M spreads a local push smoothly over the whole motion (Ratliff et al., CHOMP, ICRA 2009, eq. 4).
+The step length η is halved while the cost does not fall, and doubled when it does; the penalty weight is raised as in
+gauss_newton.
 """
 
 from __future__ import annotations

@@ -167,7 +167,7 @@ def test_nothing_dropped_around_any_shape(seed: int, normals: str) -> None:
 
 
 def test_tables_say_what_the_pairs_are(panda: Robot) -> None:
-    """Rows, joints, signs of motion and the margin, pair by pair, for plane bodies of both sizes."""
+    """Rows, joints, signs of motion and the margin, pair by pair, for halfspace bodies of both sizes."""
     bodies, kinematics = link_bodies(panda), Kinematics(panda.model)
     planes = [*clutter(5, 15), from_link_body(bodies[2].link, bodies[2].joint, bodies[2].body)]
     some = [(a, b) for a in range(0, len(bodies), 2) for b in range(len(planes)) if (a + b) % 3]

@@ -215,7 +215,7 @@ def test_links_among_each_other_and_the_gradient_in_joint_space(panda: Robot) ->
     inside = term.inside(kinematics)
     assert len(inside.sample) > 50
     for s, p, found in zip(inside.sample, inside.pair, inside.distance, strict=True):
-        a, b = collision_model.bodies[pairs.body[p]], collision_model.bodies[pairs.plane_body[p]]
+        a, b = collision_model.bodies[pairs.body[p]], collision_model.bodies[pairs.halfspace_body[p]]
         truth = signed_distance(a.body, pose_of(kinematics, s, a.joint), b.body, pose_of(kinematics, s, b.joint))
         assert found + 0.1 == pytest.approx(truth.distance, abs=EXACT)
     step, agree = 1e-5, []

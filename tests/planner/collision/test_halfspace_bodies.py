@@ -1,4 +1,4 @@
-"""Laws of plane bodies: exact supports of the shapes themselves, so that the planes hold the shape and touch it."""
+"""Laws of halfspace bodies: exact supports of the shapes themselves, so that the planes hold the shape and touch it."""
 
 from __future__ import annotations
 

@@ -415,7 +415,7 @@ def test_link_pairs_left_to_the_certificate_are_in_no_term() -> None:
         for pairs in (term.pairs for term in terms):
             met = {
                 frozenset((problem.bodies[a].link, problem.bodies[b].link))
-                for a, b in zip(pairs.body.tolist(), pairs.plane_body.tolist(), strict=True)
+                for a, b in zip(pairs.body.tolist(), pairs.halfspace_body.tolist(), strict=True)
             }
             assert met.isdisjoint(frozenset(pair) for pair in problem.unresolved)
             apart = {frozenset(problem.bodies[index].link for index in pair) for pair in problem.apart}
