@@ -1,4 +1,4 @@
-"""What links carry: attached objects, which collide as the links do, and payloads, which only have mass."""
+"""What links carry: held objects, which collide as the links do, and payloads, which only have mass."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def body_inertia(value: object) -> tuple[float, ...]:
 
 @dataclass(frozen=True, repr=False)
 class Attached(Checked):
-    """A body attached to a link: it moves with the link and collides as the link does."""
+    """A body held by a link: it moves with the link and collides as the link does."""
 
     name: Name
     link: Name

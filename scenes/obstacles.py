@@ -88,7 +88,7 @@ class Obstacle(Checked):
 
 @dataclass(frozen=True, repr=False)
 class SelfCollision(Checked):
-    """What links and attached objects must keep from each other."""
+    """What links and held objects must keep from each other."""
 
     checked: bool = True
     clearance: Clearance = 0.0  # to be proven between them [m]

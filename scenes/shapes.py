@@ -1,4 +1,4 @@
-"""Shapes of obstacles and attached objects, each in its own frame. Lengths in metres."""
+"""Shapes of obstacles and held objects, each in its own frame. Lengths in metres."""
 
 from __future__ import annotations
 

@@ -161,11 +161,11 @@ def _pairs(problem: Problem) -> Rows:
     if total := links * (links - 1) // 2:
         named = set(robot.links)
         reasons = Counter(reason for pair, reason in robot.unchecked.items() if named.issuperset(pair))
-        told = ", ".join(f"{count} {REASONS.get(reason, f'by {reason}')}" for reason, count in reasons.most_common())
+        excluded = ", ".join(f"{count} {REASONS.get(reason, f'by {reason}')}" for reason, count in reasons.most_common())
         rows.append(
             (
                 "links and held objects" if robot.attached else "links",
-                f"{len(robot.self_pairs)} of {total} pairs checked" + (f"; told apart: {told}" if told else ""),
+                f"{len(robot.self_pairs)} of {total} pairs checked" + (f"; excluded: {excluded}" if excluded else ""),
             )
         )
     kept = _kept(problem.terms.self_collision)

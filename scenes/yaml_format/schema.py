@@ -112,7 +112,7 @@ def _section(kind: Any, without: Collection[str] = (), **instead: Schema) -> Sch
         keys[field.name] = _field(field, instead.get(field.name) or _value(checks_of(kind)[field.name]))
         if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             required.append(field.name)
-    if "name" in required:  # obstacles and attached objects without one are numbered
+    if "name" in required:  # obstacles and held objects without one are numbered
         required.remove("name")
     return _object(keys, required, kind.__doc__ or "")
 

@@ -1,4 +1,4 @@
-"""A `Scene` becomes a hdplan scene file, one line per obstacle or attached object, that `load_scene` reads back equal.
+"""A `Scene` becomes a hdplan scene file, one line per obstacle or held object, that `load_scene` reads back equal.
 
 Every value is written in YAML's flow style (`yaml_text`).
 """
