@@ -26,6 +26,7 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.studies.report import markdown_text
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
@@ -95,7 +96,7 @@ def free_start(rng: np.random.Generator, robot: Robot, count: int | None = None)
     """Return a random scene of 3 to 10 obstacles, or of so many, and a configuration that touches nothing, exactly."""
     while True:  # another scene where the shoulder itself is in the way
         scene = random_scene(rng, int(rng.integers(3, 11)) if count is None else count)
-        certifier = Certifier(scene, robot)
+        certifier = Certifier(Setup.of(scene, robot))
         for q in robot.draw(rng, 30):
             if not certifier.contacts(q):
                 return scene, certifier, q

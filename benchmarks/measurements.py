@@ -31,7 +31,7 @@ PAGES = (ROOT / "docs" / "measurements.md", ROOT / "README.md")
 BEGIN, END = "<!-- measured by: ", "<!-- end -->"
 BLOCK = re.compile(rf"^{re.escape(BEGIN)}(.+) -->\n((?:(?!{re.escape(BEGIN)}).*\n)*?){re.escape(END)}$", re.MULTILINE)
 PROBLEMS = "DIR"
-PACKAGES = ("hdplan", "numpy", "casadi", "pin", "coal")
+PACKAGES = ("hdplan", "numpy", "casadi", "pin", "coal", "jax", "drake", "ompl")  # those of them that are installed
 
 
 class Failed(Exception):
@@ -74,12 +74,13 @@ def measured(command: str, problems: Path | None) -> str:
 
 
 def machine(load: float) -> str:
-    """Say on what machine and with which versions this runs, and how many other processes ran when it began."""
+    """Say on what machine and with which versions this runs, and how busy it was when the benchmark began."""
     information = Path("/proc/cpuinfo")
     names = re.findall(r"^model name\s*: (.+)$", information.read_text() if information.is_file() else "", re.MULTILINE)
-    versions = ", ".join(f"{package} {importlib.metadata.version(package)}" for package in PACKAGES)
+    found = {item.name: item.version for item in importlib.metadata.distributions()}
+    versions = ", ".join(f"{package} {found[package]}" for package in PACKAGES if package in found)
     return (
-        f"beside {load:.1f} other processes, on {os.cpu_count()} cores of {names[0] if names else platform.machine()} "
+        f"load average {load:.1f} before it, on {os.cpu_count()} cores of {names[0] if names else platform.machine()} "
         f"with Python {platform.python_version()}, {versions}"
     )
 

@@ -23,6 +23,7 @@ from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.roadmap import onto_path
 from hdplan.planner.studies.report import markdown_text
 from hdplan.scenes.obstacles import Obstacle
@@ -76,7 +77,7 @@ def walk(problem: Problem, rng: np.random.Generator) -> tuple[Array, Array] | No
 def problems(scene: Scene, count: int) -> Iterator[Scene]:
     """The random problems of one kind."""
     robot, rng = load_scene_robot(scene), np.random.default_rng(0)
-    problem, certifier = build(scene, robot), Certifier(scene, robot)
+    problem, certifier = build(scene, robot), Certifier(Setup.of(scene, robot))
     while count:
         ends = walk(problem, rng)
         if ends is None or np.linalg.norm(ends[1] - ends[0]) < APART:

@@ -24,6 +24,7 @@ from hdplan.planner.control.replay import replay
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.studies.report import markdown_text
 from hdplan.scenes.attached import Payload
 from hdplan.scenes.scene import Scene
@@ -53,7 +54,7 @@ def main() -> None:
         for mass in MASSES:
             scene = replace(hdplan.load_scene(name), attached=(), payload=Payload(link, mass, (0.0, 0.0, 0.1)))
             robot = load_scene_robot(scene)
-            certifier = Certifier(scene, robot)
+            certifier = Certifier(Setup.of(scene, robot))
             without, using = [], []
             for start, goal in ends(certifier, robot, count):
                 task = replace(scene, start=JointTarget("start", start), goal=JointTarget("goal", goal))
@@ -100,8 +101,8 @@ def outcome(asked: Scene, judged: Scene, robot: Robot) -> Outcome:
     began = time.perf_counter()
     result = plan(asked, robot=robot, time_limit=TIME_LIMIT)
     seconds = time.perf_counter() - began
-    certificate = Certifier(judged, robot).certify(result.trajectory)
-    tracked = certificate.certified and replay(judged, result.trajectory, robot).succeeded
+    certificate = Certifier(Setup.of(judged, robot)).certify(result.trajectory)
+    tracked = certificate.certified and replay(Setup.of(judged, robot), result.trajectory).succeeded
     return Outcome(certificate.certified, bool(certificate.overloaded), tracked, seconds)
 
 

@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hdplan.distance.symbolic.compile_time import compile_time
-from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.problem.lay_out import lay_out
 from hdplan.planner.result import PlanResult, Times
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.end_clearance import reachable_clearance
 from hdplan.planner.search.search import Event, Search, search_in_turn
 from hdplan.planner.search.warm_start import MOVED, rows_of, warm_start
@@ -83,16 +82,17 @@ def plan(
     began = time.perf_counter()
     with naming(scene.source):
         scene.check_effects()
-    robot = robot or load_scene_robot(scene)
+    setup = Setup.of(scene, robot)
+    robot = setup.robot
     loaded = time.perf_counter()
-    certifier = Certifier(scene, robot)
+    certifier = Certifier(setup)
     rows = None if guess is None else rows_of(guess, robot)
-    goals, found = _goals(scene, robot, certifier, seed)
-    aims = [replace(scene, goal=goal) for goal in goals]
-    clearances = [reachable_clearance(aim, robot, certifier) for aim in aims]  # ends in collision: before all fitting
-    retimer = _retimer(scene, robot)
+    goals, found = _goals(certifier, seed)
+    aims = [setup.aiming_at(goal) for goal in goals]
+    clearances = [reachable_clearance(aim, certifier) for aim in aims]  # ends in collision: before all fitting
+    retimer = _retimer(setup)
     with compile_time() as stopwatch:
-        problems = [build(aim, robot, began + min(time_limit, FOR_MESHES * seconds_left())) for aim in aims]
+        problems = [lay_out(aim, aim.query, began + min(time_limit, FOR_MESHES * seconds_left())) for aim in aims]
     if retimer is not None:
         hurried = [retimer.too_short(problem.start, problem.goal) for problem in problems]
         if all(hurried):
@@ -145,24 +145,23 @@ def plan(
     )
 
 
-def _goals(
-    scene: Scene, robot: Robot, certifier: Certifier, seed: int
-) -> tuple[tuple[JointTarget, ...], tuple[str, ...]]:
+def _goals(certifier: Certifier, seed: int) -> tuple[tuple[JointTarget, ...], tuple[str, ...]]:
     """Return the configurations to plan to, and words on how they were found, where the scene leaves a choice."""
-    if isinstance(scene.goal, JointTarget):
-        return (scene.goal,), ()
+    goal = certifier.scene.goal
+    if isinstance(goal, JointTarget):
+        return (goal,), ()
     from hdplan.planner.search.goals import goal_choice
 
-    return goal_choice(scene, robot, certifier, seed)
+    return goal_choice(certifier, seed)
 
 
-def _retimer(scene: Scene, robot: Robot) -> Retimer | None:
+def _retimer(setup: Setup) -> Retimer | None:
     """Return what gives motions their times, where the scene asks for them."""
-    if not scene.timed:
+    if not setup.scene.timed:
         return None
     from hdplan.planner.timing.retiming import Retimer
 
-    return Retimer(scene, robot)
+    return Retimer(setup)
 
 
 def _taken(searches: Sequence[Search], taken: int, goals: Sequence[JointTarget]) -> str:

@@ -21,6 +21,7 @@ from hdplan import cli
 from hdplan.planner.geometry.meshes import load_mesh
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.deadline import check_time, seconds_left, time_limit
 from hdplan.scenes.errors import InputError, OutOfTime
 from hdplan.scenes.robot_spec import RobotSpec
@@ -381,10 +382,9 @@ def test_a_plan_without_time_ends_with_one_line_and_exit_code_1(
 def test_a_certificate_without_time_claims_no_more() -> None:
     import hdplan
     from hdplan.planner.certificate.certifier import Certifier
-    from hdplan.planner.robot.scene_robot import load_scene_robot
 
     scene = load_scene(ARM)
-    certifier = Certifier(scene, load_scene_robot(scene))
+    certifier = Certifier(Setup.of(scene))
     motion = hdplan.plan(scene, time_limit=10).trajectory
     calm = certifier.certify(motion)
     with time_limit(1e-9):

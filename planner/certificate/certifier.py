@@ -38,7 +38,7 @@ from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.motion.robot_curve import beyond_limits, curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import check_robot, load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import InputError, naming
@@ -79,10 +79,7 @@ def certify(
     Raises:
         InputError: joints of the trajectory do not fit the robot; a mesh of the scene cannot be used.
     """
-    instance(scene, Scene, "scene")
-    return Certifier(scene, robot or load_scene_robot(scene)).certify(
-        trajectory, required=required, check_ends=check_ends
-    )
+    return Certifier(Setup.of(scene, robot)).certify(trajectory, required=required, check_ends=check_ends)
 
 
 def check_configuration(scene: Scene, robot: Robot, q: ArrayLike) -> tuple[Contact, ...]:
@@ -91,18 +88,16 @@ def check_configuration(scene: Scene, robot: Robot, q: ArrayLike) -> tuple[Conta
 
     Raises InputError for what is no configuration of the robot: another number of values, or one that is not finite.
     """
-    return Certifier(scene, robot).contacts(q)
+    return Certifier(Setup.of(scene, robot)).contacts(q)
 
 
 class Certifier:
     """A scene and its robot made ready once, to certify many trajectories."""
 
-    def __init__(self, scene: Scene, robot: Robot) -> None:
-        """Gather links, obstacles and the pairs to be kept apart. The robot holds what the scene attaches to it."""
-        instance(scene, Scene, "scene")
-        instance(robot, Robot, "robot")
-        check_robot(scene, robot)
-        self.scene, self.robot = scene, robot
+    def __init__(self, setup: Setup) -> None:
+        """Gather links, obstacles and the pairs to be kept apart."""
+        scene, robot = setup.scene, setup.robot
+        self.setup, self.scene, self.robot = setup, scene, robot
         bodies = list(_link_bodies(robot))
         links: dict[str, list[int]] = {link: [] for link in robot.links}
         for row, body in enumerate(bodies):
@@ -123,8 +118,8 @@ class Certifier:
             refuse_far_bodies(gathered, self._fields)
         self.sweep = Sweep(gathered, Pairs.of(gathered, rows))
         self.ends = EndCheck(scene, robot)
-        self.path = None if scene.path == PathConstraints() else _path_check(scene, robot, gathered.chain)
-        self.limits = tuple(limit_checks(scene, robot))
+        self.path = None if scene.path == PathConstraints() else _path_check(setup, gathered.chain)
+        self.limits = tuple(limit_checks(setup))
         self._lenient = {obstacle.name for obstacle in scene.obstacles if obstacle.clearance is None}
 
     @cached_property
@@ -321,10 +316,10 @@ def _link_bodies(robot: Robot) -> tuple[Body, ...]:
     )
 
 
-def _path_check(scene: Scene, robot: Robot, chain: Chain) -> PathCheck:
+def _path_check(setup: Setup, chain: Chain) -> PathCheck:
     from hdplan.planner.certificate.path_check import PathCheck
 
-    return PathCheck(scene, robot, chain)
+    return PathCheck(setup, chain)
 
 
 def _motion_of(obstacle: Obstacle) -> ObstacleMotion | None:

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.robot.joint_limits import DERIVATIVES, asked_limits
-from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.scene import Scene
+from hdplan.planner.robot.joint_limits import DERIVATIVES
+from hdplan.planner.robot.setup import Setup
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -73,15 +72,14 @@ class LimitCheck(Protocol):
         ...
 
 
-def limit_checks(scene: Scene, robot: Robot) -> Iterator[LimitCheck]:
+def limit_checks(setup: Setup) -> Iterator[LimitCheck]:
     """Give the checks that a scene calls for; the others are not even imported. Raises InputError for limits and loads
     that do not fit the robot."""
-    limited = asked_limits(scene)
-    if not DERIVATIVES.keys().isdisjoint(limited):
+    if not DERIVATIVES.keys().isdisjoint(setup.limits):
         from hdplan.planner.certificate.rate_check import RateCheck
 
-        yield RateCheck(scene, robot)
-    if "torque" in limited:
+        yield RateCheck(setup)
+    if "torque" in setup.limits:
         from hdplan.planner.certificate.torque_check import TorqueCheck
 
-        yield TorqueCheck(scene, robot)
+        yield TorqueCheck(setup)

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from hdplan.planner.certificate.limit_checks import JUMP, LimitFinding, Use
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.robot.joint_limits import DERIVATIVES, joint_limits
-from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.scene import Scene
+from hdplan.planner.robot.joint_limits import DERIVATIVES
+from hdplan.planner.robot.setup import Setup
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -26,11 +25,10 @@ Index = NDArray[np.int64]
 class RateCheck:
     """A scene's limits on derivatives of joint values by time."""
 
-    def __init__(self, scene: Scene, robot: Robot) -> None:
+    def __init__(self, setup: Setup) -> None:
         """Resolve the limits. Raises InputError for some that do not fit the robot."""
-        found = joint_limits(scene, robot)
-        self.limits = {quantity: found[quantity] for quantity in DERIVATIVES if quantity in found}
-        self._joints = robot.joint_names
+        self.limits = {name: setup.limits[name] for name in DERIVATIVES if name in setup.limits}
+        self._joints = setup.robot.joint_names
 
     def check(self, curve: Curve) -> LimitFinding:
         """Prove the limits along a timed curve."""

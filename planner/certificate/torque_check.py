@@ -20,11 +20,9 @@ from hdplan.planner.certificate.torque_bounds import torque_curvature
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
-from hdplan.planner.robot.joint_limits import joint_limits
-from hdplan.planner.robot.loads import loaded_model
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -110,10 +108,10 @@ class TorquesFound:
 class TorqueCheck:
     """A scene's limits on the joints' torques, with its loads."""
 
-    def __init__(self, scene: Scene, robot: Robot) -> None:
+    def __init__(self, setup: Setup) -> None:
         """Resolve limits and loads. Raises InputError for what does not fit the robot."""
-        self.limits = {"torque": joint_limits(scene, robot)["torque"]}
-        self.model, self.robot = loaded_model(scene, robot), robot
+        self.limits = {"torque": setup.limits["torque"]}
+        self.model, self.robot = setup.loaded_model, setup.robot
 
     def check(self, curve: Curve) -> LimitFinding:
         """Compare the torques along a timed curve with the limits; see `check_torques`. Where a velocity jumps, at

@@ -12,6 +12,7 @@ from hdplan.planner.pictures.plot import Subject, check_picture
 from hdplan.planner.pictures.plot import plot as draw
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.solvers import solver_named
 from hdplan.planner.terminal.arguments import SEARCH
 from hdplan.planner.terminal.console import printing, progress
@@ -60,7 +61,7 @@ def run_plan(
     if output is not None:
         result.save(output)
     if plot is not None:
-        draw(Subject.planned(problem, load_scene_robot(problem), result), plot)
+        draw(Subject.planned(Setup.of(problem), result), plot)
     if not quiet:
         with printing() as show:
             if as_json:

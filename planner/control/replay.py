@@ -19,11 +19,10 @@ from hdplan.planner.control.computed_torque import LOST, STEP, Arm, Execution, e
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.joint_limits import DERIVATIVES, joint_limits
-from hdplan.planner.robot.loads import loaded_model
+from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -129,14 +128,14 @@ class Simulation:
         }
 
 
-def fitting(scene: Scene, trajectory: Trajectory, robot: Robot) -> Curve:
+def fitting(setup: Setup, trajectory: Trajectory) -> Curve:
     """Return the trajectory's curve, of the robot's joints in their order.
 
     Raises:
         InputError: its joints do not fit the robot, or it has no times and the scene asks for them.
     """
-    curve = curve_of(robot, trajectory)
-    if scene.timed and curve.times is None:
+    curve = curve_of(setup.robot, trajectory)
+    if setup.scene.timed and curve.times is None:
         raise InputError("times: missing; the scene says when the motion is to be where (timing, limits)")
     return curve
 
@@ -152,20 +151,19 @@ def _check_steps(times: Array) -> None:
         )
 
 
-def replay(scene: Scene, trajectory: Trajectory, robot: Robot) -> Simulation:
+def replay(setup: Setup, trajectory: Trajectory) -> Simulation:
     """Replay a trajectory of the scene's robot.
 
     Raises:
         InputError: as `fitting`; loads or limits of the scene that do not fit the robot; a motion that takes longer
             than LONGEST, or so late that steps of time drown in rounding.
     """
-    curve = fitting(scene, trajectory, robot)
+    robot, curve = setup.robot, fitting(setup, trajectory)
     if curve.times is not None:
         _check_steps(curve.times)
     timed = curve.times is not None
-    limits = joint_limits(scene, robot)
+    limits, certifier = setup.limits, Certifier(setup)
     torques = limits.get("torque")
-    certifier = Certifier(scene, robot)
     first, last = (0.0, 1.0) if curve.times is None else (float(curve.times[0]), float(curve.times[-1]))
     count = max(int(np.ceil((last - first) / STEP)), 1) if timed else PATH_SAMPLES
     times = np.linspace(first, last, count + 1)
@@ -180,7 +178,7 @@ def replay(scene: Scene, trajectory: Trajectory, robot: Robot) -> Simulation:
             peak[name] = _peak(values, times, limit)
     execution = None
     if torques is not None:
-        execution = execute(Arm(loaded_model(scene, robot), robot), curve, torques)
+        execution = execute(Arm(setup.loaded_model, robot), curve, torques)
         times, positions = execution.times, execution.positions
         for joint, peak in enumerate(peaks):  # what was asked for counts, not what the file alone would need
             peak["torque"] = _peak(execution.asked[:, joint], execution.times, float(torques[joint]))

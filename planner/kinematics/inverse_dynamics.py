@@ -20,11 +20,11 @@ from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.kinematics.forward import constant, motion_axes, rotation_about
 from hdplan.planner.robot.loads import with_loads
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import naming
 from hdplan.scenes.once import made_once
-from hdplan.scenes.scene import Scene
 
 Spatial = tuple[ca.SX, ca.SX]  # linear and angular part of a motion; or a force and its moment about the origin
 
@@ -88,13 +88,14 @@ class InverseDynamics:
         return PathTorques(a=along - gravity, b=bent - gravity, c=gravity)
 
 
-def dynamics_of(scene: Scene, robot: Robot) -> InverseDynamics:
+def dynamics_of(setup: Setup) -> InverseDynamics:
     """Return the dynamics of a scene's robot with its loads: built once for each, as that takes time.
 
     Raises InputError for loads that do not fit the robot.
     """
+    scene = setup.scene
     with naming(scene.source):
-        return _loaded_dynamics(robot, scene.payload, scene.attached)
+        return _loaded_dynamics(setup.robot, scene.payload, scene.attached)
 
 
 @made_once(8)

@@ -23,6 +23,7 @@ from hdplan.planner.certificate.exact_proximity import Piece, link_pieces, obsta
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.pictures.style import BETWEEN, FIXED, FRAME, GOAL, INK, MOVING, OBSTACLE, START
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import read_only
@@ -92,8 +93,9 @@ class Picture:
     tip: Array  # (k, 3) [m] path of the farthest point of the last link
 
     @classmethod
-    def of(cls, scene: Scene, robot: Robot, trajectory: Trajectory) -> Picture:
+    def of(cls, setup: Setup, trajectory: Trajectory) -> Picture:
         """Pose the robot along its motion, and the obstacles that move at the same times."""
+        scene, robot = setup.scene, setup.robot
         standing = [(body.placed(o.pose.matrix), STANDING) for o, body in _obstacles(scene, moving=False)]
         drifting = _obstacles(scene, moving=True)
         obstacles = standing + [

@@ -53,8 +53,7 @@ def sheet(subject: Subject) -> Figure:
         right = figure.add_gridspec(2, 1, left=0.525, right=0.985, **band, hspace=0.05)
         for row, (_, draw) in enumerate(panels):
             draw(figure.add_subplot(left[row]), subject)
-        scene, robot = subject.certifier.scene, subject.certifier.robot
-        picture = Picture.of(scene, robot, subject.trajectory)
+        picture = Picture.of(subject.certifier.setup, subject.trajectory)
         views = [figure.add_subplot(right[row]) for row in range(len(SIDES))]
         for axis, (turn, elevation) in zip(views, SIDES, strict=True):
             draw_scene(axis, picture, picture.azimuth() + np.radians(turn), float(np.radians(elevation)))

@@ -21,11 +21,8 @@ import pinocchio as pin
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.motion.motion_bounds import Chain, cross
 from hdplan.planner.problem.hinge import BAND, Hinge, Measures
-from hdplan.planner.robot.joint_limits import joint_limit
-from hdplan.planner.robot.loads import loaded_model
-from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Mask, Rows
-from hdplan.scenes.scene import Scene
 
 ARM = 0.1  # [m] stands for a torque at its limit: with the hinge's band, the penalty sets in at 80 % of it
 
@@ -113,19 +110,19 @@ class StaticTorque(Hinge):
     measure: GravityMeasure
 
 
-def static_torque(scene: Scene, robot: Robot) -> StaticTorque | None:
+def static_torque(setup: Setup) -> StaticTorque | None:
     """Return the term where the scene limits torques and gravity may come near a limit; else None.
 
     Raises InputError for loads or limits that do not fit the robot.
     """
-    limits = joint_limit("torque", scene, robot)
+    robot, limits = setup.robot, setup.limits.get("torque")
     if limits is None:
         return None
-    model = loaded_model(scene, robot)
+    model = setup.loaded_model
     torques = GravityTorques.of(model)
     bound = torques.most(model, np.stack([robot.lower, robot.upper], axis=1))
     joints = np.flatnonzero(~(bound <= (1 - BAND / ARM) * limits))  # a bound that is NaN proves nothing
     if not len(joints):
         return None
     measure = GravityMeasure(torques, joints, limits[joints])
-    return StaticTorque("static torque", measure, scene.planner.activation)
+    return StaticTorque("static torque", measure, setup.scene.planner.activation)

@@ -24,8 +24,7 @@ from hdplan.planner.problem.problem import Problem, Terms
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.smoothness import Smoothness
 from hdplan.planner.problem.swept_clearance import SweptClearance
-from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import Query
+from hdplan.planner.robot.setup import Query, Setup
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.planner_settings import PlannerSettings
@@ -39,13 +38,14 @@ def self_margin(scene: Scene) -> float:
     return max(scene.planner.clearance, scene.self_collision.clearance) + SELF_ACTIVATION
 
 
-def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf) -> Problem:
+def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
     """Lay out the problem of a scene between two configurations. Raises InputError for errors in the scene or its
     robot.
 
     Optional work stops at `deadline` (time.perf_counter()): a mesh that is not split into convex pieces by then is
     replaced by its convex hull for planning, with a note.
     """
+    scene, robot = setup.scene, setup.robot
     settings = scene.planner
     if settings.swept and settings.distance != "hdsdf":
         raise InputError(f"{scene.source}: planner.swept: true needs planner.distance hdsdf, found {settings.distance}")
@@ -56,7 +56,7 @@ def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf
             from_obstacle(obstacle, settings.normals, deadline - time.perf_counter()) for obstacle in scene.standing
         ]
     halfspace_bodies = tuple(body for pieces, _ in enclosed for body in pieces)
-    notes = [*scene.notes, *robot.notes, *query.notes, *(word for _, words in enclosed for word in words)]
+    notes = [*setup.notes, *(word for _, words in enclosed for word in words)]
 
     terms = Terms()
     clearances = scene.clearances
@@ -92,7 +92,7 @@ def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf
                 ),
                 deadline,
             )
-        terms = replace(terms, moving_obstacles=moving, velocity=velocity_penalty(scene, robot))
+        terms = replace(terms, moving_obstacles=moving, velocity=velocity_penalty(setup))
         halfspace_bodies, notes = (*halfspace_bodies, *drifting), [*notes, *words]
     margin = self_margin(scene)
     kept = [(pair, kept > margin) for pair, kept in zip(model.self_pairs, model.distances_kept, strict=True)]
@@ -104,15 +104,14 @@ def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf
     if scene.path != PathConstraints():
         from hdplan.planner.problem.path_terms import path_terms
 
-        terms = replace(terms, path=path_terms(scene, robot, kinematics.supports))
+        terms = replace(terms, path=path_terms(setup, kinematics.supports))
     if scene.limits.torque is not None:
         from hdplan.planner.problem.gravity_torque import static_torque
 
-        terms = replace(terms, static_torque=static_torque(scene, robot))
+        terms = replace(terms, static_torque=static_torque(setup))
 
     return Problem(
-        scene=scene,
-        robot=robot,
+        setup=setup,
         start=query.start,
         goal=query.goal,
         kinematics=kinematics,

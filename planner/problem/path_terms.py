@@ -18,11 +18,11 @@ from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.hinge import Hinge, Measures
 from hdplan.planner.robot.link_frame import link_frame
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.errors import naming
 from hdplan.scenes.once import read_only
 from hdplan.scenes.path_constraints import Upright, Within
-from hdplan.scenes.scene import Scene
 
 LEVER = 1.0  # [m] lever arm that turns an angle into a length
 BEYOND = 1.2  # of the way back to the constraint that a step aims for: damped steps fall short
@@ -73,11 +73,12 @@ class WithinMeasure:
         return Measures(np.abs(off), np.sign(off)[..., None] * (self.axes @ velocity.transpose(0, 2, 1)))
 
 
-def path_terms(scene: Scene, robot: Robot, supports: Mask) -> tuple[PathTerm, ...]:
+def path_terms(setup: Setup, supports: Mask) -> tuple[PathTerm, ...]:
     """Return the terms that the scene's path constraints call for; `supports` (nj, n) as in Kinematics.
 
     Raises InputError for a link that the robot lacks or that does not move.
     """
+    scene, robot = setup.scene, setup.robot
     given = (("path.upright", scene.path.upright), ("path.position", scene.path.position))
     with naming(scene.source):
         return tuple(

@@ -23,6 +23,7 @@ from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.smoothness import Smoothness
 from hdplan.planner.problem.terms import Term
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.scene import Scene
 
@@ -77,8 +78,7 @@ class Terms:
 class Problem:
     """A problem to be solved. It never changes; `refined` and others return a new one."""
 
-    scene: Scene
-    robot: Robot
+    setup: Setup
     start: Array  # (n,)
     goal: Array  # (n,)
     kinematics: Kinematics
@@ -95,6 +95,16 @@ class Problem:
         """Name the scene, the robot and the terms."""
         terms = ", ".join(["smoothness", *(term.name for term in self.terms)])
         return f"<Problem of {self.scene.name} with {self.robot.name}: {self.waypoints} waypoints; {terms}>"
+
+    @property
+    def scene(self) -> Scene:
+        """What is asked."""
+        return self.setup.scene
+
+    @property
+    def robot(self) -> Robot:
+        """Whose motion is planned."""
+        return self.setup.robot
 
     @property
     def waypoints(self) -> int:

@@ -15,23 +15,19 @@ import numpy as np
 
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.problem.terms import MotionPenalty, Term
-from hdplan.planner.robot.joint_limits import joint_limit
-from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.time_laws import MinimumJerk
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.scene import Scene
 
 AIM = 0.85  # share of a limit above which the penalty acts
 LEVER = 0.06  # [m] depth inside a margin that exceeding a limit by 100 % counts as
 LOOKS = 9  # points of every interval at which the time law is evaluated
 
 
-def velocity_penalty(scene: Scene, robot: Robot) -> VelocityPenalty:
+def velocity_penalty(setup: Setup) -> VelocityPenalty:
     """Return the term of a scene with `timing.duration`. Raises InputError for limits that do not fit the robot."""
-    limits = joint_limit("velocity", scene, robot)
-    if limits is None:
-        raise ValueError("the scene has no times")
-    return VelocityPenalty(limits, MinimumJerk(scene.end_time), scene.planner.waypoints)
+    scene = setup.scene
+    return VelocityPenalty(setup.limits["velocity"], MinimumJerk(scene.end_time), scene.planner.waypoints)
 
 
 class VelocityPenalty(Term):

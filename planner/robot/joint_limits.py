@@ -22,19 +22,13 @@ DERIVATIVES = {name: rate.order for name, rate in QUANTITIES.items() if rate.ord
 """Velocity, acceleration and jerk: which derivative of a joint's value by time each is."""
 
 
-def joint_limit(quantity: str, scene: Scene, robot: Robot) -> Array | None:
-    """Return the greatest absolute values (n,) that a scene allows of one quantity; None if it gives none. Velocities
-    are limited as soon as the motion is timed: by the URDF's values, where the scene has no others.
+def joint_limits(scene: Scene, robot: Robot) -> dict[str, Array]:
+    """Return the greatest absolute values (n,) that a scene allows, of every quantity that it limits, by name.
+    Velocities are limited as soon as the motion is timed: by the URDF's values, where the scene has no others.
 
     Raises:
         InputError: wrong number of values, unknown names, or a value that neither scene nor URDF gives.
     """
-    given = asked_limits(scene).get(quantity)
-    return None if given is None else _resolved(quantity, given, scene, robot)
-
-
-def joint_limits(scene: Scene, robot: Robot) -> dict[str, Array]:
-    """Return the limits (n,) of every quantity that has any, by name; raises as above."""
     return {quantity: _resolved(quantity, given, scene, robot) for quantity, given in asked_limits(scene).items()}
 
 

@@ -4,21 +4,19 @@ allow."""
 from __future__ import annotations
 
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import resolve_query
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.scene import Scene
 
 
-def reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tuple[float, tuple[str, ...]]:
+def reachable_clearance(setup: Setup, certifier: Certifier) -> tuple[float, tuple[str, ...]]:
     """The clearance that can be required [m]: the scene's, or less, with a note, where its own ends are closer than
     that.
 
     Raises InputError if an end is in collision, or breaks a path constraint.
     """
+    scene, query = setup.scene, setup.query
     required, words = scene.planner.clearance, []
     lenient = {obstacle.name for obstacle in scene.obstacles if obstacle.clearance is None}
-    query = resolve_query(robot, scene)
     for field, q, time_ in ((scene.start.field, query.start, 0.0), (scene.goal.field, query.goal, scene.end_time)):
         contacts = certifier.contacts(q, time_)
         if contacts:

@@ -9,7 +9,6 @@ seed gives the same goals.
 from __future__ import annotations
 
 import itertools
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -19,12 +18,11 @@ from hdplan.planner.certificate.pose_goals import Miss
 from hdplan.planner.kinematics.forward import kinematics_of
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.inverse_kinematics import STARTS, reaching
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.path_constraints import PathConstraints
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget, PoseTarget
 
 if TYPE_CHECKING:
@@ -43,13 +41,14 @@ class Choice(NamedTuple):
     words: tuple[str, ...]  # notes for the user
 
 
-def goal_choice(scene: Scene, robot: Robot, certifier: Certifier, seed: int = 0) -> Choice:
+def goal_choice(certifier: Certifier, seed: int = 0) -> Choice:
     """Return the configurations in which a motion of this scene may end, the most promising first.
 
     Raises:
         InputError: an unknown link, joint values that do not fit, or no target that can be reached without contact; the
         message says how close the link came, or what it touches.
     """
+    scene, robot = certifier.scene, certifier.robot
     if isinstance(scene.goal, JointTarget):
         return Choice((scene.goal,), ())
     rng = np.random.default_rng(seed)
@@ -58,7 +57,7 @@ def goal_choice(scene: Scene, robot: Robot, certifier: Certifier, seed: int = 0)
     refused, words = [], []
     with naming(scene.source):
         start = robot.configuration(scene.start, scene.from_request)
-        path = _path(scene, robot)
+        path = _path(certifier.setup)
         for target in scene.goal.targets:
             if isinstance(target, JointTarget):
                 reached, nearest = robot.configuration(target)[None], None
@@ -77,28 +76,29 @@ def goal_choice(scene: Scene, robot: Robot, certifier: Certifier, seed: int = 0)
     return Choice(tuple(goal for _, goal in sorted(found, key=lambda each: each[0])), (*words, *refused))
 
 
-def _path(scene: Scene, robot: Robot) -> tuple[PathTerm, ...]:
+def _path(setup: Setup) -> tuple[PathTerm, ...]:
     """Return the scene's path constraints, which hold at the end too."""
-    if scene.path == PathConstraints():
+    if setup.scene.path == PathConstraints():
         return ()
     from hdplan.planner.problem.path_terms import path_terms
 
-    return path_terms(scene, robot, kinematics_of(robot).supports)
+    return path_terms(setup, kinematics_of(setup.robot).supports)
 
 
-def settled(scene: Scene, robot: Robot, motion: Trajectory | None = None) -> Scene:
-    """Return the scene with one configuration as its goal: where `motion` ends, if the goal is met there, or else the
-    most promising one. The scene itself if its goal leaves no choice. Raises InputError as `goal_choice`."""
+def settled(setup: Setup, motion: Trajectory | None = None) -> Setup:
+    """Return the same with one configuration as its goal: where `motion` ends, if the goal is met there, or else the
+    most promising one. Itself if its goal leaves no choice. Raises InputError as `goal_choice`."""
+    scene = setup.scene
     if isinstance(scene.goal, JointTarget):
-        return scene
-    certifier = Certifier(scene, robot)
+        return setup
+    certifier = Certifier(setup)
     if motion is not None:
-        end = curve_of(robot, motion).rows[-1]
+        end = curve_of(setup.robot, motion).rows[-1]
         with naming(scene.source):
             met = certifier.ends.off_goal(end) is None
         if met:
-            return replace(scene, goal=JointTarget(scene.goal.field, tuple(end.tolist())))
-    return replace(scene, goal=goal_choice(scene, robot, certifier).goals[0])
+            return setup.aiming_at(JointTarget(scene.goal.field, tuple(end.tolist())))
+    return setup.aiming_at(goal_choice(certifier).goals[0])
 
 
 def _free(certifier: Certifier, reached: Array, start: Array) -> list[tuple[float, Array]]:

@@ -25,7 +25,7 @@ from hdplan.planner.plan import plan
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import settled
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
@@ -188,9 +188,8 @@ def _situation(scene: Scene, wanted: int, stop: Callable[[], bool]) -> _Situatio
 
     Raises InputError for a scene that cannot be planned.
     """
-    robot = load_scene_robot(scene)
-    scene = settled(scene, robot)
-    query, certifier = resolve_query(robot, scene), Certifier(scene, robot)
+    setup = settled(Setup.of(scene))
+    scene, robot, query, certifier = setup.scene, setup.robot, setup.query, Certifier(setup)
     for end, q in (("start", query.start), ("goal", query.goal)):
         if touching := certifier.contacts(q):
             raise InputError(f"{scene.source}: {end}: in collision: {touching[0].link} and {touching[0].other}")

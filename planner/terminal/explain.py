@@ -14,7 +14,6 @@ import numpy as np
 from hdplan.planner.geometry.shapes import operations
 from hdplan.planner.problem.clearance import PairTerm
 from hdplan.planner.problem.problem import Problem
-from hdplan.planner.robot.joint_limits import joint_limits
 from hdplan.planner.robot.robot import ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS
 from hdplan.planner.terminal.explain_cost import functions, trial
 from hdplan.planner.terminal.explain_effects import counted, effects
@@ -85,9 +84,9 @@ def _choice(goal: JointTarget | Goals) -> Rows:
 
 def _joints(problem: Problem) -> Rows:
     """One row for each joint: from where to where, its range, and what it can do where that matters."""
-    robot, scene = problem.robot, problem.scene
+    robot = problem.robot
     width = max(map(len, robot.joint_names))
-    most = [(limit, QUANTITIES[quantity].units) for quantity, limit in joint_limits(scene, robot).items()]
+    most = [(limit, QUANTITIES[quantity].units) for quantity, limit in problem.setup.limits.items()]
     rows: Rows = []
     for i, joint in enumerate(robot.joint_names):
         low, high = robot.lower[i], robot.upper[i]

@@ -32,7 +32,7 @@ def functions(problem: Problem) -> Rows:
     if problem.scene.limits.torque is not None:
         from hdplan.planner.kinematics.inverse_dynamics import dynamics_of
 
-        rows.append(("timing, torques", _sizes(dynamics_of(problem.scene, problem.robot).function)))
+        rows.append(("timing, torques", _sizes(dynamics_of(problem.setup).function)))
     return rows
 
 

@@ -186,9 +186,9 @@ def _driven(problem: Problem, quantity: str, limits: JointValues | None) -> str:
         return f"{_origin(limits)}: kept by the timing"
     from hdplan.planner.problem.gravity_torque import ARM
     from hdplan.planner.problem.hinge import BAND
-    from hdplan.planner.robot.loads import loaded_model, moved_mass
+    from hdplan.planner.robot.loads import moved_mass
 
-    mass = moved_mass(loaded_model(problem.scene, problem.robot))
+    mass = moved_mass(problem.setup.loaded_model)
     words = f"{_origin(limits)}, moving {mass:.3g} kg: kept by the timing"
     if term := problem.terms.static_torque:
         joints = ", ".join(problem.robot.joint_names[i] for i in term.measure.joints.tolist())

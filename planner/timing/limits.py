@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.robot.joint_limits import DERIVATIVES, joint_limits
-from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.scene import Scene
+from hdplan.planner.robot.joint_limits import DERIVATIVES
+from hdplan.planner.robot.setup import Setup
 
 Array = NDArray[np.float64]
 
@@ -79,13 +78,13 @@ class RateLimit:
         return float(((1 + MARGIN) * share) ** (1 / self.order))
 
 
-def timing_limits(scene: Scene, robot: Robot) -> tuple[TimingLimit, ...]:
+def timing_limits(setup: Setup) -> tuple[TimingLimit, ...]:
     """Return the limits that a scene has; what the others need is not even imported. Raises InputError for limits and
     loads that do not fit the robot."""
-    found = joint_limits(scene, robot)
+    found = setup.limits
     limits: list[TimingLimit] = [RateLimit(order, found[name]) for name, order in DERIVATIVES.items() if name in found]
     if "torque" in found:
         from hdplan.planner.timing.torque_limit import TorqueLimit
 
-        limits.append(TorqueLimit(scene, robot, found["torque"]))
+        limits.append(TorqueLimit(setup))
     return tuple(limits)

@@ -24,12 +24,10 @@ from scipy.interpolate import BSpline
 
 from hdplan.planner.motion.curve import Curve, row_count
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.joint_limits import joint_limit
-from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.limits import PathLook, timing_limits
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, TimeLaw
 from hdplan.scenes.errors import HdplanError, InputError
-from hdplan.scenes.scene import Scene
 from hdplan.scenes.timing import MOST_ROWS, Timing
 
 Array = NDArray[np.float64]
@@ -55,18 +53,19 @@ class Timed(NamedTuple):
 class Retimer:
     """Gives paths of one scene their times."""
 
-    def __init__(self, scene: Scene, robot: Robot) -> None:
+    def __init__(self, setup: Setup) -> None:
         """Resolve the limits. Raises InputError for some that do not fit the robot."""
-        self.robot, self.timing, self.source = robot, scene.timing or Timing(), scene.source
+        scene = setup.scene
+        self.robot, self.timing, self.source = setup.robot, scene.timing or Timing(), scene.source
         self.fixed = bool(scene.moving)  # they are met by this law
-        self.limits = timing_limits(scene, robot)
-        self.velocity = joint_limit("velocity", scene, robot)
+        self.limits = timing_limits(setup)
+        self.velocity = setup.limits["velocity"]
         self.unbounded = scene.limits.acceleration is None  # so that no motion is the fastest
 
     def too_short(self, start: Array, goal: Array) -> str | None:
         """Say why no motion between two configurations (n,) takes as little time as the scene gives it; None if one
         may."""
-        if self.timing.duration is None or self.velocity is None:
+        if self.timing.duration is None:
             return None
         least = np.abs(goal - start) / self.velocity
         joint = int(least.argmax())

@@ -15,9 +15,8 @@ from toppra.constraint import LinearConstraint
 
 from hdplan.planner.kinematics.inverse_dynamics import PathTorques, dynamics_of
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.limits import PathLook
-from hdplan.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -29,9 +28,9 @@ ROOM = 5e-3  # [–] of a limit: where gravity leaves less, a motion would take 
 class TorqueLimit:
     """A limit (n,) on the joints' torques [Nm] or [N], with the scene's loads."""
 
-    def __init__(self, scene: Scene, robot: Robot, limit: Array) -> None:
+    def __init__(self, setup: Setup) -> None:
         """Build the dynamics. Raises InputError for loads that do not fit the robot."""
-        self.dynamics, self.limit = dynamics_of(scene, robot), limit
+        self.dynamics, self.limit = dynamics_of(setup), setup.limits["torque"]
 
     def constraint(self, spline: BSpline, grid: Array) -> Any | None:
         """Return what keeps the torques on a path; None where gravity alone is too much: then no time law helps, and

@@ -22,7 +22,7 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
-from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.search import Event
 from hdplan.planner.solvers import SOLVERS
 from hdplan.planner.timing.time_laws import MinimumJerk
@@ -144,9 +144,9 @@ class Planning:
         )
         spec = replace(viewer.scene.robot, locked=dict(viewer.robot.locked))
         scene = replace(viewer.scene, robot=spec, start=start, goal=goal)
-        robot = load_scene_robot(scene)
-        resolve_query(robot, scene)
-        return scene, Certifier(scene, robot)
+        setup = Setup.of(scene)
+        _ = setup.query  # refused early
+        return scene, Certifier(setup)
 
     # --- the run, in its own thread ------------------------------------------------------------------------------
 

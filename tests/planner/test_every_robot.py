@@ -10,6 +10,7 @@ import pytest
 import hdplan
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
@@ -71,7 +72,7 @@ def small_motion(robot: Robot) -> Scene:
         for state in robot.named_states.values()
         if all(joint in state for joint in robot.joint_names)
     ]
-    certifier = Certifier(scene_of(spec, rest, rest), robot)
+    certifier = Certifier(Setup.of(scene_of(spec, rest, rest), robot))
     start = next((q for q in (rest, *states) if not certifier.contacts(q)), None)
     stuck: tuple[tuple[str, str], ...] = ()
     if start is None:

@@ -19,6 +19,7 @@ from hdplan.planner.plan import plan
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.search import Event, Guess, Search
 from hdplan.planner.solvers.solution import Budget, Solution, Solver, SolverStatus
 from hdplan.scenes.errors import InputError
@@ -287,7 +288,7 @@ def test_the_straight_line_is_taken_where_the_solver_leaves_it_for_worse() -> No
         worse = guess - np.sin(np.linspace(0.0, np.pi, len(guess)))[:, None] * [2.0, 0.4]
         return Solution(Trajectory(robot.joint_names, worse), SolverStatus.CLEAR, budget.first_weight, (), 0.0)
 
-    problem, certifier = build(scene, robot), Certifier(scene, robot)
+    problem, certifier = build(scene, robot), Certifier(Setup.of(scene, robot))
     search = Search(problem, certifier, None, Solver(astray), 0.005, np.inf, lambda event: None, lambda: False)
     line = np.linspace(START, GOAL, problem.waypoints)
     assert search.attempt(Guess(line, as_it_is=True))

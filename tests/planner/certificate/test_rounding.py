@@ -16,6 +16,7 @@ from hdplan.planner.certificate.rounding import MOTION, PLACING, ROUNDING, SHARE
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.attached import Payload
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import Limits
@@ -72,7 +73,7 @@ def exactly(joints: Array, point: Array) -> Long:
 
 def test_the_robot_is_placed_to_what_is_taken_off_wherever_it_is_not_refused(slide: Scene) -> None:
     rng, robot = np.random.default_rng(3), load_scene_robot(slide)
-    bodies = Certifier(slide, robot).sweep.bodies
+    bodies = Certifier(Setup.of(slide, robot)).sweep.bodies
     tip = [body.name for body in bodies.bodies].index("tip")
     outcomes = {True: 0, False: 0}
     for _ in range(300):

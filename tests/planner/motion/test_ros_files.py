@@ -22,6 +22,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.motion.trajectory_files import FORMATS, WRITERS, check_length, check_output
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.reader import load_scene
 
@@ -127,8 +128,9 @@ def test_rounding_takes_no_more_of_a_limit_than_the_margin_that_is_left(rate: in
     )
     after = Trajectory(**read_message(joint_trajectory(motion)))
     kept = replace(motion, times=after.times)
+    check = RateCheck(Setup.of(scene, robot))
     shares, rounded, careless = (
-        [use.share for use in RateCheck(scene, robot).check(moved.curve).uses] for moved in (motion, after, kept)
+        [use.share for use in check.check(moved.curve).uses] for moved in (motion, after, kept)
     )
     np.testing.assert_allclose(rounded, shares, rtol=1e-6)
     assert len(shares) == 3

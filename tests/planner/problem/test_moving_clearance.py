@@ -17,6 +17,7 @@ from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacle_motion import ObstacleMotion
@@ -128,7 +129,7 @@ def test_the_plan_is_wrong_where_obstacles_are_taken_to_stand() -> None:
     still = tuple(dataclasses.replace(each, motion=None) for each in conveyor.obstacles)
     naive = hdplan.plan(dataclasses.replace(conveyor, obstacles=still))
     assert naive.certified
-    verdict = Certifier(conveyor, load_scene_robot(conveyor)).certify(naive.trajectory)
+    verdict = Certifier(Setup.of(conveyor)).certify(naive.trajectory)
     assert verdict.status is Status.IN_CONTACT
     assert "first carton" in verdict.text
 
@@ -150,7 +151,7 @@ def test_the_certificate_is_never_optimistic_about_the_relative_motion(seed: int
         for i, motion in enumerate(motions)
     )
     scene = dataclasses.replace(scene, obstacles=obstacles, timing=Timing(duration=2.0))
-    certifier = Certifier(scene, robot)
+    certifier = Certifier(Setup.of(scene, robot))
     rows = robot.draw(rng, 1) + np.cumsum(rng.normal(scale=0.1, size=(4, robot.n)), axis=0)
     rows = np.clip(rows, robot.lower, robot.upper)
     rates = rng.normal(scale=0.2, size=(2, *rows.shape))
@@ -176,7 +177,7 @@ def test_an_obstacle_that_runs_into_the_base_is_seen(crossing: Scene) -> None:
     robot = load_scene_robot(scene)
     q = build(scene).start
     times = np.linspace(0.0, 4.0, 3)
-    verdict = Certifier(scene, robot).certify(
+    verdict = Certifier(Setup.of(scene, robot)).certify(
         Trajectory(robot.joint_names, np.tile(q, (3, 1)), robot.locked, times), check_ends=False
     )
     assert verdict.status is Status.IN_CONTACT
@@ -187,7 +188,7 @@ def test_a_path_without_times_meets_no_moving_obstacle(crossing: Scene) -> None:
     robot = load_scene_robot(crossing)
     path = Trajectory(robot.joint_names, np.zeros((2, robot.n)), robot.locked)
     with pytest.raises(InputError, match="has no times, and obstacle 'ball' moves"):
-        Certifier(crossing, robot).certify(path)
+        Certifier(Setup.of(crossing, robot)).certify(path)
     with pytest.raises(
         InputError, match="solver ipopt: needs exact second derivatives, which an obstacle that moves does not have"
     ):
@@ -220,11 +221,11 @@ def test_what_is_clear_of_the_velocity_penalty_is_executed_within_the_limits(pro
     penalty = problem.terms.velocity
     robot, half = problem.robot, 0.5 * crossing.planner.activation
     rng = np.random.default_rng(8)
-    keeper = Retimer(crossing, robot)
+    keeper = Retimer(Setup.of(crossing, robot))
     for _ in range(5):
         bend = rng.normal(scale=0.6, size=robot.n) * np.sin(np.pi * np.linspace(0, 1, 32))[:, None]
         rows = np.clip(np.linspace(problem.start, problem.goal, 32) + bend, robot.lower, robot.upper)
         clear = penalty.over_motion(rows, problem.kinematics).depth.max() <= half
         timed = keeper(Trajectory(robot.joint_names, rows, robot.locked)).trajectory
-        (use,) = RateCheck(crossing, robot).check(timed.curve).uses
+        (use,) = RateCheck(Setup.of(crossing, robot)).check(timed.curve).uses
         assert use.within or not clear

@@ -18,6 +18,7 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import goal_choice
 from hdplan.planner.search.roadmap import Roadmap, onto_path
 from hdplan.scenes.errors import InputError
@@ -125,7 +126,7 @@ def test_drawn_configurations_are_brought_to_where_the_constraints_hold(name: st
     )
     for scene in (upright(name), within(name), both):
         problem = build(scene)
-        check = Certifier(scene, problem.robot).path
+        check = Certifier(Setup.of(scene, problem.robot)).path
         drawn = problem.robot.draw(np.random.default_rng(5), 60)
         assert sum(not check.at(q) for q in drawn) < 10
         found = onto_path(problem, drawn)
@@ -140,7 +141,7 @@ def test_the_roadmap_is_drawn_where_the_constraints_hold() -> None:
     scene = upright("ur5_table")
     problem = build(scene)
     ends = onto_path(problem, problem.robot.draw(np.random.default_rng(6), 20))
-    check = Certifier(scene, problem.robot).path
+    check = Certifier(Setup.of(scene, problem.robot)).path
     first, last = [q for q in ends if not check.at(q)][:2]
     roadmap = Roadmap(build(between(scene, first, last)), np.random.default_rng(0))
     roadmap.grow()
@@ -153,7 +154,7 @@ def test_absent_is_absent() -> None:
     problem = build(scene)
     assert problem.terms.path == ()
     assert {term.name for term in problem.terms} == {"obstacles", "self-collision"}
-    assert Certifier(scene, problem.robot).path is None
+    assert Certifier(Setup.of(scene, problem.robot)).path is None
 
 
 @pytest.mark.parametrize("field", ["upright", "position"])
@@ -169,7 +170,7 @@ def test_unknown_and_fixed_links_are_refused_by_name(field: str, link: str, said
 def test_ends_that_break_a_constraint_are_refused_with_by_how_much() -> None:
     scene = upright("panda_carry", 0.1)
     robot = load_scene_robot(scene)
-    check = Certifier(scene, robot).path
+    check = Certifier(Setup.of(scene, robot)).path
     problem = build(scene)
     level = next(q for q in onto_path(problem, robot.draw(np.random.default_rng(7), 50)) if not check.at(q))
     tilted = np.clip(level - [0, 0, 0, 0, 0, 0.4, 0], robot.lower, robot.upper)
@@ -186,23 +187,24 @@ def test_ends_that_break_a_constraint_are_refused_with_by_how_much() -> None:
 def test_goals_by_inverse_kinematics_keep_the_constraint() -> None:
     scene = upright("ur5_table", 0.1)
     robot, start = load_scene_robot(scene), load_scene_robot(scene).configuration(scene.start)
-    assert not PathCheck(scene, robot, Certifier(scene, robot).sweep.bodies.chain).at(start)
+    setup = Setup.of(scene, robot)
+    assert not PathCheck(setup, Certifier(setup).sweep.bodies.chain).at(start)
     place = Pose((0.5, 0.2, 0.3), (1.0, 0.0, 0.0, 0.0))
     tilted = Pose((0.5, 0.2, 0.3), (math.cos(0.2), 0.0, math.sin(0.2), 0.0))
     aimed = dataclasses.replace(scene, goal=Goals((PoseTarget("tool0", place, free_rotation="z", field="goal.pose"),)))
-    certifier = Certifier(aimed, robot)
-    for goal in goal_choice(aimed, robot, certifier).goals:
+    certifier = Certifier(Setup.of(aimed, robot))
+    for goal in goal_choice(certifier).goals:
         assert not certifier.path.at(robot.configuration(goal))
     anyhow = dataclasses.replace(
         scene, goal=Goals((PoseTarget("tool0", Pose(place.position), free_rotation="all", field="goal.pose"),))
     )
-    assert len(goal_choice(anyhow, robot, Certifier(anyhow, robot)).goals) > 1  # few of all turns hold it upright
+    assert len(goal_choice(Certifier(Setup.of(anyhow, robot))).goals) > 1  # few of all turns hold it upright
     wrong = dataclasses.replace(scene, goal=Goals((PoseTarget("tool0", tilted, field="goal.pose"),)))
     with pytest.raises(
         InputError,
         match=r"goal\.pose: none of .*: breaks a path constraint: path\.upright: tool0 is tilted by 0\.4 rad",
     ):
-        goal_choice(wrong, robot, Certifier(wrong, robot))
+        goal_choice(Certifier(Setup.of(wrong, robot)))
 
 
 def test_terms_are_named_after_their_sections() -> None:

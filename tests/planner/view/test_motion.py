@@ -12,7 +12,7 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.colors import FAR, SCALE, clearance_colors
 from hdplan.planner.view.drawing.goal import follow
 from hdplan.planner.view.drawing.motion import SAMPLES, ShownMotion, Tip, sample_parameters
@@ -30,7 +30,7 @@ from hdplan.scenes.yaml_format.reader import load_scene
 @pytest.fixture(scope="module")
 def certifier() -> Certifier:
     scene = load_scene("panda_cage")
-    return Certifier(scene, load_scene_robot(scene))
+    return Certifier(Setup.of(scene))
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def test_waypoints_are_among_the_samples(waypoints: int) -> None:
 
 
 def test_a_motion_is_sampled_as_the_trajectory_and_the_certificate_have_it(certifier: Certifier) -> None:
-    query = resolve_query(certifier.robot, certifier.scene)
+    query = certifier.setup.query
     line = np.linspace(query.start, query.goal, 5)
     names = certifier.robot.joint_names[::-1]  # found by name, in any order
     motion = ShownMotion.of("line", Trajectory(names, line[:, ::-1]), certifier)
@@ -132,7 +132,7 @@ def test_inverse_kinematics_reaches_what_is_near(robot: Robot) -> None:
 
 def test_inverse_kinematics_says_how_much_it_falls_short(robot: Robot) -> None:
     tip = Tip.of(robot)
-    q = resolve_query(robot, load_scene("panda_cage")).start
+    q = Setup.of(load_scene("panda_cage"), robot).query.start
     far = tip.placement(q)
     far.translation = np.array([3.0, 0.0, 0.5])
     found, off = follow(tip, q, far)

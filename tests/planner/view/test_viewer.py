@@ -18,7 +18,7 @@ import pytest
 
 from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.planner.view.drawing.nodes import ENDLESS, RobotNodes, pose_of
 from hdplan.planner.view.handles import GOAL, Handles
@@ -112,7 +112,7 @@ def drifting(scene: Scene) -> Scene:
 
 @pytest.fixture(scope="module")
 def timed(drifting: Scene, trajectory: Trajectory) -> Trajectory:
-    return Retimer(drifting, load_scene_robot(drifting))(trajectory).trajectory
+    return Retimer(Setup.of(drifting))(trajectory).trajectory
 
 
 def test_moving_obstacles_are_where_they_are_at_the_sliders_time(
