@@ -3,9 +3,10 @@
 Robot -> `LinkBody`s whose union contains the link's collision geometry. The geometry, as triangles, is cut into slabs
 along an axis of its oriented bounding box; the corners of a slab's triangles lie within a sphere-swept polytope, which
 is convex and so contains the slab. They are fitted once and cached on disk by the content of the geometry. In the
-joint's frame, [m]. The setting `link_bodies` chooses the bodies: "fitted" takes the cheapest that fit well. The others
-are for comparison: one capsule, one box, polytopes of a fixed number of vertices in all, or the link's convex hull
-itself.
+joint's frame, [m].
+
+The setting `link_bodies` chooses the bodies: "fitted" takes the cheapest that fit well. The others are for comparison:
+one capsule, one box, polytopes of a fixed number of vertices in all, or the link's convex hull itself.
 """
 
 from __future__ import annotations
