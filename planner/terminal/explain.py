@@ -161,11 +161,12 @@ def _pairs(problem: Problem) -> Rows:
     if total := links * (links - 1) // 2:
         named = set(robot.links)
         reasons = Counter(reason for pair, reason in robot.unchecked.items() if named.issuperset(pair))
-        excluded = ", ".join(f"{count} {REASONS.get(reason, f'by {reason}')}" for reason, count in reasons.most_common())
+        why = (f"{count} {REASONS.get(reason, f'by {reason}')}" for reason, count in reasons.most_common())
+        excluded = f"; excluded: {', '.join(why)}" if reasons else ""
         rows.append(
             (
                 "links and held objects" if robot.attached else "links",
-                f"{len(robot.self_pairs)} of {total} pairs checked" + (f"; excluded: {excluded}" if excluded else ""),
+                f"{len(robot.self_pairs)} of {total} pairs checked{excluded}",
             )
         )
     kept = _kept(problem.terms.self_collision)
