@@ -161,8 +161,8 @@ def _pairs(problem: Problem) -> Rows:
     if total := links * (links - 1) // 2:
         named = set(robot.links)
         reasons = Counter(reason for pair, reason in robot.unchecked.items() if named.issuperset(pair))
-        why = (f"{count} {REASONS.get(reason, f'by {reason}')}" for reason, count in reasons.most_common())
-        excluded = f"; excluded: {', '.join(why)}" if reasons else ""
+        counts = (f"{count} {REASONS.get(reason, f'by {reason}')}" for reason, count in reasons.most_common())
+        excluded = f"; excluded: {', '.join(counts)}" if reasons else ""
         rows.append(
             (
                 "links and held objects" if robot.attached else "links",
