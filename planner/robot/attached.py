@@ -11,7 +11,8 @@ from dataclasses import replace
 import pinocchio as pin
 
 from hdplan.planner.geometry.shapes import operations
-from hdplan.planner.robot.robot import MOVE_AS_ONE, Robot
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.self_pairs import MOVE_AS_ONE
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.robot_files.description import link_pair

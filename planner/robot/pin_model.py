@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from hdplan.planner.geometry.coal_shapes import triangle_tree
 from hdplan.planner.geometry.meshes import TriangleMesh, load_mesh
@@ -170,6 +171,14 @@ def move_base(model: pin.Model, collision: pin.GeometryModel, base: pin.SE3) -> 
     for item in collision.geometryObjects:
         if item.parentJoint == 0:
             item.placement = base * item.placement
+
+
+def motion_axes(joint: pin.JointModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return a one-coordinate joint's linear and angular unit velocity in its own frame."""
+    data = joint.createData()
+    joint.calc(data, np.eye(1, joint.idx_q + joint.nq, joint.idx_q)[0])
+    motion = np.asarray(data.S, dtype=np.float64).reshape(6)
+    return motion[:3], motion[3:]
 
 
 def _quietly(read: Callable[[], Result], urdf: Path) -> Result:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.self_pairs import NEVER_TOUCHING, ROOM
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import Stamps, stamps_of
@@ -25,13 +26,12 @@ from hdplan.scenes.targets import JointTarget
 Array = NDArray[np.float64]
 
 MOST = 8  # robots kept
-ROOM = 0.1  # how far beyond a limit a request or a named state may lie [rad or m]: descriptions of one robot differ
 _kept: OrderedDict[Hashable, Robot] = OrderedDict()
 _loading = ForkSafeLock()  # one robot at a time: threads that ask for the same one are to get the same
 
 
 def load_scene_robot(scene: Scene) -> Robot:
-    """Load a scene's robot, with a MoveIt request's values for the joints that it has and does not plan, and with the
+    """Load a scene's robot, with the start's values for the joints that it names and that are not planned, and with the
     objects that it holds; within the scene's own limits of positions, and without self pairs where the scene says so.
 
     The limits make room for a request's start and goal, and for named states, up to ROOM beyond them, which is noted.
@@ -46,6 +46,8 @@ def load_scene_robot(scene: Scene) -> Robot:
         if scene.attached:
             meshes = [str(held.shape.file) for held in scene.attached if isinstance(held.shape, Mesh)]
             robot = _holding(robot, scene.attached, stamps_of(meshes))
+    if scene.self_collision.clearance:
+        robot = _all_kept_apart(robot)
     return robot if scene.self_collision.checked else _unchecked(robot)
 
 
@@ -61,6 +63,8 @@ def check_robot(scene: Scene, robot: Robot) -> None:
             raise InputError(
                 f"the robot's joint '{joint}' is not held where the scene's is: take the scene's own (load_scene_robot)"
             )
+    if scene.self_collision.clearance and NEVER_TOUCHING in robot.unchecked.values():
+        raise InputError("the robot leaves out pairs of links that the scene's keeps apart: take the scene's own")
     if scene.self_collision.checked and not robot.self_pairs and load_scene_robot(scene).self_pairs:
         raise InputError("the robot's links are not checked against each other, the scene's are: take the scene's own")
 
@@ -82,6 +86,14 @@ def _narrowed(robot: Robot, ranges: tuple[tuple[str, tuple[float, float]], ...])
 
 
 @made_once(MOST)
+def _all_kept_apart(robot: Robot) -> Robot:
+    """Return the robot with the pairs checked too that never touch, where more is asked than that."""
+    never = tuple(pair for pair, reason in robot.unchecked.items() if reason == NEVER_TOUCHING)
+    left = {pair: reason for pair, reason in robot.unchecked.items() if reason != NEVER_TOUCHING}
+    return replace(robot, self_pairs=(*robot.self_pairs, *never), unchecked=left) if never else robot
+
+
+@made_once(MOST)
 def _unchecked(robot: Robot) -> Robot:
     """Return the robot with nothing of it kept apart from itself."""
     bodies = "links and held objects" if robot.attached else "links"
@@ -94,10 +106,9 @@ def _load_bare(scene: Scene) -> Robot:
     """Load the robot without the objects that it holds."""
     spec = scene.robot
     robot = _load_once(spec)
-    if scene.from_request:
-        requested = {joint: value for joint, value in (scene.start.by_name or {}).items() if joint in robot.locked}
-        if requested:
-            robot = _load_once(replace(spec, locked={**requested, **spec.locked}))
+    held = {joint: value for joint, value in (scene.start.by_name or {}).items() if joint in robot.locked}
+    if held:
+        robot = _load_once(replace(spec, locked={**held, **spec.locked}))
     return _with_room(robot, scene)
 
 

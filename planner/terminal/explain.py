@@ -14,7 +14,7 @@ import numpy as np
 from hdplan.planner.geometry.shapes import operations
 from hdplan.planner.problem.clearance import PairTerm
 from hdplan.planner.problem.problem import Problem
-from hdplan.planner.robot.robot import ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS
+from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS, NEVER_TOUCHING
 from hdplan.planner.terminal.explain_cost import functions, trial
 from hdplan.planner.terminal.explain_effects import counted, effects
 from hdplan.scenes.limits import QUANTITIES
@@ -26,7 +26,9 @@ Rows = list[tuple[str, str]]
 
 MOST_OBSTACLES = 30  # rows; a page is to be read
 MOST_NAMED = 3  # pairs of links named in one row
-REASONS = {reason: reason for reason in (ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS)}  # others tell apart "by" something
+REASONS = {
+    reason: reason for reason in (ALWAYS_TOUCHING, NEVER_TOUCHING, MOVE_AS_ONE, NEIGHBOURS)
+}  # others tell apart "by" something
 UNITS = {"clearance": " m", "activation": " m", "shaping_length": " m"}
 
 
