@@ -231,7 +231,7 @@ def robots(
     srdf: given.SrdfFile = None,
     as_json: given.AsJson = False,
 ) -> None:
-    """List the robots that are known by name, or show one of them, or a file's.
+    """List the robots known by name, or show one of them.
 
     For one robot: its joints with limits, joints held fixed, groups, end effectors, named states, and how tightly its
     outer bodies fit. The bodies are fitted once and kept; the first time this takes up to a few minutes.
