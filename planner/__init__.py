@@ -1,6 +1,6 @@
-"""The planner: from a scene to a certified motion (`plan`), and, behind this door, how a notebook shows it.
+"""The planner: from a scene to a certified motion (`plan`), and how a notebook shows it.
 
-The result of a plan stands below the pictures; what it needs of them it asks for here, when it is needed.
+The result of a plan is imported by the pictures; what it needs of them itself is imported here, on first use.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Doors of packages: names that lie in modules below, imported when first asked for, so that start-up stays quick."""
+"""Lazy imports of a package: names from modules below it, imported on first use, so that start-up stays quick."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import Any
 
 
 def door(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
-    """Return the ``__getattr__`` of a package that offers names; `homes` says the module of each, below the package."""
+    """Return a ``__getattr__`` for a package that offers names from modules below it: `homes` maps each name to its
+    module, relative to the package."""
 
     def behind(name: str) -> Any:
         if name in homes:

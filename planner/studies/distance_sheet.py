@@ -20,7 +20,7 @@ from hdplan.planner.pictures.style import CONTACT, FIXED, FRAME, GOOD, GREY, INK
 from hdplan.scenes.planner_settings import PlannerSettings
 
 GAP = 1e-2  # [m] at which false positives are compared
-GAMMAS = {1: "#CFE3F2", 2: "#7FB2D9", 4: "#2F78B7", 8: "#0B3A6B"}  # light to dark: distinct in greyscale too
+GAMMAS = {1: "#CFE3F2", 2: "#7FB2D9", 4: "#2F78B7", 8: "#0B3A6B"}  # light to dark: distinct in grey, too
 FRONTS: dict[str, dict[str, Any]] = {
     "float64": {"linewidth": 6, "alpha": 0.25, "solid_capstyle": "round"},
     "float32": {"linewidth": 1.2, "linestyle": (0, (4, 2))},

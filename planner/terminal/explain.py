@@ -28,7 +28,7 @@ MOST_OBSTACLES = 30  # rows; a page is to be read
 MOST_NAMED = 3  # pairs of links named in one row
 REASONS = {
     reason: reason for reason in (ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS)
-}  # others are excluded "by" something
+}  # others are "by" something
 UNITS = {"clearance": " m", "activation": " m", "shaping_length": " m"}
 
 
@@ -163,11 +163,12 @@ def _pairs(problem: Problem) -> Rows:
     if total := links * (links - 1) // 2:
         named = set(robot.links)
         reasons = Counter(reason for pair, reason in robot.unchecked.items() if named.issuperset(pair))
-        told = ", ".join(f"{count} {REASONS.get(reason, f'by {reason}')}" for reason, count in reasons.most_common())
+        counts = (f"{count} {REASONS.get(reason, f'by {reason}')}" for reason, count in reasons.most_common())
+        excluded = f"; excluded: {', '.join(counts)}" if reasons else ""
         rows.append(
             (
                 "links and held objects" if robot.attached else "links",
-                f"{len(robot.self_pairs)} of {total} pairs checked" + (f"; excluded: {told}" if told else ""),
+                f"{len(robot.self_pairs)} of {total} pairs checked{excluded}",
             )
         )
     kept = _kept(problem.terms.self_collision)
