@@ -26,9 +26,7 @@ Rows = list[tuple[str, str]]
 
 MOST_OBSTACLES = 30  # rows; a page is to be read
 MOST_NAMED = 3  # pairs of links named in one row
-REASONS = {
-    reason: reason for reason in (ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS)
-}  # others are "by" something
+REASONS = {reason: reason for reason in (ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS)}  # others are "by" something
 UNITS = {"clearance": " m", "activation": " m", "shaping_length": " m"}
 
 
