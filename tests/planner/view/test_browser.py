@@ -45,9 +45,17 @@ def browser() -> Iterator[Any]:
         found.close()
 
 
+def plainly(scene: Scene, *motions: tuple[str, Trajectory]) -> Viewer:
+    """A viewer without reflections and shadows, which cost the processor seconds a page."""
+    viewer = open_viewer(scene, motions, port=8280)
+    viewer.server.scene.configure_environment_map(None)
+    viewer.server.scene.configure_default_lights(cast_shadow=False)
+    return viewer
+
+
 @pytest.fixture(scope="module")
 def viewer(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
-    found = open_viewer(scene, [("found", trajectory)], port=8280)
+    found = plainly(scene, ("found", trajectory))
     yield found
     found.close()
 
@@ -172,7 +180,7 @@ def test_plan_works(page: Any, viewer: Viewer) -> None:
 
 def test_what_is_dragged_by_the_mouse_takes_the_verdict_with_it(tab: Tabs, scene: Scene) -> None:
     """While the button is still pressed: nothing on the page says certified, and the file says what holds."""
-    viewer = open_viewer(scene, port=8280)
+    viewer = plainly(scene)
     try:
         page = tab(address(viewer))
         page.get_by_role("tab", name="Plan").click()
