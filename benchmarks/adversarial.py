@@ -26,6 +26,7 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.numpy_reference.hdsdf import hdsdf_derivatives, separation
 from hdplan.distance.studies.random_poses import touching_poses
 from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled
+from hdplan.planner.studies.report import markdown_text
 
 Array = NDArray[np.float64]
 Evaluate = Callable[[Array, Array], tuple[Array, ...]]  # poses -> D, D-tilde, gradient, Hessian
@@ -118,8 +119,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     pairs = list(combinations_with_replacement(bodies(), 2))
-    print("| witness | poses | value | D-tilde | gradient | Hessian | signs |")
-    print("|---|---|---|---|---|---|---|")
+    rows, counted = [], ("poses", "value", "D-tilde", "gradient", "Hessian", "signs")
     for name in options.witnesses:
         count = options.count // (NUMPY_SHARE if name == "numpy" else 1)
         batch = BATCH.get(name, LARGEST_BATCH)
@@ -135,7 +135,8 @@ def main() -> None:
             }
             evaluate = WITNESSES[name](body_a, body_b, **settings)
             total += tally(evaluate, partial(adversarial_poses, body_a, body_b, rng), count // len(pairs), batch)
-        print(f"| {name} | " + " | ".join(f"{number:,}" for number in total) + " |", flush=True)
+        rows.append({"witness": name, **dict(zip(counted, map("{:,}".format, total), strict=True))})
+    print(markdown_text(rows))
 
 
 if __name__ == "__main__":

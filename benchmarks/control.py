@@ -2,14 +2,15 @@
 
     python benchmarks/control.py solvers | steps | starts [--starts 1000] [--rate 200] [--speed 0.5]
 
-`solvers` wants quadprog, piqp, proxsuite and osqp beside daqp (pip install them; hdplan needs daqp alone). `starts`
+`solvers` needs quadprog, piqp, proxsuite and osqp beside daqp (pip install them; hdplan needs daqp alone). `starts`
 proves every simulated motion by the certificate, between its samples too: real meshes, the scene's own shapes.
 """
 
 from __future__ import annotations
 
 import argparse
-import importlib
+import importlib.util
+import sys
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
@@ -25,19 +26,14 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.scenes.model import (
-    Box,
-    Capsule,
-    Cylinder,
-    JointTarget,
-    Obstacle,
-    Pose,
-    PoseTarget,
-    RobotSpec,
-    Scene,
-    Shape,
-    Sphere,
-)
+from hdplan.planner.robot.setup import Setup
+from hdplan.planner.studies.report import markdown_text
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from hdplan.scenes.targets import JointTarget, PoseTarget
 
 Array = NDArray[np.float64]
 Solver = Callable[[Array, Array, Array, Array, Array, Array], Array]
@@ -84,18 +80,23 @@ def starts(count: int, rate: float, speed: float) -> None:
         verdicts[certificate.status.value] += 1
         if certificate.clearance is not None and run.slacks[0] >= 0:
             least = min(least, certificate.clearance)
-    print(f"{count} starts at {rate:g} Hz, {speed:g} of the speed limits: {dict(verdicts)}")
-    print(f"begun inside a margin {begun_inside}, target reached in 3 s {reached}, periods {dict(modes)}")
-    print(
-        f"least clearance of those begun outside, by the certificate: {1e3 * least:.1f} mm; the rule promises {promise}"
-    )
+    rows = [
+        (f"starts at {rate:g} Hz and {speed:g} of the speed limits", count),
+        *((f"of their motions, by the certificate: {status}", number) for status, number in verdicts.items()),
+        ("starts inside a margin", begun_inside),
+        ("targets reached in 3 s", reached),
+        *((f"periods: {mode}", f"{number:,}") for mode, number in modes.items()),
+        ("least proven clearance of motions from outside every margin", f"{1e3 * least:.1f} mm"),
+        ("clearance that the rule promises", promise),
+    ]
+    print(markdown_text([{"of the controller": words, "found": value} for words, value in rows]))
 
 
 def free_start(rng: np.random.Generator, robot: Robot, count: int | None = None) -> tuple[Scene, Certifier, Array]:
     """Return a random scene of 3 to 10 obstacles, or of so many, and a configuration that touches nothing, exactly."""
     while True:  # another scene where the shoulder itself is in the way
         scene = random_scene(rng, int(rng.integers(3, 11)) if count is None else count)
-        certifier = Certifier(scene, robot)
+        certifier = Certifier(Setup.of(scene, robot))
         for q in robot.draw(rng, 30):
             if not certifier.contacts(q):
                 return scene, certifier, q
@@ -112,12 +113,12 @@ def task(rng: np.random.Generator, robot: Robot, number: int) -> Any:
 
 def steps(obstacles: int = 10, runs: int = 20) -> None:
     """Time single steps."""
-    print(f"a Panda and {obstacles} obstacles, {runs} runs of 100 steps: median / 95 % / worst [ms]")
+    rows = []
     exact = BarrierSettings("euclidean", growth=0.0, self_growth=0.0)
     for name, settings in (
         ("HD-SDF", ControlSettings()),
-        ("HD-SDF, no look-ahead", ControlSettings(look_ahead=False)),
-        ("Euclidean", ControlSettings(exact, 0.01, 0.005)),
+        ("HD-SDF, without the look-ahead", ControlSettings(look_ahead=False)),
+        ("exact Euclidean distance", ControlSettings(exact, 0.01, 0.005)),
     ):
         rng = np.random.default_rng(1)
         robot = load_scene_robot(random_scene(rng, 0))
@@ -134,16 +135,26 @@ def steps(obstacles: int = 10, runs: int = 20) -> None:
                 distance.append(step.distance_seconds)
                 program.append(step.program_seconds)
                 q = q + settings.period * step.velocity
-        parts = (("distance", distance), ("program", program), ("step", whole), ("its CPU time", cpu))
-        words = ", ".join(f"{part} {_quantiles(seconds)}" for part, seconds in parts)
-        over = 100.0 * np.mean(np.array(cpu) > 1e-3)
-        print(f"{name}: {pairs} pairs, {words}; {over:.2g} % of the steps take more than 1 ms of it")
+        rows.append(
+            {
+                f"a Panda, {obstacles} obstacles": name,
+                "pairs": pairs,
+                "distance, median [ms]": 1e3 * float(np.median(distance)),
+                "quadratic program, median [ms]": 1e3 * float(np.median(program)),
+                "step, median / 95 % / worst [ms]": _quantiles(whole),
+                "CPU time of a step [ms]": _quantiles(cpu),
+                "over 1 ms [%]": 100.0 * float(np.mean(np.array(cpu) > 1e-3)),
+            }
+        )
+    print(markdown_text(rows))
 
 
 def solvers() -> None:
     """Time the quadratic program alone, 7 joints and bounds on them."""
-    rng = np.random.default_rng(0)
-    print("rows, solver: median / 95 % / worst [ms], largest difference from the first")
+    missing = [name for name in SOLVERS if importlib.util.find_spec(name) is None]
+    if missing:
+        sys.exit(f"not installed: {', '.join(missing)}")
+    rng, lines = np.random.default_rng(0), []
     for rows in (20, 60, 100):
         problems = []
         for _ in range(200):
@@ -152,11 +163,6 @@ def solvers() -> None:
             problems.append((jacobian.T @ jacobian + 0.01 * np.eye(7), 0.5 * rng.normal(size=7), matrix, bound))
         first: list[Array] = []
         for name, solve in SOLVERS.items():
-            try:
-                importlib.import_module(name)
-            except ImportError:
-                print(f"{rows}, {name}: not installed")
-                continue
             seconds, answers = [], []
             for hessian, linear, matrix, bound in problems:
                 began = perf_counter()
@@ -164,7 +170,15 @@ def solvers() -> None:
                 seconds.append(perf_counter() - began)
             first = first or answers
             error = max(float(np.abs(a - b).max()) for a, b in zip(first, answers, strict=True))
-            print(f"{rows}, {name}: {_quantiles(seconds)}, {error:.0e}")
+            lines.append(
+                {
+                    "rows": rows,
+                    "solver": name,
+                    "median / 95 % / worst [ms]": _quantiles(seconds),
+                    "largest difference from the first": f"{error:.0e}",
+                }
+            )
+    print(markdown_text(lines))
 
 
 def _quantiles(seconds: list[float]) -> str:

@@ -40,7 +40,11 @@ from hdplan.planner.studies.corridor_experiment import (
     link_boxes,
     tool_task,
 )
-from hdplan.scenes.model import Box, Obstacle, Pose, Scene
+from hdplan.planner.studies.report import markdown_text
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box
 
 Array = NDArray[np.float64]
 Made = Callable[[Robot, Scene, ControlSettings], Controller]
@@ -114,6 +118,10 @@ def cases() -> dict[str, tuple[Made, ControlSettings]]:
     return {
         "the paper's boxes, its controller as safe": (paper, grown),
         "fitted bodies, our defaults": (ours, ControlSettings()),
+        "fitted bodies, growth 20 mm, margin −0.25 mm": (
+            ours,
+            ControlSettings(BarrierSettings(growth=0.02), margin=-2.5e-4),
+        ),
     }
 
 
@@ -128,8 +136,7 @@ def main() -> None:
     parser.add_argument("--corridors", type=int, default=20)
     parser.add_argument("--processes", type=int, default=1)
     given = parser.parse_args()
-    print("| bodies, barrier | corridors | variation over the exact distance's | energy above 5 Hz, likewise |"
-          " rougher in | clearance [mm] | matched to [mm] |\n|---|---|---|---|---|---|---|")  # fmt: skip
+    rows = []
     with ProcessPoolExecutor(given.processes, mp_context=get_context("spawn")) as pool:
         for words in cases():
             for parallel in (True, False):
@@ -139,10 +146,18 @@ def main() -> None:
                 kind = f"{count} {'parallel' if parallel else 'turned'}"
                 rougher = int((found[:, 0] > 1.0).sum())
                 missed = 1e3 * np.abs(found[:, 3]).max()
-                print(
-                    f"| {words} | {kind} | {variation} | {energy} | {rougher} | {clearance} | {missed:.2g} |",
-                    flush=True,
+                rows.append(
+                    {
+                        "bodies and barrier": words,
+                        "corridors": kind,
+                        "total variation": variation,
+                        "energy above 5 Hz": energy,
+                        "rougher in": rougher,
+                        "clearance [mm]": clearance,
+                        "matched to [mm]": f"{missed:.2g}",
+                    }
                 )
+    print(markdown_text(rows))
 
 
 def _spread(values: Array) -> str:

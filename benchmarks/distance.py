@@ -2,8 +2,9 @@
 
     python benchmarks/distance.py [--section ladder|exact|batch|compile ...] [--poses N] [--configurations N]
 
-Prints Markdown tables. Times are processor time on one core over poses of the paper's kind, each another one, warm;
-medians of rounds in which the ways take turns, so that ratios hold on a busy machine too.
+Prints a Markdown table for each section; `exact` needs a C++ compiler for coal's loop. Times are processor time on one
+core over poses of the paper's kind, each another one, warm; medians of rounds in which the ways take turns, so that
+ratios hold on a busy machine too.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import argparse
 import os
 import statistics
+import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -30,6 +32,7 @@ from hdplan.distance.studies.conservativeness import conservativeness
 from hdplan.distance.studies.random_poses import paper_poses
 from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled, twist_function
 from hdplan.distance.symbolic.row_function import RowFunction
+from hdplan.planner.studies.report import markdown_text, short
 
 Array = NDArray[np.float64]
 Way = Callable[[], float]  # -> processor time of a query [s]
@@ -77,38 +80,35 @@ def medians(ways: Sequence[Way]) -> list[float]:
 
 
 def ladder(options: argparse.Namespace) -> None:
-    found = conservativeness(options.configurations, with_fcl=False)
-    print(
-        f"\n## The ladder: false positives over {found.planned:,} configurations; times in bulk, value / + gradient\n"
-    )
-    print("| normals | D <= 0 at a gap over 0.1 mm / 1 cm / 10 cm [%] | widest [cm] | cubes [us] | dodecahedra [us] |")
-    print("|---|---|---|---|---|", flush=True)
+    """False positives over random configurations, and times in bulk, value / with gradient."""
+    found, rows = conservativeness(options.configurations, with_fcl=False), []
     for rung in found.rungs:
-        cells = []
+        times = {}
         for names in (CUBES, DODECAHEDRA):
             body_a, body_b = map(ConvexBody.platonic, names)
             a, b = poses(body_a, body_b, options.poses)
             distance = hdsdf_compiled(body_a, body_b, normals=rung.normals)
-            cells.append(
-                " / ".join(f"{t:.2g}" for t in medians([bulk(distance.value, a, b), bulk(distance.gradient, a, b)]))
-            )
-        rates = " / ".join(f"{100 * rate:.2g}" for rate in found.rates(rung, GAPS))
-        print(
-            f"| `{rung.normals}` | {rates} | {100 * np.max(rung.gaps, initial=0):.2g} | {' | '.join(cells)} |",
-            flush=True,
+            both = medians([bulk(distance.value, a, b), bulk(distance.gradient, a, b)])
+            times[f"{'–'.join(names)} [µs]"] = " / ".join(map(short, both))
+        rows.append(
+            {
+                "normals": f"`{rung.normals}`",
+                "false positives [%]": " / ".join(f"{100 * rate:.2g}" for rate in found.rates(rung, GAPS)),
+                "widest [cm]": f"{100 * np.max(rung.gaps, initial=0):.2g}",
+                **times,
+            }
         )
-    print(f"\ncontacts called free by any of them: {found.missed}")
+        print(*rows[-1].values(), file=sys.stderr)
+    print(f"{markdown_text(rows)}\nOver {found.planned:,} configurations; contacts called free: {found.missed}.\n")
 
 
 def exact(options: argparse.Namespace) -> None:
-    print("\n## One query [us], the paper's normals: exact ones and ours, called once from Python and in a loop of C\n")
+    """One query, the paper's normals: exact ones and ours, called once from Python and in a loop of C."""
+    rows = []
     with tempfile.TemporaryDirectory() as folder:
         program, why = build(Path(folder))
         if program is None:
-            print(f"coal in C++: left out, {why}\n")
-        print("| pair | once: FCL | once: coal | once: value | once: + gradient | C++: coal | C: value | C: + gradient "
-              "| C: + Hessian | once: value/FCL | C: value/coal | C: gradient/coal |")  # fmt: skip
-        print("|---" * 12 + "|", flush=True)
+            sys.exit(f"coal's loop in C++ cannot be built: {why}")
         for names in PAIRS:
             body_a, body_b = map(ConvexBody.platonic, names)
             a, b = poses(body_a, body_b, options.poses)
@@ -119,24 +119,36 @@ def exact(options: argparse.Namespace) -> None:
             ]
             ways += [singly(order, a[some], b[some]) for order in (ours.value, ours.gradient)]
             ways += [bulk(order, a, b) for order in (ours.value, ours.gradient, ours.hessian)]
-            if program is not None:
-                loop = CoalLoop(program, body_a, a, body_b, b)
-                truth = float(signed_distances(body_a, a, body_b, b).sum())
-                assert abs(loop.seconds()[1] - truth) < 1e-6 * len(a), "coal's loop computes something else"
-                ways.append(lambda loop=loop: loop.seconds()[0])
-            fcl, coal, value, gradient, *rest = medians(ways)
-            in_c, coal_c = rest[:3], rest[3] if program is not None else float("nan")
-            times = " | ".join(f"{t:.2f}" for t in (fcl, coal, value, gradient, coal_c, *in_c))
-            ratios = f"{value / fcl:.2f} | {in_c[0] / coal_c:.2f} | {in_c[1] / coal_c:.2f}"
-            print(f"| {'–'.join(names)} | {times} | {ratios} |", flush=True)
+            loop = CoalLoop(program, body_a, a, body_b, b)
+            truth = float(signed_distances(body_a, a, body_b, b).sum())
+            assert abs(loop.seconds()[1] - truth) < 1e-6 * len(a), "coal's loop computes something else"
+            ways.append(lambda loop=loop: loop.seconds()[0])
+            fcl, coal, value, gradient, c_value, c_gradient, c_hessian, coal_c = medians(ways)
+            rows.append(
+                {
+                    "pair": "–".join(names),
+                    "once, from Python: FCL [µs]": fcl,
+                    "coal": coal,
+                    "ours": value,
+                    "+ gradient": gradient,
+                    "ours / FCL": value / fcl,
+                    "in a loop: coal, C++ [µs]": coal_c,
+                    "ours, C": c_value,
+                    "ours, C, + gradient": c_gradient,
+                    "+ Hessian": c_hessian,
+                    "ours / coal": c_value / coal_c,
+                    "+ gradient / coal": c_gradient / coal_c,
+                }
+            )
+            print(*rows[-1].values(), file=sys.stderr)
+    print(markdown_text(rows))
 
 
 def batch(options: argparse.Namespace) -> None:
+    """Tables of 8,100 poses: generated C and JAX on one core."""
     from hdplan.distance.batch.distance import hdsdf_batch
 
-    print("\n## Tables of 8,100 poses: generated C and JAX on one core [us per query]\n")
-    print("| pair | order | compiled | JAX float64 | JAX float32 | float64/compiled |")
-    print("|---|---|---|---|---|---|", flush=True)
+    rows = []
     for names in (CUBES, DODECAHEDRA):
         body_a, body_b = map(ConvexBody.platonic, names)
         a, b = paper_poses(np.random.default_rng(0), 8100)
@@ -144,14 +156,21 @@ def batch(options: argparse.Namespace) -> None:
         ours += [hdsdf_batch(body_a, body_b, dtype=dtype) for dtype in ("float64", "float32")]
         for order in ("value", "gradient", "hessian"):
             times = medians([bulk(partial(getattr(way, order)), a, b) for way in ours])
-            row = " | ".join(f"{t:.2f}" for t in times)
-            print(f"| {'–'.join(names)} | {order} | {row} | {times[1] / times[0]:.2f} |", flush=True)
+            ways = ("compiled [µs]", "JAX float64", "JAX float32")
+            rows.append(
+                {
+                    "pair": "–".join(names),
+                    "order": order,
+                    **dict(zip(ways, times, strict=True)),
+                    "float64 / compiled": times[1] / times[0],
+                }
+            )
+    print(markdown_text(rows))
 
 
 def compile_times(options: argparse.Namespace) -> None:
-    print("\n## Compiling once for a machine, loading afterwards [s]\n")
-    print("| pair | normals | order | compile | load from the cache |")
-    print("|---|---|---|---|---|", flush=True)
+    """Compiling once for a machine, loading afterwards."""
+    rows = []
     hull = ConvexBody.from_points(np.random.default_rng(0).normal(size=(60, 3)))
     shapes = {"cube": ConvexBody.platonic("cube"), "dodecahedron": ConvexBody.platonic("dodecahedron")}
     shapes[f"hull of {len(hull.vertices)} vertices"] = hull
@@ -166,7 +185,16 @@ def compile_times(options: argparse.Namespace) -> None:
                         begin = perf_counter()
                         RowFunction(twist_function(body, body, 2, normals, 0, order))
                         times.append(perf_counter() - begin)
-                print(f"| {name}–{name} | {normals} | {order} | {times[0]:.2f} | {times[1]:.3f} |", flush=True)
+                rows.append(
+                    {
+                        "pair": f"{name}–{name}",
+                        "normals": normals,
+                        "order": order,
+                        "compile [s]": times[0],
+                        "load from the cache [s]": times[1],
+                    }
+                )
+    print(markdown_text(rows))
 
 
 SECTIONS = {"ladder": ladder, "exact": exact, "batch": batch, "compile": compile_times}
@@ -181,10 +209,6 @@ def main() -> None:
     options = parser.parse_args()
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})  # one core, XLA's threads too
-    model = [line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("model name")]
-    print(f"one core of {model[0].split(': ')[1] if model else 'an unnamed machine'}")
-    if hasattr(os, "getloadavg"):
-        print(f"{os.getloadavg()[0]:.1f} processes ran when it began")
     for section in options.section:
         SECTIONS[section](options)
 

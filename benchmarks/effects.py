@@ -3,7 +3,7 @@
     python benchmarks/effects.py [--picture FILE.png] [--csv FILE] [--repeat R]
 
 One process, warm: every scene is planned once before it is measured. Given is the median of R runs, all of which do
-the same. An evaluation is one call of `Problem.evaluate` at the straight line. Solve includes the law of time. Without
+the same. An evaluation is one call of `Problem.evaluate` at the straight line. Solve includes the timing. Without
 its section a scene is another problem, often an easier one: where the iterations differ, so does the solve, whatever an
 iteration costs.
 """
@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 import csv
 import dataclasses
-import platform
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -23,7 +23,11 @@ import numpy as np
 
 import hdplan
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.scenes.model import Limits, PathConstraints, Scene, SelfCollision
+from hdplan.planner.studies.report import Cell, markdown_text
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.obstacles import SelfCollision
+from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
 
 WEIGHT = 1e5  # [1/m²] of the penalty in an evaluation
@@ -105,7 +109,7 @@ def measure(scenes: tuple[Scene, ...], repeat: int) -> list[Cost]:
         Cost(
             result.certificate.status.value,
             tuple(term.name for term in problem.terms),
-            sum(len(term.pairs) for term in problem.pair_terms),
+            sum(len(term.pairs) for term in problem.terms.pairs),
             result.iterations,
             tuple(np.median(taken[1:], axis=0).tolist()),
         )
@@ -124,13 +128,18 @@ def look(problem: hdplan.Problem) -> float:
     return float(np.median(taken))
 
 
-def row(effect: Effect, off: Cost, on: Cost) -> str:
+def row(effect: Effect, off: Cost, on: Cost) -> dict[str, Cell]:
     """Return one line of the table: without → with."""
-    cells = [f"`{effect.section}`", effect.scene, f"{off.pairs} → {on.pairs}"]
-    cells += [f"{1e3 * before:.3g} → {1e3 * after:.3g}" for before, after in zip(off.seconds, on.seconds, strict=True)]
-    cells.insert(4, f"{off.iterations} → {on.iterations}")
-    cells.append("both certified" if off.status == on.status == "certified" else f"{off.status} → {on.status}")
-    return f"| {' | '.join(cells)} |"
+    both = zip(PHASES, off.seconds, on.seconds, strict=True)
+    times = {f"{phase} [ms]": f"{1e3 * before:.3g} → {1e3 * after:.3g}" for phase, before, after in both}
+    return {
+        "section": f"`{effect.section}`",
+        "scene": effect.scene,
+        "pairs": f"{off.pairs} → {on.pairs}",
+        "iterations": f"{off.iterations} → {on.iterations}",
+        **times,
+        "verdict": off.status if off.status == on.status else f"{off.status} → {on.status}",
+    }
 
 
 def draw(costs: list[tuple[Effect, Cost, Cost]], file: Path) -> None:
@@ -172,15 +181,13 @@ def main() -> None:
     parser.add_argument("--repeat", type=int, default=15)
     options = parser.parse_args()
 
-    print(f"Python {platform.python_version()}, {platform.machine()}, medians of {options.repeat} runs\n")
-    print("| section | scene | pairs | evaluation [ms] | iterations | build [ms] | solve [ms] | certificate [ms] | |")
-    print("|---|---|---|---|---|---|---|---|---|")
     costs = []
     for effect in EFFECTS:
         scene = effect.given(load_scene(effect.scene))
         off, on = measure((effect.without(scene), scene), options.repeat)
-        print(row(effect, off, on), flush=True)
         costs.append((effect, off, on))
+        print(*row(effect, off, on).values(), file=sys.stderr)
+    print(markdown_text([row(*cost) for cost in costs]))
     if options.picture is not None:
         draw(costs, options.picture)
     if options.csv is not None:

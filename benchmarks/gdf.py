@@ -24,6 +24,7 @@ from hdplan.distance.baselines.coal import signed_distances
 from hdplan.distance.baselines.gdf import gdf
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.studies.random_poses import PLATONIC_PAIRS, paper_poses
+from hdplan.planner.studies.report import Cell, markdown_text
 
 H, EPS = 0.1, 0.01  # smoothing and bulging
 LEAST_GAP = 0.01  # [m]
@@ -44,7 +45,7 @@ def timed(call: Callable[[], object]) -> float:
     return time.perf_counter() - began
 
 
-def compare(names: tuple[str, str], rng: np.random.Generator, count: int) -> str:
+def compare(names: tuple[str, str], rng: np.random.Generator, count: int) -> dict[str, Cell]:
     """Return the table's row of one pair."""
     body_a, body_b = (ConvexBody.platonic(name) for name in names)
     object_a, object_b = theirs(body_a), theirs(body_b)
@@ -67,8 +68,13 @@ def compare(names: tuple[str, str], rng: np.random.Generator, count: int) -> str
             partial(bare_a.dist_to, bare_b, H, EPS, 1e-3, 20, start),
         )
         seconds.append([timed(call) for call in calls])
-    times = " | ".join(f"{1e6 * median:.1f}" for median in np.median(seconds, axis=0))
-    return f"| {'-'.join(names)} | {apart.sum()} | {max(differences):.1e} | {times} |"
+    times = (1e6 * np.median(seconds, axis=0)).tolist()
+    return {
+        "pair": "–".join(names),
+        "poses apart": int(apart.sum()),
+        "largest difference [m]": f"{max(differences):.1e}",
+        **dict(zip(("hdplan [µs]", "uaibot's call [µs]", "its C++ [µs]"), times, strict=True)),
+    }
 
 
 def main() -> None:
@@ -78,10 +84,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     rng = np.random.default_rng(options.seed)
-    print("| pair | poses apart | largest difference [m] | hdplan [µs] | uaibot's call [µs] | its C++ [µs] |")
-    print("|---|---|---|---|---|---|")
-    for names in PLATONIC_PAIRS:
-        print(compare(names, rng, options.count), flush=True)
+    print(markdown_text([compare(names, rng, options.count) for names in PLATONIC_PAIRS]))
 
 
 if __name__ == "__main__":

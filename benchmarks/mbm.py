@@ -4,17 +4,15 @@
     [--csv F]
 
 DIR holds panda/, ur5/, fetch/ and baxter/, each with a robot.yaml and one folder per set; without --robot the first two
-are planned for. One line per problem: status, proven clearance, time by phase; then a table per set. "Certified" is
-hdplan's own verdict, "refuted" what `recheck` (own kinematics, meshes by trimesh, contacts by FCL at dense samples)
-finds wrong with it: it must be 0. Every problem that is not certified is listed with its
-cause.
+are planned for. Prints a table with a row per set, and every problem that is not certified with its cause; to the error
+stream, a line per problem. "Certified" is hdplan's own verdict, "refuted" what `recheck` (own kinematics, meshes by
+trimesh, contacts by FCL at dense samples) finds wrong with it: it must be 0.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
-import platform
 import sys
 import tempfile
 import time
@@ -26,6 +24,7 @@ from problems import RealProblem, real_problems
 from recheck import recheck
 
 import hdplan
+from hdplan.planner.studies.report import markdown_text
 
 PHASES = ("load", "build", "solve", "certify")
 
@@ -91,29 +90,35 @@ def line(outcome: Outcome) -> str:
 
 
 def table(outcomes: list[Outcome]) -> str:
-    """Markdown: one row per set and one for all."""
-    rows = [
-        "| robot, set | problems | certified | refuted | first guess | load + build + solve median / p95 / worst [ms] "
-        "| certificate median / p95 / worst [ms] | proven clearance 5 % / median [mm] |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
+    """Markdown: one row per set, one for each robot, and one for all."""
     groups: dict[str, list[Outcome]] = {}
     for outcome in outcomes:
         groups.setdefault(f"{outcome.robot} {outcome.set}", []).append(outcome)
-        groups.setdefault(f"**{outcome.robot}, all**", []).append(outcome)
-    for name, group in sorted(groups.items(), key=lambda item: (item[0].startswith("**"), item[0])):
+    for robot in dict.fromkeys(outcome.robot for outcome in outcomes):
+        groups[f"**{robot}, all**"] = [outcome for outcome in outcomes if outcome.robot == robot]
+    groups["**all**"] = outcomes
+    rows = []
+    for name, group in groups.items():
         good = [outcome for outcome in group if outcome.status == "certified"]
         refuted = sum(outcome.recheck.startswith("refuted") for outcome in group)
         checked = any(outcome.recheck for outcome in group)
         first = sum(outcome.attempts == 1 for outcome in good)
-        clearances = [1e3 * outcome.clearance for outcome in good] or [np.nan]
+        clearances = [1e3 * outcome.clearance for outcome in good]
         rows.append(
-            f"| {name} | {len(group)} | {len(good)} | {refuted if checked else 'not checked'} | {first} "
-            f"| {_spread([sum(outcome.seconds[:3]) for outcome in group])} "
-            f"| {_spread([outcome.seconds[3] for outcome in group])} "
-            f"| {np.quantile(clearances, 0.05):.1f} / {np.median(clearances):.1f} |"
+            {
+                "robot, set": name,
+                "problems": len(group),
+                "certified": len(good),
+                "refuted": refuted if checked else "not checked",
+                "first guess": first,
+                "load + build + solve median / p95 / worst [ms]": _spread([sum(o.seconds[:3]) for o in group]),
+                "certificate median / p95 / worst [ms]": _spread([o.seconds[3] for o in group]),
+                "proven clearance 5 % / median [mm]": (
+                    f"{np.quantile(clearances, 0.05):.1f} / {np.median(clearances):.1f}" if good else None
+                ),
+            }
         )
-    return "\n".join(rows)
+    return markdown_text(rows)
 
 
 def _spread(seconds: list[float]) -> str:
@@ -125,9 +130,9 @@ def failures(outcomes: list[Outcome]) -> str:
     failed = [outcome for outcome in outcomes if outcome.status != "certified"]
     if not failed:
         return "Every problem is certified."
-    rows = ["| problem | cause | words |", "|---|---|---|"]
-    rows += [f"| {o.robot} {o.set} {o.problem} | {cause(o)} | {o.words} |" for o in failed]
-    return "\n".join(rows)
+    return markdown_text(
+        [{"problem": f"{o.robot} {o.set} {o.problem}", "cause": cause(o), "words": o.words} for o in failed]
+    )
 
 
 def cause(outcome: Outcome) -> str:
@@ -158,11 +163,10 @@ def main() -> None:
             run(problems[0], options.time_limit, check=False)
         for problem in problems:
             outcomes.append(run(problem, options.time_limit, not options.no_recheck))
-            print(line(outcomes[-1]), flush=True)
+            print(line(outcomes[-1]), file=sys.stderr)
     if not outcomes:
         sys.exit(f"no problems found below {options.folder}")
-    print(f"\nPython {platform.python_version()}, {platform.machine()}, one core used of this machine\n")
-    print(table(outcomes), failures(outcomes), sep="\n\n")
+    print(table(outcomes), failures(outcomes), sep="\n")
     if options.csv:
         with options.csv.open("w", newline="") as file:
             writer = csv.writer(file)

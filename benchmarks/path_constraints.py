@@ -1,6 +1,6 @@
 """Path constraints on random problems: how many are solved, from which guess, and how long that takes.
 
-    python benchmarks/path_constraints.py [COUNT]
+    python benchmarks/path_constraints.py [--problems N]
 
 For a Panda and a UR5 among a floor, a post and a bar: a tool axis held upright, or a tool point held in a slab parallel
 to a wall, at two tolerances each. Start and goal of a problem are the ends of a walk of small steps on the constraint
@@ -10,7 +10,7 @@ more apart in joint space. The verdict is the certificate's.
 
 from __future__ import annotations
 
-import sys
+import argparse
 from collections.abc import Iterator
 from dataclasses import replace
 from math import inf
@@ -23,8 +23,15 @@ from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.roadmap import onto_path
-from hdplan.scenes.model import Box, JointTarget, Obstacle, PathConstraints, Pose, Scene, Upright, Within
+from hdplan.planner.studies.report import markdown_text
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box
+from hdplan.scenes.targets import JointTarget
 
 Array = NDArray[np.float64]
 
@@ -70,7 +77,7 @@ def walk(problem: Problem, rng: np.random.Generator) -> tuple[Array, Array] | No
 def problems(scene: Scene, count: int) -> Iterator[Scene]:
     """The random problems of one kind."""
     robot, rng = load_scene_robot(scene), np.random.default_rng(0)
-    problem, certifier = build(scene, robot), Certifier(scene, robot)
+    problem, certifier = build(scene, robot), Certifier(Setup.of(scene, robot))
     while count:
         ends = walk(problem, rng)
         if ends is None or np.linalg.norm(ends[1] - ends[0]) < APART:
@@ -84,20 +91,26 @@ def problems(scene: Scene, count: int) -> Iterator[Scene]:
 
 def main() -> None:
     """Run the benchmark from the command line."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 24
-    print("| constraint | problems | certified | from the straight line | solve median / worst [ms] | certify [ms] |")
-    print("|---|---|---|---|---|---|")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--problems", type=int, default=24, help="of each kind")
+    count, rows = parser.parse_args().problems, []
     for name, scene in cases():
         results = [hdplan.plan(each, time_limit=10.0) for each in problems(scene, count)]
         good = [result for result in results if result.certified]
         solve = [1e3 * result.times.solve for result in results]
         certify = [1e3 * result.times.certify / result.attempts for result in results]
         first = sum(result.attempts == 1 for result in good)
-        print(
-            f"| {name} | {count} | {len(good)} | {first} | {np.median(solve):.0f} / {max(solve):.0f} "
-            f"| {np.median(certify):.0f} |",
-            flush=True,
+        rows.append(
+            {
+                "constraint": name,
+                "problems": count,
+                "certified": len(good),
+                "from the straight line": first,
+                "solve median / worst [ms]": f"{np.median(solve):.0f} / {max(solve):.0f}",
+                "certify [ms]": f"{np.median(certify):.0f}",
+            }
         )
+    print(markdown_text(rows))
 
 
 if __name__ == "__main__":

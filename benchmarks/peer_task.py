@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.exact_proximity import Piece, link_pieces, obstacle_pieces
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
-from hdplan.scenes.model import Scene
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -50,7 +51,7 @@ class Task:
     def of(cls, scene: Scene) -> Task:
         """Load the scene's robot and list the bodies. Raises InputError."""
         robot = load_scene_robot(scene)
-        query = resolve_query(robot, scene)
+        query = Setup.of(scene, robot).query
         bodies: list[Body] = []
         links: dict[str, list[int]] = {}
         for link, geometries in robot.link_geometry.items():
@@ -70,7 +71,7 @@ class Task:
     @cached_property
     def certifier(self) -> Certifier:
         """The judge: the continuous certificate, with the real meshes."""
-        return Certifier(self.scene, self.robot)
+        return Certifier(Setup.of(self.scene, self.robot))
 
     @cached_property
     def margin(self) -> float:

@@ -3,8 +3,9 @@
     python benchmarks/peers.py DIR [--robot panda|ur5] [--set cage ...] [--every K] [--planner NAME ...]
     [--time-limit S] [--csv F]
 
-DIR holds MotionBenchMaker's problems as `mbm` takes them. The peers need `pip install -e '.[peers]'`; one whose package
-is missing is left out, with a word.
+DIR holds MotionBenchMaker's problems as `mbm` takes them. The peers need `pip install -e '.[peers]'`; without it choose
+by --planner those that are there. Prints a table of all planners over all problems; to the error stream, a line per
+problem and planner, each peer beside hdplan on what both proved, and what is proven by set.
 
 Planners, all on one core, from the same start to the same goal, each within its time limit:
 
@@ -28,7 +29,6 @@ from __future__ import annotations
 import argparse
 import csv
 import importlib
-import platform
 import sys
 import time
 from collections.abc import Callable
@@ -42,6 +42,7 @@ from threadpoolctl import threadpool_limits
 
 import hdplan
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.studies.report import Cell, markdown_text
 
 SEED = 1  # OMPL takes no 0
 FINE = 0.02  # [rad] joint-space step at which an edge is checked
@@ -74,6 +75,15 @@ def ompl(name: str, most_seconds: float = np.inf, as_it_comes: bool = False) -> 
     return run
 
 
+WORDS = {  # in the table
+    "hdplan": "hdplan, proofs included",
+    "drake-25": "Drake, 25 collision samples",
+    "drake-100": "Drake, 100 collision samples",
+    "rrtconnect": f"OMPL RRTConnect, checked every {FINE:g} rad, 5 mm kept",
+    "rrtconnect-1%": "OMPL RRTConnect, OMPL's own resolution, no margin",
+    "aorrtc-1s": "OMPL AORRTC, 1 s",
+    "aorrtc": "OMPL AORRTC, to the time limit",
+}
 PLANNERS: dict[str, Callable[[], Planner]] = {
     "hdplan": lambda: hdplan_planner,
     "drake-25": lambda: drake(25),
@@ -133,41 +143,33 @@ def line(o: Outcome) -> str:
 # --- tables -----------------------------------------------------------------------------------------------------------
 
 
-def tables(outcomes: list[Outcome]) -> str:
-    """Markdown: all planners over all problems; each beside hdplan on what both proved; proven by set."""
-    parts = (_overview(outcomes), _side_by_side(outcomes), _by_set(outcomes))
-    return "\n\n".join(part for part in parts if part)
-
-
-def _overview(outcomes: list[Outcome]) -> str:
-    rows = [
-        "| robot, planner | problems | claimed | proven | time median / p95 [s] | set-up median [s] "
-        "| length median [rad] | ∫ acceleration² median [rad²] | ∫ jerk² median [rad²] "
-        "| proven clearance 5 % / median [mm] |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-    ]
+def overview(outcomes: list[Outcome]) -> str:
+    """Markdown: all planners over all problems; path measures are medians over what is proven."""
+    rows = []
     for (robot, planner), group in _grouped(outcomes, lambda o: (o.robot, o.planner)).items():
         seconds = [o.seconds for o in group if np.isfinite(o.seconds)]
         proven = [o for o in group if o.proven]
+        clearances = [1e3 * o.clearance for o in proven]
         rows.append(
-            f"| {robot} {planner} | {len(group)} | {sum(o.claimed for o in group)} | {len(proven)} "
-            f"| {_quantile(seconds, 0.5):.2f} / {_quantile(seconds, 0.95):.2f} "
-            f"| {_quantile([o.setup for o in group if np.isfinite(o.setup)], 0.5):.3f} | {_shapes(proven)} "
-            f"| {1e3 * _quantile([o.clearance for o in proven], 0.05):.1f} "
-            f"/ {1e3 * _quantile([o.clearance for o in proven], 0.5):.1f} |"
+            {
+                "robot": robot,
+                "planner": WORDS[planner],
+                "claimed": f"{sum(o.claimed for o in group)} of {len(group)}",
+                "proven": len(proven),
+                "time median / p95 [s]": f"{_quantile(seconds, 0.5):.2g} / {_quantile(seconds, 0.95):.2g}",
+                **_shapes(proven),
+                "proven clearance 5 % / median [mm]": (
+                    f"{_quantile(clearances, 0.05):.1f} / {_quantile(clearances, 0.5):.1f}"
+                ),
+            }
         )
-    return "\n".join(rows)
+    return markdown_text(rows)
 
 
-def _side_by_side(outcomes: list[Outcome]) -> str:
+def side_by_side(outcomes: list[Outcome]) -> str:
     """Medians over the problems that both a peer and hdplan proved, so that the two rows of a pair compare;
     empty without such a problem."""
-    head = [
-        "| proven by both | problems | planner | length median [rad] | ∫ acceleration² median [rad²] "
-        "| ∫ jerk² median [rad²] | proven clearance median [mm] |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    rows: list[str] = []
+    rows: list[dict[str, Cell]] = []
     proven = {(o.planner, o.robot, o.set, o.problem): o for o in outcomes if o.proven}
     for (robot, planner), group in _grouped(outcomes, lambda o: (o.robot, o.planner)).items():
         pairs = [(o, proven.get(("hdplan", o.robot, o.set, o.problem))) for o in group if o.proven]
@@ -176,29 +178,38 @@ def _side_by_side(outcomes: list[Outcome]) -> str:
             continue
         for name, column in ((planner, [o for o, _ in both]), ("hdplan", [ours for _, ours in both])):
             clearance = 1e3 * _quantile([o.clearance for o in column], 0.5)
-            rows.append(f"| {robot} {planner} | {len(both)} | {name} | {_shapes(column)} | {clearance:.1f} |")
-    return "\n".join(head + rows) if rows else ""
+            rows.append(
+                {
+                    "proven by both": f"{robot} {planner}",
+                    "problems": len(both),
+                    "planner": name,
+                    **_shapes(column),
+                    "proven clearance [mm]": f"{clearance:.1f}",
+                }
+            )
+    return markdown_text(rows) if rows else ""
 
 
-def _by_set(outcomes: list[Outcome]) -> str:
-    planners = list(dict.fromkeys(o.planner for o in outcomes))
-    rows = [
-        f"| proven (claimed) of | problems | {' | '.join(planners)} |",
-        "|---|---|" + "---|" * len(planners),
-    ]
+def by_set(outcomes: list[Outcome]) -> str:
+    """Proven (claimed) by each planner, set by set."""
+    rows = []
     for (robot, name), group in _grouped(outcomes, lambda o: (o.robot, o.set)).items():
-        by_planner = _grouped(group, lambda o: (o.planner,))
-        cells = [f"{sum(o.proven for o in g)} ({sum(o.claimed for o in g)})" for g in by_planner.values()]
-        rows.append(f"| {robot} {name} | {len(group) // len(planners)} | {' | '.join(cells)} |")
-    return "\n".join(rows)
+        cells = {
+            planner: f"{sum(o.proven for o in g)} ({sum(o.claimed for o in g)})"
+            for (planner,), g in _grouped(group, lambda o: (o.planner,)).items()
+        }
+        rows.append({"proven (claimed) of": f"{robot} {name}", "problems": len(group) // len(cells), **cells})
+    return markdown_text(rows)
 
 
-def _shapes(outcomes: list[Outcome]) -> str:
+def _shapes(outcomes: list[Outcome]) -> dict[str, Cell]:
+    """Medians."""
     shapes = [o.shape for o in outcomes if o.shape]
-    length = _quantile([s.length for s in shapes], 0.5)
-    acceleration = _quantile([s.acceleration for s in shapes], 0.5)
-    jerk = _quantile([s.jerk for s in shapes], 0.5)
-    return f"{length:.2f} | {acceleration:.3g} | {jerk:.3g}"
+    return {
+        "length [rad]": f"{_quantile([s.length for s in shapes], 0.5):.2f}",
+        "∫ acceleration² [rad²]": f"{_quantile([s.acceleration for s in shapes], 0.5):.3g}",
+        "∫ jerk² [rad²]": f"{_quantile([s.jerk for s in shapes], 0.5):.2g}",
+    }
 
 
 def _grouped(
@@ -218,13 +229,13 @@ def _quantile(values: list[float], share: float) -> float:
 
 
 def available(names: list[str]) -> dict[str, Planner]:
-    """Return the planners whose packages are there; say which are not."""
+    """Return the planners, or end where the package of one is missing."""
     found = {}
     for name in names:
         try:
             found[name] = PLANNERS[name]()
         except ImportError as error:
-            print(f"{name}: left out, {error} (pip install -e '.[peers]')", file=sys.stderr)
+            sys.exit(f"{name}: {error} (pip install -e '.[peers]', or choose others by --planner)")
     return found
 
 
@@ -251,11 +262,11 @@ def main() -> None:
                 task, where = Task.of(problem.load()), (robot, problem.set, problem.number)
                 for name, planner in planners.items():
                     outcomes.append(run(name, planner, task, where, options.time_limit))
-                    print(line(outcomes[-1]), flush=True)
+                    print(line(outcomes[-1]), file=sys.stderr)
     if not outcomes:
-        sys.exit(f"no problems found below {options.folder}, or no planner left")
-    print(f"\nPython {platform.python_version()}, {platform.machine()}, one core used of this machine\n")
-    print(tables(outcomes))
+        sys.exit(f"no problems found below {options.folder}")
+    print(side_by_side(outcomes), by_set(outcomes), sep="\n", file=sys.stderr)
+    print(overview(outcomes))
     if options.csv:
         _write(options.csv, outcomes)
 

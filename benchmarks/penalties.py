@@ -3,9 +3,10 @@
     python benchmarks/penalties.py DIR [--robot panda|ur5] [--every K] [--time-limit S] [--picture F] [--csv F]
 
 DIR holds MotionBenchMaker's problems as `mbm` takes them; the shipped scenes come on top. Each problem is planned with
-each of `penalty_variants`, one right after the other, all else at its default. Tables: effort over all problems,
+each of `penalty_variants`, one right after the other, all else at its default. Prints tables: effort over all problems,
 motions over those that all certify, cost of a pair's distance with and without Python's loop (`penalty_pairs`),
-near-parallel faces (`penalty_faces`); and a picture of the cost against the iteration (`penalty_picture`).
+near-parallel faces (`penalty_faces`); to the error stream, a line per problem; and draws a picture of the cost against
+the iteration (`penalty_picture`).
 
 All penalties are ½ min(D, 0)² with the same weights and the same margin of 20 mm, and D is zero about where bodies keep
 it; but deeper inside the HD-SDF is up to 1.6 times the exact depth, and its planes enclose a little more than the
@@ -21,7 +22,6 @@ import contextlib
 import csv
 import dataclasses
 import itertools
-import platform
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -46,7 +46,8 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.search import Event
 from hdplan.planner.solvers import SOLVERS
 from hdplan.planner.solvers.solution import Iteration, Solver
-from hdplan.scenes.model import Scene
+from hdplan.planner.studies.report import markdown_text
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import shipped_scenes
 
 SHIPPED = "shipped scenes"
@@ -159,7 +160,8 @@ def line(r: Run) -> str:
     """One line for a person."""
     return (
         f"{r.group} {r.problem} {r.variant}: {'certified' if r.certified else 'not certified'}, {r.attempts} "
-        f"attempt(s), {r.iterations} iterations, {1e3 * r.meter.solve:.0f} ms, {1e3 * r.clearance:.1f} mm"
+        f"attempt(s), {r.iterations} iterations, {r.refused} of them refused, {1e3 * r.meter.solve:.0f} ms, length "
+        f"{r.shape.length:.2f} rad, {1e3 * r.clearance:.1f} mm"
     )
 
 
@@ -168,34 +170,34 @@ def line(r: Run) -> str:
 
 def effort(runs: list[Run]) -> str:
     """Markdown: what it took, over all problems."""
-    rows = [
-        "| problems | penalty | certified | with the first guess | attempts mean | iterations median / p95 | refused "
-        "| evaluations median | solve median / p95 [ms] | evaluation [ms] | distance of a pair [µs] |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
+    rows = []
     for group in dict.fromkeys(r.group for r in runs):
         for variant in VARIANTS:
             some = [r for r in runs if (r.group, r.variant) == (group, variant)]
+            iterations, evaluations = sum(r.iterations for r in some), sum(r.meter.evaluations for r in some)
             rows.append(
-                f"| {group} | {variant} | {sum(r.certified for r in some)} of {len(some)} "
-                f"| {sum(r.certified and r.attempts == 1 for r in some)} | {np.mean([r.attempts for r in some]):.2f} "
-                f"| {_spread([r.iterations for r in some])} "
-                f"| {100 * sum(r.refused for r in some) / sum(r.iterations for r in some):.0f} % "
-                f"| {np.median([r.meter.evaluations for r in some]):.0f} "
-                f"| {_spread([1e3 * r.meter.solve for r in some])} "
-                f"| {1e3 * sum(r.meter.evaluate for r in some) / sum(r.meter.evaluations for r in some):.2f} "
-                f"| {1e6 * sum(r.meter.distance for r in some) / sum(r.meter.pairs for r in some):.1f} |"
+                {
+                    "problems": group,
+                    "penalty": variant,
+                    "certified": f"{sum(r.certified for r in some)} of {len(some)}",
+                    "with the first guess": sum(r.certified and r.attempts == 1 for r in some),
+                    "attempts mean": f"{np.mean([r.attempts for r in some]):.2f}",
+                    "iterations median / p95": _spread([r.iterations for r in some]),
+                    "refused": f"{100 * sum(r.refused for r in some) / iterations:.0f} %",
+                    "evaluations median": f"{np.median([r.meter.evaluations for r in some]):.0f}",
+                    "solve median / p95 [ms]": _spread([1e3 * r.meter.solve for r in some]),
+                    "evaluation [ms]": 1e3 * sum(r.meter.evaluate for r in some) / evaluations,
+                    "distance of a pair [µs]": 1e6
+                    * sum(r.meter.distance for r in some)
+                    / sum(r.meter.pairs for r in some),
+                }
             )
-    return "\n".join(rows)
+    return markdown_text(rows)
 
 
 def motions(runs: list[Run]) -> str:
     """Markdown: medians over the problems that all certify."""
-    rows = [
-        "| certified by all | penalty | last weight [1/m²] | length [rad] | ∫ acceleration² [rad²] | ∫ jerk² [rad²] "
-        "| proven clearance 5 % / median [mm] |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    rows = []
     for group in dict.fromkeys(r.group for r in runs):
         good = [{r.problem for r in runs if (r.group, r.variant) == (group, v) and r.certified} for v in VARIANTS]
         shared = set.intersection(*good)
@@ -205,30 +207,19 @@ def motions(runs: list[Run]) -> str:
                 continue
             clearance = [1e3 * r.clearance for r in some if np.isfinite(r.clearance)] or [np.nan]
             rows.append(
-                f"| {len(shared)} of {group} | {variant} | {np.median([r.steps[-1][-1].weight for r in some]):.1e} "
-                f"| {np.median([r.shape.length for r in some]):.2f} "
-                f"| {np.median([r.shape.acceleration for r in some]):.3g} "
-                f"| {np.median([r.shape.jerk for r in some]):.3g} "
-                f"| {np.quantile(clearance, 0.05):.1f} / {np.median(clearance):.1f} |"
+                {
+                    "certified by all": f"{len(shared)} of {group}",
+                    "penalty": variant,
+                    "last weight [1/m²]": f"{np.median([r.steps[-1][-1].weight for r in some]):.1e}",
+                    "length [rad]": float(np.median([r.shape.length for r in some])),
+                    "∫ acceleration² [rad²]": float(np.median([r.shape.acceleration for r in some])),
+                    "∫ jerk² [rad²]": f"{np.median([r.shape.jerk for r in some]):.3g}",
+                    "proven clearance 5 % / median [mm]": (
+                        f"{np.quantile(clearance, 0.05):.1f} / {np.median(clearance):.1f}"
+                    ),
+                }
             )
-    return "\n".join(rows)
-
-
-def one_by_one(runs: list[Run]) -> str:
-    """Markdown: the shipped scenes."""
-    rows = [
-        "| scene | penalty | certified | attempts | iterations (refused) | solve [ms] | length [rad] "
-        "| clearance [mm] |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    for r in runs:
-        if r.group == SHIPPED:
-            clearance = f"{1e3 * r.clearance:.1f}" if np.isfinite(r.clearance) else "–"
-            rows.append(
-                f"| {r.problem} | {r.variant} | {'yes' if r.certified else 'no'} | {r.attempts} "
-                f"| {r.iterations} ({r.refused}) | {1e3 * r.meter.solve:.0f} | {r.shape.length:.2f} | {clearance} |"
-            )
-    return "\n".join(rows)
+    return markdown_text(rows)
 
 
 def _spread(values: list[float] | list[int]) -> str:
@@ -270,17 +261,16 @@ def main() -> None:
                     warm.add(scene.robot.name or "")
                 found = [run(group, name, scene, variant, options.time_limit) for variant in VARIANTS]
             except hdplan.InputError as error:
-                print(f"{group} {name}: left out, {error}", flush=True)
+                print(f"{group} {name}: left out, {error}", file=sys.stderr)
                 continue
             runs += found
-            print(*map(line, found), sep="\n", flush=True)
+            print(*map(line, found), sep="\n", file=sys.stderr)
             if group != SHIPPED:
                 timed += penalty_pairs.measure(*(hdplan.build(varied(scene, name)) for name in ("hdsdf", "fcl")))
         faces = penalty_faces.table()
     if not runs:
         sys.exit(f"no problems found below {options.folder}")
-    print(f"\nPython {platform.python_version()}, {platform.machine()}, one core used of this machine\n")
-    print(effort(runs), motions(runs), penalty_pairs.table(timed), one_by_one(runs), faces, sep="\n\n")
+    print(effort(runs), motions(runs), penalty_pairs.table(timed), faces, sep="\n")
     if options.picture:
         benchmark = [r for r in runs if r.group != SHIPPED]
         attempts = {v: [r.steps for r in benchmark if r.variant == v] for v in VARIANTS}

@@ -23,7 +23,9 @@ from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import seeds
-from hdplan.scenes.model import Box, PlannerSettings
+from hdplan.planner.studies.report import markdown_text
+from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.shapes import Box
 
 Array = NDArray[np.float64]
 
@@ -80,11 +82,7 @@ def table() -> str:
     Twice: with the links' outer bodies, and with their boxes, whose faces come to be parallel to the walls.
     """
     scene = hdplan.load_scene("panda_corridor")
-    rows = [
-        f"| corridor, links as | penalty | iterations | change of the gradient in {MOTION:g} rad: median | 95 % "
-        f"| largest | above {100 * MUCH:.0f} % |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    rows = []
     for bodies in ("fitted", "box"):
         problems = {name: hdplan.build(varied(scene, name, link_bodies=bodies)) for name in VARIANTS}
         found = {name: hdplan.plan(problem.scene, robot=problem.robot) for name, problem in problems.items()}
@@ -100,17 +98,24 @@ def table() -> str:
             changes = 100 * np.linalg.norm(after - before, axis=-1) / np.linalg.norm(before, axis=-1)
             middle, high, most = np.quantile(changes, [0.5, 0.95, 1.0])
             rows.append(
-                f"| {bodies} | {name} | {found[name].iterations} | {middle:.1f} % | {high:.1f} % | {most:.0f} % "
-                f"| {100 * np.mean(changes > 100 * MUCH):.2f} % |"
+                {
+                    "panda_corridor, links as": bodies,
+                    "penalty": name,
+                    "iterations": found[name].iterations,
+                    f"change of the gradient in {MOTION:g} rad: median": f"{middle:.1f} %",
+                    "95 %": f"{high:.1f} %",
+                    "largest": f"{most:.0f} %",
+                    f"above {100 * MUCH:.0f} %": f"{100 * np.mean(changes > 100 * MUCH):.2f} %",
+                }
             )
-    return "\n".join(rows)
+    return markdown_text(rows)
 
 
 def _gradients(problem: Problem, configurations: Array) -> Array:
     """The gradient (B, n) of the penalty of each configuration."""
     kinematics = problem.kinematics.evaluate(configurations)
     result = np.zeros_like(configurations)
-    for term in problem.pair_terms:
+    for term in problem.terms.pairs:
         inside = term.inside(kinematics)
         np.add.at(result, inside.sample, inside.distance[:, None] * inside.gradient)
     return result

@@ -14,12 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from hdplan.planner.collision.broad_phase import Rows
 from hdplan.planner.collision.euclidean import REQUEST, FclPairs
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import seeds
+from hdplan.planner.studies.report import markdown_text
+from hdplan.scenes.array_types import Rows
 
 REPEATS = 5  # the quickest counts
 LEAST = 50  # pairs: fewer say little of a batch
@@ -41,7 +42,7 @@ def measure(ours: Problem, exact: Problem) -> list[PairTimes]:
     guess = next(seeds(ours, 0))
     kinematics = ours.kinematics.evaluate(ours.resampled(guess).samples.configurations(guess))
     result = []
-    for mine, other in zip(ours.pair_terms, exact.pair_terms, strict=True):
+    for mine, other in zip(ours.terms.pairs, exact.terms.pairs, strict=True):
         sample, pair = mine.pairs.close(kinematics)
         if len(pair) < LEAST:
             continue
@@ -62,17 +63,21 @@ def measure(ours: Problem, exact: Problem) -> list[PairTimes]:
 def table(times: list[PairTimes]) -> str:
     """Markdown: means over all pairs."""
     if not times:
-        return "too few pairs to time"
+        return "Too few pairs to time.\n"
     count = np.array([t.count for t in times])
-    means = [
-        1e6 * float(np.average([getattr(t, name) for t in times], weights=count))
-        for name in ("hdsdf", "hdsdf_kernel", "fcl", "fcl_loop")
-    ]
-    return (
-        f"| distance of a pair [µs], mean of {count.sum()} | as the planner calls it | compiled loop alone |\n"
-        "|---|---|---|\n"
-        f"| hdsdf | {means[0]:.2f} | {means[1]:.2f} |\n"
-        f"| fcl | {means[2]:.2f} | {means[3]:.2f} |"
+
+    def mean(name: str) -> float:
+        return 1e6 * float(np.average([getattr(t, name) for t in times], weights=count))
+
+    return markdown_text(
+        [
+            {
+                f"distance of a pair [µs], mean of {count.sum()}": name,
+                "as the planner calls it": mean(whole),
+                "compiled loop alone": mean(loop),
+            }
+            for name, whole, loop in (("hdsdf", "hdsdf", "hdsdf_kernel"), ("fcl", "fcl", "fcl_loop"))
+        ]
     )
 
 
@@ -105,8 +110,8 @@ def _loop_seconds(distance: FclPairs, kinematics: KinematicsBatch, sample: Rows,
     model, pairs = pin.GeometryModel(), distance.pairs
     for k, (s, p) in enumerate(zip(sample.tolist(), pair.tolist(), strict=True)):
         a, b = _placement(kinematics, s, pairs.joint_a[p]), _placement(kinematics, s, pairs.joint_b[p])
-        b = b * pin.SE3(distance.placements[pairs.plane_body[p]])
-        solids = distance.first[int(pairs.body[p])], distance.second[int(pairs.plane_body[p])]
+        b = b * pin.SE3(distance.placements[pairs.halfspace_body[p]])
+        solids = distance.first[int(pairs.body[p])], distance.second[int(pairs.halfspace_body[p])]
         for side, place, solid in zip("ab", (a, b), solids, strict=True):
             model.addGeometryObject(pin.GeometryObject(f"{k}{side}", 0, 0, place, solid.shape))
         model.addCollisionPair(pin.CollisionPair(2 * k, 2 * k + 1))

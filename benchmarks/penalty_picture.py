@@ -51,7 +51,7 @@ def draw(attempts: dict[str, Attempts], certified: dict[str, list[bool]], tilted
             middle.plot(np.arange(1, FAR + 1), shares, dash, color=colour, label=label)
             right.plot(np.rad2deg(tilted.tilts), 1e3 * tilted.torques[name], dash, color=colour, label=label)
         left.set(
-            title="Cost of the first guess' solve",
+            title="Cost while solving from the first guess",
             xlabel="iteration",
             ylabel="smoothness + 10⁶ m⁻² × own penalty",
             yscale="log",
@@ -60,7 +60,7 @@ def draw(attempts: dict[str, Attempts], certified: dict[str, list[bool]], tilted
         left.text(0.98, 0.68, f"median and quartiles\nof {len(attempts['hdsdf'])} problems", **_words(left, "right"))
         middle.set(
             title="Problems certified",
-            xlabel="iteration, all first guesses together",
+            xlabel="iterations, over all first guesses",
             ylabel="of all problems [%]",
             xscale="log",
             xlim=(1, FAR),

@@ -10,7 +10,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 
 VARIANTS: Mapping[str, Mapping[str, Any]] = {
     "hdsdf": {"distance": "hdsdf"},

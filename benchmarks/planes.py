@@ -24,7 +24,8 @@ from hdplan.distance.symbolic.halfspaces import box_directions, halfspace_distan
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.collision.link_bodies import link_bodies
 from hdplan.planner.robot.robot import load_robot
-from hdplan.scenes.model import RobotSpec
+from hdplan.planner.studies.report import markdown_text
+from hdplan.scenes.robot_spec import RobotSpec
 
 Array = NDArray[np.float64]
 
@@ -70,8 +71,7 @@ def main() -> None:
     bodies = [link.body for link in link_bodies(load_robot(RobotSpec(name=options.robot)))]
     boxes = [ConvexBody.box(rng.choice([0.02, 0.1, 0.4, 1.0], 3)) for _ in range(12)]
     cases = [(body, box, *near_poses(body, box, rng, options.poses)) for body in bodies for box in boxes]
-    print("| planes of a box | given away: median / 95 % / worst [mm] | value and derivative [us] |")
-    print("|---|---|---|", flush=True)
+    rows = []
     for count in (6, 18, 26, 50, 74, 122):
         normals = directions(count)
         given, seconds = [], []
@@ -86,16 +86,21 @@ def main() -> None:
                 np.append(normals.ravel(), supports)[None],
             ]
             zero = np.zeros(len(poses), int)
-            rows = [np.arange(len(poses)), zero, zero, zero]
-            given.append(exact - function(tables, rows)[2][:, 0])
+            picks = [np.arange(len(poses)), zero, zero, zero]
+            given.append(exact - function(tables, picks)[2][:, 0])
             if box is boxes[0]:
-                seconds.append(seconds_per_query(lambda f=function, t=tables, r=rows: f(t, r), len(poses)))  # type: ignore[misc]
+                seconds.append(seconds_per_query(lambda f=function, t=tables, p=picks: f(t, p), len(poses)))  # type: ignore[misc]
         lost = 1e3 * np.concatenate(given)
-        print(
-            f"| {count} | {np.median(lost):.2f} / {np.quantile(lost, 0.95):.1f} / {lost.max():.1f} "
-            f"| {1e6 * np.median(seconds):.2f} |",
-            flush=True,
+        rows.append(
+            {
+                "planes of a box": count,
+                "given away: median / 95 % / worst [mm]": (
+                    f"{np.median(lost):.2f} / {np.quantile(lost, 0.95):.1f} / {lost.max():.1f}"
+                ),
+                "value and derivative [µs]": 1e6 * float(np.median(seconds)),
+            }
         )
+    print(markdown_text(rows))
 
 
 if __name__ == "__main__":

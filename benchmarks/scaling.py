@@ -16,7 +16,6 @@ import argparse
 import csv
 import dataclasses
 import pickle
-import platform
 import subprocess
 import sys
 import tempfile
@@ -28,7 +27,12 @@ from memory import most_memory
 
 import hdplan
 from hdplan.planner.build import build
-from hdplan.scenes.model import Box, JointTarget, Obstacle, Pose, Scene
+from hdplan.planner.studies.report import markdown_text
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box
+from hdplan.scenes.targets import JointTarget
 
 WAYPOINTS = (20, 32, 50, 100, 200)
 BOXES = (10, 30, 100, 300, 1000, 2000)
@@ -77,10 +81,9 @@ def scene_of(waypoints: int, boxes: int) -> Scene:
         apart = dataclasses.replace(empty.planner, clearance=APART - empty.planner.activation)
         problem = build(dataclasses.replace(scene, obstacles=tuple(drawn), planner=apart))
         met: set[str] = set()
-        for term in problem.pair_terms:
-            if term.name == "obstacles":
-                inside = term.inside(problem.kinematics.evaluate(motions))
-                met = {problem.halfspace_bodies[b].name for b in term.pairs.plane_body[inside.pair].tolist()}
+        if term := problem.terms.obstacles:
+            inside = term.inside(problem.kinematics.evaluate(motions))
+            met = {problem.halfspace_bodies[b].name for b in term.pairs.halfspace_body[inside.pair].tolist()}
         kept += [box for box in drawn if box.name not in met]
     settings = dataclasses.replace(empty.planner, waypoints=waypoints)
     return dataclasses.replace(scene, obstacles=tuple(kept[:boxes]), planner=settings)
@@ -133,17 +136,19 @@ def in_a_process(waypoints: int, boxes: int, repeat: int) -> Point:
 
 def table(title: str, points: list[Point], size: str) -> str:
     """Markdown, and the slope of each time."""
-    lines = [
-        f"| {title} | build [ms] | solve [ms] | iterations | per iteration [ms] | certify [ms] | certified "
-        "| peak [MB] |",
-        "|---|---|---|---|---|---|---|---|",
+    rows = [
+        {
+            title: getattr(p, size),
+            "build [ms]": 1e3 * p.build,
+            "solve [ms]": 1e3 * p.solve,
+            "iterations": p.iterations,
+            "per iteration [ms]": 1e3 * p.solve / max(p.iterations, 1),
+            "certify [ms]": 1e3 * p.certify,
+            "certified": "yes" if p.certified else "no",
+            "peak [MB]": p.peak,
+        }
+        for p in points
     ]
-    for p in points:
-        lines.append(
-            f"| {getattr(p, size)} | {1e3 * p.build:.0f} | {1e3 * p.solve:.0f} | {p.iterations} "
-            f"| {1e3 * p.solve / max(p.iterations, 1):.1f} | {1e3 * p.certify:.0f} | {'yes' if p.certified else 'no'} "
-            f"| {p.peak:.0f} |"
-        )
     first, last = points[0], points[-1]
     span = np.log(getattr(last, size) / getattr(first, size))
     per = [(p.solve / max(p.iterations, 1)) for p in (first, last)]
@@ -152,7 +157,8 @@ def table(title: str, points: list[Point], size: str) -> str:
         "certify": np.log(last.certify / first.certify) / span,
         "total": np.log(last.total / first.total) / span,
     }
-    return "\n".join(lines) + "\n\nslopes: " + ", ".join(f"{name} {value:.2f}" for name, value in slopes.items())
+    words = ", ".join(f"{name} {value:.2f}" for name, value in slopes.items())
+    return f"{markdown_text(rows)}\nSlope of log time against log size: {words}\n"
 
 
 def draw(by_waypoints: list[Point], by_boxes: list[Point], file: Path) -> None:
@@ -207,8 +213,7 @@ def main() -> None:
     default = hdplan.load_scene("empty").planner.waypoints
     by_waypoints = [in_a_process(count, FEW_BOXES, options.repeat) for count in WAYPOINTS]
     by_boxes = [in_a_process(default, count, options.repeat) for count in BOXES]
-    print(f"Python {platform.python_version()}, {platform.machine()}, one core used of this machine\n")
-    print(table(f"waypoints, {FEW_BOXES} boxes", by_waypoints, "waypoints"), end="\n\n")
+    print(table(f"waypoints, {FEW_BOXES} boxes", by_waypoints, "waypoints"))
     print(table(f"boxes, {default} waypoints", by_boxes, "boxes"))
     if options.picture:
         draw(by_waypoints, by_boxes, options.picture)

@@ -32,7 +32,8 @@ from hdplan.distance.studies.random_poses import touching_poses
 from hdplan.distance.symbolic.compiled_pair import CompiledDistance, hdsdf_compiled
 from hdplan.planner.collision.link_bodies import link_bodies
 from hdplan.planner.robot.robot import load_robot
-from hdplan.scenes.model import RobotSpec
+from hdplan.planner.studies.report import markdown_text
+from hdplan.scenes.robot_spec import RobotSpec
 
 Array = NDArray[np.float64]
 
@@ -145,16 +146,20 @@ def main() -> None:
         }
         for job in track(as_completed(jobs), "pairs", total=len(jobs)):
             rows[jobs[job]] = job.result()
-    print("D-tilde / D / signs (largest D-tilde [ulp of the size])\n")
-    print("| pair | poses in contact | " + " | ".join(RUNGS) + " |")
-    print("|---" * (2 + len(RUNGS)) + "|")
     sums = [Count() for _ in RUNGS]
     for name in table:
-        contact, counts = rows[name]
-        print(f"| {name} | {contact:,} | " + " | ".join(map(str, counts)) + " |")
-        for total, count in zip(sums, counts, strict=True):
+        for total, count in zip(sums, rows[name][1], strict=True):
             total.add(count)
-    print(f"| **all** | {sum(contact for contact, _ in rows.values()):,} | " + " | ".join(map(str, sums)) + " |")
+    every = {**{name: rows[name] for name in table}, "**all**": (sum(found[0] for found in rows.values()), sums)}
+    print("D-tilde / D / signs (largest D-tilde [ulp of the size]):\n")
+    print(
+        markdown_text(
+            [
+                {"pair": name, "poses in contact": f"{contact:,}", **dict(zip(RUNGS, map(str, counts), strict=True))}
+                for name, (contact, counts) in every.items()
+            ]
+        )
+    )
 
 
 if __name__ == "__main__":

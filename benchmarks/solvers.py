@@ -8,9 +8,11 @@ Prints a Markdown table; warm, one run each.
 from __future__ import annotations
 
 import argparse
+import sys
 
 import hdplan
 from hdplan.planner.solvers import SOLVERS
+from hdplan.planner.studies.report import Cell, markdown_text
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.reader import shipped_scenes
 
@@ -21,26 +23,31 @@ def main() -> None:
     parser.add_argument("solvers", nargs="*", default=["gauss_newton", "chomp"], help=f"of {', '.join(SOLVERS)}")
     parser.add_argument("--time-limit", type=float, default=30.0)
     options = parser.parse_args()
-    print(
-        "| scene | solver | status | proven clearance [mm] | smoothness | iterations | attempts | solve + certify [s] |"
-    )
-    print("|---|---|---|---|---|---|---|---|")
+    rows = []
     for name in shipped_scenes():
         scene = hdplan.load_scene(name)
         hdplan.build(scene)  # fits and compiles what is not in the cache
         for solver in options.solvers:
-            try:
-                result = hdplan.plan(scene, solver=solver, time_limit=options.time_limit)
-            except InputError as error:  # ipopt cannot have every effect
-                print(f"| {name} | {solver} | refused: {error} | | | | | |", flush=True)
-                continue
-            clearance = result.certificate.clearance
-            print(
-                f"| {name} | {solver} | {result.certificate.status.value} "
-                f"| {'–' if clearance is None else f'{1e3 * clearance:.1f}'} | {result.steps[-1].smoothness:.2f} "
-                f"| {result.iterations} | {result.attempts} | {result.times.solve + result.times.certify:.2f} |",
-                flush=True,
-            )
+            rows.append({"scene": name, "solver": solver, **outcome(scene, solver, options.time_limit)})
+            print(*rows[-1].values(), file=sys.stderr)
+    print(markdown_text(rows))
+
+
+def outcome(scene: hdplan.Scene, solver: str, time_limit: float) -> dict[str, Cell]:
+    """Plan, and return what came of it."""
+    try:
+        result = hdplan.plan(scene, solver=solver, time_limit=time_limit)
+    except InputError:  # ipopt cannot have every effect
+        result = None
+    clearance = result and result.certificate.clearance
+    return {
+        "status": "refused" if result is None else result.certificate.status.value,
+        "proven clearance [mm]": None if clearance is None else f"{1e3 * clearance:.1f}",
+        "smoothness": result and result.steps[-1].smoothness,
+        "iterations": result and result.iterations,
+        "attempts": result and result.attempts,
+        "solve + certify [s]": result and f"{result.times.solve + result.times.certify:.2f}",
+    }
 
 
 if __name__ == "__main__":

@@ -5,12 +5,12 @@ the tool. Each motion is planned twice, with `limits.torque` and without it and 
 certificate, which knows both; those certified are executed as by `hdplan simulate`. One core; times are of planning,
 certificates included.
 
-    python benchmarks/torques.py [motions for each scene and mass]
+    python benchmarks/torques.py [--motions N]
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 import time
 from dataclasses import replace
 from typing import NamedTuple
@@ -24,7 +24,11 @@ from hdplan.planner.control.replay import replay
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.scenes.model import JointTarget, Payload, Scene
+from hdplan.planner.robot.setup import Setup
+from hdplan.planner.studies.report import markdown_text
+from hdplan.scenes.attached import Payload
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget
 
 SCENES = {"panda_heavy": "panda_hand", "ur5_payload": "tool0"}  # and the link that bears the load
 MASSES = (3.0, 6.0)  # [kg]
@@ -40,15 +44,17 @@ class Outcome(NamedTuple):
     seconds: float
 
 
-def main(count: int) -> None:
-    print("| scene, load | motions | planned without: driven / too heavy at any speed | with: certified / tracked "
-          "| time without / with [s] |\n|---|---|---|---|---|")  # fmt: skip
+def main() -> None:
+    """Run the benchmark from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--motions", type=int, default=MOTIONS, help="for each scene and mass")
+    count, rows = parser.parse_args().motions, []
     totals = np.zeros(4, dtype=int)
     for name, link in SCENES.items():
         for mass in MASSES:
             scene = replace(hdplan.load_scene(name), attached=(), payload=Payload(link, mass, (0.0, 0.0, 0.1)))
             robot = load_scene_robot(scene)
-            certifier = Certifier(scene, robot)
+            certifier = Certifier(Setup.of(scene, robot))
             without, using = [], []
             for start, goal in ends(certifier, robot, count):
                 task = replace(scene, start=JointTarget("start", start), goal=JointTarget("goal", goal))
@@ -59,9 +65,23 @@ def main(count: int) -> None:
             kept = (sum(o.driven for o in using), sum(o.tracked for o in using))
             totals += (*found, *kept)
             medians = (float(np.median([o.seconds for o in each])) for each in (without, using))
-            print(f"| {name}, {mass:g} kg | {count} | {found[0]} / {found[1]} | {kept[0]} / {kept[1]} | "
-                  f"{' / '.join(f'{median:.2f}' for median in medians)} |", flush=True)  # fmt: skip
-    print(f"| all | {count * len(SCENES) * len(MASSES)} | {totals[0]} / {totals[1]} | {totals[2]} / {totals[3]} | |")
+            times = " / ".join(f"{median:.2f}" for median in medians)
+            rows.append((f"{name}, {mass:g} kg", count, *found, *kept, times))
+    rows.append(("all", count * len(rows), *totals, ""))
+    print(
+        markdown_text(
+            [
+                {
+                    "scene, load": words,
+                    "motions": motions,
+                    "without: can be driven / heavy": f"{driven} / {heavy}",
+                    "with: certified / tracked": f"{certified} / {tracked}",
+                    "plan without / with [s]": seconds,
+                }
+                for words, motions, driven, heavy, certified, tracked, seconds in rows
+            ]
+        )
+    )
 
 
 def ends(certifier: Certifier, robot: Robot, count: int) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
@@ -81,10 +101,10 @@ def outcome(asked: Scene, judged: Scene, robot: Robot) -> Outcome:
     began = time.perf_counter()
     result = plan(asked, robot=robot, time_limit=TIME_LIMIT)
     seconds = time.perf_counter() - began
-    certificate = Certifier(judged, robot).certify(result.trajectory)
-    tracked = certificate.certified and replay(judged, result.trajectory, robot).succeeded
+    certificate = Certifier(Setup.of(judged, robot)).certify(result.trajectory)
+    tracked = certificate.certified and replay(Setup.of(judged, robot), result.trajectory).succeeded
     return Outcome(certificate.certified, bool(certificate.overloaded), tracked, seconds)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else MOTIONS)
+    main()

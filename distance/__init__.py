@@ -7,14 +7,14 @@ Function. CasADi, JAX and coal are loaded only when something that needs them is
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hdplan.distance.baselines.ground_truth import Proximity
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.holder import holder_maximum, holder_minimum, shaping
 from hdplan.distance.normals import RUNGS
 from hdplan.distance.numpy_reference.hdsdf import hdsdf, hdsdf_derivatives, separating_axis_distance, separation
+from hdplan.scenes.doors import door
 
 if TYPE_CHECKING:
     from hdplan.distance.baselines.coal import signed_distance, signed_distances
@@ -42,21 +42,17 @@ __all__ = [
     "signed_distances",
 ]
 
-_HEAVY = {
-    "hdsdf_batch": "batch.distance",
-    "hdsdf_compiled": "symbolic.compiled_pair",
-    "hdsdf_function": "symbolic.graph_distance",
-    "fcl_distances": "baselines.fcl",
-    "signed_distance": "baselines.coal",
-    "signed_distances": "baselines.coal",
-}
-
-
-def __getattr__(name: str) -> Any:
-    """Import the module of a heavy name when it is first asked for."""
-    if name in _HEAVY:
-        return getattr(import_module(f"{__name__}.{_HEAVY[name]}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = door(
+    __name__,
+    {
+        "hdsdf_batch": "batch.distance",
+        "hdsdf_compiled": "symbolic.compiled_pair",
+        "hdsdf_function": "symbolic.graph_distance",
+        "fcl_distances": "baselines.fcl",
+        "signed_distance": "baselines.coal",
+        "signed_distances": "baselines.coal",
+    },
+)
 
 
 def __dir__() -> list[str]:

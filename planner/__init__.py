@@ -1,18 +1,10 @@
-"""The planner: from a scene to a certified motion (`plan`), and, behind this door, how a notebook shows it.
+"""The planner: from a scene to a certified motion (`plan`), and how a notebook shows it.
 
-The result of a plan stands below the pictures; what it needs of them it asks for here, when it is needed.
+The result of a plan is imported by the pictures; what it needs of them itself is imported here, on first use.
 """
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import Any
+from hdplan.scenes.doors import door
 
-_BEHIND = {"result_html": "pictures.notebook"}
-
-
-def __getattr__(name: str) -> Any:
-    """Import the module of a name behind the door when it is first asked for."""
-    if name in _BEHIND:
-        return getattr(import_module(f"{__name__}.{_BEHIND[name]}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = door(__name__, {"result_html": "pictures.notebook"})

@@ -7,9 +7,10 @@ import math
 from hdplan.planner.problem.lay_out import lay_out
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import check_robot, load_scene_robot, resolve_query
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import naming
-from hdplan.scenes.model import JointTarget, Scene
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.values import instance
 
 
@@ -24,16 +25,9 @@ def build(scene: Scene, robot: Robot | None = None, deadline: float = math.inf) 
     instance(scene, Scene, "scene")
     with naming(scene.source):
         scene.check_effects()
-    robot = load_scene_robot(scene) if robot is None else robot
-    instance(robot, Robot, "robot")
-    check_robot(scene, robot)
-    return lay_out(scene, robot, resolve_query(robot, _settled(scene, robot)), deadline)
-
-
-def _settled(scene: Scene, robot: Robot) -> Scene:
-    """Return the scene with one configuration as its goal."""
+    setup = Setup.of(scene, robot)
     if isinstance(scene.goal, JointTarget):
-        return scene
+        return lay_out(setup, setup.query, deadline)
     from hdplan.planner.search.goals import settled
 
-    return settled(scene, robot)
+    return lay_out(setup, settled(setup).query, deadline)

@@ -5,25 +5,26 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hdplan.planner.build import build
+from hdplan.distance.symbolic.compile_time import compile_time
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.problem.problem import Floats
+from hdplan.planner.problem.lay_out import lay_out
 from hdplan.planner.result import PlanResult, Times
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.end_clearance import reachable_clearance
 from hdplan.planner.search.search import Event, Search, search_in_turn
 from hdplan.planner.search.warm_start import MOVED, rows_of, warm_start
 from hdplan.planner.solvers import solver_named
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import check_time, seconds_left
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.model import Goals, JointTarget, Scene
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import Goals, JointTarget
 from hdplan.scenes.values import Number, Whole, checked, instance
 
 FOR_MESHES = 0.5  # share of what is left of a limit to all, for taking meshes apart
@@ -81,15 +82,17 @@ def plan(
     began = time.perf_counter()
     with naming(scene.source):
         scene.check_effects()
-    robot = robot or load_scene_robot(scene)
+    setup = Setup.of(scene, robot)
+    robot = setup.robot
     loaded = time.perf_counter()
-    certifier = Certifier(scene, robot)
+    certifier = Certifier(setup)
     rows = None if guess is None else rows_of(guess, robot)
-    goals, found = _goals(scene, robot, certifier, seed)
-    aims = [replace(scene, goal=goal) for goal in goals]
-    clearances = [reachable_clearance(aim, robot, certifier) for aim in aims]  # ends in collision: before all fitting
-    retimer = _retimer(scene, robot)
-    problems = [build(aim, robot, began + min(time_limit, FOR_MESHES * seconds_left())) for aim in aims]
+    goals, found = _goals(certifier, seed)
+    aims = [setup.aiming_at(goal) for goal in goals]
+    clearances = [reachable_clearance(aim, certifier) for aim in aims]  # ends in collision: before all fitting
+    retimer = _retimer(setup)
+    with compile_time() as stopwatch:
+        problems = [lay_out(aim, aim.query, began + min(time_limit, FOR_MESHES * seconds_left())) for aim in aims]
     if retimer is not None:
         hurried = [retimer.too_short(problem.start, problem.goal) for problem in problems]
         if all(hurried):
@@ -103,7 +106,7 @@ def plan(
         Search(problem, certifier, retimer, run, required, deadline, report, stop)
         for problem, (required, _) in zip(problems, clearances, strict=True)
     ]
-    warm: list[Floats | None] = [None] * len(problems)
+    warm: list[Array | None] = [None] * len(problems)
     if guess is not None and rows is not None:
         nearest = min(range(len(problems)), key=lambda i: float(np.linalg.norm(problems[i].goal - rows[-1])))
         warm[nearest], moved = warm_start(problems[nearest], rows, guess.times is not None)
@@ -118,8 +121,7 @@ def plan(
     best = searches[taken].conclude()
     certified = sum(search.certify_seconds for search in searches)
     solved = time.perf_counter() - built - certified  # guesses included
-    compile_ = sum(problem.compile_seconds for problem in problems)
-    load, build_ = loaded - began, built - loaded - compile_
+    load, build_ = loaded - began, built - loaded - stopwatch.seconds
     words = (*found, *clearances[taken][1])
     if seconds_left() == 0.0 and not best.certificate.certified:
         words = (*words, "the time limit passed: what is not proven may only not have been looked at closely enough")
@@ -136,31 +138,30 @@ def plan(
         attempts=sum(search.attempts for search in searches),
         iterations=sum(search.iterations for search in searches),
         steps=best.steps,
-        times=Times(load, build_, compile_, solved, certified),
+        times=Times(load, build_, stopwatch.seconds, solved, certified),
         notes=(*problems[taken].notes, *best.certificate.notes, *words),
         goal=goals[taken] if several else None,
         asked=scene,
     )
 
 
-def _goals(
-    scene: Scene, robot: Robot, certifier: Certifier, seed: int
-) -> tuple[tuple[JointTarget, ...], tuple[str, ...]]:
+def _goals(certifier: Certifier, seed: int) -> tuple[tuple[JointTarget, ...], tuple[str, ...]]:
     """Return the configurations to plan to, and words on how they were found, where the scene leaves a choice."""
-    if isinstance(scene.goal, JointTarget):
-        return (scene.goal,), ()
+    goal = certifier.scene.goal
+    if isinstance(goal, JointTarget):
+        return (goal,), ()
     from hdplan.planner.search.goals import goal_choice
 
-    return goal_choice(scene, robot, certifier, seed)
+    return goal_choice(certifier, seed)
 
 
-def _retimer(scene: Scene, robot: Robot) -> Retimer | None:
+def _retimer(setup: Setup) -> Retimer | None:
     """Return what gives motions their times, where the scene asks for them."""
-    if not scene.timed:
+    if not setup.scene.timed:
         return None
     from hdplan.planner.timing.retiming import Retimer
 
-    return Retimer(scene, robot)
+    return Retimer(setup)
 
 
 def _taken(searches: Sequence[Search], taken: int, goals: Sequence[JointTarget]) -> str:

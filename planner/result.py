@@ -14,7 +14,8 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.solvers.solution import Iteration
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.files import read_file
-from hdplan.scenes.model import JointTarget, Scene
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget
 
 _FIGURES = tuple(field.name for field in fields(Iteration))
 

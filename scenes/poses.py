@@ -1,54 +1,97 @@
-"""Placements as scene files write them: position with a quaternion or roll-pitch-yaw angles; and their product."""
+"""Poses: a position and a rotation."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated
 
-from hdplan.scenes.fields import Field
-from hdplan.scenes.meaning import from_rpy, rotation
-from hdplan.scenes.model import Pose, Quaternion, Vector3
+import numpy as np
+from numpy.typing import NDArray
 
-ROUNDING = 1e-6  # a quaternion this close to unit length is unit: decimals were cut
+from hdplan.scenes.errors import FieldError
+from hdplan.scenes.values import Checked, Number, Numbers, Row, checked, is_row, wrong
+
+Vector3 = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+Place = Annotated[Vector3, Row(Number(unit="m"), 3)]
+
+EXACT = 1e-12  # a vector this close to unit length is kept as it is, so that what was written reads back bit for bit
+CLOSE = 1e-2  # of unit length: a quaternion up to here is normalized, beyond it is refused
 
 
-def read_pose(section: Field) -> Pose:
-    """Read ``{position, quaternion_xyzw | rpy}``; what is not said is zero. See `from_rpy` for the angles.
+def rotation(value: object) -> tuple[float, ...]:
+    """Return a unit quaternion (x, y, z, w); one whose length is within CLOSE of 1 is normalized."""
+    quaternion = Row(Number(), 4)(value)
+    length = math.hypot(*quaternion)
+    if not abs(length - 1.0) <= CLOSE:
+        found = "[" + ", ".join(f"{part:g}" for part in quaternion) + "]"
+        raise FieldError(f"must be a unit quaternion (x, y, z, w), found {found} of length {length:.6g}")
+    return quaternion if abs(length - 1.0) <= EXACT else tuple(part / length for part in quaternion)
 
-    Raises:
-        InputError: both kinds of rotation, wrong lengths or types, or a quaternion that is not of unit length.
+
+def from_rpy(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
+    """Return the quaternion of R = Rz(yaw) Ry(pitch) Rx(roll) [rad], URDF's rotations about the fixed axes x, y and
+    z."""
+    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(angle / 2), math.sin(angle / 2)) for angle in (roll, pitch, yaw))
+    return (
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        cr * cp * cy + sr * sp * sy,
+    )
+
+
+@dataclass(frozen=True, repr=False)
+class Pose(Checked):
+    """A pose: position [m] and unit quaternion (x, y, z, w); it maps the object's frame into its parent's.
+
+    Raises InputError for a position that is not three finite numbers, and for a quaternion whose length differs from 1
+    by more than 0.01; one that is closer is normalized.
     """
-    return pose_of(section, section.mapping(("position", "quaternion_xyzw", "rpy")))
+
+    position: Place = (0.0, 0.0, 0.0)
+    quaternion_xyzw: Annotated[Quaternion, rotation] = (0.0, 0.0, 0.0, 1.0)
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, position: Numbers = (0.0, 0.0, 0.0), quaternion_xyzw: Numbers = (0.0, 0.0, 0.0, 1.0)
+        ) -> None: ...
+
+    @classmethod
+    def from_rpy(cls, position: Numbers, rpy: Numbers) -> Pose:
+        """Return the pose at `position` [m], rotated by roll, pitch and yaw [rad], R = Rz(yaw) Ry(pitch) Rx(roll), as
+        in URDF. Raises InputError for anything but three finite numbers each."""
+        return cls(position, from_rpy(*checked(Row(Number(unit="rad"), 3), rpy, "rpy")))
+
+    @cached_property
+    def matrix(self) -> NDArray[np.float64]:
+        """The pose as a homogeneous matrix (4, 4)."""
+        x, y, z, w = self.quaternion_xyzw
+        transform = np.eye(4)
+        transform[:3, :3] = [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+        transform[:3, 3] = self.position
+        transform.setflags(write=False)
+        return transform
 
 
-def pose_of(section: Field, keys: Mapping[str, Field]) -> Pose:
-    """Read the same from the keys of a section that may hold others too."""
-    if "quaternion_xyzw" in keys and "rpy" in keys:
-        raise section.error("has both 'quaternion_xyzw' and 'rpy'; give one of them")
-    position = read_vector(keys["position"], unit="m") if "position" in keys else (0.0, 0.0, 0.0)
-    if "quaternion_xyzw" in keys:
-        return Pose(position, read_quaternion(keys["quaternion_xyzw"]))
-    return Pose(position, from_rpy(*read_vector(keys["rpy"], unit="rad")) if "rpy" in keys else (0.0, 0.0, 0.0, 1.0))
+def placement(value: object) -> Pose:
+    """Return a pose, given as a Pose or as its position alone."""
+    if isinstance(value, Pose):
+        return value
+    if not is_row(value) or len(value) != 3:
+        raise wrong("a Pose, or a position of three numbers [m]", value)
+    return Pose(value)
 
 
-def read_vector(entry: Field, above: float = -math.inf, unit: str = "") -> Vector3:
-    """Read three finite numbers, each greater than `above`."""
-    x, y, z = entry.numbers(3, above=above, unit=unit)
-    return x, y, z
-
-
-def read_quaternion(entry: Field) -> Quaternion:
-    """Read a unit quaternion (x, y, z, w), normalized: in silence within `ROUNDING`, with a note within
-    `meaning.CLOSE`.
-
-    Raises:
-        InputError: its length is farther from 1 than that.
-    """
-    given = entry.numbers(4)
-    quaternion: Quaternion = entry.checked(rotation, given)
-    if abs(math.hypot(*given) - 1.0) > ROUNDING:
-        entry.note(f"the quaternion of length {math.hypot(*given):.6g} was normalized")
-    return quaternion
+Placement = Annotated[Pose, placement]
+AnyPose = Pose | Numbers
 
 
 def compose(outer: Pose, inner: Pose) -> Pose:

@@ -448,7 +448,7 @@ BAD_ARGUMENTS = {
     "nothing like it": (["robots", "xyzzy"], ["'xyzzy'", "`hdplan robots` lists them"]),
     "robot misspelt": (["plan", "planar_arm", "--robot", "pandda"], ["--robot: ", "'pandda'", "'panda'"]),
     "no such robot file": (["plan", "planar_arm", "--robot", "no.yaml"], ["no.yaml: no such file"]),
-    "request without need": (["plan", "planar_arm", "--request", "r.yaml"], ["no MoveIt planning scene"]),
+    "request without need": (["plan", "planar_arm", "--request", "r.yaml"], ["not a MoveIt planning scene"]),
     "solver misspelt": (["plan", "planar_arm", "--solver", "ipop"], ["'ipop'", "'ipopt'"]),
     "seed negative": (["plan", "planar_arm", "--seed", "-1"], ["--seed", "at least 0", "'-1'"]),
     "seed broken": (["plan", "planar_arm", "--seed", "1.5"], ["--seed", "whole number", "'1.5'"]),
@@ -475,6 +475,14 @@ def test_bad_arguments(hdplan: Callable[..., Done], case: str) -> None:
     arguments, words = BAD_ARGUMENTS[case]
     refused(hdplan(*arguments), *words)
     assert [file.name for file in Path().iterdir()] == ["folder.json"]
+
+
+def test_a_motion_that_its_file_cannot_hold_is_refused_before_it_is_planned(
+    hdplan: Callable[..., Done], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = arm_scene(tmp_path, timing={"duration": 90, "rate": 1000})
+    monkeypatch.setattr("hdplan.planner.commands.plan.plan", lambda *_, **__: pytest.fail("planned"))
+    refused(hdplan("plan", scene, "-o", "m.robot_trajectory.yaml"), "90001 waypoints", "write .mcap")
 
 
 BAD_SCENES = {

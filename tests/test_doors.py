@@ -18,10 +18,15 @@ import numpy as np
 import pytest
 
 from hdplan import cli
+from hdplan.planner.geometry.meshes import load_mesh
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.deadline import check_time, seconds_left, time_limit
 from hdplan.scenes.errors import InputError, OutOfTime
-from hdplan.scenes.model import MOST_ROWS
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.shapes import Mesh
+from hdplan.scenes.timing import MOST_ROWS
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 
 ARM = shipped_scenes()["planar_arm"]
@@ -44,6 +49,24 @@ def said(read: Callable[[], object]) -> str | None:
     except InputError as error:
         return str(error)
     return None
+
+
+@pytest.mark.parametrize("name", ["a\nb", "a\r\nb", "a\tb", "a\x1b[31mb", "a\u2028b", "a\udcffb"])
+def test_names_of_files_do_not_break_the_line(tmp_path: Path, name: str) -> None:
+    """A name that does not print is written as an escape, and can be recognized by it."""
+    scene, robot = load_scene(ARM), RobotSpec(urdf=tmp_path / name / "arm.urdf")
+    for ending, calls in {
+        "/m.json": (GOOD.save, Trajectory.load, load_scene),
+        ".txt": (GOOD.save, Trajectory.load, scene.save),
+        ".yaml": (load_scene, Trajectory.load),
+        "/s.yaml": (scene.save, lambda path: load_scene(ARM, robot=path), lambda path: load_scene(path, robot="panda")),
+        ".stl": (lambda path: load_mesh(Mesh(path), "shape"),),
+        "": (lambda _: load_robot(robot),),
+    }.items():
+        for call in calls:
+            words = refusal(lambda call=call, ending=ending: call(tmp_path / (name + ending)))  # type: ignore[misc]
+            assert words.isprintable()
+            assert repr(name)[1:-1] in words
 
 
 # --- documents --------------------------------------------------------------------------------------------------------
@@ -220,7 +243,6 @@ def test_what_is_no_file_is_refused_at_once(
     no_files: dict[str, Path], kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     import hdplan
-    from hdplan.scenes.model import RobotSpec
 
     path = no_files[kind]
     assert refusal(lambda: load_scene(path)) == f"{path}: is {kind}; a file is wanted"
@@ -254,8 +276,6 @@ LINKED = """<robot name="r"><link name="a"><collision><geometry><mesh filename="
 def test_names_that_the_system_refuses_are_refused_in_one_line(tmp_path: Path, name: str) -> None:
     """Too long for a name, too long for a path, and a link that leads to itself, wherever a file is named."""
     import hdplan
-    from hdplan.planner.geometry.meshes import load_mesh
-    from hdplan.scenes.model import Mesh, RobotSpec
 
     for ending in (".yaml", ".json", ".urdf", ".stl"):
         (tmp_path / f"circle{ending}").symlink_to(tmp_path / f"circle{ending}")
@@ -362,10 +382,9 @@ def test_a_plan_without_time_ends_with_one_line_and_exit_code_1(
 def test_a_certificate_without_time_claims_no_more() -> None:
     import hdplan
     from hdplan.planner.certificate.certifier import Certifier
-    from hdplan.planner.robot.scene_robot import load_scene_robot
 
     scene = load_scene(ARM)
-    certifier = Certifier(scene, load_scene_robot(scene))
+    certifier = Certifier(Setup.of(scene))
     motion = hdplan.plan(scene, time_limit=10).trajectory
     calm = certifier.certify(motion)
     with time_limit(1e-9):

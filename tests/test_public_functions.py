@@ -12,7 +12,8 @@ import pytest
 import hdplan
 from hdplan import control, distance
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import RobotSpec, Scene
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
 
 NAN = float("nan")
 NONE = np.empty((0, 3))

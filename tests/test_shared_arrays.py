@@ -18,6 +18,7 @@ from hdplan.planner.collision.collision_model import collision_model_of
 from hdplan.planner.kinematics.forward import kinematics_of
 from hdplan.planner.kinematics.inverse_dynamics import dynamics_of
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.studies.corridor_experiment import link_boxes
 from hdplan.scenes.yaml_format.reader import load_scene
 
@@ -61,7 +62,7 @@ def test_constants_of_modules_are_read_only() -> None:
 def test_what_is_kept_of_a_scene_and_its_robot_is_read_only(name: str) -> None:
     scene = load_scene(name)
     robot = load_scene_robot(scene)
-    certifier = Certifier(scene, robot)
+    certifier = Certifier(Setup.of(scene, robot))
     assert certifier.contacts(np.clip(np.zeros(robot.n), robot.lower, robot.upper)) is not None
     collision_model = collision_model_of(robot, "fitted", "box")
     shared = {
@@ -71,7 +72,7 @@ def test_what_is_kept_of_a_scene_and_its_robot_is_read_only(name: str) -> None:
         "collision_model": collision_model,
         "kinematics": kinematics_of(robot),
         "bodies": [body for body in certifier.sweep.bodies.bodies if body.name in robot.links],
-        "dynamics": dynamics_of(scene, robot) if scene.limits.torque else None,
+        "dynamics": dynamics_of(Setup.of(scene, robot)) if scene.limits.torque else None,
         "directions": box_directions(),
         "boxes": link_boxes(),
     }

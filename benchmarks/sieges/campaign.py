@@ -31,6 +31,7 @@ SCRIPT = Path(__file__).parents[1] / "siege.py"
 MEMORY = 6 << 30  # [bytes] of data that a worker may ask for
 GROWN = 3 << 30  # [bytes] in memory at which a worker is ended, and what it was at is a finding
 PATIENCE = 6.0  # times its limit that a case may take by the clock, as other processes run beside it
+SIGNS = {"tracebacks": "traceback", "signals": "signal ", "over": "limit of "}  # of findings, by their words
 SILENCE = 300.0  # [s] that a worker may take to get ready
 
 
@@ -69,14 +70,19 @@ class Tally:
         if answer["finding"]:
             self.findings.append((index, answer["finding"]))
 
-    def table(self, name: str) -> str:
-        """Return the campaign's results in Markdown."""
+    def faults(self) -> dict[str, int]:
+        """Return how many findings there are of each kind."""
+        kinds = [next((kind for kind, sign in SIGNS.items() if sign in words), "wrong") for _, words in self.findings]
+        return {kind: kinds.count(kind) for kind in ("wrong", *SIGNS)}
+
+    def words(self, name: str) -> str:
+        """Return the campaign's results for a person."""
         rows = [("cases", self.cases), ("tried", self.tried), *sorted(self.kinds.items())]
         rows += [(f"sum of {name}", round(value, 6)) for name, value in sorted(self.sums.items())]
         rows += [("findings", len(self.findings)), ("seconds", round(self.seconds, 1))]
         rows += [("worst times [s]", ", ".join(f"{seconds:.2f} (case {index})" for seconds, index in self.slowest))]
-        lines = [f"| {name} | |", "|---|---|", *(f"| {key} | {value} |" for key, value in rows)]
-        return "\n".join([*lines, "", *(f"* case {index}: {words}" for index, words in self.findings + self.remarks)])
+        lines = [f"{name}: {key} {value}" for key, value in rows]
+        return "\n".join([*lines, *(f"* case {index}: {words}" for index, words in self.findings + self.remarks)])
 
 
 def run(

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from hdplan.planner.robot.setup import Setup
 from sieges import command, judge, motions, rows, scenes
 from sieges.campaign import Outcome
 from sieges.world import World
@@ -42,7 +43,7 @@ def _more(rng: np.random.Generator, folder: Path, base: rows.Rows, timed: bool) 
 
     scene, names = load_scene(folder / "scene.yaml"), base.names
     robot = load_scene_robot(scene)
-    certifier, world = Certifier(scene, robot), World(folder / "scene.yaml", names)
+    certifier, world = Certifier(Setup.of(scene, robot)), World(folder / "scene.yaml", names)
     leave, kinds = excused(world, robot, names), Counter[str]()
     world.pairs = [pair for pair in world.pairs if pair not in leave]
     for number in range(MORE):

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.planner.robot.setup import Setup
 from sieges import judge, poses, scenes
 from sieges.campaign import Outcome
 from sieges.certificate import excused
@@ -45,7 +46,7 @@ def _distances(scene: Any, folder: Path, motion: Any) -> str:
     from hdplan.planner.robot.scene_robot import load_scene_robot
 
     robot = load_scene_robot(scene)
-    certifier = Certifier(scene, robot)
+    certifier = Certifier(Setup.of(scene, robot))
     world = World(folder / "scene.yaml", motion.names)
     leave = excused(world, robot, motion.names)
     world.pairs = [pair for pair in world.pairs if pair not in leave]
@@ -181,7 +182,7 @@ def _as_moveit(rng: np.random.Generator, content: dict[str, Any], folder: Path, 
     ):
         arm = load_scene_robot(scene)
         order = [motion.names.index(name) for name in arm.joint_names]
-        places = Certifier(scene, arm).nearest(motion.positions[0][order])
+        places = Certifier(Setup.of(scene, arm)).nearest(motion.positions[0][order])
         found.append([("nothing", 0.0) if near is None else (near.other, near.distance) for near in places])
     for (one, here), (other, there) in zip(*found, strict=True):
         if (one == "nothing") != (other == "nothing") or abs(here - there) > 1e-6 * (1.0 + abs(here)):

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from hdplan.planner.robot.setup import Setup
 from sieges import distance, paper, scenes
 from sieges.campaign import Outcome
 
@@ -92,11 +93,10 @@ def _steps(moves: Any) -> str:
 @functools.cache
 def _certifier() -> Any:
     from hdplan.planner.certificate.certifier import Certifier
-    from hdplan.planner.robot.scene_robot import load_scene_robot
     from hdplan.scenes.yaml_format.reader import load_scene
 
     scene = load_scene("panda_bookshelf")
-    return Certifier(scene, load_scene_robot(scene))
+    return Certifier(Setup.of(scene))
 
 
 def _nearest(moves: Any) -> str:

@@ -16,7 +16,6 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.normals import RUNGS
@@ -24,7 +23,6 @@ from hdplan.distance.studies.stopwatch import seconds_per_query
 from hdplan.distance.studies.study_poses import Poses, study_bodies, study_poses
 from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled
 
-Array = NDArray[np.float64]
 Precision = Literal["float64", "float32"]
 
 GAPS = (1e-4, 1e-3, 1e-2, 3e-2, 1e-1, 3e-1)  # [m] at which false positives are counted

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hdplan.distance.baselines.coal import signed_distances
 from hdplan.distance.baselines.fcl import fcl_distances
@@ -19,8 +19,7 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.normals import RUNGS
 from hdplan.distance.studies.random_poses import PLATONIC_PAIRS, paper_poses
 from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 CONFIGURATIONS = 500_000  # the paper's
 GAMMA, EPSILON = 2, 1e-4  # the paper's

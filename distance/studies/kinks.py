@@ -11,13 +11,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hdplan.distance.baselines.coal import signed_distance
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.numpy_reference.hdsdf import hdsdf_derivatives
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 SIDE = 1.0  # [m] of both squares
 DEPTH = 100.0  # [m] of the prisms whose exact distance is the squares': so long that the shortest way out is in plane

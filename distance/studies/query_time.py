@@ -15,7 +15,6 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.baselines.coal import CoalPair, signed_distances
 from hdplan.distance.baselines.fcl import FclPair
@@ -24,8 +23,8 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.studies.random_poses import PLATONIC_PAIRS, paper_poses
 from hdplan.distance.studies.stopwatch import seconds_per_query
 from hdplan.distance.symbolic.compiled_pair import CompiledDistance, hdsdf_compiled
+from hdplan.scenes.array_types import Array
 
-Array = NDArray[np.float64]
 Run = Callable[[], object]  # answers every pose once
 
 POSES = 100  # per pair, the paper's N

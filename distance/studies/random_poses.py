@@ -8,13 +8,11 @@ from __future__ import annotations
 from itertools import combinations_with_replacement, permutations, product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hdplan.distance.bodies import PLATONIC, SAME_PLANE, ConvexBody
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.once import read_only
-
-Array = NDArray[np.float64]
 
 PLATONIC_PAIRS = tuple(combinations_with_replacement(PLATONIC, 2))  # the 15 unordered pairs of names
 
@@ -105,7 +103,7 @@ def _contact_directions(
     return np.stack([anywhere, along_a, along_b, across])[rng.integers(0, 4, count), np.arange(count)]
 
 
-def _some_points(body: ConvexBody, outward: Array, farthest: NDArray[np.bool_], rng: np.random.Generator) -> Array:
+def _some_points(body: ConvexBody, outward: Array, farthest: Mask, rng: np.random.Generator) -> Array:
     """Return points (N, 3) of the polytope: where ``farthest``, the ones along ``outward`` (N, 3); else of any feature.
 
     A third are the feature's middle, a third a corner of it, a third any other point of it.
@@ -121,7 +119,7 @@ def _some_points(body: ConvexBody, outward: Array, farthest: NDArray[np.bool_], 
     return np.asarray(weights @ body.vertices / weights.sum(1, keepdims=True))
 
 
-def _features(body: ConvexBody) -> tuple[NDArray[np.bool_], Array]:
+def _features(body: ConvexBody) -> tuple[Mask, Array]:
     """Return which vertices (K, m) span each corner, edge, face and the whole, and how often to take it (K,)."""
     heights = body.faces @ body.vertices.T
     faces = heights >= heights.max(1, keepdims=True) - SAME_PLANE * np.abs(body.vertices).max()

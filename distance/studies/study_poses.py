@@ -10,13 +10,11 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.baselines.coal import signed_distances
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.studies.random_poses import paper_poses
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 NEAR = (-0.12, 0.06)  # [m] range of the gaps that poses near contact are aimed at
 HALVINGS = 12  # of the way between the bodies' centres, to about a millimetre

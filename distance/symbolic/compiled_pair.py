@@ -7,21 +7,23 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.body_distance import BodyDistance
 from hdplan.distance.holder import check_gamma, resolve_shaping_length
 from hdplan.distance.normals import candidate_normals, check_witness_count, check_witnesses
 from hdplan.distance.poses import check_poses
 from hdplan.distance.symbolic.graph_poses import relative_pose
 from hdplan.distance.symbolic.polytopes import relative_function
 from hdplan.distance.symbolic.row_function import RowFunction
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import made_once
 
-Array = NDArray[np.float64]
+SHAPES: tuple[tuple[int, ...], ...] = ((), (), (12,), (12, 12))  # of D, D̃, gradient and Hessian at one pose
 
 
-class CompiledDistance:
+class CompiledDistance(BodyDistance[Array]):
     """D of two bodies (Definition III.2) at poses (..., 4, 4); leading axes broadcast.
 
     A lower bound of the signed distance in sign; ``separation`` D̃ (eq. (5)) is one in value, and has the
@@ -46,27 +48,8 @@ class CompiledDistance:
         self._witness_count = witness_count
 
     def __getstate__(self) -> dict[str, Any]:
-        """What another process is sent: it compiles, or finds, functions of its own."""
+        """The state for another process, which compiles its own functions, or finds them in the cache."""
         return vars(self) | {"_functions": {}}
-
-    def value(self, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None = None) -> tuple[Array, Array]:
-        """Return D and D̃ (...,) [m]. ``witnesses``: (..., W, 3) axes in B's frame, as many as the distance has."""
-        distance, separation = self._run(0, pose_a, pose_b, witnesses)
-        return distance, separation
-
-    def gradient(
-        self, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None = None
-    ) -> tuple[Array, Array, Array]:
-        """Return D, D̃ and the gradient of D (..., 12) by [v_a, ω_a, v_b, ω_b], each in the body's own frame."""
-        distance, separation, gradient = self._run(1, pose_a, pose_b, witnesses)
-        return distance, separation, gradient
-
-    def hessian(
-        self, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None = None
-    ) -> tuple[Array, Array, Array, Array]:
-        """Return D, D̃, the gradient of D and its Hessian (..., 12, 12) by the same twists ξ: D(pose·exp(ξ))."""
-        distance, separation, gradient, hessian = self._run(2, pose_a, pose_b, witnesses)
-        return distance, separation, gradient, hessian.reshape(*distance.shape, 12, 12)
 
     def function(self, order: int) -> RowFunction:
         """Return the function of ``twist_function`` for many rows."""
@@ -75,13 +58,13 @@ class CompiledDistance:
             function = self._functions[order] = _row_function(*self._settings, order)
         return function
 
-    def _run(self, order: int, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None) -> list[Array]:
+    def _evaluate(self, order: int, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None) -> list[Array]:
         units = check_witnesses(witnesses)
         check_witness_count(units.shape, self._witness_count)
         a, b = check_poses("pose_a", pose_a), check_poses("pose_b", pose_b)
         if a.ndim == b.ndim == units.ndim == 2:
             once = self.function(order).once(a.ravel(), b.ravel(), self._length[0], units.ravel())
-            return [once[0].reshape(()), once[1].reshape(()), *once[2:]]
+            return [part.reshape(shape) for part, shape in zip(once, SHAPES, strict=False)]
         leading = [a.shape[:-2], b.shape[:-2], (), units.shape[:-2]]
         shape = np.broadcast_shapes(*leading)
         tables, rows = [], []
@@ -92,7 +75,7 @@ class CompiledDistance:
             tables.append(array.reshape(count, width))
             rows.append(np.broadcast_to(np.arange(count).reshape(axes), shape).ravel())
         results = self.function(order)(tables, rows)
-        return [part.reshape(shape + part.shape[1:] * (k > 1)) for k, part in enumerate(results)]
+        return [part.reshape(shape + own) for part, own in zip(results, SHAPES, strict=False)]
 
 
 def hdsdf_compiled(
@@ -111,7 +94,7 @@ def hdsdf_compiled(
     ``numpy_reference.hdsdf``. Another shaping length compiles nothing anew.
     """
     length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
-    candidate_normals(normals, body_a, body_b)  # says early that the name is unknown
+    candidate_normals(normals, body_a, body_b)  # an unknown name is refused now
     return CompiledDistance(body_a, body_b, int(gamma), length, normals, witness_count)
 
 

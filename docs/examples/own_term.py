@@ -1,15 +1,13 @@
 """A term of one's own in the cost, with exact derivatives: keep the elbow near a posture."""
 
-from dataclasses import replace
-
 import matplotlib.pyplot as plt
 import numpy as np
 
 import hdplan
-from hdplan.planner.problem.terms import MotionPenalty, MotionTerm
+from hdplan.planner.problem.terms import MotionPenalty, Term
 
 
-class Posture(MotionTerm):
+class Posture(Term):
     """h Σ_k ½ (s (q_kj − r))²: joint j near r, s what a radian counts as, in metres inside a margin [m/rad]."""
 
     name = "posture"
@@ -32,7 +30,7 @@ class Posture(MotionTerm):
 scene = hdplan.load_scene("panda_corridor")
 plain = hdplan.build(scene)
 elbow = plain.robot.joint_names.index("panda_joint4")
-own = replace(plain, terms=(*plain.terms, Posture(elbow, -2.2, scale=0.1)))
+own = plain.with_term(Posture(elbow, -2.2, scale=0.1))
 
 figure, axes = plt.subplots(figsize=(7, 3.5), layout="constrained")
 for problem, name in ((plain, "as it is"), (own, "with the term")):

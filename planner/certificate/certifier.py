@@ -21,6 +21,7 @@ from hdplan.planner.certificate.collision_proof import Proof, Spot, Sweep
 from hdplan.planner.certificate.end_check import EndCheck
 from hdplan.planner.certificate.exact_proximity import link_pieces, obstacle_pieces
 from hdplan.planner.certificate.intervals import Bodies, Body, Pairs
+from hdplan.planner.certificate.limit_checks import limit_checks
 from hdplan.planner.certificate.rounding import refuse_far_bodies, refuse_what_drowns
 from hdplan.planner.certificate.verdict import (
     Certificate,
@@ -37,19 +38,19 @@ from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.motion.robot_curve import beyond_limits, curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import check_robot, load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.model import Obstacle, PathConstraints, Scene
+from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import made_once
+from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import Number, checked, instance
 
 if TYPE_CHECKING:
     from hdplan.planner.certificate.path_check import Departure, PathCheck
-    from hdplan.planner.certificate.rate_check import Use
-    from hdplan.planner.certificate.torque_check import Overload, TorqueLimits
-    from hdplan.scenes.moving import Passages
+    from hdplan.scenes.obstacle_motion import ObstacleMotion
 
 Array = NDArray[np.float64]
 
@@ -78,10 +79,7 @@ def certify(
     Raises:
         InputError: joints of the trajectory do not fit the robot; a mesh of the scene cannot be used.
     """
-    instance(scene, Scene, "scene")
-    return Certifier(scene, robot or load_scene_robot(scene)).certify(
-        trajectory, required=required, check_ends=check_ends
-    )
+    return Certifier(Setup.of(scene, robot)).certify(trajectory, required=required, check_ends=check_ends)
 
 
 def check_configuration(scene: Scene, robot: Robot, q: ArrayLike) -> tuple[Contact, ...]:
@@ -90,18 +88,16 @@ def check_configuration(scene: Scene, robot: Robot, q: ArrayLike) -> tuple[Conta
 
     Raises InputError for what is no configuration of the robot: another number of values, or one that is not finite.
     """
-    return Certifier(scene, robot).contacts(q)
+    return Certifier(Setup.of(scene, robot)).contacts(q)
 
 
 class Certifier:
     """A scene and its robot made ready once, to certify many trajectories."""
 
-    def __init__(self, scene: Scene, robot: Robot) -> None:
-        """Gather links, obstacles and the pairs to be kept apart. The robot holds what the scene attaches to it."""
-        instance(scene, Scene, "scene")
-        instance(robot, Robot, "robot")
-        check_robot(scene, robot)
-        self.scene, self.robot = scene, robot
+    def __init__(self, setup: Setup) -> None:
+        """Gather links, obstacles and the pairs to be kept apart."""
+        scene, robot = setup.scene, setup.robot
+        self.setup, self.scene, self.robot = setup, scene, robot
         bodies = list(_link_bodies(robot))
         links: dict[str, list[int]] = {link: [] for link in robot.links}
         for row, body in enumerate(bodies):
@@ -111,8 +107,8 @@ class Certifier:
             check_time("reading the scene's shapes for the certificate")
             with naming(scene.source):
                 pieces = obstacle_pieces(obstacle)
-            passages = _passages(obstacle)
-            bodies.extend(Body(obstacle.name, piece, 0, obstacle.pose.matrix, passages) for piece in pieces)
+            motion = _motion_of(obstacle)
+            bodies.extend(Body(obstacle.name, piece, 0, obstacle.pose.matrix, motion) for piece in pieces)
         rows = [(a, b, 0) for a in range(count) for b in range(count, len(bodies))]
         rows += [(a, b, 1) for first, second in robot.self_pairs for a in links[first] for b in links[second]]
         gathered = Bodies(_chain(robot), bodies, robot.pin_q)
@@ -122,8 +118,8 @@ class Certifier:
             refuse_far_bodies(gathered, self._fields)
         self.sweep = Sweep(gathered, Pairs.of(gathered, rows))
         self.ends = EndCheck(scene, robot)
-        self.path = None if scene.path == PathConstraints() else _path_check(scene, robot, gathered.chain)
-        self.torques = None if scene.limits.torque is None else _torque_limits(scene, robot)
+        self.path = None if scene.path == PathConstraints() else _path_check(setup, gathered.chain)
+        self.limits = tuple(limit_checks(setup))
         self._lenient = {obstacle.name for obstacle in scene.obstacles if obstacle.clearance is None}
 
     @cached_property
@@ -153,8 +149,8 @@ class Certifier:
         beyond = beyond_limits(curve, self.robot)  # nothing else is looked at then: it could be anywhere
         if not beyond:
             refuse_what_drowns(self.sweep.bodies, self._fields, curve, self.robot.joint_names)
-        uses = self._uses(curve)
-        torques = None if self.torques is None or beyond else self.torques.check(curve)
+        self._check_times(curve)
+        limits = () if beyond else tuple(check.check(curve) for check in self.limits)
         required, lessened = self.asked(curve) if required is None else (required, ())
         floor = self._floor(required)
         proof = Proof() if beyond else self.sweep.prove(curve, floor, stop_at_contact)
@@ -175,28 +171,27 @@ class Certifier:
             tuple(spot.touching for spot in proof.failures),
             tuple(float(floor[spot.pair]) for spot in proof.failures),
             departures,
-            uses,
-            torques,
+            limits,
         )
-        certified = Status.CERTIFIED, proven(clearance, self_clearance, uses, kept, torques)
+        certified = Status.CERTIFIED, proven(clearance, self_clearance, limits, kept)
         status, words = next(complaints(found), certified)
         remedy = "" if status is Status.CERTIFIED else f" ({status.remedy})"
         return Certificate(
-            status,
-            f"{status.value.replace('_', ' ')}: {words}{remedy}",
-            clearance,
-            self_clearance,
-            worst,
-            self_worst,
-            failures,
-            uses if torques is None else (*uses, torques.use(curve)),
-            kept,
-            departures,
-            torques.overloaded if torques and torques.exceeded else (),
-            proof.configurations + (path.configurations if path else 0),
-            proof.exact_calls,
-            time.perf_counter() - began,
-            (*lessened, *self.holes),
+            status=status,
+            text=f"{status.value.replace('_', ' ')}: {words}{remedy}",
+            clearance=clearance,
+            self_clearance=self_clearance,
+            worst=worst,
+            self_worst=self_worst,
+            failures=failures,
+            uses=tuple(use for found in limits for use in found.uses),
+            path=kept,
+            departures=departures,
+            overloaded=tuple(sorted({interval for found in limits for interval in found.hopeless})),
+            configurations=proof.configurations + (path.configurations if path else 0),
+            exact_calls=proof.exact_calls,
+            seconds=time.perf_counter() - began,
+            notes=(*lessened, *self.holes),
         )
 
     def asked(self, curve: Curve) -> tuple[float, tuple[str, ...]]:
@@ -222,18 +217,12 @@ class Certifier:
                 )
         return required, ""
 
-    def _uses(self, curve: Curve) -> tuple[Use, ...]:
-        """Look at the rates, where the scene limits any. Raises InputError where the scene needs times and there are
-        none."""
+    def _check_times(self, curve: Curve) -> None:
+        """Raise InputError where the scene needs times and the curve has none."""
         moving = self.scene.moving
         if curve.times is None and (moving or self.scene.timed):
             why = f"obstacle '{moving[0].name}' moves" if moving else "the scene limits rates (limits, timing)"
             raise InputError(f"trajectory: has no times, and {why}")
-        if not self.scene.timed:
-            return ()
-        from hdplan.planner.certificate.rate_check import rates
-
-        return rates(curve, self.scene, self.robot)
 
     def _floor(self, required: float) -> Array:
         """Return what each pair must keep (P,) [m]."""
@@ -259,9 +248,11 @@ class Certifier:
         """Return the path constraints that configuration q (n,) breaks; exact to rounding."""
         return () if self.path is None else self.path.at(q)
 
-    def overload(self, q: ArrayLike) -> Overload | None:
-        """Return the joint that gravity overloads in one configuration; None if there is none, or no torque limit."""
-        return None if self.torques is None else self.torques.overload(np.asarray(q, dtype=np.float64))
+    def overload(self, q: ArrayLike) -> str | None:
+        """Say which limit the robot passes even if it stands still at q (n,): a joint that gravity overloads; None if
+        it passes none."""
+        values = np.asarray(q, dtype=np.float64)
+        return next((words for check in self.limits if (words := check.overload(values))), None)
 
     def too_close(self, q: ArrayLike, required: float, time: float = 0.0) -> tuple[tuple[Place, float], ...]:
         """Return where one configuration, at a time [s], falls short of what its obstacles and links must keep, with
@@ -325,22 +316,16 @@ def _link_bodies(robot: Robot) -> tuple[Body, ...]:
     )
 
 
-def _path_check(scene: Scene, robot: Robot, chain: Chain) -> PathCheck:
+def _path_check(setup: Setup, chain: Chain) -> PathCheck:
     from hdplan.planner.certificate.path_check import PathCheck
 
-    return PathCheck(scene, robot, chain)
+    return PathCheck(setup, chain)
 
 
-def _torque_limits(scene: Scene, robot: Robot) -> TorqueLimits | None:
-    from hdplan.planner.certificate.torque_check import TorqueLimits
-
-    return TorqueLimits.of(scene, robot)
-
-
-def _passages(obstacle: Obstacle) -> Passages | None:
+def _motion_of(obstacle: Obstacle) -> ObstacleMotion | None:
     """Return how an obstacle moves; None if it stands."""
     if obstacle.motion is None:
         return None
-    from hdplan.scenes.moving import Passages
+    from hdplan.scenes.obstacle_motion import ObstacleMotion
 
-    return Passages.of(obstacle)
+    return ObstacleMotion.of(obstacle)

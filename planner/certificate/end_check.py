@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import naming
-from hdplan.scenes.model import JointTarget, PoseTarget, Scene
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget, PoseTarget
 
 Array = NDArray[np.float64]
 

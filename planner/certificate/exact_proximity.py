@@ -24,8 +24,9 @@ from hdplan.planner.geometry.coal_shapes import convex_hull, triangle_tree
 from hdplan.planner.geometry.meshes import TriangleMesh, below, load_mesh
 from hdplan.planner.geometry.solids import Solid
 from hdplan.scenes.errors import HdplanError
-from hdplan.scenes.model import Box, Capsule, Cylinder, Ellipsoid, Mesh, Obstacle, Points, Sphere
+from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import freeze
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Sphere
 
 Array = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 Bodies and pairs of them are gathered into arrays once (`Bodies`, `Pairs`); `Intervals` holds, for many intervals of one
 motion at a time, the placements at their midpoints (Pinocchio's) and what the motion bounds need. Obstacles may move by
-themselves (`passages`), by the times of the motion.
+themselves (`obstacle_motion`), by the times of the motion.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from hdplan.planner.motion.motion_bounds import Array, Chain, Mask, Motion, cros
 from hdplan.scenes.once import freeze
 
 if TYPE_CHECKING:
-    from hdplan.scenes.moving import Passages
+    from hdplan.scenes.obstacle_motion import ObstacleMotion
 
 Index = NDArray[np.int64]
 
@@ -35,7 +35,7 @@ class Body:
     piece: Piece
     joint: int = 0  # of the model, that carries it; 0: the world
     placement: Array = field(default_factory=lambda: np.eye(4))  # (4, 4) of the piece in that joint's frame
-    passages: Passages | None = None  # of an obstacle that moves, in place of the placement
+    obstacle_motion: ObstacleMotion | None = None  # of an obstacle that moves, in place of the placement
 
     def __post_init__(self) -> None:
         """Share its arrays read-only."""
@@ -62,53 +62,53 @@ class Bodies:
         self.radius = np.array([piece.radius for piece in self.pieces])
         self.half = np.array([0.5 * (piece.high - piece.low) for piece in self.pieces]).reshape(-1, 3)  # box sizes / 2
         self.hollow = np.array([piece.surface is not None for piece in self.pieces], dtype=bool)
-        self.drifting = np.array([body.passages is not None for body in bodies], dtype=bool)  # (g,)
+        self.drifting = np.array([body.obstacle_motion is not None for body in bodies], dtype=bool)  # (g,)
 
     def speed(self, g: int) -> float:
         """Return how fast a point of a drifting body moves at most [m/s]."""
-        passages = self._passages(g)
-        return float((_lengths(passages.velocity) + _lengths(passages.spin) * self._lever(g)).max())
+        motion = self._motion(g)
+        return float((_lengths(motion.velocity) + _lengths(motion.spin) * self._lever(g)).max())
 
     def latest(self, g: int) -> float:
         """Return the greatest time [s] of a drifting body's own poses, however far before or after 0."""
-        return float(np.abs(self._passages(g).anchors).max())
+        return float(np.abs(self._motion(g).anchors).max())
 
     def farthest(self, g: int, time: float) -> float:
         """Return how far from the world's origin a drifting body's own may come [m] within `time` [s] of its poses."""
-        passages = self._passages(g)
-        gone = float(_lengths(passages.velocity).max()) * time if time > 0.0 else 0.0
-        return float(_lengths(passages.poses[:, :3, 3]).max()) + gone
+        motion = self._motion(g)
+        gone = float(_lengths(motion.velocity).max()) * time if time > 0.0 else 0.0
+        return float(_lengths(motion.poses[:, :3, 3]).max()) + gone
 
     def _lever(self, g: int) -> float:
         """No point of a body is farther from its origin [m]."""
         return float(np.linalg.norm(self.pieces[g].center)) + self.pieces[g].radius
 
-    def _passages(self, g: int) -> Passages:
-        passages = self.bodies[g].passages
-        assert passages is not None
-        return passages
+    def _motion(self, g: int) -> ObstacleMotion:
+        motion = self.bodies[g].obstacle_motion
+        assert motion is not None
+        return motion
 
     def drift(self, middle: Array, half: Array) -> tuple[Array, Motion]:
         """Return where the drifting bodies are at times `middle` (k,) [s], (k, g, 4, 4), and what they do within `half`
         (k,) of them, (k, g); at rest if they do not drift.
 
-        Within one passage a point x moves by s (ω × (x − o) + v) `half`, but for ½ (|ω| half)² ‖x − o‖ at most, o being
-        the body's origin; over several passages no faster than in the fastest.
+        Within one segment a point x moves by s (ω × (x − o) + v) `half`, but for ½ (|ω| half)² ‖x − o‖ at most, o being
+        the body's origin; over several segments no faster than in the fastest.
         """
         shape = (len(middle), len(self.bodies))
         placements, omega, velocity = np.zeros((*shape, 4, 4)), np.zeros((*shape, 3)), np.zeros((*shape, 3))
         first, second = np.zeros(shape), np.zeros(shape)
         for g in np.flatnonzero(self.drifting).tolist():
-            passages, lever = self._passages(g), self._lever(g)
-            placements[:, g] = passages.at(middle)
-            begin = passages.row(middle - half)
-            end = np.maximum(np.searchsorted(passages.begins, middle + half, side="left") - 1, begin)
-            turn = np.linalg.norm(passages.spin, axis=1)
-            speeds = np.linalg.norm(passages.velocity, axis=1) + turn * lever
+            motion, lever = self._motion(g), self._lever(g)
+            placements[:, g] = motion.at(middle)
+            begin = motion.segment(middle - half)
+            end = np.maximum(np.searchsorted(motion.begins, middle + half, side="left") - 1, begin)
+            turn = np.linalg.norm(motion.spin, axis=1)
+            speeds = np.linalg.norm(motion.velocity, axis=1) + turn * lever
             first[:, g] = half * [speeds[i : j + 1].max() for i, j in zip(begin, end, strict=True)]
             one = begin == end
-            omega[:, g] = np.where(one[:, None], half[:, None] * passages.spin[begin], 0.0)
-            velocity[:, g] = np.where(one[:, None], half[:, None] * passages.velocity[begin], 0.0)
+            omega[:, g] = np.where(one[:, None], half[:, None] * motion.spin[begin], 0.0)
+            velocity[:, g] = np.where(one[:, None], half[:, None] * motion.velocity[begin], 0.0)
             velocity[:, g] -= cross(omega[:, g], placements[:, g, :3, 3])
             second[:, g] = np.where(one, 0.5 * (half * turn[begin]) ** 2 * lever, first[:, g])
         return placements, Motion(omega, velocity, first, second)

@@ -28,10 +28,11 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Array, Chain, Motion, cross
 from hdplan.planner.robot.link_frame import link_frame
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.deadline import seconds_left
 from hdplan.scenes.errors import naming
-from hdplan.scenes.model import Scene, Upright, Within
 from hdplan.scenes.once import read_only
+from hdplan.scenes.path_constraints import Upright, Within
 
 UP = read_only(np.array([0.0, 0.0, 1.0]))  # in the world
 GRANTED = 1e-9  # [rad] or [m] beyond what is allowed that rounding may cost
@@ -101,8 +102,9 @@ class PathProof:
 class PathCheck:
     """The path constraints of one scene, made ready for many motions."""
 
-    def __init__(self, scene: Scene, robot: Robot, chain: Chain) -> None:
+    def __init__(self, setup: Setup, chain: Chain) -> None:
         """Look up the links. Raises InputError for one that the robot lacks or that does not move."""
+        scene, robot = setup.scene, setup.robot
         self.robot, self.chain = robot, chain
         with naming(scene.source):
             given = (scene.path.upright, scene.path.position)

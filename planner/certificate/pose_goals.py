@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.model import PoseTarget
+from hdplan.scenes.targets import PoseTarget
 
 Array = NDArray[np.float64]
 

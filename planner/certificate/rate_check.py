@@ -7,58 +7,64 @@ acceleration an infinite jerk; before its first row and after its last a motion 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.planner.certificate.limit_checks import JUMP, LimitFinding, Use
+from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.robot.joint_limits import RATES, rate_limits
-from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.model import Scene
+from hdplan.planner.robot.joint_limits import DERIVATIVES
+from hdplan.planner.robot.setup import Setup
 
 Array = NDArray[np.float64]
-
-JUMP = 1e-6  # [rad/s], [rad/s²] or the like: what rounding makes of two equal values
-ROUNDING = 1e-9  # relative
+Index = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
-class Use:
-    """How much of what the joints can do a motion takes, where it takes most."""
+class RateCheck:
+    """A scene's limits on derivatives of joint values by time."""
 
-    quantity: str  # "velocity", "acceleration", "jerk", "torque"
-    share: float  # of the limit, proven; inf where a jump makes it infinite
-    joint: str
-    interval: int  # between rows `interval` and `interval` + 1
-    limit: float  # of that joint
+    def __init__(self, setup: Setup) -> None:
+        """Resolve the limits. Raises InputError for some that do not fit the robot."""
+        self.limits = {name: setup.limits[name] for name in DERIVATIVES if name in setup.limits}
+        self._joints = setup.robot.joint_names
 
-    @property
-    def within(self) -> bool:
-        """Whether the limit holds."""
-        return self.share <= 1.0 + ROUNDING
+    def check(self, curve: Curve) -> LimitFinding:
+        """Prove the limits along a timed curve."""
+        uses = tuple(
+            self._use(quantity, curve.over_time(DERIVATIVES[quantity] - 1), limit)
+            for quantity, limit in self.limits.items()
+        )
+        return LimitFinding(uses, tuple(_complaints(uses, curve)))
+
+    def values(self, quantity: str, curve: Curve, interval: Index, fraction: Array) -> Array:
+        """Return a derivative (k, n) on intervals (k,) at fractions (k,) of them."""
+        return curve.over_time(DERIVATIVES[quantity]).at(interval, fraction)
+
+    def overload(self, q: Array) -> None:
+        """What stands still has no rates."""
+
+    def _use(self, quantity: str, below: Curve, limit: Array) -> Use:
+        """Bound the derivative of a curve; where that curve itself may jump, it must not."""
+        low, high = below.derivative().bounds()
+        shares = np.maximum(-low, high) / limit  # (N − 1, n)
+        if DERIVATIVES[quantity] > 1:
+            jump = below.jumps()  # (N, n) before each row, at rest before the first and after the last
+            at, joint = np.argwhere(jump > JUMP)[0] if (jump > JUMP).any() else (None, 0)
+            if at is not None:
+                shares[min(int(at), len(shares) - 1), joint] = np.inf
+        interval, joint = (int(i) for i in np.unravel_index(int(shares.argmax()), shares.shape))
+        return Use(quantity, float(shares[interval, joint]), self._joints[joint], interval, float(limit[joint]))
 
 
-def rates(curve: Curve, scene: Scene, robot: Robot) -> tuple[Use, ...]:
-    """Return the use of every limit of the scene on velocity, acceleration and jerk; for a curve with times.
-
-    Raises InputError for limits that do not fit the robot.
-    """
-    found = []
-    for order, (quantity, limit) in enumerate(zip(RATES, rate_limits(scene, robot), strict=True), start=1):
-        if limit is not None:
-            found.append(_use(quantity, curve.over_time(order - 1), limit, robot, order > 1))
-    return tuple(found)
-
-
-def _use(quantity: str, below: Curve, limit: Array, robot: Robot, jumps: bool) -> Use:
-    """Bound the derivative of a curve; where that curve itself may jump, it must not."""
-    low, high = below.derivative().bounds()
-    shares = np.maximum(-low, high) / limit  # (N − 1, n)
-    if jumps:
-        jump = below.jumps()  # (N, n) before each row, at rest before the first and after the last
-        at, joint = np.argwhere(jump > JUMP)[0] if (jump > JUMP).any() else (None, 0)
-        if at is not None:
-            shares[min(int(at), len(shares) - 1), joint] = np.inf
-    interval, joint = (int(i) for i in np.unravel_index(int(shares.argmax()), shares.shape))
-    return Use(quantity, float(shares[interval, joint]), robot.joint_names[joint], interval, float(limit[joint]))
+def _complaints(uses: tuple[Use, ...], curve: Curve) -> Iterator[tuple[Status, str]]:
+    for use in uses:
+        if use.within:
+            continue
+        began = curve.time_of(use.interval / (len(curve) - 1))
+        what, after = f"joint '{use.joint}': {use.quantity}", f"after waypoint {use.interval} ({began:.3f} s)"
+        if np.isinf(use.share):
+            yield Status.TOO_FAST, f"{what} is infinite {after}, as what it is the change of jumps there"
+        else:
+            yield Status.TOO_FAST, f"{what} up to {use.share:.1%} of its limit {use.limit:g} {after}"

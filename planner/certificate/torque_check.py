@@ -1,10 +1,10 @@
 """Whether the joints can drive a motion: torques along the whole executed curve, by Pinocchio's own inverse dynamics.
 
-Sampled every other millisecond, of long motions less often, and proven between the samples: τ stays within
-h²/8 max|τ̈| of the straight line between two samples h apart (`torque_bounds`); where that is not enough, the piece is
-halved. What no speed can help is told apart: a configuration in which gravity alone asks for too much. A motion rests
-before its first row and after its last: one that begins or ends at speed needs an infinite torque. Shares nothing with
-the planner's own dynamics.
+Sampled every other millisecond, of long motions less often, and proven between the samples: τ stays within h²/8 max|τ̈|
+of the straight line between two samples h apart (`torque_bounds`); where that is not enough, the piece is halved. What
+no speed can help is reported by itself: a configuration in which gravity alone asks for too much. A motion rests before
+its first row and after its last: one that begins or ends at speed needs an infinite torque. Shares nothing with the
+planner's own dynamics.
 """
 
 from __future__ import annotations
@@ -15,15 +15,14 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from hdplan.planner.certificate.rate_check import JUMP, Use
+from hdplan.planner.certificate.limit_checks import JUMP, LimitFinding, Use
 from hdplan.planner.certificate.torque_bounds import torque_curvature
+from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
-from hdplan.planner.robot.joint_limits import torque_limits
-from hdplan.planner.robot.loads import loaded_model
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Scene
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -38,7 +37,7 @@ class Overload:
     """A joint that gravity alone overloads, in a configuration of the motion: going slower does not help."""
 
     joint: str
-    time: float  # [s]; 0 for a configuration that is no part of a motion
+    time: float  # [s]; 0 for a configuration that is not part of a motion
     torque: float  # that holds still against gravity [Nm] or [N]
     limit: float
 
@@ -50,7 +49,7 @@ class Overload:
 
 
 @dataclass(frozen=True, eq=False)
-class TorqueCheck:
+class TorquesFound:
     """Torques over a whole motion, for n joints [Nm or N]."""
 
     joint_names: tuple[str, ...]
@@ -78,12 +77,15 @@ class TorqueCheck:
         shares = (self.found if self.exceeded else self.proven) / self.limits
         return int(shares.argmax())
 
-    def use(self, curve: Curve) -> Use:
-        """Return how much of the limits is taken, on the curve that was checked."""
+    def finding(self, curve: Curve) -> LimitFinding:
+        """Return how much of the limits is taken, on the curve that was checked, and what is wrong."""
         joint, last = self.worst, len(curve) - 2
         interval = min(int(curve.parameter_of(self.times[joint]) * (last + 1)), last)
         share = float(self.proven[joint] / self.limits[joint])
-        return Use("torque", share, self.joint_names[joint], interval, float(self.limits[joint]))
+        use = Use("torque", share, self.joint_names[joint], interval, float(self.limits[joint]))
+        status = Status.OVERLOADED if self.exceeded else Status.NOT_PROVEN
+        complaints = () if self.within else ((status, self.text),)
+        return LimitFinding((use,), complaints, self.text, self.overloaded if self.exceeded else ())
 
     @property
     def text(self) -> str:
@@ -103,41 +105,43 @@ class TorqueCheck:
         return f"{over.words}, at {over.time:.3f} s: going slower does not help"
 
 
-@dataclass(frozen=True, eq=False)
-class TorqueLimits:
-    """What a scene's joints can drive, with its loads."""
+class TorqueCheck:
+    """A scene's limits on the joints' torques, with its loads."""
 
-    model: pin.Model  # with all loads
-    robot: Robot
-    limits: Array  # (n,)
+    def __init__(self, setup: Setup) -> None:
+        """Resolve limits and loads. Raises InputError for what does not fit the robot."""
+        self.limits = {"torque": setup.limits["torque"]}
+        self.model, self.robot = setup.loaded_model, setup.robot
 
-    @classmethod
-    def of(cls, scene: Scene, robot: Robot) -> TorqueLimits | None:
-        """Return a scene's; None if it limits no torque. Raises InputError for what does not fit the robot."""
-        limits = torque_limits(scene, robot)
-        return None if limits is None else cls(loaded_model(scene, robot), robot, limits)
-
-    def check(self, curve: Curve) -> TorqueCheck:
+    def check(self, curve: Curve) -> LimitFinding:
         """Compare the torques along a timed curve with the limits; see `check_torques`. Where a velocity jumps, at
         the first row or the last, the torque is infinite."""
-        checked = check_torques(self.model, self.robot, curve, self.limits)
+        checked = check_torques(self.model, self.robot, curve, self.limits["torque"])
         jumps = curve.derivative().jumps()  # (N, n)
         abrupt, rows = jumps.max(axis=0) > JUMP, jumps.argmax(axis=0)
-        if not abrupt.any() or curve.times is None:
-            return checked
-        proven, found = (np.where(abrupt, np.inf, values) for values in (checked.proven, checked.found))
-        return replace(checked, proven=proven, found=found, times=np.where(abrupt, curve.times[rows], checked.times))
+        if abrupt.any() and curve.times is not None:
+            proven, found = (np.where(abrupt, np.inf, values) for values in (checked.proven, checked.found))
+            times = np.where(abrupt, curve.times[rows], checked.times)
+            checked = replace(checked, proven=proven, found=found, times=times)
+        return checked.finding(curve)
 
-    def overload(self, q: Array) -> Overload | None:
-        """Return the joint that gravity overloads most in one configuration (n,); None if there is none."""
+    def values(self, quantity: str, curve: Curve, interval: Index, fraction: Array) -> Array:
+        """Return what drives the motion (k, n) on intervals (k,) at fractions (k,) of them."""
+        q, v, a = (curve.over_time(order).at(interval, fraction) for order in range(3))
+        data = self.model.createData()
+        return np.array([pin.rnea(self.model, data, *row) for row in zip(self.robot.pin_q(q), v, a, strict=True)])
+
+    def overload(self, q: Array) -> str | None:
+        """Say which joint gravity overloads most at q (n,); None if it overloads none."""
+        limits = self.limits["torque"]
         torques = np.abs(pin.computeGeneralizedGravity(self.model, self.model.createData(), self.robot.pin_q(q)))
-        joint = int((torques / self.limits).argmax())
-        if torques[joint] <= self.limits[joint]:
+        joint = int((torques / limits).argmax())
+        if torques[joint] <= limits[joint]:
             return None
-        return Overload(self.robot.joint_names[joint], 0.0, float(torques[joint]), float(self.limits[joint]))
+        return Overload(self.robot.joint_names[joint], 0.0, float(torques[joint]), float(limits[joint])).words
 
 
-def check_torques(model: pin.Model, robot: Robot, curve: Curve, limits: Array) -> TorqueCheck:
+def check_torques(model: pin.Model, robot: Robot, curve: Curve, limits: Array) -> TorquesFound:
     """Compare the torques along a timed curve with the joints' limits.
 
     Args:
@@ -177,7 +181,7 @@ def check_torques(model: pin.Model, robot: Robot, curve: Curve, limits: Array) -
         between = sampled.at(interval, middle)
         interval, start, end = np.tile(interval, 2), np.r_[start, middle], np.r_[middle, end]
         at_start, at_end = np.vstack([at_start[open_], between]), np.vstack([between, at_end[open_]])
-    return TorqueCheck(
+    return TorquesFound(
         joint_names=robot.joint_names,
         limits=limits,
         proven=proven,

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from hdplan.planner.motion.curve import Curve
 
 if TYPE_CHECKING:
+    from hdplan.planner.certificate.limit_checks import LimitFinding, Use
     from hdplan.planner.certificate.path_check import Departure, Kept
-    from hdplan.planner.certificate.rate_check import Use
-    from hdplan.planner.certificate.torque_check import TorqueCheck
 
 Array = NDArray[np.float64]
 
@@ -132,8 +131,7 @@ class Findings:
     touching: tuple[bool, ...]  # of each: found too close; otherwise it only could not be proven
     asked: tuple[float, ...]  # of each: what must be kept there [m]
     departures: tuple[Departure, ...]
-    uses: tuple[Use, ...]
-    torques: TorqueCheck | None
+    limits: tuple[LimitFinding, ...]
 
 
 def complaints(found: Findings) -> Iterator[tuple[Status, str]]:
@@ -156,28 +154,25 @@ def complaints(found: Findings) -> Iterator[tuple[Status, str]]:
         status = Status.OFF_PATH if worst.violated else Status.NOT_PROVEN
         yield status, _departure(worst, found.departures, found.curve)
     for place, _, _ in sorted(places, key=lambda each: each[0].distance - each[1])[:1]:
-        yield Status.NOT_PROVEN, f"{_where(place, 'cannot be told apart')}; {others}"
-    for use in found.uses:
-        if not use.within:
-            yield Status.TOO_FAST, _exceeded(use, found.curve)
-    if found.torques and not found.torques.within:
-        yield (Status.OVERLOADED if found.torques.exceeded else Status.NOT_PROVEN), found.torques.text
+        yield Status.NOT_PROVEN, f"{_where(place, 'cannot be separated')}; {others}"
+    for limits in found.limits:
+        yield from limits.complaints
 
 
 def proven(
     clearance: float | None,
     self_clearance: float | None,
-    uses: Sequence[Use],
+    limits: Sequence[LimitFinding],
     path: Sequence[Kept],
-    torques: TorqueCheck | None,
 ) -> str:
     """Say what is proven of a certified motion; clearances [m]."""
     obstacles = "no obstacles to meet" if clearance is None else f"at least {_length(clearance)} to every obstacle"
     links = "" if self_clearance is None else f", {_length(self_clearance)} between links"
+    uses = [use for found in limits if not found.remark for use in found.uses]
     taken = "".join(f", {use.quantity} up to {use.share:.0%} of the limits" for use in uses)
     kept = "".join(f", {constraint.words}" for constraint in path)
-    driven = f"; {torques.text}" if torques else ""
-    return f"{obstacles}{links}{taken}{kept}, over the whole motion{driven}"
+    remarks = "".join(f"; {found.remark}" for found in limits if found.remark)
+    return f"{obstacles}{links}{taken}{kept}, over the whole motion{remarks}"
 
 
 def _words(place: Place) -> str:
@@ -215,11 +210,3 @@ def _departure(worst: Departure, departures: tuple[Departure, ...], curve: Curve
         f"{worst.words}{'' if worst.violated else ', too close to tell'} after waypoint {worst.interval} ({when}); "
         f"{intervals} interval{'s' * (intervals != 1)} between waypoints not proven"
     )
-
-
-def _exceeded(use: Use, curve: Curve) -> str:
-    began = curve.time_of(use.interval / (len(curve) - 1))
-    after = f"after waypoint {use.interval} ({began:.3f} s)"
-    if np.isinf(use.share):
-        return f"joint '{use.joint}': {use.quantity} is infinite {after}, as what it is the change of jumps there"
-    return f"joint '{use.joint}': {use.quantity} up to {use.share:.1%} of its limit {use.limit:g} {after}"

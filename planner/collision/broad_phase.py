@@ -1,8 +1,8 @@
-"""Which bodies can meet: candidate pairs, what is left out for good, and the broad phase at given configurations.
+"""The broad phase: tables of the pairs of bodies that can meet, and which of them are close at given configurations.
 
-In: outer link bodies (vertices) and plane bodies (obstacles in the world, or links). Out: tables for the distance's
-compiled kernels, and per batch of configurations the (sample, pair) that may be inside the margin; every other D is
-positive for certain.
+In: outer link bodies (vertices) and halfspace bodies (obstacles in the world, or links). Out: tables for the compiled
+kernels of the distance, and for a batch of configurations the (sample, pair) that may be inside the margin; every other
+D is guaranteed to be positive.
 """
 
 from __future__ import annotations
@@ -12,50 +12,54 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hdplan.planner.collision.halfspace_bodies import FEW, HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import KinematicsBatch
-
-Floats = NDArray[np.float64]
-Rows = NDArray[np.int64]
+from hdplan.scenes.array_types import Array, Mask, Rows
 
 # Every direction is within 27.6 degrees of one of a box's 26 directions whose support is attained at the same place of
-# the box. So where a sphere of radius r is farther than r / cos(27.6°) from the box, one of the planes separates it for
-# certain: D > 0. Of its 6 faces alone, every direction is within acos(1/√3).
+# the box. So where a sphere of radius r is farther than r / cos(27.6°) from the box, one of the planes is sure to
+# separate it: D > 0. Of its 6 faces alone, every direction is within acos(1/√3).
 WIDEST, WIDEST_OF_FACES = 1.13, 3**0.5
 
 
 @dataclass(frozen=True)
 class BodyPairs:
-    """P pairs of a link body with a plane body, as tables."""
+    """P pairs of a link body with a halfspace body, as tables."""
 
     body: Rows  # (P,) row of the link body in body_table
-    plane_body: Rows  # (P,) index of the plane body
-    plane_slots: Rows  # (P,) its number of plane slots: all that have as many share a table
+    halfspace_body: Rows  # (P,) index of the halfspace body
+    plane_slots: Rows  # (P,) its number of plane slots: bodies with equal numbers share a table
     plane_row: Rows  # (P,) its row in the plane table of that many slots
     joint_a: Rows  # (P,) joint that carries the link body
-    joint_b: Rows  # (P,) joint that carries the plane body, 0 for the world
-    moves: Floats  # (P, n) 1 where a joint moves only the first body, −1 only the second, else 0
-    body_table: Floats  # (A, 4 m + 1) vertices, weights, radius
-    plane_tables: dict[int, Floats]  # slots -> (·, 4 slots) normals and supports enlarged by the margin
-    centres: Floats  # (A, 3) of the link bodies' bounding spheres, in their joints' frames [m]
-    radii: Floats  # (A,) of those spheres [m]
-    widest: float  # how much farther than its radius from a box a sphere is separated by one of the planes for certain
-    boxes: Floats  # (B, 4, 4) the plane bodies' boxes, in their joints' frames
-    half_sizes: Floats  # (B, 3) of those boxes, enlarged by the margin [m]
-    margins: Floats  # (B,) by which each plane body is enlarged [m]
+    joint_b: Rows  # (P,) joint that carries the halfspace body, 0 for the world
+    moves: Array  # (P, n) 1 where a joint moves only the first body, −1 only the second, else 0
+    body_table: Array  # (A, 4 m + 1) vertices, weights, radius
+    plane_tables: dict[int, Array]  # slots -> (·, 4 slots) normals and supports enlarged by the margin
+    centres: Array  # (A, 3) of the link bodies' bounding spheres, in their joints' frames [m]
+    radii: Array  # (A,) of those spheres [m]
+    widest: float  # at this many radii from a box, one of the planes is sure to separate a sphere from it
+    boxes: Array  # (B, 4, 4) the halfspace bodies' boxes, in their joints' frames
+    half_sizes: Array  # (B, 3) of those boxes, enlarged by the margin [m]
+    margins: Array  # (B,) by which each halfspace body is enlarged [m]
 
     def __len__(self) -> int:
         """The number of pairs."""
         return len(self.body)
 
+    @property
+    def vertex_slots(self) -> int:
+        """m, the number of vertices that a row of `body_table` has room for."""
+        return (int(self.body_table.shape[1]) - 1) // 4
+
     def close(self, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
         """Sample and pair indices (S,), samples ascending, whose bounding sphere reaches the enlarged box.
 
-        Drops no HD-SDF D < 0, by WIDEST; nor a Euclidean distance below the margin: the sphere holds the link body, and
-        the box, enlarged by the margin along its axes, holds every point within the margin of the other body.
+        Misses no HD-SDF D < 0, by WIDEST, and no Euclidean distance below the margin: the sphere contains the link
+        body, and the box, enlarged by the margin along its axes, contains every point within the margin of the other
+        body.
         """
         centres, reach = self._placed_centres(kinematics), self.widest * self.radii
         found = self._close_to_standing(centres, reach), self._close_to_moving(centres, reach, kinematics)
@@ -64,43 +68,43 @@ class BodyPairs:
         return sample[order], pair[order]
 
     def close_between(self, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
-        """Interval and pair indices (S,), intervals ascending, of the same for a ball around a link body at both ends
-        of each interval between the configurations. Drops no D < 0 of their hull with a body that stands."""
+        """The same for intervals between the configurations, (S,) intervals ascending, by a ball around a link body at
+        both ends of each. Misses no D < 0 between the hull of the two and a standing body."""
         centres = self._placed_centres(kinematics)
         half = np.linalg.norm(np.diff(centres, axis=0), axis=2).max(axis=0, initial=0.0) / 2
         interval, pair = self._close_to_standing((centres[1:] + centres[:-1]) / 2, self.widest * (self.radii + half))
         order = np.argsort(interval, kind="stable")
         return interval[order], pair[order]
 
-    def _placed_centres(self, kinematics: KinematicsBatch) -> Floats:
+    def _placed_centres(self, kinematics: KinematicsBatch) -> Array:
         """The centres of the link bodies' spheres in the world (batch, A, 3)."""
         joint = np.zeros(len(self.centres), dtype=np.int64)
         joint[self.body] = self.joint_a
         rotations, translations = kinematics.rotations[:, joint], kinematics.translations[:, joint]
-        centres: Floats = (rotations @ self.centres[:, :, None])[..., 0] + translations
+        centres: Array = (rotations @ self.centres[:, :, None])[..., 0] + translations
         return centres
 
     @cached_property
     def _standing(self) -> Rows:
-        """The pairs with a body that stands in the world."""
+        """The pairs with a standing body."""
         return np.flatnonzero(self.joint_b == 0)
 
     @cached_property
     def _moving(self) -> Rows:
         return np.flatnonzero(self.joint_b > 0)
 
-    def _close_to_standing(self, centres: Floats, reach: Floats) -> tuple[Rows, Rows]:
-        """The same for the standing boxes; first all samples at once, by a ball around each body's whole motion."""
+    def _close_to_standing(self, centres: Array, reach: Array) -> tuple[Rows, Rows]:
+        """`close` for the standing boxes; first all samples at once, by a ball around each body's whole motion."""
         pair = self._standing
         if not len(pair) or not len(centres):
             return np.empty(0, np.int64), np.empty(0, np.int64)
         middle = (centres.min(axis=0) + centres.max(axis=0)) / 2  # (A, 3)
         travel = np.linalg.norm(centres - middle, axis=2).max(axis=0)
-        body, box = self.body[pair], self.plane_body[pair]
+        body, box = self.body[pair], self.halfspace_body[pair]
         local = ((middle[body] - self.boxes[box, :3, 3])[:, None] @ self.boxes[box, :3, :3])[:, 0]
         outside = np.maximum(np.abs(local) - self.half_sizes[box], 0.0)
         pair = pair[np.einsum("pi,pi->p", outside, outside) < (reach + travel)[body] ** 2]
-        body, box = self.body[pair], self.plane_body[pair]
+        body, box = self.body[pair], self.halfspace_body[pair]
         gaps = centres.transpose(1, 0, 2)[body] - self.boxes[box, None, :3, 3]  # (P, batch, 3)
         outside = np.abs(gaps @ self.boxes[box, :3, :3])
         outside -= self.half_sizes[box, None]
@@ -108,12 +112,12 @@ class BodyPairs:
         row, sample = np.nonzero(np.einsum("pbi,pbi->pb", outside, outside) < reach[body, None] ** 2)
         return sample, pair[row]
 
-    def _close_to_moving(self, centres: Floats, reach: Floats, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
-        """The same for the boxes on links; first by the balls around the boxes."""
+    def _close_to_moving(self, centres: Array, reach: Array, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
+        """`close` for the boxes on links; first by the balls around the boxes."""
         pair = self._moving
         if not len(pair):
             return np.empty(0, np.int64), np.empty(0, np.int64)
-        body, box, joint = self.body[pair], self.plane_body[pair], self.joint_b[pair]
+        body, box, joint = self.body[pair], self.halfspace_body[pair], self.joint_b[pair]
         rotations, translations = kinematics.rotations, kinematics.translations
         origins = (rotations[:, joint] @ self.boxes[box, :3, 3, None])[..., 0] + translations[:, joint]
         gaps = centres[:, body] - origins  # (batch, P, 3)
@@ -131,14 +135,15 @@ def body_pairs(
     halfspace_bodies: Sequence[HalfspaceBody],
     pairs: Sequence[tuple[int, int]],
     margin: ArrayLike,
-    supports: NDArray[np.bool_],
+    supports: Mask,
     slots: int = 0,
 ) -> BodyPairs:
-    """Lay out pairs (index of link body, index of plane body) as tables, the plane bodies enlarged by `margin` [m].
+    """Lay out pairs (index of link body, index of halfspace body) as tables; `margin` [m] enlarges the halfspace
+    bodies.
 
-    margin: one for all plane bodies, or one for each (B,).
+    margin: one for all halfspace bodies, or one for each (B,).
     supports: (nj, n) whether a joint moves what another joint carries (Kinematics.supports).
-    slots: vertex slots of the tables at least, so that other pairs would have tables of the same width.
+    slots: the least number of vertex slots, so that other pairs have tables of the same width.
     """
     margins = np.full(len(halfspace_bodies), margin, dtype=np.float64)
     slots = max(slots, *(len(bodies[a].body.vertices) for a, _ in pairs))
@@ -162,7 +167,7 @@ def body_pairs(
     spans = [np.linalg.norm(b.body.vertices - middle, axis=1).max() for b, middle in zip(bodies, middles, strict=True)]
     return BodyPairs(
         body=first,
-        plane_body=second,
+        halfspace_body=second,
         plane_slots=plane_slots[second],
         plane_row=rows[second],
         joint_a=joint_a,
@@ -179,10 +184,10 @@ def body_pairs(
     )
 
 
-def _body_row(body: LinkBody, slots: int) -> Floats:
+def _body_row(body: LinkBody, slots: int) -> Array:
     """Vertices, weights and radius in one row; unused slots repeat the first vertex with weight 0.
 
-    A body of more vertices is in no pair on this side; its row is cut short and never read.
+    A body with more vertices is in no pair on this side; its row is truncated and never read.
     """
     vertices = body.body.vertices[:slots]
     spare = slots - len(vertices)

@@ -1,6 +1,6 @@
-"""A robot as the problem sees it, whatever the scene: kinematics, outer bodies, and which of them to keep apart.
+"""The collision model of a robot, independent of the scene: kinematics, outer bodies, and which of them to keep apart.
 
-Robot -> `CollisionModel`, made once per robot in a process: a second plan with the same robot starts from it.
+Robot -> `CollisionModel`, made once per robot in a process and reused by the next plan with the same robot.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from hdplan.planner.kinematics.forward import Kinematics, kinematics_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.once import made_once
 
-TRIALS = 200  # random configurations for the following
-GAMMA, LENGTH = 2, 1e-3  # of the distance that tells; its sign, which alone counts here, depends on neither
+TRIALS = 200  # random configurations at which pairs of outer bodies are tested for overlap
+GAMMA, LENGTH = 2, 1e-3  # of the distance that tests them; its sign, which alone counts here, depends on neither
 SELF_ACTIVATION = 0.005  # [m] links of one arm are close by design: their penalty sets in late
-OFTEN = 0.5  # share of them in which a link pair's outer bodies may overlap before it is left to the certificate
+OFTEN = 0.5  # share of TRIALS in which two links' outer bodies may overlap before they are left to the certificate
 
 BodyPair = tuple[int, int]  # rows of CollisionModel.bodies: the one that gives vertices, the one that gives planes
 LinkPair = tuple[str, str]
@@ -37,14 +37,14 @@ class CollisionModel:
     planes: tuple[HalfspaceBody, ...]  # the same bodies by planes, for the second side of a pair
     reach: tuple[Reach, ...]  # balls that they never leave
     self_pairs: tuple[BodyPair, ...]  # to be kept apart
-    distances_kept: tuple[float, ...]  # that each of them keeps anyway, at all limits [m]; 0 where none is proven
+    distances_kept: tuple[float, ...]  # [m] proven for each of them within the joint limits; 0 where none is
     unresolved: tuple[LinkPair, ...]  # link pairs left to the certificate, as their outer bodies overlap anyway
 
 
 @made_once(8)
 def collision_model_of(robot: Robot, geometry: str, normals: str) -> CollisionModel:
-    """Return the collision_model of a robot with the bodies and normals of these settings, the same object for the same
-    ones."""
+    """Return the collision model of a robot with the bodies and normals of these settings: one object for equal
+    arguments."""
     kinematics, bodies = kinematics_of(robot), link_bodies(robot, geometry)
     planes = tuple(from_link_body(body.link, body.joint, body.body, normals) for body in bodies)
     reach = tuple(reach_of(robot, body.joint, body.body) for body in bodies)
@@ -60,7 +60,7 @@ def _distances_kept(
     planes: tuple[HalfspaceBody, ...],
     pairs: tuple[BodyPair, ...],
 ) -> tuple[float, ...]:
-    """What is proven of each pair; first the links' own, which are the same whatever the robot holds."""
+    """The distances proven for each pair; those of the links first, which do not depend on held objects."""
     if not pairs:
         return ()
     from hdplan.planner.collision.separation_bounds import distances_kept
@@ -85,7 +85,7 @@ def _separable_pairs(
     pairs = []
     for a, b in robot.self_pairs:
         for i, j in itertools.product(of_link.get(a, []), of_link.get(b, [])):
-            # the one with fewer vertices gives them: vertices cost, planes do not
+            # the body with fewer vertices is the vertex side: vertices cost time, planes do not
             fewer, more = sorted((i, j), key=lambda index: len(bodies[index].body.vertices))
             pairs.append((fewer, more, a, b))
     if not pairs:

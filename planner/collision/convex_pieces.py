@@ -1,8 +1,8 @@
-"""A mesh that is not convex, taken apart into convex pieces for the planner.
+"""A nonconvex mesh, split into convex pieces for the planner.
 
-The pieces follow the mesh closely but not exactly: they are for the planner alone, the certificate works with the
-triangles themselves. Taking apart takes seconds, so the pieces are kept on disk by the mesh's content. It is done in a
-process of its own, bounded in time and memory.
+The pieces follow the mesh closely but not exactly: only the planner uses them, the certificate works with the triangles
+themselves. Splitting takes seconds, so the pieces are cached on disk by the mesh's content. It runs in a process of its
+own, bounded in time and memory.
 """
 
 from __future__ import annotations
@@ -16,22 +16,21 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.cache import content_key, load, store
 from hdplan.planner.geometry.meshes import TriangleMesh
-
-Floats = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 CONCAVITY = 0.03  # how deep a dent a convex piece may bridge, as part of the mesh's size (coacd's threshold)
-MOST_SECONDS = 60.0  # that taking apart may last
-MOST_MEMORY = 8 * 2**30  # [bytes] of addresses: several times what is used
+MOST_SECONDS = 60.0  # that splitting may take
+MOST_MEMORY = 8 * 2**30  # [bytes] of address space: several times what is used
 
 
-def convex_pieces(mesh: TriangleMesh, seconds: float = MOST_SECONDS) -> tuple[Floats, ...] | None:
-    """Return point sets (m, 3) whose convex hulls together stand for `mesh`: exactly, if its loose parts are convex.
+def convex_pieces(mesh: TriangleMesh, seconds: float = MOST_SECONDS) -> tuple[Array, ...] | None:
+    """Return point sets (m, 3) whose convex hulls together represent `mesh`: exactly, if its connected parts are
+    convex.
 
-    None where it cannot be taken apart, or not within `seconds`.
+    None where it cannot be split, or not within `seconds`.
     """
     parts = mesh.components()
     if all(part.convex and part.volume > 0 for part in parts):
@@ -47,7 +46,7 @@ def convex_pieces(mesh: TriangleMesh, seconds: float = MOST_SECONDS) -> tuple[Fl
     return tuple(np.array(vertices) for vertices in known)
 
 
-def _taken_apart(mesh: TriangleMesh, seconds: float) -> list[Floats]:
+def _taken_apart(mesh: TriangleMesh, seconds: float) -> list[Array]:
     """Run coacd on a mesh; empty where it fails."""
     if seconds <= 0.0:
         return []

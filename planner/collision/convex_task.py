@@ -1,6 +1,6 @@
-"""Cut one mesh into convex pieces with coacd: a program of its own, so that it can be given up.
+"""Split one mesh into convex pieces with coacd: a program of its own, so that it can be aborted.
 
-coacd cannot be interrupted, takes minutes for some damaged meshes and all memory for others, and may end its process.
+coacd cannot be interrupted, takes minutes or all memory for some damaged meshes, and may crash its process.
 Arguments: file of the mesh (.npz: vertices (m, 3), triangles (F, 3)), file to write (.npz: a point set for each piece),
 concavity, processor time [s] and memory [bytes] that it may take.
 """
@@ -14,7 +14,7 @@ import numpy as np
 
 
 def main(mesh: str, result: str, concavity: str, seconds: str, memory: str) -> None:
-    """Cut a mesh as the arguments say."""
+    """Split a mesh as the arguments say."""
     try:
         import resource
     except ImportError:  # not on Windows

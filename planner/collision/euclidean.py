@@ -1,60 +1,63 @@
-"""The exact Euclidean distance of many body pairs at many samples, by FCL (coal, its maintained successor).
+"""The exact Euclidean distance of many body pairs at many samples, by coal (the maintained successor of FCL).
 
-The other distance for the obstacle penalty, to compare the HD-SDF with: same bodies, same margin, same pairs. The first
-body is the link's outer body, the second the obstacle's true shape (or another link's outer body), not its planes.
+The alternative distance for the obstacle penalty, to compare the HD-SDF with: same bodies, same margin, same pairs. The
+first body is the link's outer body, the second the obstacle's true shape (or another link's outer body), not its
+planes.
 
-coal proposes the normal n of a pair (from the second body to the first); the number is computed here from supports,
+coal proposes the normal n of a pair (from the second body to the first); the distance is computed here from supports,
 
     D = gap(n) − margin,   gap(n) = min_{a ∈ A} n·a − max_{b ∈ B} n·b  ≤  d(A, B),
 
 exact to about 2e-7 m where n is the witness normal, and a lower bound whatever coal says. The gradient of D is the
-motion of A's witness point along n (the envelope theorem). It jumps where d has kinks: between faces that are parallel
-the witness points, and in overlaps the normal too, are one choice among many.
+motion of A's witness point along n (the envelope theorem). It jumps where d has kinks: between parallel faces the
+witness points, and in overlaps the normal too, are one choice among many.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import coal
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.baselines.coal import coal_hull
 from hdplan.distance.bodies import ConvexBody
-from hdplan.planner.collision.broad_phase import BodyPairs, Floats, Rows
+from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
-from hdplan.planner.geometry.shapes import operations
+from hdplan.planner.collision.pair_distance import PairDistance
+from hdplan.planner.geometry.shapes import Outline, operations
 from hdplan.planner.kinematics.forward import KinematicsBatch
-from hdplan.scenes.model import Shape
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.once import read_only
+from hdplan.scenes.shapes import Shape
 
-DOUBTFUL = 1e-6  # coal's distance and the gap along its own normal differ by more [m] only where coal is wrong
-NUDGE = 1e-5  # [rad] by which A is turned to ask again: enough to end an exactly parallel contact
+DOUBTFUL = 1e-6  # [m] coal's distance and the gap along its own normal differ by more only where coal is wrong
+NUDGE = 1e-5  # [rad] by which A is turned for another query: enough to break an exactly parallel contact
 NUDGES = 3
 REQUEST = coal.DistanceRequest()
 REQUEST.gjk_tolerance = REQUEST.epa_tolerance = 1e-8
 
 
-class FclPairs:
-    """D of the pairs' bodies, less the margin: exact, apart from the contacts that coal gets wrong.
+class FclPairs(PairDistance):
+    """D of the pairs' bodies, less the margin: exact, except in the contacts that coal gets wrong.
 
     In about one of a thousand exactly parallel contacts (one of a hundred with a cylinder) its distance is not the gap
-    along its own normal; python-fcl, the older binding, ends the whole process in some of them. There coal is asked
-    again with A turned by NUDGE, and the largest gap counts, that along the line of the centres among them. No pair is
-    left out: D is finite always, never more than exact, and the wrench fits it. Where a cylinder and a box aligned with
-    it overlap deeply, coal may give a direction out that is not the shortest: there D is a lower bound only.
+    along its own normal; python-fcl, the older binding, crashes the whole process in some of them. There coal is
+    queried again with A turned by NUDGE, and the largest gap counts, including that along the line of the centres. No
+    pair is left out: D is always finite and never above the exact value, and the wrench is its derivative. Where a
+    cylinder and a box aligned with it overlap deeply, coal may return a direction out that is not the shortest: there D
+    is only a lower bound.
     """
 
     def __init__(self, pairs: BodyPairs, bodies: Sequence[LinkBody], halfspace_bodies: Sequence[HalfspaceBody]) -> None:
-        """Take the pairs and the bodies that their indices mean; the second's margin comes off every distance."""
+        """Take the pairs and the bodies that they index; the second body's margin is subtracted from every distance."""
         self.pairs = pairs
         self.first = {a: _swept(bodies[a].body) for a in set(pairs.body.tolist())}
-        self.second = {b: _solid(halfspace_bodies[b].shape) for b in set(pairs.plane_body.tolist())}
+        self.second = {b: _solid(halfspace_bodies[b].shape) for b in set(pairs.halfspace_body.tolist())}
         self.placements = np.array([body.placement for body in halfspace_bodies])  # (B, 4, 4) in the joints' frames
 
     @property
@@ -62,10 +65,10 @@ class FclPairs:
         """Which library, which version."""
         return f"exact Euclidean distance by FCL (coal {coal.__version__}), one pair after another"
 
-    def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Floats, Floats, Floats]:
+    def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
         """Return D (S,) [m], its wrench (S, 6) and D again, for S pairs (row of the pairs) at samples."""
         pairs = self.pairs
-        a, b = pairs.body[pair], pairs.plane_body[pair]
+        a, b = pairs.body[pair], pairs.halfspace_body[pair]
         joint_a, joint_b = pairs.joint_a[pair], pairs.joint_b[pair]
         turn_b = kinematics.rotations[sample, joint_b]
         origin = (turn_b @ self.placements[b, :3, 3, None])[..., 0] + kinematics.translations[sample, joint_b]
@@ -82,7 +85,7 @@ class FclPairs:
         value = gap - pairs.margins[b]
         return value, np.concatenate([force, np.cross(point, force)], axis=1), value
 
-    def _ask(self, a: Rows, b: Rows, turn: Floats, shift: Floats) -> tuple[Floats, Floats, Floats]:
+    def _ask(self, a: Rows, b: Rows, turn: Array, shift: Array) -> tuple[Array, Array, Array]:
         """Return coal's distances (S,), normals (S, 3) and witness points on A (S, 3), in B's frames, as they are."""
         place, identity, result = coal.Transform3s(), coal.Transform3s(), coal.DistanceResult()
         distances, normals, witnesses = np.empty(len(a)), np.empty((len(a), 3)), np.empty((len(a), 3))
@@ -94,50 +97,77 @@ class FclPairs:
             normals[k], witnesses[k] = result.normal, result.getNearestPoint1()
         return distances, -normals, witnesses
 
-    def _ask_again(self, a: int, b: int, turn: Floats, shift: Floats) -> tuple[float, Floats, Floats]:
+    def _ask_again(self, a: int, b: int, turn: Array, shift: Array) -> tuple[float, Array, Array]:
         """Return the largest gap of one pair among the normals that turned poses and the centres give, the normal, and
         the point of A that is nearest along it."""
         count = 1 + NUDGES
         many_a, many_b, shifts = np.full(count, a), np.full(count, b), np.tile(shift, (count, 1))
         _, normals, _ = self._ask(many_a[1:], many_b[1:], turn @ _turns(), shifts[1:])
         corners = self.first[a].vertices @ turn.T + shift
-        centres = corners.mean(axis=0) - self.second[b].vertices.mean(axis=0)
+        centres = corners.mean(axis=0) - self.second[b].centre
         length = float(np.linalg.norm(centres))
-        between = centres / length if length else np.array([0.0, 0.0, 1.0])  # any direction is as good as any other
+        between = centres / length if length else np.array([0.0, 0.0, 1.0])  # any direction will do
         normals = np.vstack([between, normals])
         gaps = self._gaps(many_a, many_b, np.tile(turn, (count, 1, 1)), shifts, normals)
         best = int(np.nanargmax(np.where(np.isfinite(gaps), gaps, np.nan)))  # the first is finite
         normal = normals[best]
         return float(gaps[best]), normal, corners[np.argmin(corners @ normal)] - self.first[a].ball * normal
 
-    def _gaps(self, a: Rows, b: Rows, turn: Floats, shift: Floats, normal: Floats) -> Floats:
-        """gap(n) (S,) [m] along normals (S, 3) in B's frames; not a number where the normal has not length one."""
+    def _gaps(self, a: Rows, b: Rows, turn: Array, shift: Array, normal: Array) -> Array:
+        """gap(n) (S,) [m] along normals (S, 3) in B's frames; NaN where the normal is not of length one."""
         inward = -(normal[:, None] @ turn)[:, 0]
-        gaps: Floats = np.einsum("si,si->s", normal, shift) - _supports(self.first, a, inward)
+        gaps: Array = np.einsum("si,si->s", normal, shift) - _supports(self.first, a, inward)
         gaps -= _supports(self.second, b, normal)
         gaps[~(np.abs(np.linalg.norm(normal, axis=1) - 1) <= 1e-9)] = np.nan
         return gaps
 
 
 @dataclass(frozen=True, eq=False)
-class _Solid:
-    """The hull of `vertices`, swept by a ball; or one of the scene's shapes, by its formula. In its own frame."""
+class _Swept:
+    """The hull of `vertices`, swept by a ball, in its own frame."""
 
     shape: Any  # the same for coal
-    vertices: Floats  # (m, 3) [m]
-    ball: float = 0.0  # [m] radius
-    outlined: Shape | None = None  # its support is its row's formula, which cannot be pickled
+    vertices: Array  # (m, 3) [m]
+    ball: float  # [m] radius
 
-    def support(self, directions: Floats) -> Floats:
-        """h(d) = max d·x over the solid, for unit directions (S, 3)."""
-        if self.outlined is not None and (outline := operations(self.outlined).outline) is not None:
-            return outline.support(self.outlined, directions)
-        values: Floats = (directions @ self.vertices.T).max(axis=1)
+    @property
+    def centre(self) -> Array:
+        """A point inside (3,)."""
+        return np.asarray(self.vertices.mean(axis=0))
+
+    def support(self, directions: Array) -> Array:
+        """h(d) = max d·x over the body, for unit directions (S, 3)."""
+        values: Array = (directions @ self.vertices.T).max(axis=1)
         values += self.ball * np.linalg.norm(directions, axis=1)
         return values
 
 
-def _supports(solids: dict[int, _Solid], index: Rows, directions: Floats) -> Floats:
+@dataclass(frozen=True, eq=False)
+class _Outlined:
+    """One of the scene's shapes, in its own frame. Its support is a formula, looked up rather than stored, as it cannot
+    be pickled."""
+
+    shape: Any  # the same for coal
+    outlined: Shape
+
+    @property
+    def centre(self) -> Array:
+        """A point inside (3,)."""
+        return np.zeros(3)
+
+    def support(self, directions: Array) -> Array:
+        """h(d) = max d·x over the shape, for unit directions (S, 3)."""
+        return _outline(self.outlined).support(self.outlined, directions)
+
+
+def _outline(shape: Shape) -> Outline:
+    outline = operations(shape).outline
+    if outline is None:
+        raise TypeError(f"a {type(shape).__name__} has to be split into convex pieces first")
+    return outline
+
+
+def _supports(solids: Mapping[int, _Swept | _Outlined], index: Rows, directions: Array) -> Array:
     """The support of solid `index` (S,) in each direction (S, 3)."""
     result = np.empty(len(index))
     order = np.argsort(index, kind="stable")
@@ -147,26 +177,24 @@ def _supports(solids: dict[int, _Solid], index: Rows, directions: Floats) -> Flo
     return result
 
 
-def _solid(shape: Shape | ConvexBody) -> _Solid:
-    """A plane body's true shape."""
+def _solid(shape: Shape | ConvexBody) -> _Swept | _Outlined:
+    """A halfspace body's true shape."""
     if isinstance(shape, ConvexBody):
         return _swept(shape)
-    row = operations(shape)
-    if row.outline is None:
-        raise TypeError(f"a {type(shape).__name__} has to be split into convex pieces first")
-    return _Solid(row.coal(shape, ""), np.zeros((1, 3)), outlined=shape)
+    _outline(shape)  # refuses a shape without one
+    return _Outlined(operations(shape).coal(shape, ""), shape)
 
 
 @functools.lru_cache(maxsize=4096)
-def _swept(body: ConvexBody) -> _Solid:
+def _swept(body: ConvexBody) -> _Swept:
     """A polytope swept by a ball; coal takes the radius off the distance of the polytopes."""
     shape = coal_hull(body)
     shape.setSweptSphereRadius(body.radius)
-    return _Solid(shape, body.vertices, ball=body.radius)
+    return _Swept(shape, body.vertices, body.radius)
 
 
 @functools.cache
-def _turns() -> NDArray[np.float64]:
+def _turns() -> Array:
     """Small turns (NUDGES, 3, 3) about axes drawn at random."""
     turns = []
     for x, y, z in np.random.default_rng(0).normal(size=(NUDGES, 3)):

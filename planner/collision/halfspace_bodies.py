@@ -1,12 +1,11 @@
-"""Bodies as the planner's distance wants them on its second side: planes with exact supports, and a box for the broad
-phase.
+"""Bodies for the second side of the planner's distance: planes with exact supports, and a box for the broad phase.
 
 In: scene shapes or outer link bodies. Out: HalfspaceBody: unit normals n_k and supports h(n_k) = max_{b in B} n_k·b,
 exact for the shape itself (a true cylinder, not a polygon). What the planes enclose is slightly more than the shape
 (an outer body).
 
-How many planes is a setting, `normals`: "box" gives a box or a link the 26 directions of its box, anything else 48;
-"faces" gives the former the 6 of its faces alone; "sphere" gives all of them 96 more, spread evenly.
+The setting `normals` chooses the planes: "box" gives a box or a link the 26 directions of its box, and any other shape
+50; "faces" gives a box or a link only its 6 faces; "sphere" adds 96 directions to each, spread evenly.
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from hdplan.distance.bodies import ConvexBody
@@ -23,14 +21,14 @@ from hdplan.distance.symbolic.halfspaces import FAR, box_directions
 from hdplan.planner.collision.convex_pieces import MOST_SECONDS, convex_pieces
 from hdplan.planner.geometry.meshes import load_mesh
 from hdplan.planner.geometry.shapes import operations
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import check_time
-from hdplan.scenes.model import Mesh, Obstacle, Points, Shape
+from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import freeze
+from hdplan.scenes.shapes import Mesh, Points, Shape
 
-Floats = NDArray[np.float64]
-
-FEW, MANY = 26, 50  # planes of box-like bodies and of everything else; one compiled kernel each
-SPREAD = 96  # more of them for normals "sphere"
+FEW, MANY = 26, 50  # planes of box-like bodies and of all others; one compiled kernel each
+SPREAD = 96  # additional ones for normals "sphere"
 
 
 @dataclass(frozen=True)
@@ -38,30 +36,30 @@ class HalfspaceBody:
     """The intersection of half-spaces n_k · y ≤ h_k around a convex body, in the frame of what carries it."""
 
     name: str  # of the obstacle or link
-    joint: int  # the joint that carries it; 0, the universe, if it stands in the world
-    normals: Floats  # (K, 3) unit normals, the directions of its box first; K is the same for all bodies alike
-    supports: Floats  # (K,) [m]
-    box: Floats  # (4, 4) the frame of a tight box around the body
-    half_size: Floats  # (3,) of that box [m]
+    joint: int  # the joint that carries it; 0, the world, if it stands
+    normals: Array  # (K, 3) unit normals, the directions of its box first; K is one of few numbers
+    supports: Array  # (K,) [m]
+    box: Array  # (4, 4) the frame of a tight box around the body
+    half_size: Array  # (3,) of that box [m]
     shape: Shape | ConvexBody  # the body itself, no mesh
-    placement: Floats  # (4, 4) the frame in which `shape` is given
+    placement: Array  # (4, 4) the frame in which `shape` is given
 
     def __post_init__(self) -> None:
         """Share its arrays read-only."""
         freeze(self)
 
     @property
-    def directions(self) -> Floats:
-        """Its normals (k, 3) in the frame of its box, without slots that were only filled."""
+    def directions(self) -> Array:
+        """Its normals (k, 3) in the frame of its box, without filled slots."""
         reach = self.supports - self.normals @ self.box[:3, 3]
-        used: Floats = (self.normals @ self.box[:3, :3])[reach < np.linalg.norm(self.half_size) + FAR / 2]
+        used: Array = (self.normals @ self.box[:3, :3])[reach < np.linalg.norm(self.half_size) + FAR / 2]
         return used
 
 
 def from_obstacle(
     obstacle: Obstacle, normals: str = "box", seconds: float = MOST_SECONDS
 ) -> tuple[tuple[HalfspaceBody, ...], tuple[str, ...]]:
-    """Enclose an obstacle: one body, or one for each convex piece of its mesh; and words on what was made of it.
+    """Enclose an obstacle: one body, or one for each convex piece of its mesh; and notes on how it was split.
 
     A mesh that cannot be split, or not within `seconds`, is enclosed by its hull.
     """
@@ -76,12 +74,12 @@ def from_obstacle(
     about = f"obstacle '{obstacle.name}': mesh {obstacle.shape.file.name}"
     if split is None:
         limit = f"{min(max(seconds, 0.0), MOST_SECONDS):.3g} s"
-        return bodies, (f"{about} could not be split into convex pieces within {limit}: planned around as its hull",)
+        return bodies, (f"{about} could not be split into convex pieces within {limit}: its hull is planned around",)
     return bodies, (f"{about} split into {len(pieces)} convex pieces",) if len(pieces) > 1 else ()
 
 
-def from_shape(name: str, shape: Shape, placement: Floats, normals: str = "box") -> HalfspaceBody:
-    """Enclose a scene shape that stands at `placement` in the world. Meshes come as the convex Points of their
+def from_shape(name: str, shape: Shape, placement: Array, normals: str = "box") -> HalfspaceBody:
+    """Enclose a scene shape that stands at `placement` in the world. A mesh is given as the convex Points of its
     pieces."""
     if isinstance(shape, Points):
         return from_points(name, np.array(shape.points), placement, normals)
@@ -99,7 +97,7 @@ def from_shape(name: str, shape: Shape, placement: Floats, normals: str = "box")
     return _placed(name, 0, placement, shape, directions, outline.support(shape, directions), half)
 
 
-def from_points(name: str, points: Floats, placement: Floats, normals: str = "box") -> HalfspaceBody:
+def from_points(name: str, points: Array, placement: Array, normals: str = "box") -> HalfspaceBody:
     """Enclose the hull of points (m, 3), flat ones too, that stands at `placement` in the world."""
     frame = _box_frame(points)
     local = (points - frame[:3, 3]) @ frame[:3, :3]
@@ -125,42 +123,42 @@ def plane_counts(normals: str) -> tuple[int, int]:
     return len(_few(normals)), len(_many(_round_directions(), normals))
 
 
-def _few(normals: str) -> Floats:
-    """The directions of a box-like body."""
+def _few(normals: str) -> Array:
+    """The directions for a box-like body."""
     if normals == "faces":
         return np.vstack([np.eye(3), -np.eye(3)])
     return _many(box_directions(), normals)
 
 
-def _many(directions: Floats, normals: str) -> Floats:
-    """These directions, and more of them for normals "sphere"."""
+def _many(directions: Array, normals: str) -> Array:
+    """These directions, and additional ones for normals "sphere"."""
     return np.vstack([directions, _fibonacci(SPREAD)]) if normals == "sphere" else directions
 
 
 def _placed(
     name: str,
     joint: int,
-    placement: Floats,
+    placement: Array,
     shape: Shape | ConvexBody,
-    normals: Floats,
-    supports: Floats,
-    half_size: Floats,
-    frame: Floats | None = None,
+    normals: Array,
+    supports: Array,
+    half_size: Array,
+    frame: Array | None = None,
 ) -> HalfspaceBody:
-    """Express planes given in the frame of the body's box, the shape's own frame if none is given, in that of what
-    carries the body: h' = h + n'·t."""
+    """Transform planes from the frame of the body's box, or the shape's own frame if none is given, to that of the
+    joint that carries the body: h' = h + n'·t."""
     box = placement if frame is None else placement @ frame
     turned = normals @ box[:3, :3].T
     return HalfspaceBody(name, joint, turned, supports + turned @ box[:3, 3], box, half_size, shape, placement)
 
 
-def _fill(normals: Floats, supports: Floats, spare: int) -> tuple[Floats, Floats]:
-    """Fill unused slots with a plane so far behind that it never decides."""
+def _fill(normals: Array, supports: Array, spare: int) -> tuple[Array, Array]:
+    """Fill unused slots with a plane so far away that it never decides."""
     far = FAR + supports.max()
     return np.vstack([normals, np.tile([0.0, 0.0, 1.0], (spare, 1))]), np.append(supports, np.full(spare, far))
 
 
-def _box_frame(points: Floats) -> Floats:
+def _box_frame(points: Array) -> Array:
     """A frame (4, 4) in which the points' box is centred and aligned with their principal axes."""
     axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=len(points) < 3)[2].T
     if np.linalg.det(axes) < 0:
@@ -172,16 +170,16 @@ def _box_frame(points: Floats) -> Floats:
     return frame
 
 
-def _face_normals(points: Floats) -> Floats:
-    """Normals of the hull's largest faces (F, 3), as many as there are slots, none that a box direction already gives;
-    none for flat hulls."""
+def _face_normals(points: Array) -> Array:
+    """Normals of the hull's largest faces (F, 3), as many as there are slots, without those that a box direction
+    already gives; none for flat hulls."""
     try:
         hull = ConvexHull(points)
     except (QhullError, ValueError):
         return np.empty((0, 3))
     triangles = points[hull.simplices]
     areas = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
-    kept: list[Floats] = []
+    kept: list[Array] = []
     known = box_directions()
     for index in np.argsort(-areas, kind="stable"):
         normal = hull.equations[index, :3]
@@ -193,19 +191,19 @@ def _face_normals(points: Floats) -> Floats:
     return np.array(kept).reshape(-1, 3)
 
 
-def _round_directions() -> Floats:
-    """MANY directions for bodies round about z: the box's, 8 more sideways (16 in all) and 16 more slanted. Like those
-    of a box and a ball they are their own mirror images, so that a mirrored scene is the same problem."""
+def _round_directions() -> Array:
+    """MANY directions for bodies that are round about z: the box's, 8 more sideways (16 in all) and 16 more slanted.
+    Like those of a box and a ball they are mirror symmetric, so that a mirrored scene is the same problem."""
     between = np.pi / 8 + np.arange(8) * np.pi / 4
     sideways = np.stack([np.cos(between), np.sin(between), 0 * between], axis=1)
     slanted = (sideways + [0, 0, 1]) / np.sqrt(2)
     return np.vstack([box_directions(), sideways, slanted, slanted * [1, 1, -1]])
 
 
-def _ball_directions(half_size: Floats) -> Floats:
+def _ball_directions(half_size: Array) -> Array:
     """MANY directions around a ball: the box's, and the 24 like (1, 1, 3) in the widest gaps between them. No direction
-    is farther than 19.1 degrees from all of these. Around an ellipsoid the 24 are the normals where those would touch
-    it, were it stretched to a ball."""
+    is farther than 19.1 degrees from all of these. For an ellipsoid the 24 are the normals at the points to which
+    scaling maps those of the ball."""
     signs = np.array(list(itertools.product((-1, 1), repeat=3)))
     between = np.vstack([signs * axis for axis in ((1, 1, 3), (1, 3, 1), (3, 1, 1))]) / np.sqrt(11)
     if np.ptp(half_size) > 0.0:
@@ -214,7 +212,7 @@ def _ball_directions(half_size: Floats) -> Floats:
     return np.vstack([box_directions(), between])
 
 
-def _fibonacci(count: int) -> Floats:
+def _fibonacci(count: int) -> Array:
     """Evenly spread unit directions (count, 3)."""
     index = np.arange(count) + 0.5
     height, around = 1 - 2 * index / count, index * np.pi * (3 - np.sqrt(5))

@@ -5,26 +5,29 @@ A lower bound in sign, an approximation in value: see `hdplan.distance.symbolic.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from typing import Any
+
 import numpy as np
 
 from hdplan.distance.symbolic.halfspaces import halfspace_distance
 from hdplan.distance.symbolic.row_function import RowFunction
-from hdplan.planner.collision.broad_phase import BodyPairs, Floats, Rows
+from hdplan.planner.collision.broad_phase import BodyPairs
+from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.kinematics.forward import KinematicsBatch
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.once import made_once
 
 
-class HdsdfPairs:
-    """D of the pairs' bodies, the plane bodies enlarged by the margin."""
+class HdsdfPairs(PairDistance):
+    """D of the pairs' bodies, the halfspace bodies enlarged by the margin."""
 
     def __init__(self, pairs: BodyPairs, gamma: int, shaping_length: float, plane_counts: tuple[int, ...] = ()) -> None:
-        """Compile the distance, or find it in the cache: one kernel for each number of plane slots among the pairs, and
-        for each of `plane_counts`, which other bodies than these may have."""
-        slots = (pairs.body_table.shape[1] - 1) // 4
+        """Compile the distance, or find it in the cache: one kernel for each number of planes among the pairs, and for
+        each of `plane_counts`, which bodies of later scenes may have."""
         counts = sorted({*pairs.plane_slots.tolist(), *plane_counts})
-        self.pairs = pairs
-        self.vertices, self.gamma, self.shaping_length = slots, gamma, shaping_length
-        self.kernels = {count: _kernel(slots, count, gamma, shaping_length) for count in counts}
+        self.pairs, self.gamma, self.shaping_length = pairs, gamma, shaping_length
+        self.kernels = {count: _kernel(pairs.vertex_slots, count, gamma, shaping_length) for count in counts}
 
     @property
     def how(self) -> str:
@@ -32,7 +35,19 @@ class HdsdfPairs:
         compiled = all(kernel.is_compiled for kernel in self.kernels.values())
         return f"HD-SDF, {'compiled C' if compiled else 'by CasADi’s interpreter: no C compiler'}"
 
-    def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Floats, Floats, Floats]:
+    @property
+    def functions(self) -> Mapping[str, RowFunction]:
+        """The kernels that the pairs need, by their number of planes."""
+        return {f"{count} planes": self.kernels[count] for count in sorted(set(self.pairs.plane_slots.tolist()))}
+
+    @property
+    def symbolic(self) -> Callable[[int, int], Any]:
+        """The same distance, up to second derivatives."""
+        return lambda planes, order: halfspace_distance(
+            self.pairs.vertex_slots, planes, self.gamma, self.shaping_length, order
+        )
+
+    def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
         """Return D (S,) [m], its wrench (S, 6) and D̃ (S,) [m] for S pairs (row of the pairs) at samples."""
         batch, joints = kinematics.placements.shape[:2]
         placements = kinematics.placements.reshape(batch * joints, 12)  # row of sample s and joint j: s·joints + j

@@ -1,11 +1,12 @@
-"""A few tight outer bodies for each link of a robot: what the planner sees instead of the link's mesh.
+"""A few tight outer bodies for each link of a robot, which the planner uses instead of the link's mesh.
 
 Robot -> `LinkBody`s whose union contains the link's collision geometry. The geometry, as triangles, is cut into slabs
 along an axis of its oriented bounding box; the corners of a slab's triangles lie within a sphere-swept polytope, which
-is convex and so contains the slab. Fitted once, kept on disk by the content of the geometry. In the joint's frame, [m].
+is convex and so contains the slab. They are fitted once and cached on disk by the content of the geometry. In the
+joint's frame, [m].
 
-Which bodies is a setting, `link_bodies`: "fitted" takes the cheapest that is good. The others are there to compare
-with: one capsule, one box, polytopes of a fixed number of vertices in all, or the link's convex hull itself.
+The setting `link_bodies` chooses the bodies: "fitted" takes the cheapest that fit well. The others are for comparison:
+one capsule, one box, polytopes of a fixed number of vertices in all, or the link's convex hull itself.
 """
 
 from __future__ import annotations
@@ -19,7 +20,6 @@ import coal
 import numpy as np
 import pinocchio as pin
 import trimesh
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 from threadpoolctl import threadpool_limits
 
@@ -37,15 +37,14 @@ from hdplan.planner.collision.sphere_swept_fit import (
 from hdplan.planner.geometry.meshes import below
 from hdplan.planner.geometry.shapes import operations, shape_of
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.once import Turn
 
-Array = NDArray[np.float64]
-
-FIT_VERSION = "7"  # changes with anything that changes a fit, so that old cache entries are not used
+FIT_VERSION = "7"  # to be changed with anything that changes a fit, so that old cache entries are not used
 GOOD_MEAN, GOOD_P95 = 0.0095, 0.0185  # outside the link's hull [m]: the first candidate this tight is taken
 LARGE = 1.0  # links with a longer diagonal [m] may have bodies that stand out more, in proportion
-REACH = 0.06  # how far a slab's body may reach into its neighbours at no cost [m]
+REACH = 0.06  # how far a slab's body may reach into neighbouring slabs at no cost [m]
 CANDIDATES = (
     (1, 2),
     (1, 3),
@@ -57,9 +56,9 @@ CANDIDATES = (
     (2, 6),
     (3, 6),
 )  # (slabs, vertices), cheapest first
-FIXED = {"capsule": (1, 2), "outer-4": (1, 4), "outer-12": (3, 4)}  # the one candidate of the settings named so
+FIXED = {"capsule": (1, 2), "outer-4": (1, 4), "outer-12": (3, 4)}  # the one candidate of each of these settings
 
-_fitting = Turn()  # how many threads BLAS may use is set for the whole process
+_fitting = Turn()  # the number of BLAS threads is set for the whole process
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +72,12 @@ class LinkBody:
 
 @dataclass(frozen=True)
 class FitRow:
-    """How a link's bodies fit."""
+    """How well a link's bodies fit."""
 
     link: str
     bodies: int
     vertices: int  # of all bodies together
-    volume_ratio: float  # bodies (each counted whole) over the link's convex hull
+    volume_ratio: float  # of the bodies (each counted in full) over that of the link's convex hull
     mean_outside: float  # of the bodies' surface, outside the link's convex hull [m]
     p95_outside: float  # 95th percentile of the same [m]
     contained: bool  # every corner of the cut geometry lies in its body
@@ -145,18 +144,18 @@ def _enclosed(robot: Robot, link: str, geometry: str) -> tuple[Swept, ...]:
     key = content_key(
         FIT_VERSION, geometry, *(part for item in _items(robot, link) for part in _content(robot, link, item))
     )
-    with _fitting:  # who waits finds what the other has stored
+    with _fitting:  # whoever waited finds what the other has stored
         known = load("link_bodies", key)
         if known is not None:
             return tuple(Swept(np.array(vertices), radius) for vertices, radius in known)
-        with threadpool_limits(1):  # thousands of tiny products: threads would only wait for each other, 5 s become 20
+        with threadpool_limits(1):  # thousands of tiny products: with threads that wait for each other, 5 s become 20
             bodies = _around(_link_triangles(robot, link), geometry)
         store("link_bodies", key, [[body.vertices.tolist(), body.radius] for body in bodies])
         return bodies
 
 
 def _around(triangles: Array, geometry: str) -> tuple[Swept, ...]:
-    """Return bodies of the wanted kind around triangles (T, 3, 3)."""
+    """Return bodies of the chosen kind around triangles (T, 3, 3)."""
     points = _hull_points(triangles)
     match geometry:
         case "hull":
@@ -173,7 +172,7 @@ def _around(triangles: Array, geometry: str) -> tuple[Swept, ...]:
 
 
 def _fit(triangles: Array, candidates: tuple[tuple[int, int], ...]) -> tuple[Swept, ...]:
-    """Return the cheapest of the candidates (slabs, vertices) that is good, or else the tightest."""
+    """Return the cheapest of the candidates (slabs, vertices) that fits well, or else the tightest."""
     points = _hull_points(triangles)
     axes = _box_axes(points)
     slack = max(1.0, float(np.linalg.norm(np.ptp(points, axis=0))) / LARGE)

@@ -1,27 +1,35 @@
-"""What any distance of many body pairs looks like to the problem and to the controller."""
+"""The interface of a distance of many body pairs, for the problem and the controller."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-from hdplan.planner.collision.broad_phase import Rows
+from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.kinematics.forward import KinematicsBatch
-
-Floats = NDArray[np.float64]
+from hdplan.scenes.array_types import Array, Rows
 
 
 class PairDistance(Protocol):
     """The distance of body pairs at samples, as a penalty needs it."""
 
     @property
+    def functions(self) -> Mapping[str, RowFunction]:
+        """The compiled functions that it calls, by purpose; none by default."""
+        return {}
+
+    @property
+    def symbolic(self) -> Callable[[int, int], Any] | None:
+        """Returns D of one pair as a CasADi function, given its number of planes and the order of its exact
+        derivatives; None for a distance that has no such function."""
+        return None
+
+    @property
     def how(self) -> str:
-        """What computes it, in words."""
+        """What computes it, for the user."""
         ...
 
-    def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Floats, Floats, Floats]:
+    def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
         """Return, for S pairs (rows of the term's pairs) at samples, less the margin: the distance D (S,) [m] whose
         hinge is taken; its derivative under a motion of the first body, as a wrench (S, 6), force and torque about the
         world's origin; and a lower bound of the true distance (S,) [m]."""

@@ -1,5 +1,5 @@
-"""How far a body can get, a ball around its chain's first joint that holds it at every configuration within the limits;
-and how fast at most."""
+"""How far a body can get: a ball around the first joint of its chain that contains it at every configuration within the
+limits; and how fast at most."""
 
 from __future__ import annotations
 
@@ -7,30 +7,29 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.once import freeze
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Reach:
     """A ball in the world that a body never leaves."""
 
-    centre: Floats  # (3,) [m]
+    centre: Array  # (3,) [m]
     radius: float  # [m]
 
     def __post_init__(self) -> None:
         """Share its arrays read-only."""
         freeze(self)
 
-    def meets(self, others: Sequence[HalfspaceBody], margin: ArrayLike) -> NDArray[np.bool_]:
+    def meets(self, others: Sequence[HalfspaceBody], margin: ArrayLike) -> Mask:
         """For each standing body (B,), whether the ball touches its box enlarged by `margin`, one for all or one for
-        each [m]; if not, the pair never matters."""
+        each [m]; if not, the pair can be left out."""
         margins = np.full(len(others), margin, dtype=np.float64)
         boxes = np.array([other.box for other in others]).reshape(-1, 4, 4)
         half_sizes = np.array([other.half_size for other in others]).reshape(-1, 3)
@@ -42,9 +41,9 @@ class Reach:
 def reach_of(robot: Robot, joint: int, body: ConvexBody) -> Reach:
     """Bound the places of a body on `joint` within the robot's limits.
 
-    The origin of a chain's first joint stands still (but for its own travel); each further joint's origin is at a
-    fixed distance from its parent's frame, or that plus its travel: the triangle inequality adds these up, and the
-    body's farthest point.
+    The origin of a chain's first joint is fixed (apart from its own travel); each further joint's origin is at a fixed
+    distance from its parent's frame, plus its travel. The triangle inequality adds these up, with the body's farthest
+    point.
     """
     model = robot.model
     radius = float(np.linalg.norm(body.vertices, axis=1).max()) + body.radius
@@ -57,9 +56,9 @@ def reach_of(robot: Robot, joint: int, body: ConvexBody) -> Reach:
     return Reach(np.array(model.jointPlacements[joint].translation), radius)
 
 
-def levers(robot: Robot, bodies: Sequence[tuple[int, ConvexBody]]) -> Floats:
-    """Bound how fast any point of the bodies (joint, body) moves per unit of each joint's speed (n,), wherever the
-    joints stand within the robot's limits: [m] for a joint that turns, 1 for one that slides.
+def levers(robot: Robot, bodies: Sequence[tuple[int, ConvexBody]]) -> Array:
+    """Bound how fast any point of the bodies (joint, body) moves per unit of each joint's speed (n,), at any
+    configuration within the robot's limits: [m] for a revolute joint, 1 for a prismatic one.
 
     From a joint's origin to the body's farthest point, from joint to joint, by the triangle inequality as above.
     """
@@ -78,7 +77,7 @@ def _slides(robot: Robot, joint: int) -> bool:
 
 
 def _travel(robot: Robot, joint: int) -> float:
-    """Largest displacement of a prismatic joint within its limits [m]; 0 for one that turns."""
+    """Largest displacement of a prismatic joint within its limits [m]; 0 for a revolute one."""
     if not _slides(robot, joint):
         return 0.0
     return float(max(abs(robot.lower[joint - 1]), abs(robot.upper[joint - 1])))

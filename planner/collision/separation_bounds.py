@@ -1,4 +1,5 @@
-"""Proof that two bodies of a robot keep apart: a lower bound of their distance over all joint limits.
+"""Proof that two bodies of a robot never meet: a lower bound of their distance over all configurations within the
+limits.
 
 Robot, outer bodies, pairs of them -> for each pair a distance [m] that it keeps at every configuration within the
 limits. Only the joints between the two count. Over a box of their values, of centre c and half widths h, and along any
@@ -6,21 +7,22 @@ unit vector n (the normal between the bodies at c, from B to A), their distance 
 
     d(q) ≥ min_{v ∈ A} (n·v − Σ_j e_j(v)) − max_{v ∈ B} (n·v + Σ_j e_j(v)) − both radii
 
-over the bodies' vertices v at c. Joint j of those that move v, which alone moves it by the velocity v_j at c, shifts it
-along n by no more than
+over the bodies' vertices v at c. Of the joints that move v, joint j alone moves it at the velocity v_j at c, and shifts
+it along n by no more than
 
     e_j = min( s_j |v_j|,  h_j |n·v_j| + ½ h_j² |v_j| + s_j |v_j| min(2, Σ_{i<j} h_i) )
 
-with s_j = 2 sin(h_j / 2); a joint that slides has s_j = h_j, no second term, and does not count in the sum over i. For
-set the joints one after another, the nearest to the bodies' common root first. When it is joint j's turn, those beyond
-it still stand at c, so it moves v by a chord of length s_j |v_j| at most, off its tangent by ½ h_j² |v_j| at most; and
-those before it, i < j, have turned this chord by their sum at most. Only the vertices matter, as a plane that has all
-of them on one side has their hull there; the balls that sweep the bodies turn onto themselves.
+with s_j = 2 sin(h_j / 2); a prismatic joint has s_j = h_j, no second term, and does not count in the sum over i. Proof:
+move the joints one after another, the one nearest to the bodies' common root first. When joint j moves, those beyond it
+are still at c, so it moves v along a chord of length s_j |v_j| at most, off its tangent by ½ h_j² |v_j| at most; and
+the joints before it, i < j, have rotated this chord by the sum of their angles at most. Only the vertices matter: a
+plane that has all of them on one side also has their hull there. The balls that sweep the bodies are invariant under
+rotation.
 
-Boxes are halved (branch and bound) until the least bound is close to the least distance that was met, the two come too
-close for anything to be gained, or the pair's share of the budget is spent: a robot with both hands has thousands of
-pairs. Pairs with few joints between come first, as they are proven soonest. No random draws; the result is kept on disk
-by its content.
+Boxes are halved (branch and bound) until the least bound is close to the least distance found, the bodies come too
+close for any gain, or the pair's share of the budget is spent: a two-handed robot has thousands of pairs. Pairs with
+few joints between them come first, as they are proven fastest. There are no random draws; the result is cached on disk
+by the content of the input.
 """
 
 from __future__ import annotations
@@ -29,21 +31,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.cache import content_key, load, store
-from hdplan.planner.collision.broad_phase import Floats, Rows, body_pairs
+from hdplan.planner.collision.broad_phase import body_pairs
 from hdplan.planner.collision.euclidean import FclPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array, Mask, Rows
 
-VERSION = "2"  # changes with anything that changes a bound, so that old cache entries are not used
-MOST, BUDGET = 4000, 300_000  # boxes looked at for a pair, and for all pairs of a robot
+VERSION = "2"  # to be changed with anything that changes a bound, so that old cache entries are not used
+MOST, BUDGET = 4000, 300_000  # boxes evaluated for a pair, and for all pairs of a robot
 BATCH = 64  # of them halved at once
-TIGHT = 0.9  # share of the least distance met, at which a bound is good enough
-ROUNDING = 1e-6  # [m] taken off a bound, for all that is computed in floating point
+TIGHT = 0.9  # share of the least distance found at which a bound is good enough
+ROUNDING = 1e-6  # [m] subtracted from a bound for rounding errors
 
 
 def distances_kept(
@@ -53,9 +55,9 @@ def distances_kept(
     planes: Sequence[HalfspaceBody],
     pairs: Sequence[tuple[int, int]],
     wanted: float,
-) -> Floats:
-    """Return for each pair (row of `bodies`, row of `planes`, which are the same bodies) a distance (P,) [m] that it
-    keeps within the robot's limits: a lower bound, 0 where none above `wanted` [m] is proven."""
+) -> Array:
+    """Return for each pair (row of `bodies`, row of `planes`, the same bodies) a distance (P,) [m] that it keeps within
+    the robot's limits: a lower bound, or 0 where nothing above `wanted` [m] is proven."""
     if not pairs:
         return np.zeros(0)
     key = content_key(VERSION, *_content(robot, bodies, pairs), np.float64(wanted).tobytes())
@@ -80,11 +82,11 @@ class _Search:
     kinematics: Kinematics
     bodies: Sequence[LinkBody]
     pairs: Sequence[tuple[int, int]]
-    distance: FclPairs  # of the same pairs, exact; in doubt a lower bound
+    distance: FclPairs  # of the same pairs: exact, or a lower bound
 
     def bound(self, pair: int, wanted: float, most: int) -> tuple[float, int]:
-        """Return the bound of one pair [m], 0 if it is not above `wanted`, and how many boxes were looked at; hardly
-        more than `most`."""
+        """Return the bound of one pair [m], 0 if it is not above `wanted`, and how many boxes were evaluated: about
+        `most` at most."""
         low, high = _ranges(self.robot, self.kinematics)
         between = self.distance.pairs.moves[pair] != 0.0
         centres, halves = ((low + high) / 2)[None], np.where(between, (high - low) / 2, 0.0)[None]
@@ -106,9 +108,9 @@ class _Search:
         proven = float(bounds.min()) - ROUNDING
         return (proven if proven > wanted else 0.0), looked
 
-    def _look(self, pair: int, centres: Floats, halves: Floats) -> tuple[Floats, Floats, Rows]:
+    def _look(self, pair: int, centres: Array, halves: Array) -> tuple[Array, Array, Rows]:
         """Return the distance at the centres of K boxes, the bound over each of them (K,) [m], and the joint (K,) that
-        makes most of the difference."""
+        contributes most to the difference."""
         laid_out, kinematics = self.distance.pairs, self.kinematics.evaluate(centres)
         distances, wrenches, _ = self.distance(kinematics, np.arange(len(centres)), np.full(len(centres), pair))
         shifts = np.zeros_like(halves)
@@ -130,7 +132,7 @@ class _Search:
         return distances, gap, shifts.argmax(axis=1)
 
 
-def _shifts(vertices: Floats, normal: Floats, half: Floats, columns: Floats) -> Floats:
+def _shifts(vertices: Array, normal: Array, half: Array, columns: Array) -> Array:
     """Return e_j (K, V, m) of vertices (K, V, 3) for joints of half widths (K, m) and unit velocities (K, m, 6)."""
     linear, angular = columns[:, None, :, :3], columns[:, None, :, 3:]
     velocity = linear + np.cross(angular, vertices[:, :, None])
@@ -139,24 +141,24 @@ def _shifts(vertices: Floats, normal: Floats, half: Floats, columns: Floats) -> 
     before = np.cumsum(half * turns, axis=1) - half * turns
     speed, along = np.linalg.norm(velocity, axis=3), np.abs(np.einsum("kvmi,ki->kvm", velocity, normal))
     bend = 0.5 * half**2 * turns + chord * np.minimum(before, 2.0)
-    shifts: Floats = np.minimum(chord[:, None] * speed, half[:, None] * along + bend[:, None] * speed)
+    shifts: Array = np.minimum(chord[:, None] * speed, half[:, None] * along + bend[:, None] * speed)
     return shifts
 
 
-def _turns(columns: Floats) -> NDArray[np.bool_]:
-    """Whether joints of unit velocities (..., 6) turn; the others slide."""
+def _turns(columns: Array) -> Mask:
+    """Whether joints of unit velocities (..., 6) are revolute; the others are prismatic."""
     return np.asarray(np.linalg.norm(columns[..., 3:], axis=-1) > 0.5)
 
 
-def _ranges(robot: Robot, kinematics: Kinematics) -> tuple[Floats, Floats]:
-    """The limits (n,) of each joint; one whole turn of a joint that turns farther."""
+def _ranges(robot: Robot, kinematics: Kinematics) -> tuple[Array, Array]:
+    """The limits (n,) of each joint; one full turn of a joint that can turn farther."""
     at_rest = kinematics.evaluate(np.clip(np.zeros(robot.n), robot.lower, robot.upper))
     whole = _turns(at_rest.columns[0]) & (robot.upper - robot.lower >= 2 * np.pi)
     return np.where(whole, -np.pi, robot.lower), np.where(whole, np.pi, robot.upper)
 
 
 def _content(robot: Robot, bodies: Sequence[LinkBody], pairs: Sequence[tuple[int, int]]) -> list[bytes | str]:
-    """What determines the bounds: the tree of joints with its limits, the bodies, and the pairs."""
+    """All that determines the bounds: the kinematic tree with its limits, the bodies, and the pairs."""
     model = robot.model
     parts: list[bytes | str] = [robot.lower.tobytes(), robot.upper.tobytes()]
     for joint, placement in zip(model.joints, model.jointPlacements, strict=True):

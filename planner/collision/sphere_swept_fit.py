@@ -1,9 +1,9 @@
 """Fit a small sphere-swept polytope around points: few vertices, one radius, everything inside, little outside.
 
 Points S (N, 3) and m -> vertices V (m, 3) and radius r with dist(s, conv V) <= r for every s in S, so the swept body
-contains the convex hull of S. Minimized is how far the body stands out over the faces f of a reference hull, the sum of
-A_f g_f^2 with g_f = max(0, max_i n_f.v_i + r - h_f), where A_f, n_f and h_f are the face's area, normal and offset.
-All lengths in [m], one frame.
+contains the convex hull of S. The fit minimizes how far the body stands out beyond the faces f of a reference hull, the
+sum of A_f g_f^2 with g_f = max(0, max_i n_f.v_i + r - h_f), where A_f, n_f and h_f are the face's area, normal and
+offset. All lengths in [m], one frame.
 """
 
 from __future__ import annotations
@@ -19,12 +19,11 @@ from scipy.optimize import minimize
 from scipy.spatial import ConvexHull
 from scipy.spatial.distance import cdist
 
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import check_time
 
-Array = NDArray[np.float64]
-
 MARGIN = 1e-6  # added to every radius [m], above rounding
-SPREAD = 200  # points that the steps of a fit look at; its radius is taken over all
+SPREAD = 200  # points that the steps of a fit use; the final radius is taken over all of them
 STAGES = ((20.0, 2e-3, 60), (80.0, 5e-4, 80))  # exponent of the soft maximum, softness over vertices [m], iterations
 
 
@@ -74,7 +73,7 @@ def distance_to_hull(points: Array, vertices: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The hull over which a body should not stand out: its faces."""
+    """The faces of the hull beyond which a body should not stand out."""
 
     normals: Array  # (F, 3) unit, outward
     offsets: Array  # (F,) [m]
@@ -89,7 +88,7 @@ class Reference:
         return cls(hull.equations[:, :3], -hull.equations[:, 3], areas / areas.sum())
 
     def excess(self, body: Swept) -> float:
-        """Return the mean square of how far a body stands out over the faces [m^2]."""
+        """Return the mean square of how far a body stands out beyond the faces [m^2]."""
         gaps = (self.normals @ body.vertices.T).max(1) + body.radius - self.offsets
         return float(self.weights @ np.maximum(gaps, 0.0) ** 2)
 
@@ -111,7 +110,7 @@ def fit_swept(points: Array, reference: Reference, count: int, starts: int = 4) 
 
 
 def spread(points: Array, count: int = SPREAD) -> Array:
-    """Return at most `count` of the points (N, 3), far from each other: the steps of a fit need no more."""
+    """Return at most `count` of the points (N, 3), far from each other: enough for the steps of a fit."""
     if len(points) <= count:
         return points
     chosen = [0]
@@ -123,7 +122,7 @@ def spread(points: Array, count: int = SPREAD) -> Array:
 
 
 def _start(points: Array, count: int, random: np.random.Generator, greedy: bool) -> Array:
-    """Return points far from each other (k-means++), drawn towards the middle."""
+    """Return points far from each other (k-means++), pulled towards the middle."""
     chosen = [
         int(np.argmax(np.linalg.norm(points - points.mean(0), axis=1))) if greedy else int(random.integers(len(points)))
     ]
@@ -166,7 +165,7 @@ def _objective(points: Array, reference: Reference, vertices: Array, p: float, s
     gaps = np.maximum((top + softness * np.log(total))[:, 0] + radius - reference.offsets, 0.0)
     slope = 2.0 * reference.weights * gaps
     gradient = np.einsum("f,fi,fc->ic", slope, shares / total, reference.normals) + slope.sum() * radius_slope
-    scale = 1e4  # L-BFGS's tolerances are made for numbers near 1
+    scale = 1e4  # L-BFGS's tolerances are meant for numbers near 1
     return scale * float(reference.weights @ gaps**2), scale * gradient.ravel()
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.result import how_long, verdict
-from hdplan.planner.robot.scene_robot import load_scene_robot, notes_on
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.console import printing, waiting
 from hdplan.planner.terminal.tables import closest_rows, limit_rows, table, verdict_text
 from hdplan.scenes.errors import naming
@@ -20,10 +20,10 @@ def run_check(scene: str, trajectory: Path, request: Path | None, robot: str | N
     problem = load_scene(scene, request=request, robot=robot)
     motion = Trajectory.load(trajectory)
     with waiting("certifying", shown=not as_json):
-        certifier = Certifier(problem, load_scene_robot(problem))
+        certifier = Certifier(Setup.of(problem))
         with naming(trajectory):  # its joints may not fit
             certificate = certifier.certify(motion)
-    notes = [*notes_on(problem, certifier.robot), *certificate.notes]
+    notes = [*certifier.setup.notes, *certificate.notes]
     with printing() as show:
         if as_json:
             about = {

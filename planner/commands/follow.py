@@ -11,7 +11,7 @@ from hdplan.planner.control.follow import follow
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.motion.trajectory_files import check_output
 from hdplan.planner.result import verdict
-from hdplan.planner.robot.scene_robot import load_scene_robot, notes_on
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.console import printing, waiting
 from hdplan.planner.terminal.tables import closest_rows, table, verdict_text
 from hdplan.scenes.errors import naming
@@ -21,24 +21,24 @@ from hdplan.scenes.yaml_format.reader import load_scene
 def run_follow(
     scene: str, trajectory: Path, request: Path | None, robot: str | None, *, output: Path | None, as_json: bool
 ) -> int:
-    """Follow a motion. Returns the exit code: 0 if the robot arrives and is proven free all the way, else 1."""
+    """Follow a motion. Returns the exit code: 0 if the robot arrives and its motion is certified, else 1."""
     if output is not None:
         check_output(output)
     problem = load_scene(scene, request=request, robot=robot)
     motion = Trajectory.load(trajectory)
-    arm = load_scene_robot(problem)
+    setup = Setup.of(problem)
     with waiting("following", shown=not as_json), naming(trajectory):  # it may not fit the scene
-        found = follow(problem, motion, arm)
+        found = follow(setup, motion)
     if output is not None:
         found.trajectory.save(output, verdict(found.certificate))
     with printing() as show:
         if as_json:
-            about = {"scene": problem.name, "robot": arm.name, "trajectory": str(trajectory)}
+            about = {"scene": problem.name, "robot": setup.robot.name, "trajectory": str(trajectory)}
             show(json.dumps({**about, **found.summary()}))
         else:
             show(Text(found.text, style="green" if found.succeeded else "red"))
             show(verdict_text(found.certificate))
-            notes = [("note", note) for note in (*notes_on(problem, arm), *found.certificate.notes)]
+            notes = [("note", note) for note in (*setup.notes, *found.certificate.notes)]
             rows = [*found.rows(), *closest_rows(found.certificate), *notes]
             show(table([*rows, *([("written", str(output))] if output is not None else [])]))
     return 0 if found.succeeded else 1

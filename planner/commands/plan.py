@@ -6,17 +6,20 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from hdplan.planner.motion.trajectory_files import check_output
+from hdplan.planner.motion.curve import row_count
+from hdplan.planner.motion.trajectory_files import check_length, check_output
 from hdplan.planner.pictures.plot import Subject, check_picture
 from hdplan.planner.pictures.plot import plot as draw
 from hdplan.planner.plan import plan
-from hdplan.planner.problem.lay_out import check_distance
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.solvers import solver_named
 from hdplan.planner.terminal.arguments import SEARCH
 from hdplan.planner.terminal.console import printing, progress
 from hdplan.planner.terminal.tables import result_rows, table, verdict_text
 from hdplan.scenes.deadline import time_limit as limited
+from hdplan.scenes.planner_settings import DISTANCES
+from hdplan.scenes.values import Choice, checked
 from hdplan.scenes.yaml_format.reader import load_scene
 
 
@@ -34,13 +37,13 @@ def run_plan(
     as_json: bool,
     quiet: bool,
 ) -> int:
-    """Plan; without a `time_limit` [s] for all of it, solving and certifying take SEARCH seconds at most.
+    """Plan within a `time_limit` [s] for everything; without one, solving and certifying take at most SEARCH seconds.
 
     Returns the exit code: 0 if the motion is certified, else 1.
     """
     solver_named(solver)
     if distance is not None:
-        check_distance(distance)
+        checked(Choice(DISTANCES), distance, "distance")
     if output is not None:
         check_output(output)
     if plot is not None:
@@ -49,13 +52,16 @@ def run_plan(
         problem = load_scene(scene, request=request, robot=robot)
         if distance is not None:
             problem = replace(problem, planner=replace(problem.planner, distance=distance))
+        timing = problem.timing
+        if output is not None and timing is not None and timing.duration is not None:
+            check_length(output, row_count(timing.duration, timing.rate), load_scene_robot(problem).n)
         with progress(problem.planner, shown=not quiet and not as_json) as (report, stop):
             longest = SEARCH if time_limit is None else time_limit
             result = plan(problem, solver=solver, seed=seed, time_limit=longest, report=report, stop=stop)
     if output is not None:
         result.save(output)
     if plot is not None:
-        draw(Subject.planned(problem, load_scene_robot(problem), result), plot)
+        draw(Subject.planned(Setup.of(problem), result), plot)
     if not quiet:
         with printing() as show:
             if as_json:

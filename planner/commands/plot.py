@@ -1,4 +1,4 @@
-"""`hdplan plot`: draw a motion in one sheet."""
+"""`hdplan plot`: draw a motion on one sheet."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.pictures.plot import Subject, check_picture, plot
 from hdplan.planner.result import read_steps
-from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.console import printing, waiting
 from hdplan.planner.terminal.tables import table, verdict_text
 from hdplan.scenes.errors import naming
@@ -21,7 +21,7 @@ def run_plot(scene: str, trajectory: Path, request: Path | None, robot: str | No
     problem = load_scene(scene, request=request, robot=robot)
     motion, steps = Trajectory.load(trajectory), read_steps(trajectory)
     with waiting("drawing"):
-        certifier = Certifier(problem, load_scene_robot(problem))
+        certifier = Certifier(Setup.of(problem))
         with naming(trajectory):  # its joints may not fit
             subject = Subject.of(certifier, motion, steps, trajectory.name)
         plot(subject, output)

@@ -10,7 +10,7 @@ from rich.text import Text
 from hdplan.planner.control.replay import fitting, replay
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.pictures.plot import check_picture, plot_simulation
-from hdplan.planner.robot.scene_robot import load_scene_robot, notes_on
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.console import printing, waiting
 from hdplan.planner.terminal.tables import rates_table, simulation_rows, table, torques_table
 from hdplan.scenes.errors import naming
@@ -25,11 +25,12 @@ def run_simulate(
         check_picture(plot)
     problem = load_scene(scene, request=request, robot=robot)
     motion = Trajectory.load(trajectory)
-    arm = load_scene_robot(problem)
+    setup = Setup.of(problem)
+    arm = setup.robot
     with naming(trajectory):
-        fitting(problem, motion, arm)
+        fitting(setup, motion)
     with waiting("simulating", shown=not as_json):
-        simulation = replay(problem, motion, arm)
+        simulation = replay(setup, motion)
         if plot is not None:
             with naming(trajectory):  # it may have no times
                 plot_simulation(simulation, f"{trajectory.name} in {problem.name}", plot)
@@ -40,7 +41,7 @@ def run_simulate(
         else:
             show(Text(simulation.text, style="green" if simulation.succeeded else "red"))
             written = [] if plot is None else [("written", str(plot))]
-            notes = [("note", note) for note in notes_on(problem, arm)]
+            notes = [("note", note) for note in setup.notes]
             show(table([*simulation_rows(simulation, problem, arm.name), *notes, *written]))
             show(rates_table(simulation.joints))
             if simulation.execution is not None:

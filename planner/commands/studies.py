@@ -16,7 +16,7 @@ from hdplan.planner.studies.report import Report, Reporter, Stopper
 from hdplan.planner.terminal.console import measuring, printing, waiting
 from hdplan.planner.terminal.tables import columns, table
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 
 FIGURES: dict[str, Callable[[Path, bool, Reporter, Stopper], Report]] = {
@@ -35,21 +35,21 @@ def run_distance_study(folder: Path, *, quick: bool) -> int:
 
 def run_planning_study(folder: Path, *, quick: bool, problems: Path | None, every: int) -> int:
     """Measure what accuracy costs when planning. Returns the exit code: 0, or 1 if it was interrupted."""
-    scenes = [*shipped_with_obstacles(quick), *(_problems(problems, every) if problems else [])]
+    scenes = [*shipped_with_obstacles(quick), *(problems_below(problems, every) if problems else [])]
     with measuring() as (report, stop):
         found = study_planning(folder, scenes, quick, report, stop)
     return _shown(found)
 
 
 def run_figure(name: str, folder: Path, *, quick: bool) -> int:
-    """Make one of FIGURES again. Returns the exit code: 0, or 1 if it was interrupted."""
+    """Reproduce one of FIGURES. Returns the exit code: 0, or 1 if it was interrupted."""
     with measuring() as (report, stop):
         found = FIGURES[name](folder, quick, report, stop)
     return _shown(found)
 
 
 def run_kinks(folder: Path) -> int:
-    """Follow two squares past each other. Returns the exit code: 0."""
+    """Follow the distances of two squares that pass each other. Returns the exit code: 0."""
     with waiting("following the squares"):
         found = reproduce_kinks(folder)
     return _shown(found)
@@ -61,8 +61,8 @@ def shipped_with_obstacles(only_panda: bool) -> list[Scene]:
     return [scene for scene in scenes if scene.obstacles and (not only_panda or scene.robot.name == "panda")]
 
 
-def _problems(folder: Path, every: int) -> list[Scene]:
-    """Every K-th MoveIt problem below a folder, named by its path in it."""
+def problems_below(folder: Path, every: int) -> list[Scene]:
+    """Load every K-th MoveIt problem below a folder, named by its path in it."""
     if every < 1:
         raise InputError(f"--every: found {every}, allowed is a whole number of at least 1")
     scenes = []
@@ -71,7 +71,7 @@ def _problems(folder: Path, every: int) -> list[Scene]:
         robots = [above / "robot.yaml" for above in file.parents if above.is_relative_to(folder)]
         robot = next((robot for robot in robots if robot.is_file()), None)
         if robot is None:
-            raise InputError(f"{file}: there is no robot.yaml in its folder or in one above it, up to {folder}")
+            raise InputError(f"{file}: no robot.yaml in its folder or in a folder above it, up to {folder}")
         scene = load_scene(file, request=request, robot=robot)
         scenes.append(replace(scene, name=str(file.relative_to(folder).with_suffix(""))))
     if not scenes:
@@ -80,11 +80,11 @@ def _problems(folder: Path, every: int) -> list[Scene]:
 
 
 def _shown(report: Report) -> int:
-    """Print what was measured; exit code 1 if it was interrupted."""
+    """Print what was measured. Returns the exit code: 0, or 1 if it was interrupted."""
     with printing() as show:
         for title, rows in report.tables.items():
             show(Text(title, style="bold"))
             show(columns(rows))
-        partial = [] if report.complete else [("partial", "interrupted: tables and files hold what was found so far")]
+        partial = [] if report.complete else [("partial", "interrupted: tables and files hold the results so far")]
         show(table([*partial, *report.notes, *(("written", str(file)) for file in report.files)]))
     return 0 if report.complete else 1

@@ -15,10 +15,9 @@ from dataclasses import dataclass, replace
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.collision.boxes import BoxPairs, GdfPairs
-from hdplan.planner.collision.broad_phase import BodyPairs, Rows, body_pairs
+from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
 from hdplan.planner.collision.collision_model import collision_model_of
 from hdplan.planner.collision.euclidean import FclPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_link_body, from_obstacle
@@ -30,12 +29,12 @@ from hdplan.planner.control.barrier_safety import guaranteed_clearance, least_di
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import check_robot
+from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.errors import FieldError, naming, nearest
-from hdplan.scenes.model import Pose, Scene
-from hdplan.scenes.moving import Passages
+from hdplan.scenes.obstacle_motion import ObstacleMotion
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import Checked, Choice, Number, Whole, instance, shorten, text
-
-Floats = NDArray[np.float64]
 
 BARRIER_DISTANCES = ("hdsdf", "hdsdf-boxes", "euclidean", "gdf")
 
@@ -64,10 +63,10 @@ class BarrierSettings(Checked):
 class BarrierRows:
     """Δ and its derivatives at one configuration and time, P pairs."""
 
-    value: Floats  # (P,) [m]
-    gradient: Floats  # (P, n) by the configuration
-    drift: Floats  # (P,) by time alone [m/s]
-    separation: Floats  # (P,) a lower bound of the true distance less the growth [m]; of the GDF no bound
+    value: Array  # (P,) [m]
+    gradient: Array  # (P, n) by the configuration
+    drift: Array  # (P,) by time alone [m/s]
+    separation: Array  # (P,) a lower bound of the true distance less the growth [m]; of the GDF no bound
 
 
 class Barriers:
@@ -81,7 +80,7 @@ class Barriers:
         self_pairs: Sequence[tuple[int, int]],
         obstacles: Sequence[HalfspaceBody],
         settings: BarrierSettings,
-        movers: Sequence[tuple[Passages, Sequence[HalfspaceBody]]] = (),
+        movers: Sequence[tuple[ObstacleMotion, Sequence[HalfspaceBody]]] = (),
         clearances: Mapping[str, float] | None = None,
         hulls: Sequence[LinkBody] = (),
         unguarded: Sequence[tuple[str, str]] = (),
@@ -152,19 +151,19 @@ class Barriers:
         proven = (least_distance(each, margin, b.growth, b.gamma, b.shaping_length) for each in self._directions)
         return min(proven, default=any_planes)
 
-    def evaluate(self, q: Floats, time: float = 0.0, chosen: Rows | None = None) -> BarrierRows:
+    def evaluate(self, q: Array, time: float = 0.0, chosen: Rows | None = None) -> BarrierRows:
         """Return Δ and its derivatives at configuration q (n,) and a time [s]; of `chosen` pairs, ascending, or all."""
         every = [(group, np.arange(len(group.pairs))) for group in self.groups]
         return self._evaluated(q, time, every, np.arange(len(self.names)) if chosen is None else chosen)
 
-    def nearness(self, q: Floats, time: float, chosen: Rows) -> BarrierRows:
+    def nearness(self, q: Array, time: float, chosen: Rows) -> BarrierRows:
         """Return the exact distance of the links' hulls in the pairs `chosen`, ascending, without growth, with its
         derivatives; nothing where no hulls were given."""
         if not len(chosen) or not self._true:
             return self._nothing
         return self._evaluated(q, time, self._true, chosen)
 
-    def certain(self, rows: BarrierRows, velocity: Floats, period: float, needed: Floats) -> NDArray[np.bool_]:
+    def certain(self, rows: BarrierRows, velocity: Array, period: float, needed: Array) -> Mask:
         """Return which pairs (P,) have a D̃ above `needed` (P,) [m] after a period of a velocity, whatever else it is,
         by how far the robot's points move: the plain maximum over planes fixed in an obstacle that stands, or the exact
         distance, changes by no more."""
@@ -173,7 +172,7 @@ class Barriers:
             return np.zeros(len(known), dtype=np.bool_)
         return np.asarray(known & (rows.separation > needed + period * float(np.abs(velocity) @ self.levers)))
 
-    def _evaluated(self, q: Floats, time: float, groups: Sequence[tuple[_Group, Rows]], chosen: Rows) -> BarrierRows:
+    def _evaluated(self, q: Array, time: float, groups: Sequence[tuple[_Group, Rows]], chosen: Rows) -> BarrierRows:
         """Evaluate the chosen pairs, which count through all groups; each group with its rows for its pairs."""
         scene, first, found = self._at(q, time), 0, []
         for group, rows in groups:
@@ -186,7 +185,7 @@ class Barriers:
         fields = zip(*((rows.value, rows.gradient, rows.drift, rows.separation) for rows in found), strict=True)
         return BarrierRows(*(np.concatenate(parts) for parts in fields))
 
-    def _at(self, q: Floats, time: float) -> _Moment:
+    def _at(self, q: Array, time: float) -> _Moment:
         kinematics, now = self.kinematics.evaluate(q), np.array([time])
         poses = [motion.at(now)[0] for motion in self.movers]
         if poses:
@@ -194,8 +193,8 @@ class Barriers:
             kinematics = replace(kinematics, placements=np.concatenate([kinematics.placements, flat[None]], axis=1))
         twists = []
         for motion, pose in zip(self.movers, poses, strict=True):
-            passage = int(motion.row(now)[0])
-            speed, spin = motion.velocity[passage], motion.spin[passage]
+            segment = int(motion.segment(now)[0])
+            speed, spin = motion.velocity[segment], motion.spin[segment]
             twists.append(np.append(speed - np.cross(spin, pose[:3, 3]), spin))
         return _Moment(kinematics, self.kinematics.nj, twists)
 
@@ -212,7 +211,7 @@ class _Moment(NamedTuple):
 
     kinematics: KinematicsBatch  # the frames of the moving obstacles behind the joints'
     joints: int  # that the robot has, the world among them
-    twists: Sequence[Floats]  # (6,) of each moving obstacle
+    twists: Sequence[Array]  # (6,) of each moving obstacle
 
     def rows(self, group: _Group, chosen: Rows) -> BarrierRows:
         """Evaluate some pairs of a group."""
@@ -257,14 +256,14 @@ def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Bar
     planes = settings.normals if settings.distance == "hdsdf" else "box"
     collision_model = collision_model_of(robot, "box" if boxes else scene.planner.link_bodies, planes)
     standing: list[HalfspaceBody] = []
-    movers: list[tuple[Passages, Sequence[HalfspaceBody]]] = []
+    movers: list[tuple[ObstacleMotion, Sequence[HalfspaceBody]]] = []
     with naming(scene.source):
         for obstacle in scene.obstacles:
             if obstacle.motion is None:
                 standing += from_obstacle(obstacle, planes)[0]
             else:
                 movers.append(
-                    (Passages.of(obstacle), from_obstacle(replace(obstacle, pose=Pose(), motion=None), planes)[0])
+                    (ObstacleMotion.of(obstacle), from_obstacle(replace(obstacle, pose=Pose(), motion=None), planes)[0])
                 )
         return Barriers(
             robot,

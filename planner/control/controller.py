@@ -48,11 +48,11 @@ from hdplan.planner.control.barriers import BarrierRows, Barriers, scene_barrier
 from hdplan.planner.control.quadratic_program import Wishes, best_velocity
 from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.control.tasks import Task
-from hdplan.planner.robot.joint_limits import velocity_limits
+from hdplan.planner.robot.joint_limits import joint_limits
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.arrays import joint_numbers, quadratic
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import Number, checked, instance
 
 Array = NDArray[np.float64]
@@ -141,13 +141,11 @@ class Controller:
     def of(cls, scene: Scene, settings: ControlSettings | None = None, robot: Robot | None = None) -> Controller:
         """Return the controller of a scene. Raises InputError as `scene_barriers`, for the scene's robot, and for a
         joint that neither scene nor URDF gives a speed limit."""
-        instance(scene, Scene, "scene")
         settings = ControlSettings() if settings is None else settings
         instance(settings, ControlSettings, "settings")
-        robot = load_scene_robot(scene) if robot is None else robot
-        instance(robot, Robot, "robot")
+        robot = Setup.of(scene, robot).robot
         given = scene.limits if scene.limits.velocity is not None else replace(scene.limits, velocity="urdf")
-        limits = velocity_limits(replace(scene, limits=given), robot)
+        limits = joint_limits(replace(scene, limits=given), robot)["velocity"]
         return cls(robot, scene_barriers(scene, robot, settings.barriers), settings, limits)
 
     def step(self, q: Array, task: Task, time: float = 0.0) -> Step:

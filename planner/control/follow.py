@@ -28,10 +28,8 @@ from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.time_laws import MinimumJerk
-from hdplan.scenes.model import Scene
 
 Array = NDArray[np.float64]
 
@@ -103,15 +101,13 @@ class Followed:
         }
 
 
-def follow(
-    scene: Scene, trajectory: Trajectory, robot: Robot | None = None, settings: ControlSettings | None = None
-) -> Followed:
-    """Simulate a robot that follows `trajectory` in `scene`, from the trajectory's first row on, at the time that it
+def follow(setup: Setup, trajectory: Trajectory, settings: ControlSettings | None = None) -> Followed:
+    """Simulate a robot that follows `trajectory` in its scene, from the trajectory's first row on, at the time that it
     has there or at 0.
 
     Raises InputError for joints that do not fit, settings that are provably not safe, and joints without a speed limit.
     """
-    robot = robot or load_scene_robot(scene)
+    scene, robot = setup.scene, setup.robot
     settings = settings or ControlSettings(BarrierSettings(growth=GROWTH, self_growth=GROWTH), MARGIN, MARGIN, rate=4.0)
     controller = Controller.of(scene, settings, robot)
     curve = curve_of(robot, trajectory)
@@ -127,7 +123,7 @@ def follow(
     return Followed(
         executed,
         run,
-        Certifier(scene, robot).certify(executed),
+        Certifier(setup).certify(executed),
         task.duration,
         None if task.since is None else task.since - begin,
         float(behind.max(initial=0.0)),

@@ -19,11 +19,10 @@ from hdplan.planner.control.computed_torque import LOST, STEP, Arm, Execution, e
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.joint_limits import RATES, rate_limits, torque_limits
-from hdplan.planner.robot.loads import loaded_model
+from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Scene
 
 Array = NDArray[np.float64]
 
@@ -37,7 +36,7 @@ JUMP = 1e-6  # [rad/s] or [rad/s²] that no controller sees
 
 @dataclass(frozen=True)
 class Peak:
-    """The largest absolute value of a joint's rate or torque."""
+    """The largest absolute value of a quantity of a joint."""
 
     value: float  # inf where the order below jumps
     limit: float | None  # None: the scene has none
@@ -60,7 +59,7 @@ class JointUse:
 
     name: str
     travel: float  # from its least to its greatest value in the file [rad] or [m]
-    peaks: dict[str, Peak]  # velocity, acceleration and jerk with times; torque with dynamics
+    peaks: dict[str, Peak]  # velocity, acceleration and jerk with times; with dynamics torque, and what has limits
     error: float | None = None  # largest, behind the motion [rad] or [m]; with dynamics
     error_rms: float | None = None
 
@@ -129,20 +128,20 @@ class Simulation:
         }
 
 
-def fitting(scene: Scene, trajectory: Trajectory, robot: Robot) -> Curve:
+def fitting(setup: Setup, trajectory: Trajectory) -> Curve:
     """Return the trajectory's curve, of the robot's joints in their order.
 
     Raises:
         InputError: its joints do not fit the robot, or it has no times and the scene asks for them.
     """
-    curve = curve_of(robot, trajectory)
-    if scene.timed and curve.times is None:
+    curve = curve_of(setup.robot, trajectory)
+    if setup.scene.timed and curve.times is None:
         raise InputError("times: missing; the scene says when the motion is to be where (timing, limits)")
     return curve
 
 
 def _check_steps(times: Array) -> None:
-    """Refuse times (N,) of which the steps between cannot be kept or told apart."""
+    """Refuse times (N,) whose steps cannot be represented or distinguished."""
     if not times[-1] - times[0] <= LONGEST:
         raise InputError(f"times: the motion takes {times[-1] - times[0]:g} s; at most {LONGEST:g} s are simulated")
     latest, most = float(np.abs(times).max()), 1e-3 * STEP / np.finfo(float).eps  # a thousandth of a step is told there
@@ -152,37 +151,40 @@ def _check_steps(times: Array) -> None:
         )
 
 
-def replay(scene: Scene, trajectory: Trajectory, robot: Robot) -> Simulation:
+def replay(setup: Setup, trajectory: Trajectory) -> Simulation:
     """Replay a trajectory of the scene's robot.
 
     Raises:
         InputError: as `fitting`; loads or limits of the scene that do not fit the robot; a motion that takes longer
             than LONGEST, or so late that steps of time drown in rounding.
     """
-    curve = fitting(scene, trajectory, robot)
+    robot, curve = setup.robot, fitting(setup, trajectory)
     if curve.times is not None:
         _check_steps(curve.times)
     timed = curve.times is not None
-    limits = rate_limits(scene, robot)
-    torques = torque_limits(scene, robot)
+    limits, certifier = setup.limits, Certifier(setup)
+    torques = limits.get("torque")
     first, last = (0.0, 1.0) if curve.times is None else (float(curve.times[0]), float(curve.times[-1]))
     count = max(int(np.ceil((last - first) / STEP)), 1) if timed else PATH_SAMPLES
     times = np.linspace(first, last, count + 1)
     positions = curve.at_time(times)
     travel = np.ptp(positions, axis=0).tolist()
     peaks: list[dict[str, Peak]] = [{} for _ in range(robot.n)]
-    for order, name in enumerate(RATES, start=1) if timed else ():
-        for peak, found in zip(peaks, _rates(curve, order, times, limits[order - 1]), strict=True):
+    for name, order in DERIVATIVES.items() if timed else ():
+        for peak, found in zip(peaks, _rates(curve, order, times, limits.get(name)), strict=True):
             peak[name] = found
+    for name, along in _other_limits(certifier, curve, times) if timed else ():
+        for peak, values, limit in zip(peaks, along.T, limits[name].tolist(), strict=True):
+            peak[name] = _peak(values, times, limit)
     execution = None
     if torques is not None:
-        execution = execute(Arm(loaded_model(scene, robot), robot), curve, torques)
+        execution = execute(Arm(setup.loaded_model, robot), curve, torques)
         times, positions = execution.times, execution.positions
-        for joint, peak in enumerate(peaks):
+        for joint, peak in enumerate(peaks):  # what was asked for counts, not what the file alone would need
             peak["torque"] = _peak(execution.asked[:, joint], execution.times, float(torques[joint]))
     every = max(int(LOOKS / (times[1] - times[0])), 1) if timed else PATH_SAMPLES // 100
     looks = np.unique(np.r_[np.arange(0, len(times), every), len(times) - 1])
-    closest, between_links = _closest(Certifier(scene, robot), positions[looks], times[looks])
+    closest, between_links = _closest(certifier, positions[looks], times[looks])
     joints = tuple(
         JointUse(
             name,
@@ -200,6 +202,14 @@ def replay(scene: Scene, trajectory: Trajectory, robot: Robot) -> Simulation:
     )
     duration = last - first if timed else None
     return Simulation(duration, curve, joints, closest, between_links, len(looks), execution, failures)
+
+
+def _other_limits(certifier: Certifier, curve: Curve, times: Array) -> Iterator[tuple[str, Array]]:
+    """Give the quantities that are limited and no derivatives, as the file has them (k, n) at times (k,)."""
+    interval, fraction = curve.interval_of(curve.parameter_of(times))
+    for check in certifier.limits:
+        for name in check.limits.keys() - DERIVATIVES.keys():
+            yield name, check.values(name, curve, interval, fraction)
 
 
 def _rates(curve: Curve, order: int, times: Array, limit: Array | None) -> Iterator[Peak]:
@@ -251,8 +261,8 @@ def _overloaded(execution: Execution, limits: Array, robot: Robot) -> Iterator[s
 
 def _beyond(joints: tuple[JointUse, ...]) -> Iterator[str]:
     """Say for each rate which joint is farthest beyond its limit."""
-    for what in RATES:
-        shares = [(use.peaks[what].share or 0.0, use) for use in joints if what in use.peaks]
+    for what in (name for name in joints[0].peaks if name != "torque"):
+        shares = [(use.peaks[what].share or 0.0, use) for use in joints]
         share, use = max(shares, key=lambda found: found[0], default=(0.0, None))
         if use is not None and share > 1 + ROUNDING:
             peak, article = use.peaks[what], "an" if what == "acceleration" else "a"

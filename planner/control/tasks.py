@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from hdplan.planner.kinematics.inverse import LinkPose
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.arrays import joint_numbers
-from hdplan.scenes.model import PoseTarget
+from hdplan.scenes.targets import PoseTarget
 from hdplan.scenes.values import Number, checked, instance, is_row, wrong
 
 Array = NDArray[np.float64]

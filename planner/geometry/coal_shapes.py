@@ -1,19 +1,18 @@
-"""Points and triangles as coal wants them: convex hulls, and trees of bounding volumes over meshes."""
+"""Points and triangles as coal's geometries: convex hulls, and bounding volume hierarchies of meshes."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import coal
-import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.geometry.meshes import TriangleMesh
+from hdplan.scenes.array_types import Array
 
 
-def convex_hull(points: NDArray[np.float64]) -> Any | None:
+def convex_hull(points: Array) -> Any | None:
     """Return coal's hull of points (m, 3) that are not flat; None where a corner has more than 255 neighbours, such as
-    a cone's tip or the centre of a round face: coal counts them in a byte."""
+    a cone's tip or the centre of a round face: coal stores their number in a byte."""
     try:
         return coal.Convex.convexHull(_points(points), True, "Qt")
     except RuntimeError as error:
@@ -23,7 +22,7 @@ def convex_hull(points: NDArray[np.float64]) -> Any | None:
 
 
 def triangle_tree(mesh: TriangleMesh) -> Any:
-    """Return coal's tree over a mesh's triangles."""
+    """Return coal's bounding volume hierarchy of a mesh's triangles."""
     tree = coal.BVHModelOBBRSS()
     tree.beginModel(len(mesh.triangles), len(mesh.vertices))
     tree.addVertices(mesh.vertices)
@@ -32,7 +31,7 @@ def triangle_tree(mesh: TriangleMesh) -> Any:
     return tree
 
 
-def _points(rows: NDArray[np.float64]) -> Any:
+def _points(rows: Array) -> Any:
     points = coal.StdVec_Vec3s()
     points.extend(list(rows))
     return points

@@ -1,7 +1,8 @@
-"""Mesh files as vertices and triangles, read strictly: what a file says it holds is there, or the file is refused.
+"""Mesh files as vertices and triangles, read strictly: a file is complete, or it is refused.
 
-STL, OBJ and OFF are read here, as they are simple and easily half read; PLY, COLLADA (dae) and glTF (glb, gltf) by
-trimesh, with what it would pass over in silence looked for beforehand. What a file may cost is bounded by its own size.
+STL, OBJ and OFF are read here, as they are simple and other readers accept half of a file; PLY, COLLADA (dae) and glTF
+(glb, gltf) are read by trimesh, after a check for what it would silently skip. The size of a file bounds what reading
+it may cost.
 """
 
 from __future__ import annotations
@@ -19,26 +20,24 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.once import Turn
 
-Floats = NDArray[np.float64]
-Rows = NDArray[np.int64]
-Triangles = tuple[Floats, Rows]  # vertices (m, 3) in the file's unit, corners (F, 3): rows of vertices
+Triangles = tuple[Array, Rows]  # vertices (m, 3) in the file's unit, corners (F, 3): rows of vertices
 
 MOST_BYTES = 100_000_000
-MOST_TRIANGLES = 1_000_000  # more would take minutes to be made ready for a proof
-FAN = 6  # the mode of a glTF primitive that trimesh leaves out
+MOST_TRIANGLES = 1_000_000  # more would take minutes to prepare for a proof
+FAN = 6  # mode of a glTF primitive that trimesh skips
 
-_reading = Turn()  # of warnings and trimesh's log, which are the process's
+_reading = Turn()  # warnings and trimesh's log belong to the whole process
 
 
 def read_mesh_file(path: Path) -> Triangles:
     """Read a mesh file by its ending.
 
-    Raises InputError: no such file, no regular one, too large, of an unknown format, or damaged.
+    Raises InputError for a file that is missing, not a regular file, too large, of an unknown format, or damaged.
     """
     if not os.path.exists(path):  # unlike Path.exists, no error for names that are too long
         raise InputError("no such file")
@@ -56,7 +55,7 @@ def read_mesh_file(path: Path) -> Triangles:
         raise
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}") from None
-    except Exception as error:  # each format's reader has its own failures; none is the user's language
+    except Exception as error:  # each reader fails in its own way, none in words for the user
         words = " ".join(str(error).split())[:100]
         raise InputError(f"cannot be read, its content is not that of a {ending} file ({words})") from error
     if len(corners) == 0:
@@ -69,8 +68,8 @@ def read_mesh_file(path: Path) -> Triangles:
     return points, corners
 
 
-def _check_range(vertices: Sequence[Any] | Floats, triangles: Rows) -> None:
-    """Check that triangles have vertices that exist: a negative index would count from the end."""
+def _check_range(vertices: Sequence[Any] | Array, triangles: Rows) -> None:
+    """Check that the triangles' vertices exist: a negative index would count from the end."""
     for wrong in (int(triangles.min(initial=0)), int(triangles.max(initial=-1))):
         if not 0 <= wrong < len(vertices) and len(triangles):
             raise InputError(f"a triangle has vertex {wrong} (counted from 0); there are {len(vertices)} vertices")
@@ -87,7 +86,7 @@ def _numbers(words: Sequence[str], line: int) -> tuple[float, ...]:
 
 
 def _shown(text: str) -> str:
-    """Return what a line says, fit to be printed."""
+    """Return a line's content, fit to be printed."""
     text = text.strip()
     return repr(text if len(text) <= 60 else f"{text[:57]}...")
 
@@ -126,14 +125,14 @@ def _obj(data: bytes, path: Path) -> Triangles:
     text = data.decode("utf-8", errors="replace").replace("\\\r\n", " ").replace("\\\n", " ")
     for number, line in enumerate(text.splitlines(), start=1):
         match line.partition("#")[0].split():
-            case ["v", x, y, z, *_]:  # further numbers are a weight, or a colour
+            case ["v", x, y, z, *_]:  # further numbers are a weight or a colour
                 vertices.append(_numbers((x, y, z), number))
             case ["f", *corners] if len(corners) >= 3:
                 try:
                     told = [int(corner.partition("/")[0]) for corner in corners]
                 except ValueError:
                     raise InputError(f"line {number}: {_shown(line)}: vertices are whole numbers") from None
-                rows = [row - 1 if row > 0 else len(vertices) + row for row in told]  # from 1, or back from the last
+                rows = [row - 1 if row > 0 else len(vertices) + row for row in told]  # from 1, or backwards
                 if 0 in told or not all(row >= 0 for row in rows):
                     raise InputError(f"line {number}: {_shown(line)}: there is no such vertex")
                 triangles += [(rows[0], a, b) for a, b in itertools.pairwise(rows[1:])]
@@ -150,7 +149,7 @@ def _off(data: bytes, path: Path) -> Triangles:
     lines = [(i, words) for i, words in lines if words]
     if not lines or lines[0][1][0].upper() not in ("OFF", "COFF", "NOFF", "CNOFF"):
         raise InputError("is no OFF file: its first word is not OFF")
-    lines[0] = (lines[0][0], lines[0][1][1:])  # the counts may stand beside it
+    lines[0] = (lines[0][0], lines[0][1][1:])  # the counts may follow on the same line
     (at, counts), *rest = lines if lines[0][1] else lines[1:]
     if len(counts) < 2 or not all(re.fullmatch(r"\d{1,12}", count) for count in counts[:2]):
         raise InputError(f"line {at}: {_shown(' '.join(counts))}: the numbers of vertices and faces are expected")
@@ -174,7 +173,7 @@ def _off(data: bytes, path: Path) -> Triangles:
 
 
 class _Beside(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
-    """Finds the files that a mesh file names beside it; regular ones only."""
+    """Finds the files that a mesh file refers to; regular ones only."""
 
     def get(self, name: str) -> bytes:
         """Return a file's content."""
@@ -207,12 +206,13 @@ def _gltf(data: bytes, path: Path) -> Triangles:
 
 
 def read_scene(data: bytes, path: Path) -> trimesh.Scene:
-    """Return what trimesh reads of a mesh file's content: its parts with their places and colours; quietly.
+    """Return what trimesh reads from a mesh file's content, without warnings: its parts with their placements and
+    colours.
 
-    To be drawn of a file that `read_mesh_file` has taken: trimesh passes over much that is damaged.
+    Only for drawing a file that `read_mesh_file` has accepted, as trimesh overlooks much damage.
     """
     log = logging.getLogger("trimesh")
-    quiet = logging.NullHandler()  # without any, complaints about colours and the like would go to the error stream
+    quiet = logging.NullHandler()  # without a handler, complaints about colours and the like would go to stderr
     with _reading, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         warnings.filterwarnings("error", message="string or file could not be read")  # numbers left out
@@ -227,7 +227,7 @@ def read_scene(data: bytes, path: Path) -> trimesh.Scene:
 def _by_trimesh(data: bytes, path: Path) -> Triangles:
     scene = read_scene(data, path)
     parts = [(place, scene.geometry[name]) for place, name in map(scene.graph.get, scene.graph.nodes_geometry)]
-    parts = [(place, part) for place, part in parts if hasattr(part, "faces")]  # points and lines bound nothing
+    parts = [(place, part) for place, part in parts if hasattr(part, "faces")]  # points and lines enclose nothing
     count = sum(len(part.faces) for _, part in parts)
     if count > MOST_TRIANGLES:
         raise InputError(f"has {count} triangles; at most {MOST_TRIANGLES} are used: simplify it")
@@ -236,7 +236,7 @@ def _by_trimesh(data: bytes, path: Path) -> Triangles:
         points, corners = np.array(part.vertices, dtype=np.float64), np.array(part.faces, dtype=np.int64)
         _check_range(points, corners)
         mirrored = np.linalg.det(place[:3, :3]) < 0
-        with np.errstate(invalid="ignore"):  # what is not finite is refused where it is used
+        with np.errstate(invalid="ignore"):  # values that are not finite are refused where they are used
             vertices.append(points @ place[:3, :3].T + place[:3, 3])
         triangles.append(first + (corners[:, ::-1] if mirrored else corners))
         first += len(points)

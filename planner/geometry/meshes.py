@@ -1,7 +1,7 @@
-"""Triangle meshes: read from files, taken apart into pieces, and asked what is inside them.
+"""Triangle meshes: read from files, split into connected parts, and tested for what is inside.
 
-A mesh file → vertices (m, 3) [m] and triangles (F, 3), merged to one mesh, checked: it has triangles, its numbers are
-finite and it is not flat.
+A mesh file → vertices (m, 3) [m] and triangles (F, 3), merged into one mesh and checked: it has triangles, its numbers
+are finite and it is not flat.
 """
 
 from __future__ import annotations
@@ -9,21 +9,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
 
 from hdplan.planner.geometry.mesh_files import read_mesh_file
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.model import Mesh
 from hdplan.scenes.once import freeze
+from hdplan.scenes.shapes import Mesh
 
-Array = NDArray[np.float64]
-
-CONVEX = 1e-3  # a solid that misses less than this part of its hull's volume passes for its hull, which contains it
-LARGEST = 1e6  # [m] beyond which distances drown in rounding
-FLAT = 1e-6  # thinner than this part of its length, a mesh encloses nothing that could be told from rounding
+CONVEX = 1e-3  # a solid that lacks less than this part of its hull's volume is replaced by its hull, which contains it
+LARGEST = 1e6  # [m] beyond which distances are lost in rounding
+FLAT = 1e-6  # a mesh thinner than this part of its length encloses nothing but rounding errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +30,7 @@ class TriangleMesh:
     """Triangles with shared vertices; those that bound a solid run counter-clockwise seen from outside."""
 
     vertices: Array  # (m, 3) [m]
-    triangles: NDArray[np.int64]  # (F, 3) rows of vertices
+    triangles: Rows  # (F, 3) rows of vertices
 
     def __post_init__(self) -> None:
         """Share its arrays read-only."""
@@ -39,7 +38,7 @@ class TriangleMesh:
 
     @classmethod
     def merged(cls, vertices: ArrayLike, triangles: ArrayLike) -> TriangleMesh:
-        """Build one from triangles that may repeat their vertices, as an STL file does; equal vertices become one."""
+        """Build a mesh from triangles that may repeat their vertices, as in an STL file; equal vertices are merged."""
         points, index = np.unique(np.asarray(vertices, dtype=np.float64), axis=0, return_inverse=True)
         corners = index.ravel()[np.asarray(triangles, dtype=np.int64)]
         proper = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
@@ -56,7 +55,7 @@ class TriangleMesh:
 
     @property
     def closed(self) -> bool:
-        """Whether every edge is met once in each direction, so that inside and outside are told apart."""
+        """Whether every edge is used once in each direction, so that inside and outside are well defined."""
         a, b = self.triangles.ravel(), np.roll(self.triangles, -1, axis=1).ravel()
         size = len(self.vertices)
         return len(self.triangles) > 0 and bool(
@@ -65,7 +64,7 @@ class TriangleMesh:
 
     @property
     def volume(self) -> float:
-        """The enclosed volume [m³] of a closed mesh; negative when the triangles run the other way round."""
+        """The enclosed volume [m³] of a closed mesh; negative when the triangles are oriented inwards."""
         corners = (self.vertices - self.vertices.mean(axis=0))[self.triangles]
         return float(np.linalg.det(corners).sum() / 6.0)
 
@@ -80,7 +79,7 @@ class TriangleMesh:
         return self.closed and abs(self.volume) >= (1.0 - CONVEX) * self.hull_volume > 0.0
 
     def components(self) -> tuple[TriangleMesh, ...]:
-        """Take it apart into the pieces that share no vertex."""
+        """Split the mesh into the parts that share no vertex."""
         corners, size = self.triangles, len(self.vertices)
         links = (np.ones(2 * len(corners)), (corners[:, [0, 1]].ravel(), corners[:, [1, 2]].ravel()))
         _, label = connected_components(coo_matrix(links, shape=(size, size)), directed=False)
@@ -118,7 +117,7 @@ class TriangleMesh:
 def load_mesh(shape: Mesh, field: str) -> TriangleMesh:
     """Read a mesh file (stl, obj, ply, off, dae, glb, gltf), scaled, its parts merged into one.
 
-    `field` is where the scene speaks of it, for the error. Raises InputError when the file is missing, damaged or of an
+    `field` is its field in the scene, for error messages. Raises InputError when the file is missing, damaged or of an
     unknown format, holds no triangles or numbers that are not finite, or is flat.
     """
     with naming(f"{field}: mesh {shape.file}"):
@@ -150,7 +149,7 @@ def below(triangles: Array, normal: Array, offset: float) -> Array:
     parts = [triangles[count == 3]]
     for corners_inside in (1, 2):
         chosen = count == corners_inside
-        lone = (inside[chosen] if corners_inside == 1 else ~inside[chosen]).argmax(1)  # the corner on its own side
+        lone = (inside[chosen] if corners_inside == 1 else ~inside[chosen]).argmax(1)  # the corner alone on its side
         turn = (lone[:, None] + np.arange(3)) % 3
         a, b, c = np.moveaxis(np.take_along_axis(triangles[chosen], turn[:, :, None], 1), 1, 0)
         above_a, above_b, above_c = np.take_along_axis(height[chosen], turn, 1).T[:, :, None]

@@ -1,8 +1,8 @@
-"""What is to be done with a scene's shape, in one table: words, supports, coal's geometry, inertia, triangles.
+"""All operations on a scene's shapes in one table: description, support, coal's geometry, inertia, triangles.
 
 A new shape is its class in the scene's model, a row here, and its own support in the certificate (`exact_proximity`),
-which takes nothing from this table: that there are two supports is what makes the proof independent. How a scene file
-writes a shape follows from its class.
+which takes nothing from this table: two separate supports make the proof independent. How a scene file writes a shape
+follows from its class.
 """
 
 from __future__ import annotations
@@ -16,40 +16,38 @@ import coal
 import numpy as np
 import pinocchio as pin
 import trimesh
-from numpy.typing import NDArray
 
 from hdplan.planner.geometry.coal_shapes import convex_hull, triangle_tree
 from hdplan.planner.geometry.meshes import FLAT, TriangleMesh, load_mesh, thinness
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
 
-Array = NDArray[np.float64]
-
-SECTIONS = 48  # of a round body's triangles, to be drawn
-ROUND_SIDES = 16  # of a prism around a cylinder
-FINE = 3  # subdivisions of a ball's
+SECTIONS = 48  # of a round body, for drawing
+ROUND_SIDES = 16  # of the prism around a cylinder
+FINE = 3  # subdivisions of an icosphere
 
 
 @dataclass(frozen=True)
 class Outline:
-    """A convex shape by formulas, in its own frame, about whose origin it is symmetric."""
+    """Formulas of a convex shape in its own frame, about whose origin it is symmetric."""
 
     half_size: Callable[[Any], Array]  # (3,) of the box around it [m]
     support: Callable[[Any, Array], Array]  # h(n) = max_{x in it} n·x [m], exact, for unit directions (k, 3) -> (k,)
     around: Callable[[Any], Array]  # (m, 3) corners of a polyhedron that contains it [m]
-    round_about: Literal["nothing", "axis", "centre"]  # which directions enclose it closely
+    round_about: Literal["nothing", "axis", "centre"]  # decides which directions enclose it tightly
 
 
 @dataclass(frozen=True)
 class Operations:
-    """What is done with one kind of shape. `field` is how the user knows it: "attached.cup"."""
+    """The operations on one kind of shape. `field` names it to the user: "attached.cup"."""
 
     words: Callable[[Any], str]
     coal: Callable[[Any, str], Any]  # the geometry that links have
-    inertia: Callable[[Any, float, str], pin.Inertia]  # of an even density and a mass [kg]
-    triangles: Callable[[Any, str], trimesh.Trimesh]  # to be drawn
-    outline: Outline | None = None  # of the hull of points and of meshes there is no formula
-    from_coal: tuple[Any, Callable[[Any], Shape]] | None = None  # coal's class, and the shape of one of its geometries
+    inertia: Callable[[Any, float, str], pin.Inertia]  # for a uniform density and a mass [kg]
+    triangles: Callable[[Any, str], trimesh.Trimesh]  # for drawing
+    outline: Outline | None = None  # hulls of points and meshes have no formulas
+    from_coal: tuple[Any, Callable[[Any], Shape]] | None = None  # coal's class, and its geometry as a shape
 
 
 def operations(shape: Shape) -> Operations:
@@ -58,7 +56,7 @@ def operations(shape: Shape) -> Operations:
 
 
 def shape_of(geometry: Any) -> Shape | None:
-    """Return a link's geometry (coal's) as a scene's shape; None for hulls and triangles."""
+    """Return coal's geometry of a link as a scene's shape; None for hulls and triangles."""
     for row in TABLE.values():
         if row.from_coal is not None and isinstance(geometry, row.from_coal[0]):
             return row.from_coal[1](geometry)
@@ -92,8 +90,8 @@ def _mesh_triangles(shape: Mesh, field: str) -> trimesh.Trimesh:
 
 
 def _even(mesh: trimesh.Trimesh, mass: float) -> pin.Inertia:
-    """Return the inertia of a closed mesh of even density, about its centre."""
-    if mesh.volume < 0:  # its triangles run the other way round
+    """Return the inertia of a closed mesh of uniform density, about its centre of mass."""
+    if mesh.volume < 0:  # its triangles are oriented inwards
         mesh = mesh.copy()
         mesh.invert()
     mesh.density = mass / mesh.volume
@@ -101,7 +99,7 @@ def _even(mesh: trimesh.Trimesh, mass: float) -> pin.Inertia:
 
 
 def _capsule_triangles(radius: float, length: float) -> trimesh.Trimesh:
-    """Return the hull of two small balls; trimesh's own capsule stands on its lower end."""
+    """Return the hull of two small balls; trimesh's own capsule has its origin at the lower end."""
     ball = trimesh.creation.icosphere(subdivisions=FINE, radius=radius)
     ends = [ball.vertices + [0.0, 0.0, end * length / 2] for end in (-1, 1)]
     return trimesh.PointCloud(np.concatenate(ends)).convex_hull if length else ball

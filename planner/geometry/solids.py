@@ -1,18 +1,19 @@
-"""What lies inside a mesh, however its triangles run: solid, hollow, inside out, open, in several parts.
+"""What lies inside a mesh, whatever the orientation of its triangles: solid, hollow, inside out, open, in several
+parts.
 
 The winding number w(x) of a closed mesh, the sum of its triangles' signed solid angles over 4π, is an integer that
-changes only across triangles: ±1 inside, 0 outside, and 0 too in a cavity, whose wall runs the other way round
-(A. Van Oosterom, J. Strackee, 1983; A. Jacobson et al., "Robust inside-outside segmentation using generalized winding
-numbers", 2013). It can be trusted where triangles run consistently. So a mesh is taken apart into *shells*, triangles
-joined by edges that just two of them share; x counts as inside where |w(x)| > ½ for all whose triangles run the same
-way together, or for a doubtful one by itself, after its triangles have been turned to run the same way. A shell is
-doubtful
+changes only across triangles: ±1 inside, 0 outside, and also 0 in a cavity, whose wall has the opposite orientation (A.
+Van Oosterom, J. Strackee, 1983; A. Jacobson et al., "Robust inside-outside segmentation using generalized winding
+numbers", 2013). It can be trusted where triangles are oriented consistently. So a mesh is split into *shells*:
+triangles joined by edges that exactly two of them share. A point x counts as inside where |w(x)| > ½ for all
+consistently oriented shells together, or for a doubtful shell by itself, after its triangles have been oriented
+consistently. A shell is doubtful
 
     if it is open (w is a fraction then: ½ and more is inside),
-    if its triangles did not run the same way, or came twice, once each way: what is hollow cannot be told then,
-    if it crosses a shell that runs the other way: the two would cancel where they overlap, and neither is a cavity.
+    if its triangles were not oriented consistently, or came twice, once each way: cavities cannot be identified then,
+    if it crosses a shell of the opposite orientation: the two would cancel where they overlap, and neither is a cavity.
 
-A shell without two sides (as a Klein bottle) holds everything in its bounding box. Doubt makes more inside, never less.
+A one-sided shell (such as a Klein bottle) contains all of its bounding box. Doubt only ever adds to the inside.
 """
 
 from __future__ import annotations
@@ -22,40 +23,36 @@ from functools import cached_property
 
 import coal
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from hdplan.planner.geometry.coal_shapes import triangle_tree
 from hdplan.planner.geometry.meshes import TriangleMesh
+from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.once import freeze, read_only
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-Mask = NDArray[np.bool_]
-
-WELD = 1e-6  # of a mesh's size: narrower cracks are none
-MOST_CROSSINGS = 10_000  # pairs of shells looked at; where there are more, none is taken for a cavity
+WELD = 1e-6  # of a mesh's size: narrower cracks are closed
+MOST_CROSSINGS = 10_000  # pairs of shells tested; with more, no shell is taken for a cavity
 
 
 @dataclass(frozen=True, eq=False)
 class Shells:
-    """Triangles of a mesh, each once, in shells."""
+    """The triangles of a mesh, each once, grouped into shells."""
 
-    triangles: Index  # (F, 3) rows of vertices, turned to run the same way in each shell
-    shell: Index  # (F,) 0 to S − 1
-    turned: Mask  # (S,) did not run the same way at first
+    triangles: Rows  # (F, 3) rows of vertices, oriented consistently in each shell
+    shell: Rows  # (F,) 0 to S − 1
+    turned: Mask  # (S,) were not oriented consistently
     open: Mask  # (S,) have a rim
-    one_sided: Mask  # (S,) cannot be made to run the same way
+    one_sided: Mask  # (S,) cannot be oriented consistently
 
     def __post_init__(self) -> None:
         """Share its arrays read-only."""
         freeze(self)
 
     @classmethod
-    def of(cls, triangles: Index) -> Shells:
-        """Take triangles (F, 3) apart."""
+    def of(cls, triangles: Rows) -> Shells:
+        """Split triangles (F, 3) into shells."""
         size = int(triangles.max()) + 1
         low, middle, high = np.sort(triangles, axis=1).T
         _, pair = np.unique(low * size + middle, return_inverse=True)
@@ -70,14 +67,14 @@ class Shells:
         _, edge, met = np.unique(edges, return_inverse=True, return_counts=True)
         order = np.argsort(edge, kind="stable")
         one, other = order[met[edge[order]] == 2].reshape(-1, 2).T
-        # each triangle stands twice, as it is and turned: what is joined runs the same way
+        # each triangle is there twice, as it is and reversed: connected ones are oriented alike
         same = rising[one] != rising[other]
         joined = np.concatenate([face[other] + count * ~same, (face[other] + count * same)])
         pairs = (np.ones(len(joined)), (np.concatenate([face[one], face[one] + count]), joined))
         _, way = connected_components(coo_matrix(pairs, shape=(2 * count, 2 * count)), directed=False)
         _, shell = np.unique(np.minimum(way[:count], way[count:]), return_inverse=True)
         number = int(shell.max()) + 1
-        lead = np.unique(shell, return_index=True)[1]  # the first triangle of each shell runs as it did
+        lead = np.unique(shell, return_index=True)[1]  # the first triangle of each shell keeps its orientation
         flip = way[:count] != way[lead][shell]
         triangles = np.where(flip[:, None], triangles[:, ::-1], triangles)
         rising = np.where(np.repeat(flip, 3), ~rising, rising)
@@ -95,18 +92,18 @@ class Shells:
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """What a mesh bounds."""
+    """The solid that a mesh bounds."""
 
     mesh: TriangleMesh
 
     @cached_property
     def shells(self) -> Shells:
-        """Its shells, once cracks are closed."""
+        """Its shells, after cracks are closed."""
         return Shells.of(self._whole.triangles)
 
     @cached_property
     def _whole(self) -> TriangleMesh:
-        """The mesh with vertices that are WELD of its size apart made one: files round, and so tear edges apart."""
+        """The mesh with vertices merged that are closer than WELD of its size: rounding in files tears edges open."""
         mesh = self.mesh
         if mesh.closed:
             return mesh
@@ -121,12 +118,12 @@ class Solid:
 
     @property
     def open(self) -> bool:
-        """Whether it has a hole: a body could come in without touching a triangle."""
+        """Whether it has a hole, through which a body could enter without touching a triangle."""
         return bool(self.shells.open.any())
 
     @cached_property
     def parts(self) -> Array:
-        """A point (c, 3) on each part that hangs together by its vertices."""
+        """A point (c, 3) on each part that is connected by its vertices."""
         corners, size = self.mesh.triangles, len(self.mesh.vertices)
         links = (np.ones(2 * len(corners)), (corners[:, [0, 1]].ravel(), corners[:, [1, 2]].ravel()))
         _, label = connected_components(coo_matrix(links, shape=(size, size)), directed=False)
@@ -135,7 +132,8 @@ class Solid:
 
     @cached_property
     def box(self) -> tuple[Array, Array]:
-        """Its corners (3,): outside it |w| < ½ for every shell, as a plane has all its triangles on one side."""
+        """The corners (3,) of the bounding box: outside it |w| < ½ for every shell, whose triangles lie on one side of
+        a plane."""
         return read_only(self.mesh.vertices.min(axis=0)), read_only(self.mesh.vertices.max(axis=0))
 
     @cached_property
@@ -176,7 +174,7 @@ class Solid:
         return TriangleMesh(self._whole.vertices, self.shells.triangles)
 
     def _boxed(self, point: Array) -> bool:
-        """Whether a point is in the box of a shell that has but one side."""
+        """Whether a point is in the bounding box of a one-sided shell."""
         shells = self.shells
         for shell in np.flatnonzero(shells.one_sided).tolist():
             corners = self._whole.vertices[shells.triangles[shells.shell == shell]].reshape(-1, 3)
@@ -185,13 +183,13 @@ class Solid:
         return False
 
 
-def _odd(triangles: Index) -> Mask:
+def _odd(triangles: Rows) -> Mask:
     """Whether a triangle's corners (F, 3) are an odd permutation of their order."""
     a, b, c = triangles.T
     return np.asarray((a > b) ^ (b > c) ^ (a > c))
 
 
-def _any(chosen: Mask, shell: Index, number: int) -> Mask:
+def _any(chosen: Mask, shell: Rows, number: int) -> Mask:
     return np.bincount(shell, weights=chosen, minlength=number) > 0.0
 
 

@@ -1,7 +1,7 @@
 """Forward kinematics of a robot, as CasADi expressions and as fast NumPy batches.
 
-From the joint placements and motion axes of a fixed-base pin.Model whose joints have one coordinate each; the PyPI
-wheel of Pinocchio has no CasADi types, so its tree is walked here: with X_i the fixed placement of joint i on its
+From the joint placements and motion axes of a fixed-base pin.Model whose joints have one coordinate each. The PyPI
+wheel of Pinocchio has no CasADi types, so the tree is traversed here: with X_i the fixed placement of joint i on its
 parent p(i) and a_i its axis, T_i(q) = T_p(i)(q) X_i exp(a_i q_i). All in the world frame, [m] and [rad].
 """
 
@@ -14,17 +14,16 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import freeze, made_once
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class KinematicsBatch:
-    """The state of B configurations; nj joints (joint 0 is the world), n coordinates.
+    """The kinematics of B configurations; nj joints (joint 0 is the world), n coordinates.
 
     A point p (world frame) carried by joint i has velocity sum_j supports[i, j] (linear[j] + angular[j] x p) dq_j.
     """
@@ -104,14 +103,14 @@ class Kinematics:
         self._maps: dict[int, _MappedState] = {}
 
     def __getstate__(self) -> dict[str, Any]:
-        """What another process is sent: its threads make buffers of their own."""
+        """The state for another process, whose threads make their own buffers."""
         return vars(self) | {"_maps": {}}
 
     def evaluate(self, q: ArrayLike) -> KinematicsBatch:
-        """Return the state of configurations q (B, n), or of one (n,) as a batch of one."""
+        """Return the kinematics of configurations q (B, n), or of one (n,) as a batch of one."""
         values = np.atleast_2d(np.asarray(q, dtype=np.float64))
         count = len(values)
-        capacity = 1 << max(count - 1, 0).bit_length()  # few different sizes, so few buffers
+        capacity = 1 << max(count - 1, 0).bit_length()  # powers of two, so that there are few buffers
         mapped = self._maps.get(capacity)
         if mapped is None:
             mapped = self._maps[capacity] = _MappedState(self.state.map(capacity))
@@ -121,10 +120,11 @@ class Kinematics:
 
 
 class _MappedState(threading.local):
-    """A Function mapped over a fixed number of columns, evaluated in place on arrays of each thread's own, which are
-    made when it first comes.
+    """A Function mapped over a fixed number of columns, evaluated in place on arrays that each thread makes for itself
+    on its first call.
 
-    CasADi's conversion of DM to NumPy costs some 70 times the evaluation; its buffers use our memory directly.
+    CasADi's conversion of DM to NumPy takes some 70 times as long as the evaluation; its buffers use our memory
+    directly.
     """
 
     def __init__(self, mapped: ca.Function) -> None:

@@ -1,7 +1,7 @@
-"""One link's pose, linearized, and the damped step that brings it nearer.
+"""The pose of a link, linearized, and the damped step that brings it closer to a target.
 
 Damped least squares, dq = Jᵀ (J Jᵀ + λ² I)⁻¹ e, within the joint limits, for many configurations at once (Nakamura &
-Hanafusa, "Inverse kinematic solutions with singularity robustness", 1986). Turns that are free leave J and e.
+Hanafusa, "Inverse kinematic solutions with singularity robustness", 1986). Free rotations are taken out of J and e.
 """
 
 from __future__ import annotations
@@ -9,19 +9,17 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hdplan.planner.kinematics.forward import Kinematics, kinematics_of
 from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.model import PoseTarget
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.targets import PoseTarget
 
 DAMPING = 0.02  # λ: keeps steps short near a singular configuration
 LONGEST = 0.4  # [rad] or [m] of one step of a joint
-PARALLEL = 1e-9  # sine below which two directions have no axis of their own
+PARALLEL = 1e-9  # sine below which two directions define no axis
 
 
 class LinkPose(NamedTuple):
@@ -30,7 +28,7 @@ class LinkPose(NamedTuple):
     robot: Robot
     target: PoseTarget
     arm: Kinematics
-    joint: int  # that carries the link
+    joint: int  # the one that carries the link
     placement: Array  # (4, 4) of the link in the joint's frame
 
     @classmethod
@@ -40,7 +38,7 @@ class LinkPose(NamedTuple):
         return cls(robot, target, kinematics_of(robot), frame.parentJoint, frame.placement.homogeneous)
 
     def linearized(self, q: Array) -> tuple[Array, Array]:
-        """What is missing (B, 6), way [m] and turn [rad] in world axes, and what the joints do about it (B, 6, n)."""
+        """The pose error (B, 6), translation [m] and rotation [rad] in world axes, and its Jacobian (B, 6, n)."""
         state, wanted, joint = self.arm.evaluate(q), self.target.pose.matrix, self.joint
         rotation = state.rotations[:, joint] @ self.placement[:3, :3]
         origin = state.rotations[:, joint] @ self.placement[:3, 3] + state.translations[:, joint]
@@ -71,7 +69,8 @@ def damped_step(robot: Robot, q: Array, error: Array, jacobian: Array, longest: 
 
 
 def _turn_between(directions: Array, wanted: Array) -> Array:
-    """The shortest turns (B, 3) [rad] that bring unit vectors (B, 3) to a wanted one; a half turn of opposite ones."""
+    """The shortest rotations (B, 3) [rad] that take unit vectors (B, 3) to a wanted one; a half turn for opposite
+    ones."""
     cross = np.cross(directions, wanted)
     sine = np.linalg.norm(cross, axis=1, keepdims=True)
     across = np.cross(wanted, np.eye(3)[np.abs(wanted).argmin()])

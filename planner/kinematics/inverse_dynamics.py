@@ -2,9 +2,9 @@
 
     τ = M(q) q̈ + C(q, q̇) q̇ + g(q)
 
-by the recursive Newton-Euler algorithm (R. Featherstone, "Rigid body dynamics algorithms", 2008, table 5.1), walked
-over a fixed-base pin.Model's tree as in `forward`: accelerations outwards, forces inwards, in each joint's axes.
-Gravity is the model's, in the world, whichever way the base is turned. Friction is left out, as in Pinocchio's rnea.
+by the recursive Newton-Euler algorithm (R. Featherstone, "Rigid body dynamics algorithms", 2008, table 5.1), over the
+tree of a fixed-base pin.Model as in `forward`: accelerations outwards, forces inwards, in each joint's axes. Gravity is
+the model's, given in the world frame, however the base is mounted. There is no friction, as in Pinocchio's rnea.
 """
 
 from __future__ import annotations
@@ -14,18 +14,19 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.kinematics.forward import constant, motion_axes, rotation_about
 from hdplan.planner.robot.loads import with_loads
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import naming
-from hdplan.scenes.model import Attached, Payload, Scene
 from hdplan.scenes.once import made_once
 
-Array = NDArray[np.float64]
-Spatial = tuple[ca.SX, ca.SX]  # linear and angular part of a rate, or a force and its moment about the frame's origin
+Spatial = tuple[ca.SX, ca.SX]  # linear and angular part of a motion; or a force and its moment about the origin
 
 
 @dataclass(frozen=True)
@@ -66,8 +67,8 @@ class InverseDynamics:
         return self._rows(tables, [rows, rows, rows])[0]
 
     def coefficients(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> PathTorques:
-        """Return the torques along a path q(u) as a function of u's own rates: exact, as τ is affine in q̈ and quadratic
-        in q̇.
+        """Return the torques along a path q(u) as a function of u's own rates: exact, as τ is affine in q̈ and
+        quadratic in q̇.
 
         q, dq, ddq: points q(u), q'(u), q''(u) of the path (B, n).
         """
@@ -87,13 +88,14 @@ class InverseDynamics:
         return PathTorques(a=along - gravity, b=bent - gravity, c=gravity)
 
 
-def dynamics_of(scene: Scene, robot: Robot) -> InverseDynamics:
-    """Return the dynamics of a scene's robot with its loads: built once for the same ones, as that takes its time.
+def dynamics_of(setup: Setup) -> InverseDynamics:
+    """Return the dynamics of a scene's robot with its loads: built once for each, as that takes time.
 
     Raises InputError for loads that do not fit the robot.
     """
+    scene = setup.scene
     with naming(scene.source):
-        return _loaded_dynamics(robot, scene.payload, scene.attached)
+        return _loaded_dynamics(setup.robot, scene.payload, scene.attached)
 
 
 @made_once(8)
@@ -110,7 +112,7 @@ def inverse_dynamics(model: pin.Model, q: ca.SX, v: ca.SX | ca.DM, a: ca.SX | ca
     upwards: Spatial = (
         ca.SX(constant(-np.asarray(model.gravity.linear))),
         still[1],
-    )  # the world's, in place of gravity
+    )  # of the world, in place of gravity
     velocity, acceleration, axes = [still], [upwards], [still]
     turns, offsets = [ca.SX.eye(3)], [still[0]]
     for index in range(1, count):
@@ -149,13 +151,13 @@ def inverse_dynamics(model: pin.Model, q: ca.SX, v: ca.SX | ca.DM, a: ca.SX | ca
 
 
 def _carried(motion: Spatial, turn: ca.SX, offset: ca.SX) -> Spatial:
-    """Return a parent's rate as seen at its child's origin, in the child's axes."""
+    """Return a parent's velocity or acceleration at its child's origin, in the child's axes."""
     linear, angular = motion
     return turn.T @ (linear + ca.cross(angular, offset)), turn.T @ angular
 
 
 def _force(inertia: pin.Inertia, velocity: Spatial, acceleration: Spatial) -> Spatial:
-    """Return force and moment about the frame's origin that move a body so: I a + v ×* I v."""
+    """Return the force and the moment about the frame's origin for such a motion of a body: I a + v ×* I v."""
     mass, lever, about = float(inertia.mass), ca.SX(constant(inertia.lever)), constant(inertia.inertia)
 
     def momentum(rate: Spatial) -> Spatial:

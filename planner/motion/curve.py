@@ -29,6 +29,7 @@ Index = NDArray[np.int64]
 
 FARTHEST = 1e6  # [rad] or [m] that a control point may be from 0
 SHORTEST, LONGEST = 1e-60, 1e60  # [s] between two rows, and from time 0
+ROW_RATES = ("velocities", "accelerations")  # what rows may hold beside times and positions
 RULES = {1: "linear", 3: "cubic", 5: "quintic"}  # by the degree
 PARTS = 8  # of an interval, each bounded by its own control points
 
@@ -98,12 +99,17 @@ class Curve:
             return np.asarray((1.0 - fraction) * control[:, 0] + fraction * control[:, 1])
         return _left(control, fraction)[:, -1]
 
+    def interval_of(self, parameter: ArrayLike) -> tuple[Index, Array]:
+        """Return the intervals in which path parameters in [0, 1] lie, and at which fractions of them."""
+        where = np.asarray(parameter, dtype=np.float64) * len(self.control)
+        interval = np.clip(np.floor(where).astype(np.int64), 0, len(self.control) - 1)
+        return interval, where - interval
+
     def at_parameter(self, parameter: ArrayLike) -> Array:
         """Return the positions (…, n) at path parameters in [0, 1], in which the rows stand at equal steps."""
-        where = np.asarray(parameter, dtype=np.float64) * len(self.control)
-        index = np.clip(np.floor(where).astype(np.int64), 0, len(self.control) - 1)
-        found = self.at(index.ravel(), (where - index).ravel())
-        return np.asarray(found.reshape(*where.shape, -1))
+        interval, fraction = self.interval_of(parameter)
+        found = self.at(interval.ravel(), fraction.ravel())
+        return np.asarray(found.reshape(*interval.shape, -1))
 
     def at_time(self, time: ArrayLike, order: int = 0) -> Array:
         """Return the positions (…, n) at times [s], or a derivative of that order."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.planner.motion.curve import RULES
+from hdplan.planner.motion.curve import ROW_RATES, RULES
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.values import shorten
 
@@ -31,7 +31,6 @@ KEYS = (
     "verdict",
     "steps",
 )
-RATES = ("velocities", "accelerations")
 
 
 def write_json(trajectory: Trajectory, about: Mapping[str, Mapping[str, Any]]) -> bytes:
@@ -44,7 +43,7 @@ def write_json(trajectory: Trajectory, about: Mapping[str, Mapping[str, Any]]) -
         _rows("positions", trajectory.positions),
         f'"locked": {json.dumps(dict(trajectory.locked), allow_nan=False)}',
         *timed,
-        *(_rows(key, values) for key in RATES if (values := getattr(trajectory, key)) is not None),
+        *(_rows(key, values) for key in ROW_RATES if (values := getattr(trajectory, key)) is not None),
         *(f'"{key}": {json.dumps(dict(said), allow_nan=False)}' for key, said in about.items()),
     ]
     return ("{\n " + ",\n ".join(lines) + "\n}\n").encode()
@@ -73,10 +72,10 @@ def read_json(data: bytes) -> dict[str, Any]:
             raise InputError(f"{key}: missing, or not a list")
     if not isinstance(content.setdefault("locked", {}), dict):
         raise InputError("locked: an object of joint names and numbers is expected")
-    rule = RULES[1 + 2 * sum(content.get(key) is not None for key in RATES)]
+    rule = RULES[1 + 2 * sum(content.get(key) is not None for key in ROW_RATES)]
     if content.get("interpolation", rule) != rule:
         raise InputError(f"interpolation: '{content['interpolation']}', but with what its rows hold it is {rule}")
-    return {key: content.get(key) for key in ("joint_names", "positions", "locked", "times", *RATES)}
+    return {key: content.get(key) for key in ("joint_names", "positions", "locked", "times", *ROW_RATES)}
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -20,13 +20,13 @@ _END = re.compile(rb"\s+---\s*\Z")  # that `ros2 topic echo` prints behind each 
 
 def write_joint_trajectory(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> bytes:
     """Return a trajectory_msgs/JointTrajectory. Raises InputError for what it cannot hold."""
-    _check_size(trajectory)
+    _check_trajectory(trajectory)
     return "\n".join(["# trajectory_msgs/msg/JointTrajectory", *_lines(joint_trajectory(trajectory)), ""]).encode()
 
 
 def write_robot_trajectory(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> bytes:
     """Return a moveit_msgs/RobotTrajectory. Raises InputError for what it cannot hold."""
-    _check_size(trajectory)
+    _check_trajectory(trajectory)
     inner, base = robot_trajectory(trajectory).values()
     lines = [
         "# moveit_msgs/msg/RobotTrajectory",
@@ -45,14 +45,19 @@ def _lines(message: Mapping[str, Any]) -> list[str]:
     return [*(f"{key}: {flow_style(message[key])}" for key in ("header", "joint_names")), "points: [", *points, "  ]"]
 
 
-def _check_size(trajectory: Trajectory) -> None:
-    """Refuse what could not be read again."""
-    rows = sum(getattr(trajectory, key) is not None for key in ROWS)
-    count = len(trajectory) * (rows * len(trajectory.joint_names) + BESIDE)
+def check_size(waypoints: int, joints: int, rows: int = len(ROWS)) -> None:
+    """Refuse what could not be read again: a motion of so many waypoints, each with `rows` rows of values of its
+    `joints`: positions, and velocities and accelerations where there are times. Raises InputError."""
+    count = waypoints * (rows * joints + BESIDE)
     if count > MOST_VALUES:
         raise InputError(
-            f"{len(trajectory)} waypoints are {count} values, and YAML of at most {MOST_VALUES} is read: write .mcap"
+            f"{waypoints} waypoints are {count} values, at most {MOST_VALUES} are read as YAML: write .mcap"
         )
+
+
+def _check_trajectory(trajectory: Trajectory) -> None:
+    rows = sum(getattr(trajectory, key) is not None for key in ROWS)
+    check_size(len(trajectory), len(trajectory.joint_names), rows)
 
 
 def read_ros_yaml(data: bytes) -> dict[str, Any]:

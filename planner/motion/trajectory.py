@@ -16,17 +16,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hdplan.planner.motion.curve import FARTHEST, LONGEST, SHORTEST, Curve
+from hdplan.planner.motion.curve import FARTHEST, LONGEST, ROW_RATES, SHORTEST, Curve
 from hdplan.planner.motion.trajectory_files import READERS, WRITERS, format_of
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.files import read_file
-from hdplan.scenes.model import MOST_ROWS
 from hdplan.scenes.output import write_output
+from hdplan.scenes.timing import MOST_ROWS
 from hdplan.scenes.values import Named, Number, Row, checked, path_of, text
 
 SAME = 1e-9  # by which a path parameter may lie beyond its range: rounding
 TIMES = "times"
-RATES = ("velocities", "accelerations")  # what rows may hold beside times and positions
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +67,7 @@ class Trajectory:
         object.__setattr__(self, "locked", locked)
         if self.times is not None:
             object.__setattr__(self, "times", _rising(self.times, len(positions)))
-        for key, needed in zip(RATES, (TIMES, RATES[0]), strict=True):
+        for key, needed in zip(ROW_RATES, (TIMES, ROW_RATES[0]), strict=True):
             if (values := getattr(self, key)) is None:
                 continue
             if getattr(self, needed) is None:
@@ -86,7 +85,7 @@ class Trajectory:
         assert self.times is not None
         widths = np.diff(self.times)
         widest = np.maximum(np.r_[widths, 0.0], np.r_[0.0, widths])[:, None]  # on both sides of each row
-        most = FARTHEST / widest ** (1 + RATES.index(key))
+        most = FARTHEST / widest ** (1 + ROW_RATES.index(key))
         if (np.abs(rates) > most).any():
             row, column = (int(i) for i in np.argwhere(np.abs(rates) > most)[0])
             raise InputError(
@@ -127,15 +126,15 @@ class Trajectory:
         """Return the number of waypoints."""
         return len(self.positions)
 
-    def at(self, time: ArrayLike) -> NDArray[np.float64]:
-        """Return the configurations (…, n) at path parameters `time` in [0, 1]; the waypoints stand at equal steps.
+    def at(self, parameter: ArrayLike) -> NDArray[np.float64]:
+        """Return the configurations (…, n) at path parameters in [0, 1]; the waypoints stand at equal steps.
 
         Raises InputError for other parameters.
         """
-        parameters = _numbers(time, "time")
+        parameters = _numbers(parameter, "parameter")
         within = np.clip(parameters, 0.0, 1.0)
         if not (np.abs(parameters - within) <= SAME).all():
-            raise InputError("time: path parameters lie in [0, 1], from the first waypoint to the last")
+            raise InputError("parameter: path parameters lie in [0, 1], from the first waypoint to the last")
         return self.curve.at_parameter(within)
 
     def save(

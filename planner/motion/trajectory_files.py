@@ -20,7 +20,7 @@ from hdplan.planner.motion.csv_format import read_csv, write_csv
 from hdplan.planner.motion.json_format import read_json, write_json
 from hdplan.planner.motion.npz_format import read_npz, write_npz
 from hdplan.planner.motion.ros_bag import check_installed, read_bag, write_bag
-from hdplan.planner.motion.ros_yaml import read_ros_yaml, write_joint_trajectory, write_robot_trajectory
+from hdplan.planner.motion.ros_yaml import check_size, read_ros_yaml, write_joint_trajectory, write_robot_trajectory
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.output import check_writable, ending_of
 
@@ -56,6 +56,14 @@ def check_output(path: Path) -> None:
     if ending_of(path, FORMATS) == ".mcap":
         with naming(path):
             check_installed()
+
+
+def check_length(path: Path, waypoints: int, joints: int) -> None:
+    """Say early that a motion in time of so many waypoints and joints is too long for the format of `path`. Raises
+    InputError."""
+    if path.suffix.lower() == ".yaml":
+        with naming(path):
+            check_size(waypoints, joints)
 
 
 def format_of(path: Path, formats: Mapping[str, Any]) -> Any:

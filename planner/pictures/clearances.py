@@ -17,9 +17,7 @@ from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Place
 from hdplan.planner.motion.curve import Curve
-from hdplan.planner.problem.moving_clearance import MovingClearance
-from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.model import Scene
+from hdplan.planner.robot.setup import Setup
 
 Array = NDArray[np.float64]
 
@@ -50,11 +48,11 @@ class Clearances:
         outer = np.empty(0)
         if closest:
             within = max(place.distance for place in closest) * FARTHER + FARTHER_BY
-            outer = outer_clearance(certifier.scene, certifier.robot, positions, times, max(within, FARTHER_BY))
+            outer = outer_clearance(certifier.setup, positions, times, max(within, FARTHER_BY))
         return cls(parameter, closest, between_links, outer)
 
 
-def outer_clearance(scene: Scene, robot: Robot, positions: Array, times: Array, within: float) -> Array:
+def outer_clearance(setup: Setup, positions: Array, times: Array, within: float) -> Array:
     """Return the least D̃ (k,) [m] of the planner's link bodies and obstacles at configurations (k, n) and times (k,)
     [s].
 
@@ -62,14 +60,15 @@ def outer_clearance(scene: Scene, robot: Robot, positions: Array, times: Array, 
     do not move have no part in it. Pairs farther apart than `within` [m], or FARTHEST, are left out, for speed: inf
     where nothing is left.
     """
+    scene = setup.scene
     settings = replace(scene.planner, clearance=0.0, activation=min(within, FARTHEST), swept=False)
-    problem = build(replace(scene, planner=settings), robot)
+    problem = build(replace(scene, planner=settings), setup.robot)
     least = np.full(len(positions), np.inf)
     kinematics = problem.kinematics.evaluate(positions)
-    for term in problem.pair_terms:
-        if term.name in ("obstacles", "moving obstacles"):
-            inside = term.inside(term.met(kinematics, times) if isinstance(term, MovingClearance) else kinematics)
-            margin = term.pairs.margins[term.pairs.plane_body[inside.pair]]  # `within`, and an obstacle's own clearance
+    for term in (problem.terms.obstacles, problem.terms.moving_obstacles):
+        if term:
+            inside = term.inside(term.met(kinematics, times))
+            margin = term.pairs.margins[term.pairs.halfspace_body[inside.pair]]  # `within` + own clearance
             np.minimum.at(least, inside.sample, margin + inside.separation)
     return least
 

@@ -9,7 +9,7 @@ import io
 
 from hdplan.planner.pictures.plot import Subject
 from hdplan.planner.result import PlanResult
-from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 
 DOTS, WIDTH = 110, 760  # per inch of the picture, and its width on the page [px]
 GOOD, BAD = "#1a7f37", "#b42318"
@@ -26,7 +26,7 @@ def result_html(result: PlanResult) -> str:
         f"{sum(vars(result.times).values()):.2f} s</p>",
     ]
     if result.asked is not None and importlib.util.find_spec("matplotlib") is not None:
-        said.append(_sheet(Subject.planned(result.asked, load_scene_robot(result.asked), result)))
+        said.append(_sheet(Subject.planned(Setup.of(result.asked), result)))
     return "".join(said)
 
 

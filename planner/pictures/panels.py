@@ -38,6 +38,7 @@ CLEARANCE_STEPS = 128  # pieces of the motion between which distances are comput
 POINTS = 800  # of a curve that is not straight between its waypoints, at least
 LANE = 0.84  # of the distance between two joints' lanes: a joint's range
 WIDE = 30.0  # ratio of costs from which on their axis is logarithmic
+LEGEND = 0.62  # [in] for the legend above the curves of clearance
 DISTANCE_WORDS = {"hdsdf": "HD-SDF’s D̃", "fcl": "FCL"}  # of the planner's bodies
 
 
@@ -104,8 +105,10 @@ def draw_clearance(axis: Any, subject: Subject) -> None:
             shown.append(values * 1e3)
     lowest, highest = (float(f(np.concatenate(shown))) for f in (np.nanmin, np.nanmax))
     _proven(axis, certificate)
-    top = 1.62 * highest if highest > 0.0 else 1.0
-    bottom = 1.3 * lowest if lowest < -0.06 * top else -0.08 * top
+    highest = highest if highest > 0.0 else 1.0
+    bottom = 1.3 * lowest if lowest < -0.1 * highest else -0.13 * highest
+    legend = min(LEGEND / (axis.get_position().height * axis.figure.get_figheight()), 0.6)  # share of the panel
+    top = highest + (highest - bottom) * legend / (1.0 - legend)
     axis.axhspan(bottom, 0.0, color=CONTACT, alpha=0.2, linewidth=0)
     axis.axhline(0.0, color=INK, linewidth=0.8)
     axis.set(ylim=(bottom, top), ylabel="distance [mm]", title="clearance")
@@ -169,7 +172,7 @@ def draw_convergence(axis: Any, subject: Subject) -> None:
     iteration = [step.iteration for step in steps]
     cost, smoothness = np.array([[step.cost, step.smoothness] for step in steps]).T
     axis.plot(iteration, cost, color=INK, marker=".", markersize=4, linewidth=1.4, label="cost")
-    axis.plot(iteration, smoothness, color=START, linestyle="--", linewidth=1.4, label="of it smoothness")
+    axis.plot(iteration, smoothness, color=START, linestyle="--", linewidth=1.4, label="smoothness part")
     if smoothness.min() > 0.0 and cost.max() > WIDE * smoothness.min():
         axis.set_yscale("log")
     else:

@@ -16,10 +16,9 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.result import PlanResult
-from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.solvers.solution import Iteration
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Scene
 from hdplan.scenes.output import check_writable, write_output
 
 if TYPE_CHECKING:
@@ -51,12 +50,12 @@ class Subject:
         return cls(certifier, ordered, certificate, steps, f"{name}: {ordered.extent}{iterations}")
 
     @classmethod
-    def planned(cls, scene: Scene, robot: Robot, result: PlanResult) -> Subject:
+    def planned(cls, setup: Setup, result: PlanResult) -> Subject:
         """Take the result of a plan, with its own certificate."""
         seconds = sum(vars(result.times).values())
         effort = f"{result.solver}, {result.iterations} iterations, {seconds:.2f} s from scene to verdict"
         words = f"{result.trajectory.extent}, {effort}"
-        return cls(Certifier(scene, robot), result.trajectory, result.certificate, result.steps, words)
+        return cls(Certifier(setup), result.trajectory, result.certificate, result.steps, words)
 
 
 def check_picture(path: str | Path) -> None:

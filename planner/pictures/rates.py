@@ -11,20 +11,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
-from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.pictures.panels import lay_along, looks, short_names, units_of
 from hdplan.planner.pictures.plot import Subject
 from hdplan.planner.pictures.style import CONTACT, CURVES, GREY
-from hdplan.planner.robot.joint_limits import acceleration_limits, torque_limits, velocity_limits
-from hdplan.planner.robot.loads import loaded_model
-from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.joint_limits import DERIVATIVES
+from hdplan.scenes.limits import QUANTITIES
 
 Array = NDArray[np.float64]
 
+ALWAYS = ("velocity", "acceleration")  # are drawn of every motion with times
 MOST_NAMES = 8  # in one column of the joints' names
 NEAR = 0.6  # share of a limit from which on the limit itself is in the picture
 
@@ -33,8 +31,7 @@ NEAR = 0.6  # share of a limit from which on the limit itself is in the picture
 class Rate:
     """A quantity of n joints along a motion."""
 
-    quantity: str  # "velocity", "acceleration", "torque"
-    per: str  # its unit, beside the joint's own
+    quantity: str  # "velocity", "acceleration", "jerk", "torque"
     where: str  # of the waypoints it is known, where it is not known everywhere
     times: Array  # (k,) [s]; one more than the values where these hold from one to the next
     values: Array  # (k, n)
@@ -42,24 +39,27 @@ class Rate:
 
 
 def rates(subject: Subject) -> tuple[Rate, ...]:
-    """Return what is known of velocities and accelerations, and of torques where the scene limits them; nothing of a
-    path without times."""
-    scene, robot, trajectory = subject.certifier.scene, subject.certifier.robot, subject.trajectory
+    """Return what is known of velocities and accelerations, and of what else the scene limits; nothing of a path
+    without times."""
+    trajectory, checks = subject.trajectory, subject.certifier.limits
     if trajectory.times is None:
         return ()
-    limits = velocity_limits(scene, robot), acceleration_limits(scene, robot)
+    limits = {quantity: limit for check in checks for quantity, limit in check.limits.items()}
+    velocity, acceleration = ALWAYS
     if trajectory.velocities is None:
         velocities, accelerations = differences(trajectory)
         return (
-            Rate("velocity", "s", " between waypoints", trajectory.times, velocities, limits[0]),
-            Rate("acceleration", "s²", " at waypoints", trajectory.times[1:-1], accelerations, limits[1]),
+            Rate(velocity, " between waypoints", trajectory.times, velocities, limits.get(velocity)),
+            Rate(acceleration, " at waypoints", trajectory.times[1:-1], accelerations, limits.get(acceleration)),
         )
     curve = trajectory.curve
-    times, (q, v, a) = _along(curve)
-    found = [Rate("velocity", "s", "", times, v, limits[0]), Rate("acceleration", "s²", "", times, a, limits[1])]
-    if (most := torque_limits(scene, robot)) is not None:
-        found.append(Rate("torque", "", "", times, _torques(loaded_model(scene, robot), robot, q, v, a), most))
-    return tuple(found)
+    interval, fraction = looks(curve)
+    times = curve.time_of((interval + fraction) / (len(curve) - 1))
+    found = {name: curve.over_time(DERIVATIVES[name]).at(interval, fraction) for name in ALWAYS}
+    for check in checks:
+        for name in check.limits.keys() - found.keys():
+            found[name] = check.values(name, curve, interval, fraction)
+    return tuple(Rate(name, "", times, found[name], limits.get(name)) for name in QUANTITIES if name in found)
 
 
 def draw_rate(axis: Any, subject: Subject, rate: Rate) -> None:
@@ -75,8 +75,8 @@ def draw_rate(axis: Any, subject: Subject, rate: Rate) -> None:
     axis.axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
     axis.set_title(f"{rate.quantity}{rate.where}")
     if rate.limits is None:
-        of_joint = sorted(set(units_of(subject.certifier.robot)), reverse=True)
-        units = " or ".join(f"{unit}/{rate.per}" for unit in of_joint)
+        slide = {unit == "m" for unit in units_of(subject.certifier.robot)}
+        units = " or ".join(QUANTITIES[rate.quantity].units[slides] for slides in sorted(slide))
         axis.set(ylabel=f"{rate.quantity} [{units}]")
     else:
         axis.set(ylabel="share of limit [%]")
@@ -95,19 +95,6 @@ def differences(trajectory: Trajectory) -> tuple[Array, Array]:
     widths = np.diff(trajectory.times)[:, None]
     velocities = np.diff(trajectory.positions, axis=0) / widths
     return velocities, np.diff(velocities, axis=0) / (0.5 * (widths[1:] + widths[:-1]))
-
-
-def _along(curve: Curve) -> tuple[Array, list[Array]]:
-    """Return times (k,) and the curve's positions, velocities and accelerations (k, n) then."""
-    interval, fraction = looks(curve)
-    times = curve.time_of((interval + fraction) / (len(curve) - 1))
-    return times, [curve.over_time(order).at(interval, fraction) for order in range(3)]
-
-
-def _torques(model: pin.Model, robot: Robot, q: Array, v: Array, a: Array) -> Array:
-    """Return what drives the motion (k, n), by Pinocchio's inverse dynamics."""
-    data = model.createData()
-    return np.array([pin.rnea(model, data, *row) for row in zip(robot.pin_q(q), v, a, strict=True)])
 
 
 def _limit(axis: Any, peak: float) -> None:

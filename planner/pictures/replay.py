@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from hdplan.planner.control.replay import Simulation
 from hdplan.planner.pictures.style import CONTACT, CURVES, FIXED, GOOD, RC, plain
-from hdplan.planner.robot.joint_limits import RATES
+from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.limits import QUANTITIES
 
 Array = NDArray[np.float64]
 
-PANEL, HEAD = 1.35, 0.78  # [in] height of one, and above them
+PANEL, HEAD = 1.35, 0.9  # [in] height of one, and above them
 MOST = 110  # letters of the verdict in a line
 SHOWN = 1.25  # times a limit that is shown, where it is passed by more
-PER = {"velocity": "rad/s", "acceleration": "rad/s²", "jerk": "rad/s³", "torque": "Nm"}
 
 
 def simulation_sheet(simulation: Simulation, title: str) -> Figure:
@@ -30,7 +30,7 @@ def simulation_sheet(simulation: Simulation, title: str) -> Figure:
     """
     if simulation.duration is None:
         raise InputError("times: missing, so there are no rates to draw; `hdplan plot` draws a path")
-    count = len(RATES) + 2 * (simulation.execution is not None)
+    count = len(DERIVATIVES) + 2 * (simulation.execution is not None)
     height = HEAD + PANEL * count + 0.35
     with rc_context(RC):
         figure = Figure(figsize=(8.6, height), dpi=150, facecolor="white")
@@ -42,7 +42,7 @@ def simulation_sheet(simulation: Simulation, title: str) -> Figure:
         panels = [figure.add_subplot(rows[row]) for row in range(count)]
         first, last = (float(time) for time in simulation.curve.time_of([0.0, 1.0]))
         times = np.linspace(first, last, 1001)
-        for order, (axis, what) in enumerate(zip(panels, RATES, strict=False), start=1):
+        for axis, (what, order) in zip(panels, DERIVATIVES.items(), strict=False):
             _draw(axis, simulation, what, times, simulation.curve.at_time(times, order))
         if simulation.execution is not None:
             done = simulation.execution
@@ -66,7 +66,7 @@ def _draw(axis: Any, simulation: Simulation, what: str, times: Array, values: Ar
         shown = curve if limit is None else 100 * curve / limit
         axis.plot(times, shown, linewidth=1.2, label=plain(joint.name, 22), **style)
     if None in limits:
-        axis.set(title=what, ylabel=PER[what])
+        axis.set(title=what, ylabel=QUANTITIES[what].units[0])
         return
     largest = max(joint.peaks[what].share or 0.0 for joint in simulation.joints)
     room = 100 * min(max(1.12, 1.05 * largest), SHOWN)

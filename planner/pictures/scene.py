@@ -23,15 +23,17 @@ from hdplan.planner.certificate.exact_proximity import Piece, link_pieces, obsta
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.pictures.style import BETWEEN, FIXED, FRAME, GOAL, INK, MOVING, OBSTACLE, START
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.model import Obstacle, Scene
-from hdplan.scenes.moving import Passages
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.obstacle_motion import ObstacleMotion
+from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import read_only
+from hdplan.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 
 GHOSTS = (0.25, 0.5, 0.75)  # path parameters between start and goal at which what moves is shown, faintly
 TIP_STEPS = 200  # pieces of the path of the last link
-TILE = 0.1  # of the view's size: longest edge of a painted polygon, so that near and far can be told apart
+TILE = 0.1  # of the view's size: longest edge of a painted polygon, so that polygons can be sorted by depth
 NAME = read_only(np.array([28.0, 11.0]))  # [pt] size of "start" and "goal"
 SHARP = np.cos(np.radians(35.0))  # faces that meet at a wider angle have a line between them
 AROUND = 0.3  # part of the robot's own extent that is shown of what stands around it
@@ -91,15 +93,16 @@ class Picture:
     tip: Array  # (k, 3) [m] path of the farthest point of the last link
 
     @classmethod
-    def of(cls, scene: Scene, robot: Robot, trajectory: Trajectory) -> Picture:
+    def of(cls, setup: Setup, trajectory: Trajectory) -> Picture:
         """Pose the robot along its motion, and the obstacles that move at the same times."""
+        scene, robot = setup.scene, setup.robot
         standing = [(body.placed(o.pose.matrix), STANDING) for o, body in _obstacles(scene, moving=False)]
         drifting = _obstacles(scene, moving=True)
         obstacles = standing + [
             (body.placed(place), paint)
             for o, body in drifting
             for place, paint in zip(
-                Passages.of(o).at(trajectory.curve.time_of([time for time, _ in DRIFTING])),
+                ObstacleMotion.of(o).at(trajectory.curve.time_of([time for time, _ in DRIFTING])),
                 (paint for _, paint in DRIFTING),
                 strict=True,
             )

@@ -25,7 +25,7 @@ from hdplan.planner.pictures.scene import DRIFTING, STANDING, Picture, draw_scen
 from hdplan.planner.pictures.style import BETWEEN, CONTACT, FIXED, GOAL, GOOD, INK, OBSTACLE, RC, START, plain
 
 WIDTH, HEIGHT, RATE = 11.7, 8.3, 1.35  # [in] A4 across; higher by each panel of velocities, accelerations or torques
-HEAD, FOOT = 1.15, 0.5  # [in] above and below the panels
+HEAD, FOOT = 1.2, 0.5  # [in] above and below the panels
 GAP = 0.75  # [in] between two panels: the upper one's axis, the lower one's title
 TITLE_WIDTH = 132  # characters
 SIDES = ((0.0, 18.0), (62.0, 48.0))  # azimuth from the best side and elevation of the two views [deg]
@@ -53,8 +53,7 @@ def sheet(subject: Subject) -> Figure:
         right = figure.add_gridspec(2, 1, left=0.525, right=0.985, **band, hspace=0.05)
         for row, (_, draw) in enumerate(panels):
             draw(figure.add_subplot(left[row]), subject)
-        scene, robot = subject.certifier.scene, subject.certifier.robot
-        picture = Picture.of(scene, robot, subject.trajectory)
+        picture = Picture.of(subject.certifier.setup, subject.trajectory)
         views = [figure.add_subplot(right[row]) for row in range(len(SIDES))]
         for axis, (turn, elevation) in zip(views, SIDES, strict=True):
             draw_scene(axis, picture, picture.azimuth() + np.radians(turn), float(np.radians(elevation)))

@@ -1,13 +1,13 @@
-"""What it takes to hold still against gravity, so that a motion keeps away from configurations too heavy for a joint.
+"""Gravity torques, and a penalty that keeps a motion away from configurations in which they overload a joint.
 
-Torques of a motion that goes slowly enough come down to those of gravity, g(q) = ∂U/∂q with U = −Σ_b m_b γ·c_b, γ the
-gravity and c_b the bodies' centres: where they pass a limit, no law of time helps and another way has to be found. With
-a_j and l_j the angular velocity and the velocity of the world's origin per unit of joint j's speed,
+As a motion slows down, its torques tend to those of gravity, g(q) = ∂U/∂q with U = −Σ_b m_b γ·c_b, γ the gravity and
+c_b the bodies' centres of mass. Where they exceed a limit no timing helps, and the path has to change. With a_j and l_j
+the angular velocity and the velocity of the world's origin per unit of joint j's speed,
 
     g_j = −γ·w_j,   w_j = Σ_{b after j} m_b (l_j + a_j × c_b),   ∂g_j/∂q_k = −(γ × a_k)·w_j  for k at or before j,
 
 since joint k turns all that comes after it about a_k; the rest by symmetry (exact). World frame, [m, rad, kg, Nm or N].
-Joints that gravity can never load so much, by a bound over all configurations, are left out.
+Joints that gravity can never load that much, by a bound over all configurations, are left out.
 """
 
 from __future__ import annotations
@@ -17,25 +17,19 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.motion.motion_bounds import Chain, cross
 from hdplan.planner.problem.hinge import BAND, Hinge, Measures
-from hdplan.planner.robot.joint_limits import torque_limits
-from hdplan.planner.robot.loads import loaded_model
-from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.model import Scene
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array, Mask, Rows
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-
-ARM = 0.1  # [m] that a torque at its limit counts as: with the hinge's band the penalty sets in at 80 % of it
+ARM = 0.1  # [m] stands for a torque at its limit: with the hinge's band, the penalty sets in at 80 % of it
 
 
 @dataclass(frozen=True, eq=False)
 class GravityTorques:
-    """Gravity's torques of one model with its loads, and their derivatives, from the kinematics alone."""
+    """Gravity torques of one model with its loads, and their derivatives, from the kinematics alone."""
 
     gravity: Array  # (3,) γ, in the world [m/s²]
     masses: Array  # (nj,) of the bodies
@@ -44,7 +38,8 @@ class GravityTorques:
 
     @property
     def before(self) -> Mask:
-        """Whether coordinate k is at or before j in the chain (n, n) [j, k]: joint j + 1 is what carries j."""
+        """Whether coordinate k is at or before j in the chain (n, n) [j, k]: joint j + 1 of the model has coordinate
+        j."""
         return self.supports[1:]
 
     @classmethod
@@ -73,8 +68,8 @@ class GravityTorques:
     def most(self, model: pin.Model, travel: Array) -> Array:
         """Return bounds (n,) on |g_j| over all configurations; `travel` (n, 2) is the range of each coordinate.
 
-        A body's centre stays within a cylinder about each joint before it (`motion_bounds`); gravity turns about an
-        axis by what of it is across, which is known where the axis stands still in the world.
+        A body's centre stays within a cylinder about each joint before it (`motion_bounds`); only the part of gravity
+        across an axis has a moment about it, and it is known for an axis that is fixed in the world.
         """
         chain = Chain.of(model)
         levers = np.array([chain.reach(b, self.centres[b : b + 1], 0.0, travel) for b in range(len(self.masses))])
@@ -91,15 +86,15 @@ class GravityTorques:
 
 @dataclass(frozen=True, eq=False)
 class GravityMeasure:
-    """Gravity's torques as shares of their limits, times ARM."""
+    """Gravity torques as shares of their limits, times ARM."""
 
     torques: GravityTorques
-    joints: NDArray[np.int64]  # (m,) that gravity may overload
+    joints: Rows  # (m,) that gravity may overload
     limits: Array  # (m,) of these
 
     @property
     def bound(self) -> Array:
-        """A limit, as a length (m,) [m]."""
+        """The limits, as lengths (m,) [m]."""
         return np.full(len(self.joints), ARM)
 
     def __call__(self, kinematics: KinematicsBatch) -> Measures:
@@ -110,24 +105,24 @@ class GravityMeasure:
 
 
 class StaticTorque(Hinge):
-    """Keeps a motion away from configurations in which gravity alone asks too much of a joint."""
+    """Keeps a motion away from configurations in which gravity alone overloads a joint."""
 
     measure: GravityMeasure
 
 
-def static_torque(scene: Scene, robot: Robot) -> tuple[StaticTorque, ...]:
-    """Return the term where the scene limits torques and gravity may come near a limit; else none.
+def static_torque(setup: Setup) -> StaticTorque | None:
+    """Return the term where the scene limits torques and gravity may come near a limit; else None.
 
     Raises InputError for loads or limits that do not fit the robot.
     """
-    limits = torque_limits(scene, robot)
+    robot, limits = setup.robot, setup.limits.get("torque")
     if limits is None:
-        return ()
-    model = loaded_model(scene, robot)
+        return None
+    model = setup.loaded_model
     torques = GravityTorques.of(model)
     bound = torques.most(model, np.stack([robot.lower, robot.upper], axis=1))
-    joints = np.flatnonzero(~(bound <= (1 - BAND / ARM) * limits))  # a bound that is no number proves nothing
+    joints = np.flatnonzero(~(bound <= (1 - BAND / ARM) * limits))  # a bound that is NaN proves nothing
     if not len(joints):
-        return ()
+        return None
     measure = GravityMeasure(torques, joints, limits[joints])
-    return (StaticTorque("static torque", measure, scene.planner.activation),)
+    return StaticTorque("static torque", measure, setup.scene.planner.activation)

@@ -1,16 +1,17 @@
 """Lay out the problem of a scene: its bodies, the pairs that can meet, and the terms that the scene calls for.
 
-With `planner.swept` obstacles are kept from hulls between waypoints (`swept_clearance`) instead of at samples.
+With `planner.swept`, clearance from obstacles is measured to hulls swept between waypoints (`swept_clearance`), not at
+samples.
 """
 
 from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 
-from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
 from hdplan.planner.collision.collision_model import SELF_ACTIVATION, collision_model_of
 from hdplan.planner.collision.euclidean import FclPairs
@@ -18,23 +19,18 @@ from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_obstac
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
-from hdplan.planner.problem.problem import Problem
+from hdplan.planner.problem.clearance import Clearance
+from hdplan.planner.problem.problem import Problem, Terms
 from hdplan.planner.problem.samples import Samples
+from hdplan.planner.problem.smoothness import Smoothness
 from hdplan.planner.problem.swept_clearance import SweptClearance
-from hdplan.planner.problem.terms import Clearance, MotionTerm, Smoothness, Term
-from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import Query
-from hdplan.scenes.errors import InputError, naming, nearest
-from hdplan.scenes.model import PathConstraints, PlannerSettings, Scene
+from hdplan.planner.robot.setup import Query, Setup
+from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.scene import Scene
 
-DISTANCES = ("hdsdf", "fcl")
 SAMPLES_PER_INTERVAL = 2  # at least
-
-
-def check_distance(name: str) -> None:
-    """Raise InputError for an unknown distance."""
-    if name not in DISTANCES:
-        raise InputError(f"distance: unknown '{name}'{nearest(name, DISTANCES)}")
 
 
 def self_margin(scene: Scene) -> float:
@@ -42,17 +38,17 @@ def self_margin(scene: Scene) -> float:
     return max(scene.planner.clearance, scene.self_collision.clearance) + SELF_ACTIVATION
 
 
-def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf) -> Problem:
-    """Lay out the problem of a scene between two configurations. Raises InputError for what the scene or its robot gets
-    wrong.
+def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
+    """Lay out the problem of a scene between two configurations. Raises InputError for errors in the scene or its
+    robot.
 
-    What can be done without waits no longer than `deadline` (time.perf_counter()): meshes that are not split into
-    convex pieces by then are planned around as their hulls, with a note.
+    Optional work stops at `deadline` (time.perf_counter()): a mesh that is not split into convex pieces by then is
+    replaced by its convex hull for planning, with a note.
     """
+    scene, robot = setup.scene, setup.robot
     settings = scene.planner
     if settings.swept and settings.distance != "hdsdf":
         raise InputError(f"{scene.source}: planner.swept: true needs planner.distance hdsdf, found {settings.distance}")
-    compiled_before = RowFunction.spent.seconds
     model = collision_model_of(robot, settings.link_bodies, settings.normals)
     kinematics, bodies = model.kinematics, model.bodies
     with naming(scene.source):
@@ -60,9 +56,9 @@ def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf
             from_obstacle(obstacle, settings.normals, deadline - time.perf_counter()) for obstacle in scene.standing
         ]
     halfspace_bodies = tuple(body for pieces, _ in enclosed for body in pieces)
-    notes = [*scene.notes, *robot.notes, *query.notes, *(word for _, words in enclosed for word in words)]
+    notes = [*setup.notes, *(word for _, words in enclosed for word in words)]
 
-    terms: list[Term | MotionTerm] = []
+    terms = Terms()
     clearances = scene.clearances
     margins = np.array([clearances[body.name] + settings.activation for body in halfspace_bodies])
     pairs = [
@@ -72,21 +68,22 @@ def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf
         for b in np.flatnonzero(model.reach[a].meets(halfspace_bodies, margins)).tolist()
     ]
     if pairs:
-        # room for every body and kernels for every shape: other obstacles then need nothing new compiled
+        # room for every body and kernels for every shape, so that other obstacles need no new compilation
         slots = max(len(body.body.vertices) for body in bodies if body.joint > 0)
         laid_out = body_pairs(bodies, halfspace_bodies, pairs, margins, kinematics.supports, slots)
         distance = _distance(laid_out, bodies, halfspace_bodies, settings, plane_counts(settings.normals))
-        terms.append(
+        standing = (
             SweptClearance("obstacles", laid_out, distance, settings.gamma, settings.shaping_length)
             if settings.swept
             else Clearance("obstacles", laid_out, distance)
         )
+        terms = replace(terms, obstacles=standing)
     if scene.moving and any(body.joint > 0 for body in bodies):
         from hdplan.planner.problem.moving_clearance import moving_clearance
-        from hdplan.planner.problem.velocity_penalty import pace
+        from hdplan.planner.problem.velocity_penalty import velocity_penalty
 
         with naming(scene.source):
-            term, drifting, words = moving_clearance(
+            moving, drifting, words = moving_clearance(
                 scene,
                 bodies,
                 kinematics.supports,
@@ -95,7 +92,7 @@ def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf
                 ),
                 deadline,
             )
-        terms += [term, pace(scene, robot)]
+        terms = replace(terms, moving_obstacles=moving, velocity=velocity_penalty(setup))
         halfspace_bodies, notes = (*halfspace_bodies, *drifting), [*notes, *words]
     margin = self_margin(scene)
     kept = [(pair, kept > margin) for pair, kept in zip(model.self_pairs, model.distances_kept, strict=True)]
@@ -103,31 +100,29 @@ def lay_out(scene: Scene, robot: Robot, query: Query, deadline: float = math.inf
     if own:
         laid_out = body_pairs(bodies, model.planes, own, margin, kinematics.supports)
         distance = _distance(laid_out, bodies, model.planes, settings)
-        terms.append(Clearance("self-collision", laid_out, distance))
+        terms = replace(terms, self_collision=Clearance("self-collision", laid_out, distance))
     if scene.path != PathConstraints():
         from hdplan.planner.problem.path_terms import path_terms
 
-        terms.extend(path_terms(scene, robot, kinematics.supports))
+        terms = replace(terms, path=path_terms(setup, kinematics.supports))
     if scene.limits.torque is not None:
         from hdplan.planner.problem.gravity_torque import static_torque
 
-        terms.extend(static_torque(scene, robot))
+        terms = replace(terms, static_torque=static_torque(setup))
 
     return Problem(
-        scene=scene,
-        robot=robot,
+        setup=setup,
         start=query.start,
         goal=query.goal,
         kinematics=kinematics,
         bodies=bodies,
         halfspace_bodies=halfspace_bodies,
         smoothness=Smoothness(settings.waypoints),
-        terms=tuple(terms),
+        terms=terms,
         samples=Samples((SAMPLES_PER_INTERVAL,) * (settings.waypoints - 1)),
         unresolved=model.unresolved,
         apart=tuple(pair for pair, proven in kept if proven),
         notes=tuple(notes),
-        compile_seconds=RowFunction.spent.seconds - compiled_before,
     )
 
 

@@ -1,8 +1,8 @@
-"""Clearance of obstacles that move: every sample of a motion meets them where they are at its time.
+"""Clearance from moving obstacles: each sample of a motion sees them where they are at the sample's time.
 
 A moving obstacle is one more body that is carried, as a link is, but by no joint: its placement at each sample's time
-is put beside those of the joints, and everything else is as for obstacles that stand. When a sample is reached follows
-from the law of time (`timing.duration`), which does not depend on the motion.
+is appended to those of the joints, and everything else is as for standing obstacles. The time of a sample follows from
+the time law (`timing.duration`), which does not depend on the motion.
 """
 
 from __future__ import annotations
@@ -12,45 +12,51 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_obstacle
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.kinematics.forward import KinematicsBatch
+from hdplan.planner.problem.clearance import Clearance
 from hdplan.planner.problem.samples import Samples
-from hdplan.planner.problem.terms import Clearance, Penalty
+from hdplan.planner.problem.terms import Penalty
 from hdplan.planner.timing.time_laws import MinimumJerk
-from hdplan.scenes.model import Obstacle, Pose, Scene
-from hdplan.scenes.moving import Passages
-
-Floats = NDArray[np.float64]
+from hdplan.scenes.array_types import Array, Mask
+from hdplan.scenes.obstacle_motion import ObstacleMotion
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
 
 
 class MovingClearance(Clearance):
-    """The clearance of obstacles that move, at the times of the samples."""
+    """Clearance from moving obstacles at the times of the samples."""
 
     def __init__(
-        self, pairs: BodyPairs, distance: PairDistance, passages: Sequence[Passages], law: MinimumJerk
+        self, pairs: BodyPairs, distance: PairDistance, motions: Sequence[ObstacleMotion], law: MinimumJerk
     ) -> None:
-        """Take pairs whose second bodies are carried by joints beyond the robot's, one for each of the passages."""
+        """Take pairs whose second bodies are carried by joints beyond the robot's, one for each of the motions."""
         super().__init__("moving obstacles", pairs, distance)
-        self.passages, self.law = tuple(passages), law
+        self.motions, self.law = tuple(motions), law
 
-    def value(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
+    @property
+    def symbolic(self) -> bool:
+        """It is not: the graph does not know where the obstacles are."""
+        return False
+
+    def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
         """The penalty at the samples of a motion."""
-        return super().value(self.met(kinematics, self.law.time_at(samples.time)), samples)
+        return super().at_samples(self.met(kinematics, self.law.time_at(samples.parameter)), samples)
 
-    def depth(self, kinematics: KinematicsBatch, time: Floats | None = None) -> Floats:
-        """How far the worst pair may be inside its margin (B,) [m] at path parameters; 0 at no particular time."""
-        if time is None:
+    def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
+        """How far the worst pair may be inside its margin (B,) [m] at path parameters; 0 where none are given."""
+        if parameter is None:
             return np.zeros(len(kinematics.placements))
-        return super().depth(self.met(kinematics, self.law.time_at(time)))
+        return super().depth(self.met(kinematics, self.law.time_at(parameter)))
 
-    def met(self, kinematics: KinematicsBatch, seconds: Floats) -> KinematicsBatch:
-        """The state of configurations, with the obstacles' placements at times (B,) [s] beside the joints'."""
-        placements = np.stack([each.at(seconds) for each in self.passages], axis=1)  # (B, m, 4, 4)
+    def met(self, kinematics: KinematicsBatch, times: Array) -> KinematicsBatch:
+        """The kinematics of configurations, with the obstacles' placements at times (B,) [s] after the joints'."""
+        placements = np.stack([each.at(times) for each in self.motions], axis=1)  # (B, m, 4, 4)
         rows = np.concatenate([placements[..., :3, :3].reshape(*placements.shape[:2], 9), placements[..., :3, 3]], 2)
         return KinematicsBatch(np.concatenate([kinematics.placements, rows], axis=1), kinematics.columns)
 
@@ -58,12 +64,12 @@ class MovingClearance(Clearance):
 def moving_clearance(
     scene: Scene,
     bodies: tuple[LinkBody, ...],
-    supports: NDArray[np.bool_],
+    supports: Mask,
     distance: Callable[[BodyPairs, tuple[LinkBody, ...], tuple[HalfspaceBody, ...]], PairDistance],
     deadline: float,
 ) -> tuple[MovingClearance, tuple[HalfspaceBody, ...], tuple[str, ...]]:
-    """Lay out the pairs of every moving link body with every moving obstacle; also the obstacles' convex pieces, and
-    words on what was made of them.
+    """Lay out the pairs of every moving link body with every moving obstacle; also return the obstacles' convex pieces,
+    and notes on how they were made.
 
     supports: (nj, n) as Kinematics.supports. distance: makes the pairs' distance. deadline: as `problem.build`'s.
     """
@@ -78,7 +84,7 @@ def moving_clearance(
     term = MovingClearance(
         laid_out,
         distance(laid_out, bodies, pieces),
-        [Passages.of(each) for each in obstacles],
+        [ObstacleMotion.of(each) for each in obstacles],
         MinimumJerk(scene.end_time),
     )
     return term, pieces, tuple(word for _, words in enclosed for word in words)

@@ -1,10 +1,11 @@
-"""What a scene asks of the whole way, as penalties: a link's axis stays upright, a point of a link stays in a box.
+"""Path constraints as penalties: the axis of a link stays upright, a point of a link stays in a box.
 
-Each constraint is one or several measures in [m] that are to stay below a bound (`hinge`).
+Each constraint is one or more measures in [m] that must stay below a bound (`hinge`).
 
 *Upright*: g = LEVER θ, with θ the angle between the axis a and the upward direction z. Its slope, dθ/dq_j = −ω_j · (a ×
-z)/‖a × z‖, is of length one in ω whatever the angle: it neither fades nor grows towards a half turn, where any
-direction will do; at θ = 0 the hinge is off. *Within*: g = |u| in each axis of the box, u the point's place in it.
+z)/‖a × z‖, has length one in ω at every angle: it neither vanishes nor grows towards a half turn, where any direction
+will do; at θ = 0 the hinge is inactive. *Within*: g = |u| in each axis of the box, u the position of the point in the
+box.
 """
 
 from __future__ import annotations
@@ -12,36 +13,35 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.hinge import Hinge, Measures
 from hdplan.planner.robot.link_frame import link_frame
 from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.errors import naming
-from hdplan.scenes.model import Scene, Upright, Within
 from hdplan.scenes.once import read_only
+from hdplan.scenes.path_constraints import Upright, Within
 
-Floats = NDArray[np.float64]
-
-LEVER = 1.0  # [m] arm at which an angle counts as a length
-BEYOND = 1.2  # of the way to where a constraint is kept that is asked for: damped steps only come close
+LEVER = 1.0  # [m] lever arm that turns an angle into a length
+BEYOND = 1.2  # of the way back to the constraint that a step aims for: damped steps fall short
 UP = read_only(np.array([0.0, 0.0, 1.0]))  # in the world
 PARALLEL = 1e-12  # sine below which two directions have no axis of their own
 
 
 class PathTerm(Hinge):
-    """A constraint on the whole way as a squared hinge on its measures."""
+    """A path constraint as a squared hinge on its measures."""
 
 
 @dataclass(frozen=True, eq=False)
 class UprightMeasure:
-    """The angle of a link's axis to the upward direction, times LEVER."""
+    """The angle between a link's axis and the upward direction, times LEVER."""
 
     joint: int  # of the model, that carries the link
-    axis: Floats  # (3,) unit, in the joint's frame
-    moves: NDArray[np.bool_]  # (n,) coordinates that move the link
-    bound: Floats  # (1,) [m]
+    axis: Array  # (3,) unit, in the joint's frame
+    moves: Mask  # (n,) coordinates that move the link
+    bound: Array  # (1,) [m]
 
     def __call__(self, kinematics: KinematicsBatch) -> Measures:
         """Evaluate."""
@@ -59,11 +59,11 @@ class WithinMeasure:
     """The distance of a point of a link from the middle of a box, along those of its axes in which it is bounded."""
 
     joint: int
-    point: Floats  # (3,) in the joint's frame [m]
-    moves: NDArray[np.bool_]  # (n,)
-    centre: Floats  # (3,) of the box, in the world [m]
-    axes: Floats  # (m, 3) of the box, in the world, where it has sides
-    bound: Floats  # (m,) half its edges [m]
+    point: Array  # (3,) in the joint's frame [m]
+    moves: Mask  # (n,)
+    centre: Array  # (3,) of the box, in the world [m]
+    axes: Array  # (m, 3) of the box, in the world, where it has sides
+    bound: Array  # (m,) half its edges [m]
 
     def __call__(self, kinematics: KinematicsBatch) -> Measures:
         """Evaluate."""
@@ -73,11 +73,12 @@ class WithinMeasure:
         return Measures(np.abs(off), np.sign(off)[..., None] * (self.axes @ velocity.transpose(0, 2, 1)))
 
 
-def path_terms(scene: Scene, robot: Robot, supports: NDArray[np.bool_]) -> tuple[PathTerm, ...]:
+def path_terms(setup: Setup, supports: Mask) -> tuple[PathTerm, ...]:
     """Return the terms that the scene's path constraints call for; `supports` (nj, n) as in Kinematics.
 
     Raises InputError for a link that the robot lacks or that does not move.
     """
+    scene, robot = setup.scene, setup.robot
     given = (("path.upright", scene.path.upright), ("path.position", scene.path.position))
     with naming(scene.source):
         return tuple(
@@ -87,16 +88,14 @@ def path_terms(scene: Scene, robot: Robot, supports: NDArray[np.bool_]) -> tuple
         )
 
 
-def to_path(terms: tuple[PathTerm, ...], kinematics: KinematicsBatch) -> tuple[Floats, Floats]:
-    """Return what configurations lack to keep one or more constraints, bands included (B, m) [m], 0 where they keep
-    them, and what the joints do about it (B, m, n): for steps of damped least squares."""
+def to_path(terms: tuple[PathTerm, ...], kinematics: KinematicsBatch) -> tuple[Array, Array]:
+    """Return the error (B, m) [m] that steps of damped least squares are to remove so that one or more constraints hold
+    with their bands, 0 where they do, and its Jacobian (B, m, n)."""
     inside, slopes = zip(*(term.inside(kinematics) for term in terms), strict=True)
     return -BEYOND * np.concatenate(inside, axis=1), np.concatenate(slopes, axis=1)
 
 
-def _measure(
-    asked: Upright | Within, field: str, robot: Robot, supports: NDArray[np.bool_]
-) -> UprightMeasure | WithinMeasure:
+def _measure(asked: Upright | Within, field: str, robot: Robot, supports: Mask) -> UprightMeasure | WithinMeasure:
     frame = robot.model.frames[link_frame(robot, asked.link, field)]
     joint, placement = int(frame.parentJoint), frame.placement
     if isinstance(asked, Upright):

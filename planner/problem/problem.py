@@ -1,36 +1,41 @@
 """One planning problem: waypoints to choose, a cost made of terms, and its exact derivatives.
 
-`lay_out` makes a `Problem` to look at; solvers only evaluate it. The cost of waypoints q_0 … q_{N−1} with both ends
-fixed is
+`lay_out` makes a `Problem`; solvers only evaluate it. The cost of waypoints q_0 … q_{N−1} with both ends fixed is
 
     smoothness(q) + w Σ_samples w_s Σ_pairs ½ min(D, 0)²
 
-(CHOMP, Ratliff et al. 2009, with the HD-SDF in place of a distance field; the exact distance may stand in for it).
-Only the terms that the scene calls for exist.
+(CHOMP, Ratliff et al. 2009, with the HD-SDF, or the exact distance, in place of a distance field). Only the terms that
+the scene calls for exist.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.problem.samples import Samples
-from hdplan.planner.problem.terms import Clearance, MotionTerm, Smoothness, Term
+from hdplan.planner.problem.smoothness import Smoothness
+from hdplan.planner.problem.terms import Term
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.model import PathConstraints, Scene
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
+    from hdplan.planner.problem.clearance import Clearance, PairTerm
+    from hdplan.planner.problem.gravity_torque import StaticTorque
+    from hdplan.planner.problem.moving_clearance import MovingClearance
     from hdplan.planner.problem.path_terms import PathTerm
+    from hdplan.planner.problem.velocity_penalty import VelocityPenalty
 
-Floats = NDArray[np.float64]
 
-SPACING = 0.03  # [m] farthest that a body's centre may move between two samples
+SPACING = 0.03  # [m] the most that a body's centre may move between two samples
 
 
 @dataclass(frozen=True)
@@ -40,62 +45,79 @@ class Evaluation:
     cost: float
     smoothness: float
     penalty: float  # without its weight
-    depth: Floats  # (B,) how far the worst pair at each sample may be inside its margin [m]
-    gradient: Floats  # (M, n)
-    diagonal: Floats  # (M, n, n) penalty curvature of each waypoint
-    coupling: Floats  # (M − 1, n, n) penalty curvature between neighbours
+    depth: Array  # (B,) how far the worst pair at each sample may be inside its margin [m]
+    gradient: Array  # (M, n)
+    diagonal: Array  # (M, n, n) penalty curvature of each waypoint
+    coupling: Array  # (M − 1, n, n) penalty curvature between neighbours
+
+
+@dataclass(frozen=True)
+class Terms:
+    """The terms of the cost other than smoothness, by name: those that the scene calls for, and the user's own."""
+
+    obstacles: PairTerm | None = None  # standing ones
+    moving_obstacles: MovingClearance | None = None
+    velocity: VelocityPenalty | None = None
+    self_collision: Clearance | None = None
+    path: tuple[PathTerm, ...] = ()
+    static_torque: StaticTorque | None = None
+    own: tuple[Term, ...] = ()
+
+    def __iter__(self) -> Iterator[Term]:
+        """All terms that are present, in this order."""
+        found = (self.obstacles, self.moving_obstacles, self.velocity, self.self_collision, *self.path)
+        return (term for term in (*found, self.static_torque, *self.own) if term is not None)
+
+    @property
+    def pairs(self) -> tuple[PairTerm, ...]:
+        """The terms that keep pairs of bodies apart."""
+        return tuple(term for term in (self.obstacles, self.moving_obstacles, self.self_collision) if term is not None)
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is to be solved. Nothing in it changes; `refined` gives another one."""
+    """A problem to be solved. It never changes; `refined` and others return a new one."""
 
-    scene: Scene
-    robot: Robot
-    start: Floats  # (n,)
-    goal: Floats  # (n,)
+    setup: Setup
+    start: Array  # (n,)
+    goal: Array  # (n,)
     kinematics: Kinematics
     bodies: tuple[LinkBody, ...]  # the links' outer bodies
-    halfspace_bodies: tuple[HalfspaceBody, ...]  # the obstacles' convex pieces, those last that move
+    halfspace_bodies: tuple[HalfspaceBody, ...]  # the obstacles' convex pieces, moving ones last
     smoothness: Smoothness
-    terms: tuple[Term | MotionTerm, ...]  # what the scene calls for: obstacles, self-collision, …
+    terms: Terms
     samples: Samples
     unresolved: tuple[tuple[str, str], ...]  # link pairs left to the certificate, as their outer bodies overlap anyway
-    apart: tuple[tuple[int, int], ...]  # pairs of bodies left out, as they keep their margin within all limits
-    notes: tuple[str, ...]  # words for the user
-    compile_seconds: float  # spent on compiling the distance, or on finding it in the cache
+    apart: tuple[tuple[int, int], ...]  # pairs of bodies left out, proven to keep their margin within the joint limits
+    notes: tuple[str, ...]  # for the user
 
     def __repr__(self) -> str:
-        """Say what is planned for whom, and what counts."""
+        """Name the scene, the robot and the terms."""
         terms = ", ".join(["smoothness", *(term.name for term in self.terms)])
         return f"<Problem of {self.scene.name} with {self.robot.name}: {self.waypoints} waypoints; {terms}>"
+
+    @property
+    def scene(self) -> Scene:
+        """What is asked."""
+        return self.setup.scene
+
+    @property
+    def robot(self) -> Robot:
+        """Whose motion is planned."""
+        return self.setup.robot
 
     @property
     def waypoints(self) -> int:
         """N, both ends included."""
         return self.scene.planner.waypoints
 
-    @property
-    def pair_terms(self) -> tuple[Clearance, ...]:
-        """The terms that keep pairs of bodies apart."""
-        return tuple(term for term in self.terms if isinstance(term, Clearance))
-
-    @property
-    def path_terms(self) -> tuple[PathTerm, ...]:
-        """The terms that hold the scene's path constraints."""
-        if self.scene.path == PathConstraints():
-            return ()
-        from hdplan.planner.problem.path_terms import PathTerm
-
-        return tuple(term for term in self.terms if isinstance(term, PathTerm))
-
-    def clip(self, positions: Floats) -> Floats:
+    def clip(self, positions: Array) -> Array:
         """Move interior waypoints into the joint limits and set the ends."""
         result = np.clip(positions, self.robot.lower, self.robot.upper)
         result[0], result[-1] = self.start, self.goal
         return result
 
-    def polyline(self, via: Floats | None = None) -> Floats:
+    def polyline(self, via: Array | None = None) -> Array:
         """The straight line from start to goal, or the polyline through `via` (C, n), as waypoints (N, n) at equal
         steps of joint-space length."""
         corners = np.vstack([self.start, self.goal] if via is None else [self.start, via, self.goal])
@@ -105,12 +127,11 @@ class Problem:
         wanted = np.linspace(0, lengths[-1], self.waypoints)
         return np.stack([np.interp(wanted, lengths, column) for column in corners.T], axis=1)
 
-    def evaluate(self, positions: Floats, weight: float) -> Evaluation:
+    def evaluate(self, positions: Array, weight: float) -> Evaluation:
         """Cost and derivatives at waypoints (N, n) with penalty weight w [1/m²]."""
         smoothness, gradient = self.smoothness.value(positions)
         kinematics = self.kinematics.evaluate(self.samples.configurations(positions))
-        sampled = [term for term in self.terms if not isinstance(term, MotionTerm)]
-        penalties = [term.value(kinematics, self.samples) for term in sampled]
+        penalties = [p for term in self.terms if (p := term.at_samples(kinematics, self.samples))]
         n, batch = positions.shape[1], len(self.samples.weight)
         total = sum((p.gradient for p in penalties), np.zeros((batch, n)))
         curvature = sum((p.curvature for p in penalties), np.zeros((batch, n, n)))
@@ -118,12 +139,11 @@ class Problem:
         slope = self.samples.to_waypoints(total)
         penalty = sum(p.cost for p in penalties)
         depth = np.max([np.zeros(batch), *(p.depth for p in penalties)], axis=0)
-        for term in self.terms:
-            if isinstance(term, MotionTerm):
-                found = term.over_motion(positions, self.kinematics.evaluate(positions))
-                penalty, slope = penalty + found.cost, slope + found.gradient
-                diagonal, coupling = diagonal + found.diagonal, coupling + found.coupling
-                depth = np.maximum(depth, found.depth[self.samples.interval])
+        for spanning in (term.over_motion(positions, self.kinematics) for term in self.terms):
+            if spanning:
+                penalty, slope = penalty + spanning.cost, slope + spanning.gradient
+                diagonal, coupling = diagonal + spanning.diagonal, coupling + spanning.coupling
+                depth = np.maximum(depth, spanning.depth[self.samples.interval])
         return Evaluation(
             cost=smoothness + weight * penalty,
             smoothness=smoothness,
@@ -134,13 +154,17 @@ class Problem:
             coupling=weight * coupling[1:-1],
         )
 
-    def depth(self, configurations: Floats, time: Floats | None = None) -> Floats:
-        """How far the worst term is inside its margin at single configurations (B, n) -> (B,) [m]; of no particular
-        time, or at path parameters `time` (B,)."""
+    def depth(self, configurations: Array, parameter: Array | None = None) -> Array:
+        """How far the worst term is inside its margin at single configurations (B, n) -> (B,) [m]: at no particular
+        point of the motion, or at path parameters (B,)."""
         kinematics = self.kinematics.evaluate(configurations)
-        depths = [term.depth(kinematics, time) for term in self.terms]
-        result: Floats = np.max([np.zeros(len(configurations)), *depths], axis=0)
+        depths = [term.depth(kinematics, parameter) for term in self.terms]
+        result: Array = np.max([np.zeros(len(configurations)), *depths], axis=0)
         return result
+
+    def with_term(self, term: Term) -> Problem:
+        """The same problem with one more term in its cost, the user's own."""
+        return replace(self, terms=replace(self.terms, own=(*self.terms.own, term)))
 
     def refined(self, intervals: list[int]) -> Problem:
         """The same problem, sampled twice as densely on the given intervals."""
@@ -148,7 +172,7 @@ class Problem:
         counts[intervals] *= 2
         return replace(self, samples=self.samples.raised(counts))
 
-    def resampled(self, positions: Floats) -> Problem:
+    def resampled(self, positions: Array) -> Problem:
         """The same problem, sampled densely enough for a motion (N, n): no body's centre moves farther than SPACING
         from one sample to the next."""
         kinematics = self.kinematics.evaluate(positions)

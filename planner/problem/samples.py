@@ -1,4 +1,4 @@
-"""Configurations at which a motion is looked at: between the waypoints, more where an interval asks for it.
+"""Configurations at which a motion is evaluated: between the waypoints, more of them where an interval needs it.
 
 In: the number of samples of every interval. Out: configurations of a motion, and sums over samples carried back to
 waypoints. A sample on interval k at fraction f is (1 − f) q_k + f q_{k+1}, which the trajectory, linear between
@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from hdplan.scenes.array_types import Array, Rows
 
-MOST = 32  # samples on one interval
+MOST = 32  # samples on one interval, at most
 
 
 @dataclass(frozen=True)
@@ -25,31 +24,31 @@ class Samples:
     counts: tuple[int, ...]  # samples on each of the N − 1 intervals
 
     @cached_property
-    def interval(self) -> NDArray[np.int64]:
+    def interval(self) -> Rows:
         """Interval of each sample (B,)."""
         return np.repeat(np.arange(len(self.counts)), self.counts)
 
     @cached_property
-    def fraction(self) -> Floats:
+    def fraction(self) -> Array:
         """Place of each sample within its interval (B,), strictly between 0 and 1."""
         return np.concatenate([(np.arange(count) + 0.5) / count for count in self.counts])
 
     @cached_property
-    def time(self) -> Floats:
+    def parameter(self) -> Array:
         """Path parameter of each sample (B,), from 0 at the first waypoint to 1 at the last."""
         return (self.interval + self.fraction) / len(self.counts)
 
     @cached_property
-    def weight(self) -> Floats:
+    def weight(self) -> Array:
         """Share of the motion's duration that each sample stands for (B,); sums to 1."""
         return np.repeat(1 / (np.array(self.counts) * len(self.counts)), self.counts)
 
-    def configurations(self, positions: Floats) -> Floats:
+    def configurations(self, positions: Array) -> Array:
         """The sampled configurations (B, n) of waypoints (N, n)."""
         fraction = self.fraction[:, None]
         return (1 - fraction) * positions[self.interval] + fraction * positions[self.interval + 1]
 
-    def to_waypoints(self, gradient: Floats) -> Floats:
+    def to_waypoints(self, gradient: Array) -> Array:
         """Carry a gradient with respect to the samples (B, n) back to the waypoints (N, n)."""
         fraction = self.fraction[:, None]
         result = np.zeros((len(self.counts) + 1, gradient.shape[1]))
@@ -57,7 +56,7 @@ class Samples:
         result[1:] += self._sums(fraction * gradient)
         return result
 
-    def curvature_to_waypoints(self, curvature: Floats) -> tuple[Floats, Floats]:
+    def curvature_to_waypoints(self, curvature: Array) -> tuple[Array, Array]:
         """Carry second derivatives (B, n, n) to the waypoints: diagonal blocks (N, n, n), blocks between k and k+1
         (N−1, n, n)."""
         n, fraction = curvature.shape[1], self.fraction[:, None, None]
@@ -69,11 +68,11 @@ class Samples:
         diagonal[:-1] += self._sums(curvature - 2 * ahead + both)
         return diagonal, coupling
 
-    def _sums(self, values: Floats) -> Floats:
+    def _sums(self, values: Array) -> Array:
         """Sum over the samples of each interval (N−1, …)."""
-        result: Floats = np.add.reduceat(values, np.cumsum((0, *self.counts[:-1])))
+        result: Array = np.add.reduceat(values, np.cumsum((0, *self.counts[:-1])))
         return result
 
-    def raised(self, counts: NDArray[np.int64]) -> Samples:
+    def raised(self, counts: Rows) -> Samples:
         """At least `counts` (N − 1,) samples on the intervals, at most MOST; never fewer than now."""
         return Samples(tuple(np.maximum(self.counts, np.minimum(counts, MOST)).tolist()))

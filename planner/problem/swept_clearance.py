@@ -1,42 +1,47 @@
-"""Clearance between waypoints without samples: a link body at two waypoints in a row, as one hull, against an obstacle.
+"""Clearance between waypoints without samples: the hull of a link body at two consecutive waypoints, to an obstacle.
 
     h Σ_intervals Σ_pairs ½ min(D, 0)²,   D(q_k, q_{k+1}) of conv(A(q_k) ∪ A(q_{k+1})) and B,   h = 1/(N − 1)
 
 In: the kinematics of the waypoints. Out: the penalty with its gradient at both ends of every interval, and Gauss-Newton
-curvature with the block between them. The hull holds every straight way from the one placement to the other; a link
-that turns leaves it a little in between, which is the certificate's to see, as with samples.
+curvature with the block between them. The hull contains every straight-line motion from one placement to the other. A
+link that turns leaves it slightly in between; that is for the certificate to find, as it is with samples.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.symbolic.halfspaces import swept_halfspace_distance
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.pair_distance import PairDistance
-from hdplan.planner.kinematics.forward import KinematicsBatch
-from hdplan.planner.problem.terms import Clearance, Inside, MotionPenalty, MotionTerm
+from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
+from hdplan.planner.problem.clearance import Inside, PairTerm
+from hdplan.planner.problem.terms import MotionPenalty
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import made_once
 
-Floats = NDArray[np.float64]
 
-
-class SweptClearance(Clearance, MotionTerm):
-    """The clearance of obstacles, swept over the intervals of a motion; of single configurations, what `Clearance`
-    says."""
+class SweptClearance(PairTerm):
+    """The clearance of obstacles, swept over the intervals of a motion."""
 
     def __init__(self, name: str, pairs: BodyPairs, distance: PairDistance, gamma: int, shaping_length: float) -> None:
         """Take pairs whose second bodies all stand in the world; compile the swept distance, or find it in the
         cache."""
         super().__init__(name, pairs, distance)
-        slots = (pairs.body_table.shape[1] - 1) // 4
+        slots = pairs.vertex_slots
         self.kernels = {count: _kernel(slots, count, gamma, shaping_length) for count in sorted(pairs.plane_tables)}
+
+    @property
+    def functions(self) -> Mapping[str, RowFunction]:
+        """Those of its distance at single configurations, and of the swept distance."""
+        return {**super().functions, **{f"{count} planes, swept": run for count, run in self.kernels.items()}}
 
     def between(self, kinematics: KinematicsBatch) -> Inside:
         """Every pair with D < 0 on every interval between N configurations: `sample` is the interval, `gradient` (S, 2
-        n) that by the configurations at its beginning and its end."""
+        n) is with respect to the configurations at its start and its end."""
         interval, pair = self.pairs.close_between(kinematics)
         joints = kinematics.placements.shape[1]
         placements = kinematics.placements.reshape(-1, 12)  # row of waypoint k and joint j: k·joints + j
@@ -67,10 +72,10 @@ class SweptClearance(Clearance, MotionTerm):
         ]
         return Inside(interval, pair, distance[kept], separation[kept], np.hstack(gradient))
 
-    def over_motion(self, positions: Floats, kinematics: KinematicsBatch) -> MotionPenalty:
-        """The penalty over a motion, from the kinematics of its N waypoints."""
-        count, n = kinematics.columns.shape[:2]
-        inside = self.between(kinematics)
+    def over_motion(self, positions: Array, kinematics: Kinematics) -> MotionPenalty:
+        """The penalty over a motion through N waypoints."""
+        count, n = positions.shape
+        inside = self.between(kinematics.evaluate(positions))
         weight, slope = 1 / (count - 1), inside.gradient
         gradient, diagonal = np.zeros((count, n)), np.zeros((count, n, n))
         coupling, depth = np.zeros((count - 1, n, n)), np.zeros(count - 1)

@@ -1,54 +1,48 @@
-"""How fast the joints go where the law of time is fixed: a penalty on what comes close to their limits of velocity.
+"""A penalty on joint velocities near their limits, for motions whose time law is fixed.
 
-Where obstacles move, when a waypoint is reached is known beforehand, u(t), and with it the joints' velocities between
-waypoints, by the steepest du/dt there. Of each joint j and interval k the share of its limit v_j
+Where obstacles move, the time law u(t) is chosen before the motion. The joint velocities between waypoints then follow
+from the waypoints and the largest du/dt on each interval. For joint j on interval k, the share of its limit v_j
 
     s_kj = |q_{k+1,j} − q_{k,j}| (N − 1) max_k(du/dt) / v_j
 
 is kept below AIM by  h Σ_kj ½ (LEVER max(s_kj − AIM, 0))²,  h = 1/(N − 1), quadratic where it acts: the curvature is
-exact. Elsewhere the law of time is fitted to the limits afterwards (`retiming`), and this term is not there.
+exact. Elsewhere the timing is fitted to the limits afterwards (`retiming`), and this term is absent.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hdplan.planner.kinematics.forward import KinematicsBatch
-from hdplan.planner.problem.terms import MotionPenalty, MotionTerm
-from hdplan.planner.robot.joint_limits import velocity_limits
-from hdplan.planner.robot.robot import Robot
+from hdplan.planner.kinematics.forward import Kinematics
+from hdplan.planner.problem.terms import MotionPenalty, Term
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.time_laws import MinimumJerk
-from hdplan.scenes.model import Scene
+from hdplan.scenes.array_types import Array
 
-Floats = NDArray[np.float64]
-
-AIM = 0.85  # share of a limit from which on the penalty acts
-LEVER = 0.06  # [m] that a whole limit too much counts as, beside bodies inside their margins
-LOOKS = 9  # at the law on every interval
+AIM = 0.85  # share of a limit above which the penalty acts
+LEVER = 0.06  # [m] depth inside a margin that exceeding a limit by 100 % counts as
+LOOKS = 9  # points of every interval at which the time law is evaluated
 
 
-def pace(scene: Scene, robot: Robot) -> Pace:
+def velocity_penalty(setup: Setup) -> VelocityPenalty:
     """Return the term of a scene with `timing.duration`. Raises InputError for limits that do not fit the robot."""
-    limits = velocity_limits(scene, robot)
-    if limits is None:
-        raise ValueError("the scene has no times")
-    return Pace(limits, MinimumJerk(scene.end_time), scene.planner.waypoints)
+    scene = setup.scene
+    return VelocityPenalty(setup.limits["velocity"], MinimumJerk(scene.end_time), scene.planner.waypoints)
 
 
-class Pace(MotionTerm):
+class VelocityPenalty(Term):
     """The joints' velocities on the intervals between N waypoints."""
 
-    name = "pace"
+    name = "velocity"
 
-    def __init__(self, limits: Floats, law: MinimumJerk, waypoints: int) -> None:
+    def __init__(self, limits: Array, law: MinimumJerk, waypoints: int) -> None:
         """Take limits (n,) [rad/s] or [m/s]."""
         edges = np.linspace(0.0, 1.0, waypoints)
         looks = edges[:-1, None] + np.linspace(0.0, 1.0, LOOKS) * np.diff(edges)[:, None]
-        pace = law(law.time_at(looks.ravel()))[1].reshape(looks.shape).max(axis=1)  # (N − 1,) [1/s]
-        self.shares = (waypoints - 1) * pace[:, None] / limits  # (N − 1, n) of the limits, per unit of a joint's step
+        steepest = law(law.time_at(looks.ravel()))[1].reshape(looks.shape).max(axis=1)  # (N − 1,) du/dt [1/s]
+        self.shares = (waypoints - 1) * steepest[:, None] / limits  # (N − 1, n) of a limit, per unit of a joint's step
 
-    def over_motion(self, positions: Floats, kinematics: KinematicsBatch) -> MotionPenalty:
+    def over_motion(self, positions: Array, kinematics: Kinematics) -> MotionPenalty:
         """The penalty of waypoints (N, n)."""
         count, n = positions.shape
         step = np.diff(positions, axis=0)

@@ -12,8 +12,8 @@ import pinocchio as pin
 
 from hdplan.planner.geometry.shapes import operations
 from hdplan.planner.robot.robot import MOVE_AS_ONE, Robot
+from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError, nearest
-from hdplan.scenes.model import Attached
 from hdplan.scenes.robot_files.description import link_pair
 
 

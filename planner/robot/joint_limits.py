@@ -1,7 +1,7 @@
 """What each joint can do, as arrays: the scene's `limits` section, resolved against the robot's URDF.
 
-Scene and robot -> one value for each planned joint, in their order, or None where the scene does not call for it. Units
-are those of the joint: rad, or m where it slides; Nm or N.
+Scene and robot -> one value for each planned joint, in their order, of every quantity that the scene limits. Units are
+those of the joint: rad, or m where it slides; Nm or N.
 """
 
 from __future__ import annotations
@@ -13,46 +13,34 @@ from numpy.typing import NDArray
 
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import JointValues, Scene
+from hdplan.scenes.limits import QUANTITIES, JointValues
+from hdplan.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 
-RATES = ("velocity", "acceleration", "jerk")  # the first three derivatives of a joint's value by time
+DERIVATIVES = {name: rate.order for name, rate in QUANTITIES.items() if rate.order is not None}
+"""Velocity, acceleration and jerk: which derivative of a joint's value by time each is."""
 
 
-def velocity_limits(scene: Scene, robot: Robot) -> Array | None:
-    """Return the greatest speeds (n,) [rad/s or m/s]: the scene's, or the URDF's as soon as the motion is timed.
+def joint_limits(scene: Scene, robot: Robot) -> dict[str, Array]:
+    """Return the greatest absolute values (n,) that a scene allows, of every quantity that it limits, by name.
+    Velocities are limited as soon as the motion is timed: by the URDF's values, where the scene has no others.
 
     Raises:
         InputError: wrong number of values, unknown names, or a value that neither scene nor URDF gives.
     """
-    given = scene.limits.velocity
-    return _resolved("velocity", "urdf" if given is None and scene.timed else given, scene, robot)
+    return {quantity: _resolved(quantity, given, scene, robot) for quantity, given in asked_limits(scene).items()}
 
 
-def acceleration_limits(scene: Scene, robot: Robot) -> Array | None:
-    """Return the greatest accelerations (n,) [rad/s² or m/s²], None if the scene gives none; raises as above."""
-    return _resolved("acceleration", scene.limits.acceleration, scene, robot)
+def asked_limits(scene: Scene) -> dict[str, JointValues]:
+    """Return what a scene says of each quantity that it limits, by name."""
+    said = {quantity: getattr(scene.limits, quantity) for quantity in QUANTITIES}
+    if scene.timed and said["velocity"] is None:
+        said["velocity"] = "urdf"
+    return {quantity: values for quantity, values in said.items() if values is not None}
 
 
-def jerk_limits(scene: Scene, robot: Robot) -> Array | None:
-    """Return the greatest jerks (n,) [rad/s³ or m/s³], None if the scene gives none; raises as above."""
-    return _resolved("jerk", scene.limits.jerk, scene, robot)
-
-
-def rate_limits(scene: Scene, robot: Robot) -> tuple[Array | None, Array | None, Array | None]:
-    """Return the limits of all RATES, in their order; raises as above."""
-    return velocity_limits(scene, robot), acceleration_limits(scene, robot), jerk_limits(scene, robot)
-
-
-def torque_limits(scene: Scene, robot: Robot) -> Array | None:
-    """Return the greatest torques or forces (n,) [Nm or N], None if the scene gives none; raises as above."""
-    return _resolved("torque", scene.limits.torque, scene, robot)
-
-
-def _resolved(quantity: str, given: JointValues | None, scene: Scene, robot: Robot) -> Array | None:
-    if given is None:
-        return None
+def _resolved(quantity: str, given: JointValues, scene: Scene, robot: Robot) -> Array:
     where, joints = f"{scene.source}: limits.{quantity}", robot.joint_names
     if isinstance(given, float):
         return np.full(robot.n, given)

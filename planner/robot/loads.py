@@ -14,8 +14,9 @@ import pinocchio as pin
 
 from hdplan.planner.geometry.shapes import operations
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import InputError, naming, nearest
-from hdplan.scenes.model import Attached, Payload, Scene
+from hdplan.scenes.scene import Scene
 
 
 def loaded_model(scene: Scene, robot: Robot) -> pin.Model:

@@ -23,8 +23,9 @@ from hdplan.planner.geometry.coal_shapes import triangle_tree
 from hdplan.planner.geometry.meshes import TriangleMesh, load_mesh
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import Stamps, stamps_of
-from hdplan.scenes.model import Mesh, Vector3
 from hdplan.scenes.once import Turn
+from hdplan.scenes.poses import Vector3
+from hdplan.scenes.shapes import Mesh
 
 Result = TypeVar("Result")
 

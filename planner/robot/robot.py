@@ -19,13 +19,16 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.robot.pin_model import move_base, read_model, without_joints
+from hdplan.scenes.attached import Attached
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.files import Stamps, stamps_of
-from hdplan.scenes.model import Attached, JointTarget, Pose, RobotSpec, robot_spec
 from hdplan.scenes.once import freeze
+from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_files.description import LinkPair, Semantics, Tree, link_pair, read_semantics, read_tree
 from hdplan.scenes.robot_files.library import description_of
+from hdplan.scenes.robot_spec import RobotSpec, robot_spec
+from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.values import checked
 
 Array = NDArray[np.float64]
@@ -58,7 +61,7 @@ class Robot:
     self_pairs: tuple[LinkPair, ...]  # pairs of links to be checked against each other
     named_states: Mapping[str, Mapping[str, float]]  # state of the SRDF -> joint -> value
     notes: tuple[str, ...]  # what was decided in loading, in words for the user
-    unchecked: Mapping[LinkPair, str] = field(default_factory=dict)  # pairs of links told apart, and by what
+    unchecked: Mapping[LinkPair, str] = field(default_factory=dict)  # pairs of links that are excluded, and by what
     files: Stamps = ()  # that it was read from, as they were before
     attached: tuple[Attached, ...] = ()  # held objects: by their names among the links, their geometry and pairs
     base: Pose = field(default_factory=Pose)  # of the URDF's root link in the world

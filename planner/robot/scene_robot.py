@@ -1,4 +1,4 @@
-"""A scene's robot, loaded once in a process however many scenes ask for it, and the ends of a plan as its joint values.
+"""A scene's robot, loaded once in a process however many scenes ask for it.
 
 Reading a URDF and its meshes takes longer than many a plan; a robot is kept until one of its files changes.
 """
@@ -7,16 +7,20 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Hashable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.planner.robot.robot import SAME_PLACE, Robot, load_robot
+from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import Stamps, stamps_of
-from hdplan.scenes.model import Attached, Goals, JointTarget, Mesh, RobotSpec, Scene
 from hdplan.scenes.once import Turn, made_once
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Mesh
+from hdplan.scenes.targets import JointTarget
 
 Array = NDArray[np.float64]
 
@@ -24,15 +28,6 @@ MOST = 8  # robots kept
 ROOM = 0.1  # how far beyond a limit a request or a named state may lie [rad or m]: descriptions of one robot differ
 _kept: OrderedDict[Hashable, Robot] = OrderedDict()
 _loading = Turn()  # one robot at a time: threads that ask for the same one are to get the same
-
-
-@dataclass(frozen=True)
-class Query:
-    """The two ends of a plan, as joint values."""
-
-    start: Array  # (n,)
-    goal: Array  # (n,)
-    notes: tuple[str, ...]  # names that were left out, in words
 
 
 def load_scene_robot(scene: Scene) -> Robot:
@@ -112,40 +107,6 @@ def _holding(robot: Robot, attached: tuple[Attached, ...], stamps: Stamps) -> Ro
     from hdplan.planner.robot.attached import with_attached
 
     return with_attached(robot, attached)
-
-
-def resolve_query(robot: Robot, scene: Scene) -> Query:
-    """Return the scene's start and goal for this robot. Raises InputError, naming the scene's file.
-
-    A goal that leaves a choice (`Goals`) is no one configuration: `search.goals.settled` chooses.
-    """
-    if isinstance(scene.goal, Goals):
-        raise InputError(f"{scene.source}: {scene.goal.field}: leaves a choice; one configuration is needed here")
-    with naming(scene.source):
-        start, goal = (robot.configuration(target, scene.from_request) for target in (scene.start, scene.goal))
-    return Query(start, goal, _left_out(robot, scene))
-
-
-def notes_on(scene: Scene, robot: Robot) -> tuple[str, ...]:
-    """Return what is to be said of a scene with its robot, in words: what was changed, assumed or left out."""
-    return (*scene.notes, *robot.notes, *_left_out(robot, scene))
-
-
-def _left_out(robot: Robot, scene: Scene) -> tuple[str, ...]:
-    """Say which values of the scene's start and goal are not kept to: of joints that the robot does not have, and,
-    where a named state speaks of more than is planned, of joints that are held elsewhere though nobody asked for it."""
-    ends = [target for target in (scene.start, scene.goal) if isinstance(target, JointTarget)]
-    named = [joint for target in ends for joint in target.by_name or ()]
-    unknown = [joint for joint in dict.fromkeys(named) if joint not in (*robot.joint_names, *robot.locked)]
-    words = [f"left out, as {robot.name} has no such joints: {', '.join(unknown)}"] if unknown else []
-    for target in ends:
-        state = robot.named_states.get(target.state or "", {})
-        held_anyhow = {joint: at for joint, at in robot.locked.items() if joint not in scene.robot.locked}
-        off = [joint for joint, at in held_anyhow.items() if abs(state.get(joint, at) - at) > SAME_PLACE]
-        if off:
-            held = ", ".join(f"{joint} at {state[joint]:g}, held at {robot.locked[joint]:g}" for joint in off)
-            words.append(f"{target.field}: state '{target.state}' has {held}")
-    return tuple(words)
 
 
 def _with_room(robot: Robot, scene: Scene) -> Robot:

@@ -1,23 +1,22 @@
-"""What the ends of a scene allow: free of contact, on the path, not too heavy; and what clearance can be asked for."""
+"""Checks of a scene's start and goal: no contact, path constraints, gravity torques; and the clearance that they
+allow."""
 
 from __future__ import annotations
 
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import resolve_query
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Scene
 
 
-def reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tuple[float, tuple[str, ...]]:
-    """The clearance that can be asked for [m]: the scene's, or less, with a word, where its own ends are closer than
+def reachable_clearance(setup: Setup, certifier: Certifier) -> tuple[float, tuple[str, ...]]:
+    """The clearance that can be required [m]: the scene's, or less, with a note, where its own ends are closer than
     that.
 
     Raises InputError if an end is in collision, or breaks a path constraint.
     """
+    scene, query = setup.scene, setup.query
     required, words = scene.planner.clearance, []
     lenient = {obstacle.name for obstacle in scene.obstacles if obstacle.clearance is None}
-    query = resolve_query(robot, scene)
     for field, q, time_ in ((scene.start.field, query.start, 0.0), (scene.goal.field, query.goal, scene.end_time)):
         contacts = certifier.contacts(q, time_)
         if contacts:
@@ -27,9 +26,10 @@ def reachable_clearance(scene: Scene, robot: Robot, certifier: Certifier) -> tup
             )
             raise InputError(f"{scene.source}: {field}: in collision: {said}")
         if departures := certifier.off_path(q):
-            raise InputError(f"{scene.source}: {field}: off the path: {'; '.join(each.words for each in departures)}")
+            broken = "; ".join(each.words for each in departures)
+            raise InputError(f"{scene.source}: {field}: breaks a path constraint: {broken}")
         if overload := certifier.overload(q):
-            raise InputError(f"{scene.source}: {field}: {overload.words}")
+            raise InputError(f"{scene.source}: {field}: {overload}")
         for place, asked in certifier.too_close(q, required, time_):
             if place.other not in lenient:
                 raise InputError(

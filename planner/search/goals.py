@@ -1,53 +1,54 @@
-"""Configurations for a goal that leaves a choice: those that reach it (`inverse_kinematics`), the free ones in order.
+"""Goal configurations where the goal leaves a choice: those that reach it (`inverse_kinematics`) and are free, best
+first.
 
-What reaches the pose and touches nothing is ordered by its joint-space distance from the start, times up to 2 where
-obstacles are close: `Kinematics` finds it, the certificate judges it by its own. All draws come from one seeded
-generator: the same seed gives the same goals.
+They are ordered by joint-space distance from the start, times up to 2 where obstacles are close. The planner's
+kinematics finds them, the certificate checks them with its own. One seeded generator makes all random draws: the same
+seed gives the same goals.
 """
 
 from __future__ import annotations
 
 import itertools
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.pose_goals import Miss
 from hdplan.planner.kinematics.forward import kinematics_of
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.inverse_kinematics import STARTS, reaching
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.model import JointTarget, PathConstraints, PoseTarget, Scene
+from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.targets import JointTarget, PoseTarget
 
 if TYPE_CHECKING:
     from hdplan.planner.problem.path_terms import PathTerm
 
-Array = NDArray[np.float64]
 
-PICKED = 12  # free configurations of a pose, nearest to the start, that are compared
-CLOSE = 0.03  # [m] to an obstacle below which a goal counts as farther away
-TRIED = 6  # goals that are planned to, all targets together; at least one of each
+PICKED = 12  # free configurations of a pose that are compared, those nearest to the start
+CLOSE = 0.03  # [m] to an obstacle below which a goal is penalized
+TRIED = 6  # goals that are planned to, over all targets; at least one of each
 
 
 class Choice(NamedTuple):
-    """What can be planned to."""
+    """The goals that can be planned to."""
 
-    goals: tuple[JointTarget, ...]  # best first; only the scene's own where it leaves no choice
-    words: tuple[str, ...]  # for the user
+    goals: tuple[JointTarget, ...]  # best first; the scene's own alone where it leaves no choice
+    words: tuple[str, ...]  # notes for the user
 
 
-def goal_choice(scene: Scene, robot: Robot, certifier: Certifier, seed: int = 0) -> Choice:
-    """Return the configurations that may end a motion of this scene, the likely best first.
+def goal_choice(certifier: Certifier, seed: int = 0) -> Choice:
+    """Return the configurations in which a motion of this scene may end, the most promising first.
 
     Raises:
-        InputError: an unknown link, joint values that do not fit, or no target that can be reached without contact; it
-            says how close the link came, or what it touches.
+        InputError: an unknown link, joint values that do not fit, or no target that can be reached without contact; the
+        message says how close the link came, or what it touches.
     """
+    scene, robot = certifier.scene, certifier.robot
     if isinstance(scene.goal, JointTarget):
         return Choice((scene.goal,), ())
     rng = np.random.default_rng(seed)
@@ -56,13 +57,13 @@ def goal_choice(scene: Scene, robot: Robot, certifier: Certifier, seed: int = 0)
     refused, words = [], []
     with naming(scene.source):
         start = robot.configuration(scene.start, scene.from_request)
-        path = _path(scene, robot)
+        path = _path(certifier.setup)
         for target in scene.goal.targets:
             if isinstance(target, JointTarget):
                 reached, nearest = robot.configuration(target)[None], None
             else:
                 reached, nearest = reaching(robot, target, start, rng, path)
-                if path and not len(reached):  # whether the pose or the path is in the way is to be said
+                if path and not len(reached):  # to say whether the pose or the path is to blame
                     reached, nearest = reaching(robot, target, start, rng)
             free = _free(certifier, reached, start)
             if free and nearest is not None:
@@ -75,32 +76,33 @@ def goal_choice(scene: Scene, robot: Robot, certifier: Certifier, seed: int = 0)
     return Choice(tuple(goal for _, goal in sorted(found, key=lambda each: each[0])), (*words, *refused))
 
 
-def _path(scene: Scene, robot: Robot) -> tuple[PathTerm, ...]:
-    """Return what the scene asks of the whole way, its end included."""
-    if scene.path == PathConstraints():
+def _path(setup: Setup) -> tuple[PathTerm, ...]:
+    """Return the scene's path constraints, which hold at the end too."""
+    if setup.scene.path == PathConstraints():
         return ()
     from hdplan.planner.problem.path_terms import path_terms
 
-    return path_terms(scene, robot, kinematics_of(robot).supports)
+    return path_terms(setup, kinematics_of(setup.robot).supports)
 
 
-def settled(scene: Scene, robot: Robot, motion: Trajectory | None = None) -> Scene:
-    """Return the scene with one configuration as its goal: where `motion` ends, if the goal is met there, or else the
-    likely best. Itself if its goal leaves no choice. Raises InputError as `goal_choice`."""
+def settled(setup: Setup, motion: Trajectory | None = None) -> Setup:
+    """Return the same with one configuration as its goal: where `motion` ends, if the goal is met there, or else the
+    most promising one. Itself if its goal leaves no choice. Raises InputError as `goal_choice`."""
+    scene = setup.scene
     if isinstance(scene.goal, JointTarget):
-        return scene
-    certifier = Certifier(scene, robot)
+        return setup
+    certifier = Certifier(setup)
     if motion is not None:
-        end = curve_of(robot, motion).rows[-1]
+        end = curve_of(setup.robot, motion).rows[-1]
         with naming(scene.source):
             met = certifier.ends.off_goal(end) is None
         if met:
-            return replace(scene, goal=JointTarget(scene.goal.field, tuple(end.tolist())))
-    return replace(scene, goal=goal_choice(scene, robot, certifier).goals[0])
+            return setup.aiming_at(JointTarget(scene.goal.field, tuple(end.tolist())))
+    return setup.aiming_at(goal_choice(certifier).goals[0])
 
 
 def _free(certifier: Certifier, reached: Array, start: Array) -> list[tuple[float, Array]]:
-    """The PICKED nearest configurations without contact that keep the path constraints, each with its score, the best
+    """The PICKED nearest configurations without contact that satisfy the path constraints, each with its score, best
     first."""
     scored = []
     time = certifier.scene.end_time
@@ -120,21 +122,19 @@ def _refusal(target: JointTarget | PoseTarget, certifier: Certifier, reached: Ar
             target.position_tolerance, 0.0 if target.free_rotation == "all" else target.orientation_tolerance
         )
         return (
-            f"link '{target.link}' is not brought there: the best of {STARTS} tries is {nearest} off, "
+            f"link '{target.link}' cannot be brought there: the best of {STARTS} tries is off by {nearest}, "
             f"allowed are {allowed}"
         )
     fault = _fault(certifier, reached[0])
-    return (
-        fault if nearest is None else f"none of {_configurations(len(reached))} found will do; the nearest is {fault}"
-    )
+    return fault if nearest is None else f"none of {_configurations(len(reached))} found is valid; the nearest: {fault}"
 
 
 def _fault(certifier: Certifier, q: Array) -> str:
-    """Say why a configuration may not end a motion."""
+    """Say why a motion may not end in a configuration."""
     if departures := certifier.off_path(q):
-        return f"off the path: {departures[0].words}"
+        return f"breaks a path constraint: {departures[0].words}"
     if overload := certifier.overload(q):
-        return f"too heavy: {overload.words}"
+        return f"overloads a joint: {overload}"
     place, asked = certifier.too_close(q, 0.0, certifier.scene.end_time)[0]
     if place.distance > 0.0:
         found = f"{place.distance * 1e3:.3g} mm, {asked * 1e3:g} mm are asked for"

@@ -1,9 +1,9 @@
 """Inverse kinematics from many starts: the configurations that bring a link to a pose.
 
 Damped least squares, dq = Jᵀ (J Jᵀ + λ² I)⁻¹ e, within the joint limits, for many starts at once (Nakamura & Hanafusa,
-"Inverse kinematic solutions with singularity robustness", 1986). Only that part of the error e counts that lies beyond
-a share of the tolerance, until it is gone; then a few steps with all of e lead on towards the centre, as far as they
-can. Turns that are free are taken out of J and e. All draws come from one seeded generator.
+"Inverse kinematic solutions with singularity robustness", 1986). At first only the part of the error e beyond a share
+of the tolerance counts; once that is gone, a few steps with the whole of e lead on towards the centre. Free rotations
+are taken out of J and e. One seeded generator makes all random draws.
 """
 
 from __future__ import annotations
@@ -12,27 +12,28 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hdplan.planner.certificate.pose_goals import Miss, miss_of
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.kinematics.inverse import LinkPose, damped_step
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.deadline import check_time
-from hdplan.scenes.model import Pose, PoseTarget
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.targets import PoseTarget
 from hdplan.scenes.values import Whole, checked, instance
 
 if TYPE_CHECKING:
     from hdplan.planner.problem.path_terms import PathTerm
 
-Array = NDArray[np.float64]
 
 STARTS = 128  # the scene's start, and random configurations
 STEPS = 80  # at most
-CENTRING = 6  # further ones, from within the tolerance towards its centre
-AIM, ENOUGH, AT_MOST = 0.5, 0.75, 0.99  # shares of a tolerance: aimed at, where a start has arrived, that may be left
-APART = 0.6  # [rad] or [m] in some joint between configurations that count as two
+CENTRING = 6  # more of them, from within the tolerance towards its centre
+AIM, ENOUGH, AT_MOST = 0.5, 0.75, 0.99  # shares of a tolerance: aimed at, where a start has converged, accepted
+APART = 0.6  # [rad] or [m] in some joint between two configurations that count as different
 
 
 def inverse_kinematics(
@@ -48,23 +49,23 @@ def inverse_kinematics(
 ) -> Array:
     """Return configurations (K, n) that bring a link to a pose [rad or m], nearest to `near` first; K may be 0.
 
-    Of each one returned this is proven, to rounding, by the certificate's own kinematics: it lies within the joint
-    limits, and the link is within the tolerances. It is not proven that it is free of contact (`check_configuration`
-    tells), that a motion leads there, or that no other configurations exist: from 128 starts not every one is found,
-    and none found is no proof that there is none. Any two differ by more than 0.6 rad (or m) in some joint.
+    For each of them the certificate's own kinematics proves, up to rounding, that it lies within the joint limits and
+    the link within the tolerances. Not proven is that it is free of contact (see `check_configuration`), that a motion
+    leads there, or that no other configurations exist: the search has 128 starts and may miss some or all. Any two
+    differ by more than 0.6 rad (or m) in some joint.
 
     Args:
         robot: what load_robot returns.
         link: a link that moves, with or without geometry.
         pose: of the link's frame, in the world.
         position_tolerance: how far the link's origin may be away [m].
-        orientation_tolerance: how far it may be turned away, free turns left out [rad].
-        free_rotation: "none", the axis of the link about which it may turn freely ("x", "y", "z"), or "all".
-        near: a configuration (n,); by default the middle of the joint limits, 0 for a joint without.
+        orientation_tolerance: how far it may be rotated away, apart from free rotations [rad].
+        free_rotation: "none", the axis of the link about which it may rotate freely ("x", "y", "z"), or "all".
+        near: a configuration (n,); by default the middle of the joint limits, 0 for a joint without limits.
         seed: of the random starts; the same seed gives the same configurations.
 
     Raises:
-        InputError: an unknown link or one that is fixed to the world, or a value that a scene's goal is refused.
+        InputError: an unknown link or one that is fixed to the world, or a value that is refused in a scene's goal too.
     """
     instance(robot, Robot, "robot")
     target = PoseTarget(link, pose, position_tolerance, orientation_tolerance, free_rotation, field="pose")
@@ -82,7 +83,7 @@ def reaching(
     robot: Robot, target: PoseTarget, start: Array, rng: np.random.Generator, path: tuple[PathTerm, ...] = ()
 ) -> tuple[Array, Miss]:
     """Return configurations (K, n) that reach a pose, APART from each other and nearest to `start` first, and the least
-    miss of all that were tried. What the scene asks of the whole way leads the search too, and does not decide it."""
+    miss of all tries. Path constraints guide the search too, but do not decide the result."""
     pose = LinkPose.of(robot, target)
     q = np.vstack([np.clip(start, robot.lower, robot.upper), robot.draw(rng, STARTS - 1)])
     going = np.arange(len(q))
@@ -110,7 +111,7 @@ def reaching(
 
 
 def _centred(pose: LinkPose, q: Array) -> Array:
-    """Configurations that reach the pose, moved on towards its centre as long as both errors shrink."""
+    """Move configurations that reach the pose on towards its centre, as long as both errors shrink."""
     error, jacobian = pose.linearized(q)
     for _ in range(CENTRING):
         moved = damped_step(pose.robot, q, error, jacobian)
@@ -125,11 +126,9 @@ def _sizes(error: Array) -> tuple[Array, Array]:
     return np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)
 
 
-def _within(error: Array, target: PoseTarget, share: float) -> NDArray[np.bool_]:
+def _within(error: Array, target: PoseTarget, share: float) -> Mask:
     position, angle = _sizes(error)
-    within: NDArray[np.bool_] = (position <= share * target.position_tolerance) & (
-        angle <= share * target.orientation_tolerance
-    )
+    within: Mask = (position <= share * target.position_tolerance) & (angle <= share * target.orientation_tolerance)
     return within
 
 
@@ -144,7 +143,7 @@ def _beyond(error: Array, target: PoseTarget) -> Array:
 
 
 def _fewest_turns(robot: Robot, arm: Kinematics, q: Array, start: Array) -> Array:
-    """The same placements (B, n) with whole turns of the joints taken back towards `start`, as the limits allow."""
+    """The same placements (B, n), with whole turns of the joints undone towards `start` as far as the limits allow."""
     revolute = np.linalg.norm(arm.evaluate(start).angular[0], axis=1) > 0.5
     nearer = q - 2 * math.pi * np.round((q - start) / (2 * math.pi))
     return np.where(revolute & (nearer >= robot.lower) & (nearer <= robot.upper), nearer, q)

@@ -1,10 +1,10 @@
-"""First guesses: the straight line, then the best ways through a roadmap that grows with every guess.
+"""First guesses: the straight line, then the cheapest paths through a roadmap that grows with every guess.
 
-The roadmap's nodes are random configurations, clear of everything, denser about the straight line; an edge costs its
-length, times more where bodies come too close along it. A way that has been tried costs more the next time. So a guess
-may pass through obstacles, but not far, and no two are alike (a soft form of the probabilistic roadmap, Kavraki et al.
-1996). Where the scene asks something of the whole way, configurations are moved there before they are looked at. All
-draws come from one seeded generator: the same seed gives the same guesses.
+The roadmap's nodes are random collision-free configurations, denser near the straight line. An edge costs its length,
+and more where bodies come too close along it; a path that has been tried costs more the next time. So a guess may pass
+through obstacles, but not far, and no two guesses are alike (a soft form of the probabilistic roadmap, Kavraki et al.
+1996). Where the scene has path constraints, configurations are first moved onto them. One seeded generator makes all
+random draws: the same seed gives the same guesses.
 """
 
 from __future__ import annotations
@@ -12,25 +12,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from hdplan.planner.problem.problem import Problem
+from hdplan.scenes.array_types import Array, Rows
 
-Floats = NDArray[np.float64]
-Rows = NDArray[np.int64]
-
-NODES = 48  # configurations drawn for each guess; the clear ones among them stay
-SPREADS = (0.3, 0.6, 1.0)  # shares of the joints' ranges by which they may lie off the straight line
-NEIGHBOURS = 8  # nearest nodes to which a new one is joined
-LOOKS, CLOSE_LOOKS = 6, 48  # configurations at which an edge is scored: every one, and those of a way to be taken
-DEPTH = 0.01  # [m] inside the margin that doubles the cost of a piece of an edge
+NODES = 48  # configurations drawn for each guess; the clear ones are kept
+SPREADS = (0.3, 0.6, 1.0)  # shares of the joint ranges by which they may deviate from the straight line
+NEIGHBOURS = 8  # nearest nodes to which a new one is connected
+LOOKS, CLOSE_LOOKS = 6, 48  # configurations at which an edge is scored; the latter on a path to be taken
+DEPTH = 0.01  # [m] inside the margin at which a piece of an edge costs twice as much
 WORN = 3.0  # factor on the cost of an edge that has been tried
-PULLS = 30  # steps that bring a configuration to where the path constraints hold
+PULLS = 30  # steps that bring a configuration onto the path constraints
 
 
-def seeds(problem: Problem, seed: int) -> Iterator[Floats]:
+def seeds(problem: Problem, seed: int) -> Iterator[Array]:
     """Yield guesses (N, n) without end, the straight line first."""
     yield problem.polyline()
     roadmap = Roadmap(problem, np.random.default_rng(seed))
@@ -39,14 +36,14 @@ def seeds(problem: Problem, seed: int) -> Iterator[Floats]:
         yield problem.polyline(roadmap.way())
 
 
-def onto_path(problem: Problem, q: Floats) -> Floats:
-    """Configurations (B, n) moved until they keep the path constraints, as far as PULLS steps of damped least squares
-    bring them: hardly one that is drawn at random keeps them."""
-    from hdplan.planner.kinematics.inverse import damped_step  # only now: few scenes have path constraints
+def onto_path(problem: Problem, q: Array) -> Array:
+    """Move configurations (B, n) onto the path constraints, by up to PULLS steps of damped least squares: random ones
+    almost never satisfy them."""
+    from hdplan.planner.kinematics.inverse import damped_step  # imported here, as few scenes have path constraints
     from hdplan.planner.problem.path_terms import to_path
 
     for _ in range(PULLS):
-        missing, slope = to_path(problem.path_terms, problem.kinematics.evaluate(q))
+        missing, slope = to_path(problem.terms.path, problem.kinematics.evaluate(q))
         if not missing.any():
             break
         q = damped_step(problem.robot, q, missing, slope)
@@ -54,7 +51,7 @@ def onto_path(problem: Problem, q: Floats) -> Floats:
 
 
 class Roadmap:
-    """Configurations joined by straight lines, and what each line costs; nodes 0 and 1 are start and goal."""
+    """Configurations connected by straight lines, and the cost of each line; nodes 0 and 1 are start and goal."""
 
     def __init__(self, problem: Problem, rng: np.random.Generator) -> None:
         """Begin with the straight line alone."""
@@ -62,16 +59,16 @@ class Roadmap:
         self.nodes = np.stack([problem.start, problem.goal])
         self.edges = np.array([[0, 1]])
         self.costs = WORN * self._costs(self.edges, CLOSE_LOOKS)  # it has been tried
-        self.close = np.ones(1, dtype=np.bool_)  # whether an edge has been looked at closely
+        self.close = np.ones(1, dtype=np.bool_)  # whether an edge has been scored closely
 
     def grow(self) -> None:
-        """Add the clear ones among NODES random configurations, each joined to its nearest neighbours."""
+        """Add the clear ones among NODES random configurations, each connected to its nearest neighbours."""
         along = self.rng.uniform(size=(NODES, 1))
         middle = self.problem.start + along * (self.problem.goal - self.problem.start)
         spread = self.rng.choice(SPREADS, size=(NODES, 1))
         drawn = middle + spread * (self.problem.robot.draw(self.rng, NODES) - middle)
         drawn = np.clip(drawn, self.problem.robot.lower, self.problem.robot.upper)
-        if self.problem.path_terms:
+        if self.problem.terms.path:
             drawn = onto_path(self.problem, drawn)
         before = len(self.nodes)
         self.nodes = np.vstack([self.nodes, drawn[self.problem.depth(drawn) == 0.0]])
@@ -85,11 +82,11 @@ class Roadmap:
             self.costs = np.append(self.costs, self._costs(edges, LOOKS))
             self.close = np.append(self.close, np.zeros(len(edges), dtype=np.bool_))
 
-    def way(self) -> Floats:
-        """The nodes (C, n) between start and goal on the cheapest way, which costs more from now on.
+    def way(self) -> Array:
+        """The nodes (C, n) between start and goal on the cheapest path, which costs more from now on.
 
-        Only a way that would be taken is looked at closely, and taken if it is still the cheapest then (the lazy
-        evaluation of Bohlin & Kavraki, 2000): a thin bar may stand between few looks.
+        Only a path that would be taken is scored closely, and it is taken if it is still the cheapest then (the lazy
+        evaluation of Bohlin & Kavraki, 2000): few samples may miss a thin bar.
         """
         while True:
             graph = coo_array((self.costs, self.edges.T), shape=(len(self.nodes),) * 2).tocsr()
@@ -104,15 +101,15 @@ class Roadmap:
             rough = np.flatnonzero(taken & ~self.close)
             self.costs[rough], self.close[rough] = self._costs(self.edges[rough], CLOSE_LOOKS), True
         self.costs[taken] *= WORN
-        between: Floats = self.nodes[way[-2:0:-1]]
+        between: Array = self.nodes[way[-2:0:-1]]
         return between
 
-    def _costs(self, edges: Rows, count: int) -> Floats:
-        """Length of each edge (E, 2), times 1 + the mean squared depth at `count` places along it, in units of
+    def _costs(self, edges: Rows, count: int) -> Array:
+        """Length of each edge (E, 2), times 1 + the mean squared depth at `count` points along it, in units of
         DEPTH."""
         first, last = self.nodes[edges[:, 0]], self.nodes[edges[:, 1]]
         fractions = (np.arange(count)[:, None] + 0.5) / count
         looks = first[:, None] + fractions * (last - first)[:, None]
         depth = self.problem.depth(looks.reshape(-1, first.shape[1])).reshape(-1, count)
-        costs: Floats = np.linalg.norm(last - first, axis=1) * (1 + np.mean((depth / DEPTH) ** 2, axis=1))
+        costs: Array = np.linalg.norm(last - first, axis=1) * (1 + np.mean((depth / DEPTH) ** 2, axis=1))
         return costs

@@ -1,7 +1,8 @@
-"""The search of one plan: guess, solve, certify; where the certificate fails, look there more closely, or guess again.
+"""The search of one plan: guess, solve, certify; where the certificate fails, sample more densely there, or guess
+again.
 
-A motion counts as found when its certificate says so and not before: the certificate works with the robot's real
-meshes, the solver with outer bodies at samples, and neither takes the other's word.
+A motion counts as found only when it is certified: the certificate works with the robot's real meshes, the solver with
+outer bodies at samples, and neither relies on the other.
 """
 
 from __future__ import annotations
@@ -14,17 +15,18 @@ from typing import TYPE_CHECKING, NamedTuple
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.problem.problem import Floats, Problem
+from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.solvers.solution import FIRST_WEIGHT, RAISE, Budget, Iteration, Solution, Solver, SolverStatus
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import seconds_left
 
 if TYPE_CHECKING:
     from hdplan.planner.timing.retiming import Retimer
 
-DETOUR_WEIGHT = FIRST_WEIGHT * RAISE**3  # [1/m²] a guess that leads around obstacles is to stay there
-GUESSES = 3  # first guesses for a goal before it is the next one's turn
-REPAIRS = 3  # times that a motion whose certificate failed is solved on, before the next guess
+DETOUR_WEIGHT = FIRST_WEIGHT * RAISE**3  # [1/m²] keeps a guess that leads around obstacles there
+GUESSES = 3  # first guesses for a goal before the next goal's turn
+REPAIRS = 3  # times that solving continues from a motion whose certificate failed, before the next guess
 
 
 @dataclass(frozen=True)
@@ -33,15 +35,15 @@ class Event:
 
     attempt: int
     step: Iteration | None = None
-    positions: Floats | None = None  # (N, n) the waypoints after that step; the caller may keep, not change them
+    positions: Array | None = None  # (N, n) the waypoints after that step; to be kept, but not changed
     certificate: Certificate | None = None
 
 
 class Guess(NamedTuple):
     """Where an attempt begins."""
 
-    positions: Floats  # (N, n)
-    weight: float = DETOUR_WEIGHT  # of the penalty, at first [1/m²]
+    positions: Array  # (N, n)
+    weight: float = DETOUR_WEIGHT  # first weight of the penalty [1/m²]
     as_it_is: bool = False  # whether it may be the motion itself
 
 
@@ -49,7 +51,7 @@ class Best(NamedTuple):
     """The best motion so far."""
 
     solution: Solution
-    trajectory: Trajectory  # its motion, with times where the scene asks for them
+    trajectory: Trajectory  # with times where the scene asks for them
     certificate: Certificate
     steps: tuple[Iteration, ...]
     whole: bool  # whether the certificate names every failure
@@ -80,7 +82,7 @@ class Search:
         self.certify_seconds = 0.0
 
     def attempt(self, first: Guess) -> bool:
-        """Solve from one guess, and solve on where the certificate fails; True if the search is over."""
+        """Solve from one guess, and continue where the certificate fails; True if the search is over."""
         self.attempts += 1
         self.steps = ()
         guess, weight = first.positions, first.weight
@@ -101,9 +103,9 @@ class Search:
             problem = problem.resampled(guess).refined(intervals)
         return False
 
-    def _free_already(self, solution: Solution, guess: Floats) -> bool:
-        """Whether a guess (N, n) is certified as it is: where outer bodies overlap at an end, though the links are
-        free, a solver leaves it for worse. Not where motions are timed: it may have no law of time."""
+    def _free_already(self, solution: Solution, guess: Array) -> bool:
+        """Whether a guess (N, n) is certified as it is: where outer bodies overlap at an end although the links are
+        free, a solver would only make it worse. Not for timed motions: there may be no time law for it."""
         if self.retimer is not None:
             return False
         before = self.best
@@ -113,11 +115,11 @@ class Search:
             self.best = before
         return certificate.certified
 
-    def _report_step(self, step: Iteration, positions: Floats) -> None:
+    def _report_step(self, step: Iteration, positions: Array) -> None:
         self.report(Event(self.attempts, step=self._numbered(step), positions=positions))
 
     def _numbered(self, step: Iteration) -> Iteration:
-        """A repair's steps go on counting where the attempt's earlier ones ended."""
+        """Number a repair's steps on from the attempt's earlier ones."""
         return replace(step, iteration=len(self.steps) + step.iteration)
 
     @property
@@ -150,8 +152,8 @@ class Search:
         return self.best
 
     def _certify(self, solution: Solution) -> tuple[Certificate, list[int]]:
-        """Certify a motion, and keep it if it is the best so far; return the waypoint intervals that fail, too."""
-        hopeless = solution.status is SolverStatus.STALLED  # seldom certified: the first contact found settles it
+        """Certify a motion, and keep it if it is the best so far; also return the waypoint intervals that fail."""
+        hopeless = solution.status is SolverStatus.STALLED  # rarely certified: the first contact found settles it
         trajectory, parameter = solution.trajectory, None
         if self.retimer is not None:
             trajectory, parameter = self.retimer(trajectory)
@@ -164,16 +166,16 @@ class Search:
             self.best = Best(solution, trajectory, certificate, self.steps, whole=not hopeless)
         self.report(Event(self.attempts, certificate=certificate))
         failed = set(certificate.unproven)
-        if parameter is not None:  # rows in time lie closer than waypoints, and elsewhere
+        if parameter is not None:  # rows in time are denser than waypoints, and lie elsewhere
             last = self.problem.waypoints - 2
             failed = {min(int(parameter[row + end] * (last + 1)), last) for row in failed for end in (0, 1)}
         return certificate, sorted(failed)
 
 
-def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Floats | None]) -> None:
-    """Give each goal its first guesses, then each the next ones, until one is certified after a whole round or time is
-    over. With one goal that is one guess after another. `warm` holds a guess (N, n) that is tried before all others,
-    where a goal has one."""
+def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Array | None]) -> None:
+    """Give each goal its first guesses, then each its next ones, until one is certified after a whole round or time is
+    up. With one goal that is one guess after another. `warm` holds a guess (N, n) per goal, or None, that is tried
+    before all others."""
     lines = [(search, _guesses(search.problem, seed, begin)) for search, begin in zip(searches, warm, strict=True)]
     while not any(search.certified for search in searches):
         for search, guesses in lines:
@@ -182,8 +184,8 @@ def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Floats 
                 return
 
 
-def _guesses(problem: Problem, seed: int, warm: Floats | None) -> Iterator[Guess]:
-    """Yield guesses without end: the one that was given, if any, the straight line, then the roadmap's."""
+def _guesses(problem: Problem, seed: int, warm: Array | None) -> Iterator[Guess]:
+    """Yield guesses without end: the given one, if any, the straight line, then the roadmap's."""
     if warm is not None:
         yield Guess(warm, as_it_is=True)
     ways = seeds(problem, seed)

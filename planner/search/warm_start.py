@@ -6,16 +6,17 @@ import numpy as np
 
 from hdplan.planner.motion.robot_curve import beyond_limits, curve_of
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.problem.problem import Floats, Problem
+from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, naming
 
-MOVED = 1e-6  # [rad] or [m] of an end from which on it is said that the guess was moved there
+MOVED = 1e-6  # [rad] or [m] above which a note says that the guess's ends were moved
 
 
-def rows_of(guess: Trajectory, robot: Robot) -> Floats:
-    """Return the waypoints (R, n) of a guess in the order of the robot's joints. Raises InputError for joints
-    that are missing, unknown or held elsewhere, or leave their limits."""
+def rows_of(guess: Trajectory, robot: Robot) -> Array:
+    """Return the waypoints (R, n) of a guess in the order of the robot's joints. Raises InputError for joints that are
+    missing, unknown or locked elsewhere, or leave their limits."""
     with naming("guess"):
         curve = curve_of(robot, guess)
         if beyond := beyond_limits(curve, robot):
@@ -23,12 +24,12 @@ def rows_of(guess: Trajectory, robot: Robot) -> Floats:
     return curve.rows
 
 
-def warm_start(problem: Problem, rows: Floats, timed: bool) -> tuple[Floats, float]:
+def warm_start(problem: Problem, rows: Array, timed: bool) -> tuple[Array, float]:
     """Return the guess (N, n) that a motion of `rows` (R, n) makes, and how far its ends were moved [rad or m].
 
-    The waypoints of a path are taken as they are where they are as many as the problem has, or else at equal steps of
-    the path; those of a motion in time, which crowd where it is slow, at equal steps of length. Then both ends are
-    moved to the problem's, and what is between along with them, the less the farther away.
+    The waypoints of a path are taken as they are if the problem has as many, or else at equal steps of the path
+    parameter; those of a timed motion, which crowd where it is slow, at equal steps of length. Then both ends are moved
+    to the problem's, and the waypoints between along with them, the less the farther away.
     """
     count = problem.waypoints
     if timed:

@@ -1,5 +1,5 @@
-"""Solvers by name. Each takes a problem and a first guess and gives a `Solution`; none of them claims that a motion
-is free."""
+"""Solvers by name. Each takes a problem and a first guess and returns a `Solution`; none claims that its motion is free
+of collisions."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ import pkgutil
 
 import numpy as np
 
-from hdplan.planner.problem.problem import Floats, Problem
+from hdplan.planner.problem.problem import Problem
 from hdplan.planner.solvers import methods
 from hdplan.planner.solvers.solution import Budget, Solution, Solver
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.values import instance
 
-LARGEST = 1e9  # [rad] or [m] in a guess: beyond, the cost of a joint without limits drowns in rounding
+LARGEST = 1e9  # [rad] or [m] in a guess: above it, the cost of a joint without limits is lost in rounding
 
 DEFAULT = "gauss_newton"
 SOLVERS: dict[str, Solver] = {
@@ -34,7 +35,7 @@ def solver_named(name: str) -> Solver:
 
 
 def solve(
-    problem: Problem, *, solver: str = "gauss_newton", guess: Floats | None = None, budget: Budget | None = None
+    problem: Problem, *, solver: str = "gauss_newton", guess: Array | None = None, budget: Budget | None = None
 ) -> Solution:
     """Solve a problem once, from a first guess (N, n) or the straight line; certify the result before you trust it.
 
@@ -42,18 +43,21 @@ def solve(
         problem: what build returns.
         solver: "gauss_newton", "chomp" or "ipopt".
         guess: the waypoints to begin with (N, n) [rad or m], in the order of the robot's joints.
-        budget: what the solver may spend, and what it reports to.
+        budget: what the solver may spend, and where it reports.
 
-    Raises InputError for an unknown solver, and for a guess of another shape or with values beyond LARGEST.
+    Raises InputError for an unknown solver, for a problem that it cannot solve, and for a guess of another shape or
+    with values beyond LARGEST.
     """
     run = solver_named(solver)
     instance(problem, Problem, "problem")
+    if lacking := run.lacking(problem.scene):
+        raise InputError(f"solver {solver}: {lacking}")
     budget = Budget() if budget is None else budget
     instance(budget, Budget, "budget")
     return run.solve(problem, problem.polyline() if guess is None else _checked(problem, guess), budget)
 
 
-def _checked(problem: Problem, guess: Floats) -> Floats:
+def _checked(problem: Problem, guess: Array) -> Array:
     """Return a guess that a solver can start from."""
     robot, shape = problem.robot, (problem.waypoints, problem.robot.n)
     try:
@@ -62,11 +66,11 @@ def _checked(problem: Problem, guess: Floats) -> Floats:
         raise InputError(f"guess: numbers of shape {shape} are expected") from None
     if positions.shape != shape:
         raise InputError(f"guess: shape {positions.shape}, expected {shape}: waypoints by joints of {robot.name}")
-    beyond = ~(np.abs(positions) <= LARGEST)  # so is what is no number
+    beyond = ~(np.abs(positions) <= LARGEST)  # NaN too
     if beyond.any():
         row, joint = np.argwhere(beyond)[0].tolist()
         raise InputError(
-            f"guess: waypoint {row}, joint '{robot.joint_names[joint]}': {positions[row, joint]:g} is no number up to "
-            f"{LARGEST:g}"
+            f"guess: waypoint {row}, joint '{robot.joint_names[joint]}': {positions[row, joint]:g}, allowed are finite "
+            f"values up to {LARGEST:g}"
         )
     return positions

@@ -1,8 +1,8 @@
-"""The whole problem as one CasADi graph: for general solvers, and as a second witness of the fast evaluation.
+"""The whole problem as one CasADi graph: for general solvers, and as an independent check of the fast evaluation.
 
-The same kinematics, the same distance functions, the same pairs and samples as `Problem.evaluate`, but every pair at
-every sample is there, without a broad phase. Gradient and Hessian are closed forms: the distance's own, chained through
-the geometric Jacobian.
+It has the same kinematics, distance functions, pairs and samples as `Problem.evaluate`, but every pair at every sample,
+without a broad phase. Gradient and Hessian are closed forms: the distance's own, chained through the geometric
+Jacobian.
 """
 
 from __future__ import annotations
@@ -11,35 +11,32 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.symbolic.graph_distance import CLOSED
-from hdplan.distance.symbolic.halfspaces import halfspace_distance
-from hdplan.planner.collision.hdsdf import HdsdfPairs
+from hdplan.planner.problem.clearance import PairTerm
 from hdplan.planner.problem.problem import Problem
-from hdplan.planner.problem.swept_clearance import SweptClearance
-from hdplan.planner.problem.terms import Clearance
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Nlp:
-    """Cost of x = the interior waypoints one after another (M n), bounds, and derivatives. No constraints beside the
-    bounds."""
+    """Cost of x = the interior waypoints one after another (M n), bounds, and derivatives. There are no constraints
+    other than the bounds."""
 
     x: ca.MX
     weight: ca.MX  # of the penalty, a parameter [1/m²]
     cost: ca.MX
     gradient: ca.MX  # (M n)
     hessian: ca.MX  # (M n, M n), banded
-    lower: Floats  # (M n)
-    upper: Floats  # (M n)
+    lower: Array  # (M n)
+    upper: Array  # (M n)
 
 
 def nlp(problem: Problem) -> Nlp:
-    """Write the problem as CasADi expressions."""
+    """Write the problem as CasADi expressions. Raises InputError for a term without exact second derivatives."""
+    if lacking := [term.name for term in problem.terms if not term.symbolic]:
+        raise InputError(f"solver ipopt: needs exact second derivatives, which the term '{lacking[0]}' does not have")
     n, count = len(problem.start), problem.waypoints - 2
     samples = problem.samples
     x, weight = ca.MX.sym("x", n * count), ca.MX.sym("weight")
@@ -52,7 +49,7 @@ def nlp(problem: Problem) -> Nlp:
     hessian = ca.MX(ca.kron(matrix[1:-1, 1:-1], ca.DM.eye(n)))
     to_interior = ca.kron(spread[1:-1, :], ca.DM.eye(n))  # (M n, B n)
     scale, unused = weight * ca.DM(samples.weight), (ca.DM(1, len(samples.weight)), ca.DM(1, n * len(samples.weight)))
-    for term in problem.pair_terms:
+    for term in problem.terms.pairs:
         value, slope, curvature = (function.map(len(samples.weight)) for function in _sample_functions(problem, term))
         cost += ca.dot(scale, value(looks).T)
         gradient += (ca.reshape(slope(looks, unused[0]), n, -1) @ ca.diag(scale)) @ spread.T
@@ -72,37 +69,32 @@ def _interpolation(problem: Problem) -> ca.DM:
     return ca.sparsify(ca.DM(dense))
 
 
-def _sample_functions(problem: Problem, term: Clearance) -> tuple[ca.Function, ca.Function, ca.Function]:
+def _sample_functions(problem: Problem, term: PairTerm) -> tuple[ca.Function, ca.Function, ca.Function]:
     """One sample's penalty ½ Σ_pairs min(D, 0)² as functions of its configuration: value, gradient (1, n), Hessian
-    (n, n). Each is the derivative of the one before to CasADi too, which refuses a third."""
-    if isinstance(term, SweptClearance):
-        raise InputError("solver ipopt: needs exact second derivatives, which planner.swept: true does not have")
-    distance = term.distance
-    if not isinstance(distance, HdsdfPairs):
-        raise InputError(f"solver ipopt: needs exact second derivatives, which {distance.how} does not have")
+    (n, n). CasADi too knows each as the derivative of the one before, and refuses a third."""
+    distance = term.distance.symbolic
+    if distance is None:
+        raise TypeError(f"{term.name}: {term.distance.how} is no CasADi function")
     n, pairs, kinematics = len(problem.start), term.pairs, problem.kinematics
     q = ca.MX.sym("q", n)
     state = kinematics.state(q)
     moved = 12 * kinematics.nj
     placements, columns = ca.reshape(state[:moved], 12, kinematics.nj), ca.reshape(state[moved:], 6, n)
     value, gradient, hessian = ca.MX(0), ca.MX.zeros(n), ca.MX.zeros(n * n)
-    for slots in distance.kernels:
-        chosen = np.flatnonzero(pairs.plane_slots == slots)
-        if len(chosen) == 0:
-            continue
+    for planes in sorted(set(pairs.plane_slots.tolist())):
+        chosen = np.flatnonzero(pairs.plane_slots == planes)
         joint_a, joint_b = pairs.joint_a[chosen], pairs.joint_b[chosen]
         given = (
             placements[:, joint_a.tolist()],
             placements[:, joint_b.tolist()],
             ca.DM(pairs.body_table[pairs.body[chosen]].T),
-            ca.DM(pairs.plane_tables[slots][pairs.plane_row[chosen]].T),
+            ca.DM(pairs.plane_tables[planes][pairs.plane_row[chosen]].T),
             ca.repmat(columns, 1, len(chosen)),
             ca.DM(pairs.moves[chosen].T),
             ca.DM((kinematics.supports[joint_a].astype(float) + kinematics.supports[joint_b]).T),
         )
-        sizes = distance.vertices, slots, distance.gamma, distance.shaping_length
         first, second = (
-            _pair_penalty(halfspace_distance(*sizes, order), n).map(len(chosen))  # each pair in straight-line code
+            _pair_penalty(distance(planes, order), n).map(len(chosen))  # each pair in straight-line code
             for order in (1, 2)
         )
         values, gradients = first(*given)
@@ -120,10 +112,11 @@ def _sample_functions(problem: Problem, term: Clearance) -> tuple[ca.Function, c
 
 def _pair_penalty(distance: ca.Function, n: int) -> ca.Function:
     """One pair's penalty ½ min(D, 0)² with its gradient and, where `distance` gives that of D, its Hessian, in closed
-    form: `halfspace_distance` is not to be differentiated by CasADi.
+    form: CasADi must not differentiate `halfspace_distance`.
 
     With the joints' screws S_j in the world, m_j = 1, −1 or 0 as joint j moves A only, B only or both (or neither), c_j
-    how many of them it carries, and w, H the derivatives of D by a motion of A in the world:
+    the number of the two bodies that it carries, and w, H the derivatives of D with respect to a motion of A in the
+    world:
 
         ∂D/∂q_j = m_j w·S_j        ∂²D/∂q_j∂q_k = m_j m_k S_j·H S_k + ½ m_j c_k w·[S_j, S_k],   j nearer the base than k
     """

@@ -1,8 +1,7 @@
-"""What every solver gets beside the problem, what it gives back, and the schedule of penalty weights that they share.
+"""What every solver gets besides the problem, what it returns, and the schedule of penalty weights that all share.
 
-The penalty's weight w starts low, so that the motion moves as a whole, and is raised whenever progress stalls with
-bodies still too close: the continuation of a quadratic penalty method (Nocedal & Wright, Numerical Optimization,
-section 17.1).
+The penalty weight w starts low, so that the motion moves as a whole, and is raised whenever progress stalls with bodies
+still too close: a quadratic penalty method with continuation (Nocedal & Wright, Numerical Optimization, section 17.1).
 """
 
 from __future__ import annotations
@@ -14,17 +13,15 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.problem import Evaluation, Problem
-from hdplan.scenes.model import Scene
-
-Floats = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.scene import Scene
 
 
 class SolverStatus(enum.Enum):
-    """Why a solver stopped; each value says cause and remedy."""
+    """Why a solver stopped; each value names the cause and the remedy."""
 
     CLEAR = "every sample keeps its distance: the motion is ready for the certificate"
     STALLED = "the penalty stopped falling with bodies still too close: a local minimum; try another seed"
@@ -35,11 +32,11 @@ class SolverStatus(enum.Enum):
 
 FIRST_WEIGHT, LAST_WEIGHT, RAISE = 6e3, 3e8, 6.0  # of the penalty [1/m²]
 SLOW = 0.01  # relative decrease below which a step counts as stalled
-REFUSED = 1 / 3  # of a stalled step: what a refused one counts, as the next is another try at the same
-GIVE_UP = 9  # refused steps in a row: three weights in vain
+REFUSED = 1 / 3  # a refused step counts as this share of a stalled one, as the next is another try at the same
+GIVE_UP = 9  # refused steps in a row, the patience of three weights
 ENOUGH = 0.5  # share of the activation band that may be used up when the motion counts as clear
-SAME = 1e-9  # relative difference of two costs that are one but for rounding: large sums cancel in them
-ENDS = 0.2  # share of the duration over which an end that is itself too close excuses the motion beside it
+SAME = 1e-9  # relative difference of two costs that are equal up to rounding: large sums cancel in them
+ENDS = 0.2  # share of the duration over which an end that is itself too close excuses the motion next to it
 
 
 @dataclass(frozen=True)
@@ -53,7 +50,7 @@ class Iteration:
     weight: float  # of the penalty
 
 
-def _silent(step: Iteration, positions: Floats) -> None:
+def _silent(step: Iteration, positions: Array) -> None:
     pass
 
 
@@ -68,10 +65,10 @@ class Budget:
     deadline: float = float("inf")  # time.perf_counter() at which to stop
     iterations: int = 1000
     first_weight: float = FIRST_WEIGHT  # of the penalty [1/m²]
-    report: Callable[[Iteration, Floats], None] = _silent
-    """Called once per iteration, with the waypoints (N, n) that it ended at."""
+    report: Callable[[Iteration, Array], None] = _silent
+    """Called once per iteration, with the waypoints (N, n) at its end."""
     stop: Callable[[], bool] = _never
-    """Asked once per iteration: whether to end with what there is."""
+    """Asked once per iteration whether to stop with the best motion so far."""
 
     def spent(self) -> bool:
         """Whether the deadline has passed."""
@@ -80,7 +77,7 @@ class Budget:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A motion and how it was found; only a certificate says whether it is free."""
+    """A motion and how it was found; only a certificate proves that it is free of collisions."""
 
     trajectory: Trajectory
     status: SolverStatus
@@ -89,20 +86,20 @@ class Solution:
     seconds: float
 
     def __repr__(self) -> str:
-        """Say how it ended."""
+        """Name the outcome."""
         return f"<Solution: {self.status.name.lower()} after {self.iterations} iterations, {self.trajectory.extent}>"
 
     @property
     def iterations(self) -> int:
-        """How many steps were taken."""
+        """The number of steps taken."""
         return len(self.steps)
 
 
 class Progress:
-    """Keeps the steps, tells when to raise the penalty's weight and when to stop."""
+    """Records the steps, and decides when to raise the penalty weight and when to stop."""
 
     def __init__(self, problem: Problem, budget: Budget, patience: int) -> None:
-        """Start at the budget's first weight; `patience` stalled steps in a row end a weight."""
+        """Start at the budget's first weight, which is raised after `patience` stalled steps in a row."""
         self.patience = patience
         self.problem = problem
         self.began = time.perf_counter()
@@ -124,7 +121,7 @@ class Progress:
             self.status = SolverStatus.ITERATIONS
         return self.status is None
 
-    def step(self, before: float, state: Evaluation, positions: Floats) -> bool:
+    def step(self, before: float, state: Evaluation, positions: Array) -> bool:
         """Record a step from cost `before` to `state` at `positions` (N, n), at the same weight; True if the weight was
         raised after it."""
         depth = float(state.depth.max(initial=0.0))
@@ -144,8 +141,8 @@ class Progress:
             return True
         return False
 
-    def go_on(self, before: float, state: Evaluation, positions: Floats) -> None:
-        """Record one more step of a clear motion, and look on if it brought much."""
+    def go_on(self, before: float, state: Evaluation, positions: Array) -> None:
+        """Record one more step of a clear motion, and continue if it gained much."""
         self.status = None
         self.step(before, state, positions)
         if self.stalled:
@@ -157,33 +154,33 @@ class Progress:
 
     @contextlib.contextmanager
     def until_interrupted(self) -> Iterator[None]:
-        """Turn Ctrl-C into a status: what was found by then is kept."""
+        """Turn Ctrl-C into a status: what has been found is kept."""
         try:
             yield
         except KeyboardInterrupt:
             self.status = SolverStatus.INTERRUPTED
 
-    def solution(self, positions: Floats) -> Solution:
+    def solution(self, positions: Array) -> Solution:
         """Wrap up."""
         trajectory = Trajectory(self.problem.robot.joint_names, positions, self.problem.robot.locked)
         seconds = time.perf_counter() - self.began
         return Solution(trajectory, self.status or SolverStatus.ITERATIONS, self.weight, tuple(self.steps), seconds)
 
 
-def _allowed_depth(problem: Problem) -> Floats:
-    """How deep inside its margin each sample (B,) may be in a clear motion [m]: more near an end that is deep
-    itself, since no motion can do better there."""
-    time_ = problem.samples.time
+def _allowed_depth(problem: Problem) -> Array:
+    """How deep inside its margin each sample (B,) may be in a clear motion [m]: more near an end that is itself deep,
+    since no motion can do better there."""
+    parameter = problem.samples.parameter
     start, goal = problem.depth(np.array([problem.start, problem.goal]), np.array([0.0, 1.0]))
-    excused = np.maximum(start * (1 - time_ / ENDS), goal * (1 - (1 - time_) / ENDS))
-    allowed: Floats = np.maximum(ENOUGH * problem.scene.planner.activation, excused)
+    excused = np.maximum(start * (1 - parameter / ENDS), goal * (1 - (1 - parameter) / ENDS))
+    allowed: Array = np.maximum(ENOUGH * problem.scene.planner.activation, excused)
     return allowed
 
 
 @dataclass(frozen=True)
 class Solver:
-    """A way to solve a problem, and what it can take."""
+    """A solver, and what it can handle."""
 
-    solve: Callable[[Problem, Floats, Budget], Solution]  # from a first guess (N, n)
-    lacking: Callable[[Scene], str | None] = lambda scene: None  # what a scene asks for that it cannot do, in words
-    live: bool = True  # whether every step of it is soon enough to be watched
+    solve: Callable[[Problem, Array, Budget], Solution]  # from a first guess (N, n)
+    lacking: Callable[[Scene], str | None] = lambda scene: None  # says what it cannot do that a scene asks for
+    live: bool = True  # whether its steps come often enough to be watched

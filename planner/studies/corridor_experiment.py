@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.certificate.certifier import Certifier
@@ -31,12 +30,16 @@ from hdplan.planner.control.settings import ControlSettings
 from hdplan.planner.control.tasks import least_squares
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch, kinematics_of
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Box, JointTarget, Obstacle, Pose, RobotSpec, Scene, Vector3
+from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import read_only
-
-Array = NDArray[np.float64]
+from hdplan.scenes.poses import Pose, Vector3
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box
+from hdplan.scenes.targets import JointTarget
 
 START = (1.0582, -1.3811, 0.3629, -1.9647, -0.959, 1.4881, -0.1534)  # [rad]
 WALLS: dict[str, tuple[Vector3, Vector3]] = {  # centre and sides [m]
@@ -222,12 +225,13 @@ def tool_task(robot: Robot) -> AxesTask:
 def run_variant(variant: Variant, duration: float = DURATION) -> Outcome:
     """Run one variant, and measure it with the exact distance along the way."""
     scene = corridor_scene()
-    robot = load_scene_robot(scene)
+    setup = Setup.of(scene)
+    robot = setup.robot
     kinematics, bodies, self_pairs = kinematics_of(robot), link_boxes(), link_box_pairs()
     barriers = Barriers(robot, kinematics, bodies, self_pairs, _planes(variant.growth), variant.settings.barriers)
     exact = Barriers(robot, kinematics, bodies, self_pairs, _planes(0.0), VARIANTS[0].settings.barriers)
     task = tool_task(robot)
-    certifier = Certifier(scene, robot)
+    certifier = Certifier(setup)
     watch = _Watch(barriers, exact, certifier, variant.settings.period)
     run = simulate(Controller(robot, barriers, variant.settings), np.array(START), task, duration, until_met=False,
                    watch=watch)  # fmt: skip

@@ -22,7 +22,7 @@ def corridor_sheet(outcomes: Sequence[Outcome]) -> Figure:
         figure = Figure(figsize=(8.6, 2.4 + 1.35 * len(shown) + 2.6), dpi=150, facecolor="white")
         heights = [1.0] * len(shown) + [1.9]
         rows = figure.add_gridspec(
-            len(heights), 1, height_ratios=heights, left=0.085, right=0.985, bottom=0.07, top=0.9, hspace=0.42
+            len(heights), 1, height_ratios=heights, left=0.085, right=0.985, bottom=0.05, top=0.895, hspace=0.45
         )
         figure.text(0.02, 0.965, "A Panda of boxes enters a corridor", fontsize=15, weight="bold", va="center")
         figure.text(

@@ -22,7 +22,7 @@ from hdplan.planner.studies.report import (
     short,
     write_report,
 )
-from hdplan.scenes.model import PlannerSettings
+from hdplan.scenes.planner_settings import PlannerSettings
 
 if TYPE_CHECKING:
     from hdplan.distance.studies.accuracy import Entry, Study

@@ -17,10 +17,10 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from hdplan.distance.studies.accuracy import BANDS, Entry, Study, pareto_front
 from hdplan.planner.pictures.style import CONTACT, FIXED, FRAME, GOOD, GREY, INK, OTHER_RUNG, RC, RUNG_STYLES
-from hdplan.scenes.model import PlannerSettings
+from hdplan.scenes.planner_settings import PlannerSettings
 
 GAP = 1e-2  # [m] at which false positives are compared
-GAMMAS = {1: "#CFE3F2", 2: "#7FB2D9", 4: "#2F78B7", 8: "#0B3A6B"}  # light to dark: told apart in grey, too
+GAMMAS = {1: "#CFE3F2", 2: "#7FB2D9", 4: "#2F78B7", 8: "#0B3A6B"}  # light to dark: distinct in grey, too
 FRONTS: dict[str, dict[str, Any]] = {
     "float64": {"linewidth": 6, "alpha": 0.25, "solid_capstyle": "round"},
     "float32": {"linewidth": 1.2, "linestyle": (0, (4, 2))},
@@ -63,7 +63,7 @@ def _title(figure: Figure, found: Study, choice: Entry) -> None:
         f"take {s.normals}, gamma {s.gamma}, shaping length {_length(s.shaping_length)}: {rate:.2g} % of gaps over "
         f"{_length(GAP)} taken for contact, value and gradient in {1e6 * choice.seconds['gradient']:.2g} µs"
     )
-    figure.text(0.02, 0.932, take, color=GOOD, fontsize=11, weight="bold", va="center")
+    figure.text(0.02, 0.932, take, color=GOOD, fontsize=10, weight="bold", va="center")
     pairs = len(found.bodies)
     about = f"mean of {pairs} pairs of bodies" if pairs > 1 else found.bodies[0]
     part = "" if found.complete else ", interrupted: what was measured till then"

@@ -14,7 +14,7 @@ from hdplan.planner.pictures.style import CONTACT, FIXED, GREY, INK, RC, ROBOT_T
 
 SMOOTH = (START, ROBOT_TO_OBSTACLES)  # colours of the HD-SDF's curves
 QUANTITIES = (("value", "distance [m]"), ("rate", "first derivative [m/s]"), ("second", "second derivative [m/s²]"))
-ROOM = (1.5, 1.12)  # [m] shown of a snapshot, from its middle
+ROOM = (1.5, 1.2)  # [m] shown of a snapshot, from its middle
 STEEPEST = 11.0  # [m/s²] shown of the second derivative: the rest belongs to the flat spot at contact
 
 
@@ -28,7 +28,7 @@ def kinks_sheet(found: Kinks) -> Figure:
             "the HD-SDF (gamma 2) has none.", va="center",
         )  # fmt: skip
         rows = figure.add_gridspec(
-            4, 1, height_ratios=(0.88, 1.3, 1.3, 1.3), left=0.085, right=0.985, bottom=0.055, top=0.935, hspace=0.16
+            4, 1, height_ratios=(0.92, 1.3, 1.3, 1.3), left=0.085, right=0.985, bottom=0.055, top=0.92, hspace=0.16
         )
         shots = rows[0].subgridspec(1, max(len(found.kinks), 1), wspace=0.03)
         for number, kink in enumerate(found.kinks):

@@ -27,7 +27,7 @@ from hdplan.planner.studies.report import (
     write_report,
 )
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
     from hdplan.planner.studies.planning_runs import Run, Runs, Variant

@@ -16,7 +16,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.studies.stopwatch import seconds_per_query
 from hdplan.planner.build import build
@@ -26,12 +25,13 @@ from hdplan.planner.plan import plan
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import settled
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import PlannerSettings, Scene
+from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.scene import Scene
 
-Floats = NDArray[np.float64]
 Value = str | int | float
 
 DEFAULTS: Mapping[str, Value] = {
@@ -109,8 +109,8 @@ class Run:
     clearance: float | None  # [m] proven
     length: float | None  # of the path in joint space [rad]; None without a certified motion
     acceleration: float | None  # integrated squared, over a duration of one [rad²]; likewise
-    lost: Floats = field(repr=False)  # (K,) d − D̃ [m]
-    off: Floats = field(repr=False)  # (K',) |D − D̃| [m] of the deepest pair, where the penalty acts
+    lost: Array = field(repr=False)  # (K,) d − D̃ [m]
+    off: Array = field(repr=False)  # (K',) |D − D̃| [m] of the deepest pair, where the penalty acts
 
     @property
     def first(self) -> bool:
@@ -179,8 +179,8 @@ class _Situation:
 
     scene: Scene
     robot: Robot
-    near: Floats  # (K, n)
-    distance: Floats  # (K,) exact, 0 to NEAR [m]
+    near: Array  # (K, n)
+    distance: Array  # (K,) exact, 0 to NEAR [m]
 
 
 def _situation(scene: Scene, wanted: int, stop: Callable[[], bool]) -> _Situation:
@@ -188,9 +188,8 @@ def _situation(scene: Scene, wanted: int, stop: Callable[[], bool]) -> _Situatio
 
     Raises InputError for a scene that cannot be planned.
     """
-    robot = load_scene_robot(scene)
-    scene = settled(scene, robot)
-    query, certifier = resolve_query(robot, scene), Certifier(scene, robot)
+    setup = settled(Setup.of(scene))
+    scene, robot, query, certifier = setup.scene, setup.robot, setup.query, Certifier(setup)
     for end, q in (("start", query.start), ("goal", query.goal)):
         if touching := certifier.contacts(q):
             raise InputError(f"{scene.source}: {end}: in collision: {touching[0].link} and {touching[0].other}")
@@ -243,11 +242,11 @@ def _timed_plan(
     return time.process_time() - begin, result
 
 
-def _lost(scene: Scene, situation: _Situation) -> tuple[Floats, float | None]:
+def _lost(scene: Scene, situation: _Situation) -> tuple[Array, float | None]:
     """Return d − D̃ (K,) and the time of one pair's D and derivative, from a problem that sees as far as NEAR."""
     settings = replace(scene.planner, clearance=NEAR)
     problem = build(replace(scene, planner=settings), situation.robot)
-    term = next((term for term in problem.pair_terms if term.name == "obstacles"), None)
+    term = problem.terms.obstacles
     if term is None or not len(situation.near):
         return np.empty(0), None
     kinematics = problem.kinematics.evaluate(situation.near)
@@ -258,9 +257,9 @@ def _lost(scene: Scene, situation: _Situation) -> tuple[Floats, float | None]:
     return situation.distance - (separation + NEAR + settings.activation), seconds
 
 
-def _off(problem: Problem, situation: _Situation) -> Floats:
+def _off(problem: Problem, situation: _Situation) -> Array:
     """Return |D − D̃| (K',) of the deepest pair at each configuration where the penalty acts."""
-    term = next((term for term in problem.pair_terms if term.name == "obstacles"), None)
+    term = problem.terms.obstacles
     if term is None or not len(situation.near):
         return np.empty(0)
     inside = term.inside(problem.kinematics.evaluate(situation.near))

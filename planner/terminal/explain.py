@@ -12,20 +12,15 @@ from collections import Counter
 import numpy as np
 
 from hdplan.planner.geometry.shapes import operations
+from hdplan.planner.problem.clearance import PairTerm
 from hdplan.planner.problem.problem import Problem
-from hdplan.planner.problem.terms import Clearance
-from hdplan.planner.robot.joint_limits import acceleration_limits, jerk_limits, torque_limits, velocity_limits
 from hdplan.planner.robot.robot import ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS
 from hdplan.planner.terminal.explain_cost import functions, trial
 from hdplan.planner.terminal.explain_effects import counted, effects
-from hdplan.scenes.model import (
-    Goals,
-    JointTarget,
-    PlannerSettings,
-    PoseTarget,
-    SteadyMotion,
-    TimedPoses,
-)
+from hdplan.scenes.limits import QUANTITIES
+from hdplan.scenes.obstacles import SteadyMotion, TimedPoses
+from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 
 Rows = list[tuple[str, str]]
 
@@ -89,35 +84,32 @@ def _choice(goal: JointTarget | Goals) -> Rows:
 
 def _joints(problem: Problem) -> Rows:
     """One row for each joint: from where to where, its range, and what it can do where that matters."""
-    robot, scene = problem.robot, problem.scene
+    robot = problem.robot
     width = max(map(len, robot.joint_names))
-    most = [
-        (limits(scene, robot), unit)
-        for limits, unit in (
-            (velocity_limits, "/s"),
-            (acceleration_limits, "/s²"),
-            (jerk_limits, "/s³"),
-            (torque_limits, " N"),
-        )
-    ]
+    most = [(limit, QUANTITIES[quantity].units) for quantity, limit in problem.setup.limits.items()]
     rows: Rows = []
     for i, joint in enumerate(robot.joint_names):
         low, high = robot.lower[i], robot.upper[i]
         limits = f"limits {low:7.4g} to {high:<7.4g}" if np.isfinite([low, high]).all() else f"{'turns freely':25}"
-        own = " ".join(f"{limit[i]:.4g}{unit}" for limit, unit in most if limit is not None)
-        if own.endswith(" N") and not robot.model.joints[i + 1].shortname().startswith("JointModelP"):
-            own += "m"
+        slides = robot.model.joints[i + 1].shortname().startswith("JointModelP")
+        own = " ".join(f"{limit[i]:.4g}{_per(units[slides])}" for limit, units in most)
         row = f"{problem.start[i]:8.4g} → {problem.goal[i]:8.4g}  {limits} {own}"
         rows.append((f"{joint:{width}}", row.rstrip()))
     return rows
+
+
+def _per(unit: str) -> str:
+    """Shorten a unit for a table of joints: rad and m go without saying."""
+    per = unit.removeprefix("rad").removeprefix("m")
+    return per if per.startswith("/") else f" {per}"
 
 
 def _obstacles(problem: Problem) -> Rows:
     """One row for each obstacle: its shape, its own clearance, how it moves, and how much of the robot can reach it."""
     pieces = Counter(piece.name for piece in problem.halfspace_bodies)
     met: Counter[str] = Counter()
-    if standing := _term(problem, "obstacles"):
-        met = Counter(problem.halfspace_bodies[index].name for index in standing.pairs.plane_body.tolist())
+    if standing := problem.terms.obstacles:
+        met = Counter(problem.halfspace_bodies[index].name for index in standing.pairs.halfspace_body.tolist())
     moving = sum(body.joint > 0 for body in problem.bodies)
     rows: Rows = []
     for obstacle in problem.scene.obstacles[:MOST_OBSTACLES]:
@@ -160,23 +152,24 @@ def _pairs(problem: Problem) -> Rows:
     moving = sum(body.joint > 0 for body in problem.bodies)
     standing = [obstacle.name for obstacle in problem.scene.standing]
     if total := moving * sum(piece.name in standing for piece in problem.halfspace_bodies):
-        kept = _kept(problem, "obstacles")
+        kept = _kept(problem.terms.obstacles)
         why = "" if kept == total else f"; {total - kept} can never meet within the joint limits"
         rows.append(("robot and obstacles", f"{kept} of {total} pairs of bodies kept{why}"))
     if total := moving * sum(piece.name not in standing for piece in problem.halfspace_bodies):
-        rows.append(("moving obstacles", f"{_kept(problem, 'moving obstacles')} of {total} pairs of bodies kept"))
+        rows.append(("moving obstacles", f"{_kept(problem.terms.moving_obstacles)} of {total} pairs of bodies kept"))
     links = len(robot.links)
     if total := links * (links - 1) // 2:
         named = set(robot.links)
         reasons = Counter(reason for pair, reason in robot.unchecked.items() if named.issuperset(pair))
-        told = ", ".join(f"{count} {REASONS.get(reason, f'by {reason}')}" for reason, count in reasons.most_common())
+        counts = (f"{count} {REASONS.get(reason, f'by {reason}')}" for reason, count in reasons.most_common())
+        excluded = f"; excluded: {', '.join(counts)}" if reasons else ""
         rows.append(
             (
                 "links and held objects" if robot.attached else "links",
-                f"{len(robot.self_pairs)} of {total} pairs checked" + (f"; told apart: {told}" if told else ""),
+                f"{len(robot.self_pairs)} of {total} pairs checked{excluded}",
             )
         )
-    kept = _kept(problem, "self-collision")
+    kept = _kept(problem.terms.self_collision)
     if total := kept + len(problem.apart):
         apart = Counter("-".join(sorted(problem.bodies[index].link for index in pair)) for pair in problem.apart)
         most = ", ".join([*list(apart)[:MOST_NAMED], *(["…"] if len(apart) > MOST_NAMED else [])])
@@ -192,7 +185,7 @@ def _pairs(problem: Problem) -> Rows:
 
 def _size(problem: Problem) -> Rows:
     unknowns = (problem.waypoints - 2) * problem.robot.n
-    how = ", ".join(sorted({term.distance.how for term in problem.pair_terms})) or "not needed"
+    how = ", ".join(sorted({term.distance.how for term in problem.terms.pairs})) or "not needed"
     return [
         ("unknowns", f"{unknowns}: {problem.waypoints - 2} free waypoints × {counted(problem.robot.n, 'joint')}"),
         ("looked at", f"{len(problem.samples.weight)} configurations between the waypoints"),
@@ -211,10 +204,5 @@ def _settings(problem: Problem) -> Rows:
     return rows
 
 
-def _term(problem: Problem, name: str) -> Clearance | None:
-    return next((term for term in problem.pair_terms if term.name == name), None)
-
-
-def _kept(problem: Problem, name: str) -> int:
-    term = _term(problem, name)
+def _kept(term: PairTerm | None) -> int:
     return len(term.pairs) if term else 0

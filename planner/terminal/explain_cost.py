@@ -6,17 +6,16 @@ In: a built `Problem`. Out: (name, value) rows; sizes are exact, times measured 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.kinematics.forward import KinematicsBatch
-from hdplan.planner.problem.problem import Floats, Problem
-from hdplan.planner.problem.swept_clearance import SweptClearance
-from hdplan.planner.problem.terms import Clearance, MotionTerm, Term
+from hdplan.planner.problem.problem import Problem
+from hdplan.planner.problem.terms import Term
 from hdplan.planner.solvers.solution import FIRST_WEIGHT
+from hdplan.scenes.array_types import Array
 
 Rows = list[tuple[str, str]]
 
@@ -27,25 +26,14 @@ def functions(problem: Problem) -> Rows:
     """Return a row for each compiled function: instructions of one evaluation, nodes of its expression."""
     rows = [("kinematics", _sizes(problem.kinematics.state))]
     for term in problem.terms:
-        found = list(_compiled(term))
-        rows += [(f"{term.name}{which}", _sizes(function)) for which, function in found]
-        if not found:
+        rows += [(f"{term.name}, {purpose}", _sizes(run.function)) for purpose, run in term.functions.items()]
+        if not term.functions:
             rows.append((term.name, "nothing compiled: NumPy, or a library"))
     if problem.scene.limits.torque is not None:
         from hdplan.planner.kinematics.inverse_dynamics import dynamics_of
 
-        rows.append(("law of time, torques", _sizes(dynamics_of(problem.scene, problem.robot).function)))
+        rows.append(("timing, torques", _sizes(dynamics_of(problem.setup).function)))
     return rows
-
-
-def _compiled(term: Term | MotionTerm) -> Iterator[tuple[str, Any]]:
-    """The functions that a term calls, by what tells them apart."""
-    if isinstance(term, Clearance) and isinstance(term.distance, HdsdfPairs):
-        for count in sorted(set(term.pairs.plane_slots.tolist())):
-            yield f", {count} planes", term.distance.kernels[count].function
-    if isinstance(term, SweptClearance):
-        for count in sorted(set(term.pairs.plane_slots.tolist())):
-            yield f", {count} planes, swept", term.kernels[count].function
 
 
 def _sizes(function: Any) -> str:
@@ -77,11 +65,14 @@ def trial(problem: Problem) -> Rows:
     return [("measured", place), *rows, ("all, with derivatives", f"{evaluated * 1e3:7.3f} ms")]
 
 
-def _run(term: Term | MotionTerm, problem: Problem, kinematics: KinematicsBatch, line: Floats) -> Callable[[], float]:
+def _run(term: Term, problem: Problem, kinematics: KinematicsBatch, line: Array) -> Callable[[], float]:
     """What one evaluation of a term takes; it returns the term's cost."""
-    if isinstance(term, MotionTerm):
-        return lambda: term.over_motion(line, problem.kinematics.evaluate(line)).cost
-    return lambda: term.value(kinematics, problem.samples).cost
+
+    def run() -> float:
+        found = (term.at_samples(kinematics, problem.samples), term.over_motion(line, problem.kinematics))
+        return sum(penalty.cost for penalty in found if penalty)
+
+    return run
 
 
 def _median(run: Callable[[], object]) -> float:

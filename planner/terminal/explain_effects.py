@@ -5,14 +5,19 @@ In: a built `Problem`. Out: `Effect`s in reading order.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from hdplan.planner.problem.lay_out import self_margin
 from hdplan.planner.problem.problem import Problem
-from hdplan.scenes.model import Goals, JointValues, Pose, PoseTarget, Scene, Timing
+from hdplan.planner.robot.joint_limits import DERIVATIVES, asked_limits
+from hdplan.scenes.limits import QUANTITIES, JointValues
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import Goals, PoseTarget
+from hdplan.scenes.timing import Timing
 
 
 class Effect(NamedTuple):
@@ -58,7 +63,7 @@ def _joint_limits(problem: Problem) -> tuple[Effect, ...]:
 def _standing(problem: Problem) -> Effect:
     scene, settings = problem.scene, problem.scene.planner
     standing = scene.standing
-    if not _has(problem, "obstacles"):
+    if problem.terms.obstacles is None:
         if not problem.bodies:
             return Effect("obstacles", "", "no link has collision geometry")
         why = "every obstacle is out of the robot's reach" if standing else "needs obstacles[]"
@@ -75,13 +80,13 @@ def _moving(problem: Problem) -> Effect:
     words = f"{count}; each sample of the motion meets them where they are at its time"
     return Effect(
         "moving obstacles",
-        words if _has(problem, "moving obstacles") else "",
+        words if problem.terms.moving_obstacles else "",
         "no link has collision geometry" if count else "needs obstacles[].motion, with timing.duration",
     )
 
 
 def _self_collision(problem: Problem) -> Effect:
-    if _has(problem, "self-collision"):
+    if problem.terms.self_collision:
         held = " or held objects" if problem.robot.attached else ""
         clearance = problem.scene.self_collision.clearance
         why = f"clearance {clearance:g} m" if clearance else "by default"
@@ -144,7 +149,7 @@ def _numbers(vector: Sequence[float]) -> str:
 
 
 def _timed(problem: Problem) -> tuple[Effect, ...]:
-    scene, limits = problem.scene, problem.scene.limits
+    scene = problem.scene
     timing = scene.timing or Timing()
     rows = f"{timing.rate:g} rows per second"
     if not scene.timed:
@@ -154,37 +159,40 @@ def _timed(problem: Problem) -> tuple[Effect, ...]:
     else:
         share = f" × {timing.scale:g}" if timing.scale < 1.0 else ""
         law = f"the fastest within the limits (TOPP-RA, smoothed){share}, {rows}"
-    rates = {
-        "velocity": "urdf" if limits.velocity is None and scene.timed else limits.velocity,
-        "acceleration": limits.acceleration,
-        "jerk": limits.jerk,
-    }
-    kept = [f"{quantity} ({_origin(value)})" for quantity, value in rates.items() if value is not None]
-    sought = "; the law of time is fixed, so what comes close to that of velocity is penalized" * bool(scene.moving)
+    asked = asked_limits(scene)
+    kept = [f"{quantity} ({_origin(asked[quantity])})" for quantity in DERIVATIVES if quantity in asked]
+    sought = "; the time law is fixed, so what comes close to that of velocity is penalized" * bool(scene.moving)
+    others = [quantity for quantity in QUANTITIES if quantity not in DERIVATIVES]
     return (
         Effect("times", law, "needs timing.duration, or limits.acceleration"),
-        Effect(
-            "limits of rates", ", ".join(kept) + sought, "needs limits.velocity, limits.acceleration or limits.jerk"
+        Effect("limits of rates", ", ".join(kept) + sought, f"needs {_either(DERIVATIVES)}"),
+        *(
+            Effect(f"limits of {name}", _driven(problem, name, asked.get(name)), f"needs limits.{name}")
+            for name in others
         ),
-        Effect("limits of torque", _torque(problem), "needs limits.torque"),
     )
 
 
-def _torque(problem: Problem) -> str:
-    """What keeps torques within limits: the law of time, and the motion's shape where gravity may be too much."""
-    limits = problem.scene.limits.torque
+def _either(quantities: Iterable[str]) -> str:
+    *others, last = (f"limits.{quantity}" for quantity in quantities)
+    return f"{', '.join(others)} or {last}"
+
+
+def _driven(problem: Problem, quantity: str, limits: JointValues | None) -> str:
+    """What keeps such a limit: the timing, and the motion's shape where gravity may be too much for a joint."""
     if limits is None:
         return ""
-    from hdplan.planner.problem.gravity_torque import ARM, StaticTorque
+    if quantity != "torque":
+        return f"{_origin(limits)}: kept by the timing"
+    from hdplan.planner.problem.gravity_torque import ARM
     from hdplan.planner.problem.hinge import BAND
-    from hdplan.planner.robot.loads import loaded_model, moved_mass
+    from hdplan.planner.robot.loads import moved_mass
 
-    mass = moved_mass(loaded_model(problem.scene, problem.robot))
-    words = f"{_origin(limits)}, moving {mass:.3g} kg: kept by the law of time"
-    for term in problem.terms:
-        if isinstance(term, StaticTorque):
-            joints = ", ".join(problem.robot.joint_names[i] for i in term.measure.joints.tolist())
-            return f"{words}; grows where gravity alone takes {1 - BAND / ARM:.0%} of the limit of {joints}"
+    mass = moved_mass(problem.setup.loaded_model)
+    words = f"{_origin(limits)}, moving {mass:.3g} kg: kept by the timing"
+    if term := problem.terms.static_torque:
+        joints = ", ".join(problem.robot.joint_names[i] for i in term.measure.joints.tolist())
+        return f"{words}; grows where gravity alone takes {1 - BAND / ARM:.0%} of the limit of {joints}"
     return f"{words}; no term, as gravity alone overloads no joint"
 
 
@@ -192,7 +200,3 @@ def _origin(values: JointValues) -> str:
     if values == "urdf":
         return "the URDF's"
     return "by joint" if isinstance(values, Mapping) else "the scene's"
-
-
-def _has(problem: Problem, name: str) -> bool:
-    return any(term.name == name for term in problem.terms)

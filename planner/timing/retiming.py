@@ -1,4 +1,4 @@
-"""When the motion is where: a smooth curve through a planned path, and a law of time along it.
+"""When the motion is where: a smooth curve through a planned path, and a time law along it.
 
 Waypoints and the scene's limits -> a `Trajectory` with times, velocities and accelerations, whose quintics between rows
 are what is executed and certified.
@@ -7,17 +7,16 @@ are what is executed and certified.
 many control points as waypoints, each on the polyline at its Greville abscissa (Schoenberg's variation diminishing
 approximation): twice differentiable, with the polyline's ends, and within its hull, so within the joint limits.
 
-*The law* (`time_laws`). The fastest within the limits is TOPP-RA's (Pham & Pham, "A New Approach to Time-Optimal Path
-Parameterization Based on Reachability Analysis", T-RO 2018), averaged over a window, then stretched in time until every
-limit holds on the executed curve, by bounds and not at samples: by k, velocities fall by k, accelerations by k², jerks
-by k³. Of several windows that with the shortest motion is taken. Limits of torque, where the scene has them, hold too:
-what moving takes of them falls by k², what gravity takes does not. With `timing.duration` it is the law of minimum
-jerk; only where that breaks a limit and no obstacle moves is it the fastest one, stretched to the duration.
+*The time law* (`time_laws`). The fastest within the limits is TOPP-RA's (Pham & Pham, "A New Approach to Time-Optimal
+Path Parameterization Based on Reachability Analysis", T-RO 2018), averaged over a window, then stretched in time until
+every limit holds on the executed curve (`limits`). Of several windows the one with the shortest motion is taken. With
+`timing.duration` it is the law of minimum jerk; only where that breaks a limit and no obstacle moves is it the fastest
+one, stretched to the duration.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,14 +24,11 @@ from scipy.interpolate import BSpline
 
 from hdplan.planner.motion.curve import Curve, row_count
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.joint_limits import rate_limits, torque_limits
-from hdplan.planner.robot.robot import Robot
-from hdplan.planner.timing.time_laws import Averaged, Law, MinimumJerk
+from hdplan.planner.robot.setup import Setup
+from hdplan.planner.timing.limits import PathLook, timing_limits
+from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, TimeLaw
 from hdplan.scenes.errors import HdplanError, InputError
-from hdplan.scenes.model import MOST_ROWS, Scene, Timing
-
-if TYPE_CHECKING:
-    from hdplan.planner.kinematics.inverse_dynamics import InverseDynamics
+from hdplan.scenes.timing import MOST_ROWS, Timing
 
 Array = NDArray[np.float64]
 
@@ -42,11 +38,7 @@ LEAST_WINDOW, MOST_WINDOW = 0.01, 1.0  # [–] of the fastest motion's duration
 FEWEST_ROWS = 2  # in a window
 LOOKS = 400  # at a law, to compare windows
 STRETCHES = 20  # at most, each by a little more than what is missing
-MARGIN = 1e-6  # [–] by which a limit is kept more than needed
 TIGHT = 0.99  # [–] of what could be stretched that is not worth another try
-TORQUE_LOOKS = 2  # between two rows
-TORQUE_MARGIN = 2e-3  # [–] of the torques' limits that is left: they are looked at, not bounded
-TORQUE_ROOM = 5e-3  # [–] of a torque's limit: where gravity leaves less, a motion would take minutes to creep past
 INSET = 1e-4  # [rad] or [m]
 STANDS = 1e-9  # [rad] or [m] below which a path leads nowhere
 
@@ -61,19 +53,19 @@ class Timed(NamedTuple):
 class Retimer:
     """Gives paths of one scene their times."""
 
-    def __init__(self, scene: Scene, robot: Robot) -> None:
+    def __init__(self, setup: Setup) -> None:
         """Resolve the limits. Raises InputError for some that do not fit the robot."""
-        self.robot, self.timing, self.source = robot, scene.timing or Timing(), scene.source
+        scene = setup.scene
+        self.robot, self.timing, self.source = setup.robot, scene.timing or Timing(), scene.source
         self.fixed = bool(scene.moving)  # they are met by this law
-        self.limits = rate_limits(scene, robot)
-        self.velocity, self.acceleration, _ = self.limits
-        self.torque = torque_limits(scene, robot)
-        self.dynamics = None if self.torque is None else _dynamics(scene, robot)
+        self.limits = timing_limits(setup)
+        self.velocity = setup.limits["velocity"]
+        self.unbounded = scene.limits.acceleration is None  # so that no motion is the fastest
 
     def too_short(self, start: Array, goal: Array) -> str | None:
         """Say why no motion between two configurations (n,) takes as little time as the scene gives it; None if one
         may."""
-        if self.timing.duration is None or self.velocity is None:
+        if self.timing.duration is None:
             return None
         least = np.abs(goal - start) / self.velocity
         joint = int(least.argmax())
@@ -89,7 +81,7 @@ class Retimer:
         spline, duration = smooth(self._inset(path.positions)), self.timing.duration
         if duration is not None:
             even = self._timed(path, spline, MinimumJerk(duration), duration)
-            if self.fixed or self.acceleration is None or self._stretch(even.trajectory.curve) <= 1.0:
+            if self.fixed or self.unbounded or self._stretch(even.trajectory.curve) <= 1.0:
                 return even
         if np.ptp(path.positions, axis=0).max() < STANDS:
             shortest = 1.0 / self.timing.rate
@@ -104,7 +96,7 @@ class Retimer:
         result[0], result[-1] = waypoints[0], waypoints[-1]
         return result
 
-    def _timed(self, path: Trajectory, spline: BSpline, law: Law, duration: float) -> Timed:
+    def _timed(self, path: Trajectory, spline: BSpline, law: TimeLaw, duration: float) -> Timed:
         """Return the motion by a law that is stretched to a duration."""
         self._check_rows(duration)
         times, parameter, rows = _rows(spline, law, duration, self.timing.rate)
@@ -120,44 +112,25 @@ class Retimer:
 
     def _time_optimal(self, spline: BSpline) -> tuple[Array, Array, Array]:
         """Return times, parameters and paces of the fastest law within the limits of velocity and acceleration."""
-        from toppra import constraint
         from toppra.algorithm import TOPPRA
 
-        limits = [constraint.JointVelocityConstraint(_both(self.velocity))]
-        limits.append(constraint.JointAccelerationConstraint(_both(self.acceleration)))
         grid = np.linspace(0.0, 1.0, GRID + 1)
-        if self.dynamics is not None and self.torque is not None:
-            from hdplan.planner.timing.torque_constraint import TorqueConstraint
-
-            torques = self.dynamics.coefficients(*(spline(grid, order) for order in range(3)))
-            if not _too_heavy(torques.c, self.torque):  # else no law of time helps, and the certificate says where
-                limits.append(TorqueConstraint(torques, (1 - TORQUE_MARGIN) * self.torque))
-        _, paces, _ = TOPPRA(limits, _Path(spline), gridpoints=grid).compute_parameterization(0.0, 0.0)
+        asked = [limit.constraint(spline, grid) for limit in self.limits]
+        constraints = [constraint for constraint in asked if constraint is not None]
+        _, paces, _ = TOPPRA(constraints, _Path(spline), gridpoints=grid).compute_parameterization(0.0, 0.0)
         if paces is None or not np.isfinite(paces).all():
-            raise HdplanError("no law of time was found within the limits of velocity and acceleration")
+            raise HdplanError("no time law was found within the limits of velocity and acceleration")
         widths = 2.0 * np.diff(grid) / (paces[1:] + paces[:-1])
         return np.concatenate([[0.0], np.cumsum(widths)]), grid, paces
 
-    def _stretch_at_looks(self, spline: BSpline, law: Law) -> float:
+    def _stretch_at_looks(self, spline: BSpline, law: TimeLaw) -> float:
         """Return by how much a law must be stretched for the limits to hold at many places."""
         u, first, second, third = law(np.linspace(0.0, law.duration, LOOKS))[:, :, None]
         slope, bend, twist = (spline(u[:, 0], order) for order in (1, 2, 3))
-        rates = (
-            slope * first,
-            bend * first**2 + slope * second,
-            twist * first**3 + 3 * bend * first * second + slope * third,
-        )
-        stretches = [
-            float((np.abs(rate).max(axis=0) / limit).max()) ** (1 / order)
-            for order, (rate, limit) in enumerate(zip(rates, self.limits, strict=True), start=1)
-            if limit is not None
-        ]
-        if self.dynamics is not None and self.torque is not None:
-            drive = self.dynamics.coefficients(spline(u[:, 0]), slope, bend)
-            stretches.append(_torque_stretch(drive.a * second + drive.b * first**2, drive.c, self.torque))
-        return float(max(stretches))
+        look = PathLook(spline(u[:, 0]), (slope, bend, twist), (first, second, third))
+        return max(limit.stretch_of_law(look) for limit in self.limits)
 
-    def _allowed(self, spline: BSpline, law: Law) -> float:
+    def _allowed(self, spline: BSpline, law: TimeLaw) -> float:
         """Return a duration in which the limits hold all along the executed curve: whole rows, and not much more."""
         duration, best = law.duration * self._stretch_at_looks(spline, law), np.inf
         for _ in range(STRETCHES):
@@ -173,7 +146,7 @@ class Retimer:
                     break
             duration *= stretch
         if not np.isfinite(best):
-            raise HdplanError("no law of time was found within the limits on the executed curve")
+            raise HdplanError("no time law was found within the limits on the executed curve")
         return best
 
     def _check_rows(self, duration: float) -> None:
@@ -188,17 +161,7 @@ class Retimer:
 
     def _stretch(self, curve: Curve) -> float:
         """Return by how much an executed curve must be stretched for its limits to hold, at most 1 where they do."""
-        stretch = 0.0
-        for order, limit in enumerate(self.limits, start=1):
-            if limit is not None:
-                share = float((curve.over_time(order).largest() / limit).max())
-                stretch = max(stretch, ((1 + MARGIN) * share) ** (1 / order))
-        if self.dynamics is not None and self.torque is not None:
-            looks = np.linspace(0.0, 1.0, TORQUE_LOOKS * (len(curve) - 1) + 1)
-            q, v, a = (curve.over_time(order).at_parameter(looks) for order in range(3))
-            gravity = self.dynamics.torques(q, 0.0 * v, 0.0 * a)
-            stretch = max(stretch, _torque_stretch(self.dynamics.torques(q, v, a) - gravity, gravity, self.torque))
-        return stretch
+        return max(limit.stretch(curve) for limit in self.limits)
 
 
 def smooth(waypoints: Array) -> BSpline:
@@ -212,7 +175,9 @@ def smooth(waypoints: Array) -> BSpline:
     return BSpline(knots, control, degree)
 
 
-def _rows(spline: BSpline, law: Law, duration: float, rate: float) -> tuple[Array, Array, tuple[Array, Array, Array]]:
+def _rows(
+    spline: BSpline, law: TimeLaw, duration: float, rate: float
+) -> tuple[Array, Array, tuple[Array, Array, Array]]:
     """Return times, parameters (rows,) and positions, velocities, accelerations (rows, n) of a law stretched to a
     duration."""
     count = row_count(duration, rate)
@@ -226,26 +191,6 @@ def _rows(spline: BSpline, law: Law, duration: float, rate: float) -> tuple[Arra
     return share * duration, u, (spline(u), slope * first, bend * first**2 + slope * second)
 
 
-def _torque_stretch(moving: Array, gravity: Array, limit: Array) -> float:
-    """Return the k by which time must be stretched for |gravity + moving/k²| ≤ limit, each (m, n) and the limit (n,);
-    where gravity alone is too much no stretch helps, and none is asked for."""
-    if _too_heavy(gravity, limit):
-        return 0.0
-    room = (1 - TORQUE_MARGIN) * limit - np.where(moving > 0.0, gravity, -gravity)
-    return float(np.sqrt((np.abs(moving) / room).max(initial=0.0)))
-
-
-def _too_heavy(gravity: Array, limit: Array) -> bool:
-    """Whether gravity's torques (m, n) alone leave next to nothing of the limits (n,) somewhere."""
-    return bool((np.abs(gravity) > (1 - TORQUE_ROOM) * limit).any())
-
-
-def _dynamics(scene: Scene, robot: Robot) -> InverseDynamics:
-    from hdplan.planner.kinematics.inverse_dynamics import dynamics_of
-
-    return dynamics_of(scene, robot)
-
-
 class _Path:
     """A spline as TOPP-RA asks for paths."""
 
@@ -256,10 +201,3 @@ class _Path:
 
     def __call__(self, path_positions: Array, order: int = 0) -> Array:
         return np.asarray(self.spline(path_positions, order))
-
-
-def _both(limit: Array | None) -> Array:
-    """Return limits (n, 2) of both signs."""
-    if limit is None:
-        raise ValueError("a law of time needs limits of velocity and acceleration")
-    return np.stack([-limit, limit], axis=1)

@@ -1,4 +1,4 @@
-"""Laws of time: where on its path, from 0 to 1, a motion is at which time.
+"""Time laws: where on its path, from 0 to 1, a motion is at which time.
 
 *Minimum jerk* between rests (Flash & Hogan, "The coordination of arm movements", 1985), x = t/T:
 
@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-class Law(Protocol):
-    """A law of time u(t) from 0 to 1."""
+class TimeLaw(Protocol):
+    """A time law u(t) from 0 to 1."""
 
     @property
     def duration(self) -> float:

@@ -16,7 +16,10 @@ from scipy.spatial.transform import Rotation
 
 from hdplan.planner.view.drawing.goal import follow
 from hdplan.planner.view.drawing.nodes import pose_of, wxyz_of
-from hdplan.scenes.model import JointTarget, Obstacle, Pose, Scene, TimedPoses
+from hdplan.scenes.obstacles import Obstacle, TimedPoses
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer

@@ -7,17 +7,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 from hdplan.planner.view.drawing.colors import COLLISION, OUTER
 from hdplan.planner.view.drawing.nodes import RobotNodes
 from hdplan.planner.view.drawing.skins import collision_skins, outer_skins
+from hdplan.scenes.array_types import Array
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
-Array = NDArray[np.float64]
 
 OPACITY = 0.45
 LAYERS = {  # name: on from the start, what it is

@@ -17,13 +17,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
-from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.search import Event
 from hdplan.planner.solvers import SOLVERS
 from hdplan.planner.timing.time_laws import MinimumJerk
@@ -31,14 +30,15 @@ from hdplan.planner.view.drawing.colors import ITERATE
 from hdplan.planner.view.drawing.motion import sample_parameters
 from hdplan.planner.view.drawing.nodes import draw_path
 from hdplan.planner.view.handles import Handles
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
-from hdplan.scenes.model import JointTarget, Scene
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.writer import scene_text
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
-Array = NDArray[np.float64]
 
 NAME = "planned"  # of the motion that Plan finds
 TIME_LIMIT = 30.0  # [s] for planning
@@ -144,9 +144,9 @@ class Planning:
         )
         spec = replace(viewer.scene.robot, locked=dict(viewer.robot.locked))
         scene = replace(viewer.scene, robot=spec, start=start, goal=goal)
-        robot = load_scene_robot(scene)
-        resolve_query(robot, scene)
-        return scene, Certifier(scene, robot)
+        setup = Setup.of(scene)
+        _ = setup.query  # refused early
+        return scene, Certifier(setup)
 
     # --- the run, in its own thread ------------------------------------------------------------------------------
 

@@ -13,11 +13,11 @@ import viser
 
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.quiet import quiet
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 
 HOST, PORT = "127.0.0.1", 8080
 TRIED = 100  # ports after the wanted one
@@ -37,14 +37,14 @@ def open_viewer(
     The viewer's `server.get_port()` says which port it is. Raises InputError for a host that is not this machine, if no
     port is free, or for trajectories that do not fit the scene's robot.
     """
-    robot = robot or load_scene_robot(scene)
+    setup = Setup.of(scene, robot)
     chosen = free_port(host, port)
     with quiet():
         server = viser.ViserServer(host=host, port=chosen, verbose=False, label=scene.name)
     try:
         server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
         server.gui.main_panel.dock_right()  # beside the scene, not over it
-        return Viewer(server, scene, robot, trajectories, complain)
+        return Viewer(server, setup, trajectories, complain)
     except BaseException:
         with quiet():
             server.stop()

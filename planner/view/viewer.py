@@ -14,14 +14,13 @@ from typing import Any
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate, Contact
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import resolve_query
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import settled
 from hdplan.planner.view.drawing.colors import CONTACT, GOAL, OTHERS, START, clearance_colors, hex_of, legend
 from hdplan.planner.view.drawing.motion import ShownMotion, Tip
@@ -42,11 +41,10 @@ from hdplan.planner.view.player import Player
 from hdplan.planner.view.quiet import quiet
 from hdplan.planner.view.recording import record
 from hdplan.planner.view.worker import Worker
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError, InputError, naming
-from hdplan.scenes.model import Scene
 from hdplan.scenes.once import read_only
-
-Array = NDArray[np.float64]
+from hdplan.scenes.scene import Scene
 
 GHOST = 0.35  # opacity
 PLOT_EVERY = 0.1  # [s] between movements of the plots' bars while the slider moves
@@ -70,8 +68,7 @@ class Viewer:
     def __init__(
         self,
         server: viser.ViserServer,
-        scene: Scene,
-        robot: Robot,
+        setup: Setup,
         trajectories: Sequence[tuple[str, Trajectory]] = (),
         complain: Callable[[str], object] = lambda text: None,
     ) -> None:
@@ -79,10 +76,10 @@ class Viewer:
 
         Raises InputError for start, goal, obstacles or trajectories that do not fit the robot.
         """
-        scene = settled(scene, robot, trajectories[0][1] if trajectories else None)  # drags and plans to one place
+        setup = settled(setup, trajectories[0][1] if trajectories else None)  # drags and plans to one place
+        scene, robot = setup.scene, setup.robot
         self.server, self.scene, self.robot = server, scene, robot
-        self.query = resolve_query(robot, scene)
-        self.certifier = Certifier(scene, robot)
+        self.query, self.certifier = setup.query, Certifier(setup)
         self.tip = Tip.of(robot)
         self.contacts: tuple[tuple[Contact, ...], tuple[Contact, ...]] = ((), ())  # of start and goal
         self._complain = complain
@@ -182,7 +179,8 @@ class Viewer:
         """Show the same scene with obstacles or goal elsewhere. Motions stay as they are, and what was said of them
         falls until they are measured again. By the worker's thread. Raises InputError, and moves nothing, for a scene
         that does not fit the robot."""
-        query, certifier = resolve_query(self.robot, scene), Certifier(scene, self.robot)
+        setup = Setup(scene, self.robot)
+        query, certifier = setup.query, Certifier(setup)
         held = [shown for shown in self.shown if self.holds(shown.motion)]
         self.scene, self.query, self.certifier = scene, query, certifier
         for node, obstacle in zip(self.obstacles, scene.obstacles, strict=True):

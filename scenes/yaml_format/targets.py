@@ -1,15 +1,15 @@
-"""Where a motion begins and ends: the `start` and `goal` sections.
+"""The `start` and `goal` sections.
 
-A goal may leave a choice: several configurations, a link's pose, or several poses. What joints, links and states are
-called is checked when the robot is loaded.
+A goal may leave a choice: several configurations, a link's pose, or several poses. Names of joints, links and states
+are checked when the robot is loaded.
 """
 
 from __future__ import annotations
 
 from hdplan.scenes.fields import Field
-from hdplan.scenes.model import FREE_ROTATIONS, NO_TURN, Goals, JointTarget, JointValue, PoseTarget
-from hdplan.scenes.poses import pose_of
-from hdplan.scenes.values import Named, Row
+from hdplan.scenes.pose_fields import pose_of
+from hdplan.scenes.targets import FREE_ROTATIONS, NO_TURN, Goals, JointTarget, PoseTarget
+from hdplan.scenes.values import JointValue, Named, Row
 
 GOAL_KEYS = ("joints", "state", "pose", "poses")
 POSE_KEYS = (
@@ -44,7 +44,7 @@ def _joints(joints: Field, name: str) -> JointTarget:
 
 
 def read_goal(section: Field) -> JointTarget | Goals:
-    """Read one configuration, or what leaves a choice: several of them, a link's pose, or several poses."""
+    """Read one configuration, or a goal with a choice: several configurations, a link's pose, or several poses."""
     keys = section.mapping(GOAL_KEYS)
     if len(keys) != 1:
         found = " and ".join(f"'{key}'" for key in keys) or "none of them"

@@ -24,6 +24,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from hdplan.scenes.doors import door
+
 if TYPE_CHECKING:
     from hdplan import control, distance
     from hdplan.distance.bodies import ConvexBody
@@ -39,80 +41,66 @@ if TYPE_CHECKING:
     from hdplan.planner.search.search import Event
     from hdplan.planner.solvers import solve
     from hdplan.planner.solvers.solution import Budget, Solution
+    from hdplan.scenes.attached import Attached, Payload
     from hdplan.scenes.errors import HdplanError, InputError, OutOfTime
-    from hdplan.scenes.model import (
-        Attached,
-        Box,
-        Capsule,
-        Cylinder,
-        Ellipsoid,
-        Limits,
-        Mesh,
-        Obstacle,
-        PathConstraints,
-        Payload,
-        PlannerSettings,
-        Points,
-        Pose,
-        PoseTarget,
-        RobotSpec,
-        Scene,
-        SelfCollision,
-        Sphere,
-        SteadyMotion,
-        TimedPoses,
-        Timing,
-        Upright,
-        Within,
-    )
+    from hdplan.scenes.limits import Limits
+    from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
+    from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
+    from hdplan.scenes.planner_settings import PlannerSettings
+    from hdplan.scenes.poses import Pose
+    from hdplan.scenes.robot_spec import RobotSpec
+    from hdplan.scenes.scene import Scene
+    from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Sphere
+    from hdplan.scenes.targets import PoseTarget
+    from hdplan.scenes.timing import Timing
     from hdplan.scenes.yaml_format.reader import load_scene
 
 __version__ = "0.1.0"
 
-_HOMES = {
-    "Attached": "hdplan.scenes.model",
-    "Box": "hdplan.scenes.model",
-    "Budget": "hdplan.planner.solvers.solution",
-    "Capsule": "hdplan.scenes.model",
-    "Certificate": "hdplan.planner.certificate.verdict",
-    "ConvexBody": "hdplan.distance.bodies",
-    "Cylinder": "hdplan.scenes.model",
-    "Ellipsoid": "hdplan.scenes.model",
-    "Event": "hdplan.planner.search.search",
-    "HdplanError": "hdplan.scenes.errors",
-    "InputError": "hdplan.scenes.errors",
-    "Limits": "hdplan.scenes.model",
-    "Mesh": "hdplan.scenes.model",
-    "Obstacle": "hdplan.scenes.model",
-    "OutOfTime": "hdplan.scenes.errors",
-    "PathConstraints": "hdplan.scenes.model",
-    "Payload": "hdplan.scenes.model",
-    "PlanResult": "hdplan.planner.result",
-    "PlannerSettings": "hdplan.scenes.model",
-    "Points": "hdplan.scenes.model",
-    "Pose": "hdplan.scenes.model",
-    "PoseTarget": "hdplan.scenes.model",
-    "Problem": "hdplan.planner.problem.problem",
-    "Robot": "hdplan.planner.robot.robot",
-    "RobotSpec": "hdplan.scenes.model",
-    "Scene": "hdplan.scenes.model",
-    "SelfCollision": "hdplan.scenes.model",
-    "Solution": "hdplan.planner.solvers.solution",
-    "Sphere": "hdplan.scenes.model",
-    "SteadyMotion": "hdplan.scenes.model",
-    "TimedPoses": "hdplan.scenes.model",
-    "Timing": "hdplan.scenes.model",
-    "Trajectory": "hdplan.planner.motion.trajectory",
-    "Upright": "hdplan.scenes.model",
-    "Within": "hdplan.scenes.model",
-    "build": "hdplan.planner.build",
-    "certify": "hdplan.planner.certificate.certifier",
-    "check_configuration": "hdplan.planner.certificate.certifier",
-    "inverse_kinematics": "hdplan.planner.search.inverse_kinematics",
-    "load_robot": "hdplan.planner.robot.robot",
-    "load_scene": "hdplan.scenes.yaml_format.reader",
-    "plan": "hdplan.planner.plan",
-    "solve": "hdplan.planner.solvers",
+_HOMES = {  # of names, below hdplan
+    "Attached": "scenes.attached",
+    "Box": "scenes.shapes",
+    "Budget": "planner.solvers.solution",
+    "Capsule": "scenes.shapes",
+    "Certificate": "planner.certificate.verdict",
+    "ConvexBody": "distance.bodies",
+    "Cylinder": "scenes.shapes",
+    "Ellipsoid": "scenes.shapes",
+    "Event": "planner.search.search",
+    "HdplanError": "scenes.errors",
+    "InputError": "scenes.errors",
+    "Limits": "scenes.limits",
+    "Mesh": "scenes.shapes",
+    "Obstacle": "scenes.obstacles",
+    "OutOfTime": "scenes.errors",
+    "PathConstraints": "scenes.path_constraints",
+    "Payload": "scenes.attached",
+    "PlanResult": "planner.result",
+    "PlannerSettings": "scenes.planner_settings",
+    "Points": "scenes.shapes",
+    "Pose": "scenes.poses",
+    "PoseTarget": "scenes.targets",
+    "Problem": "planner.problem.problem",
+    "Robot": "planner.robot.robot",
+    "RobotSpec": "scenes.robot_spec",
+    "Scene": "scenes.scene",
+    "SelfCollision": "scenes.obstacles",
+    "Solution": "planner.solvers.solution",
+    "Sphere": "scenes.shapes",
+    "SteadyMotion": "scenes.obstacles",
+    "TimedPoses": "scenes.obstacles",
+    "Timing": "scenes.timing",
+    "Trajectory": "planner.motion.trajectory",
+    "Upright": "scenes.path_constraints",
+    "Within": "scenes.path_constraints",
+    "build": "planner.build",
+    "certify": "planner.certificate.certifier",
+    "check_configuration": "planner.certificate.certifier",
+    "inverse_kinematics": "planner.search.inverse_kinematics",
+    "load_robot": "planner.robot.robot",
+    "load_scene": "scenes.yaml_format.reader",
+    "plan": "planner.plan",
+    "solve": "planner.solvers",
 }
 
 __all__ = [
@@ -165,12 +153,13 @@ __all__ = [
 ]
 
 
+_behind = door(__name__, _HOMES)
+
+
 def __getattr__(name: str) -> Any:
     if name in ("control", "distance"):
         return importlib.import_module(f"hdplan.{name}")
-    if name not in _HOMES:
-        raise AttributeError(f"module 'hdplan' has no attribute '{name}'")
-    return getattr(importlib.import_module(_HOMES[name]), name)
+    return _behind(name)
 
 
 def __dir__() -> list[str]:

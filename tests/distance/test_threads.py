@@ -33,6 +33,7 @@ from hdplan.distance.baselines.gdf import gdf
 from hdplan.distance.baselines.gdf_batch import gdf_boxes
 from hdplan.distance.studies.random_poses import paper_poses
 from hdplan.distance.symbolic.boxes import box_distance
+from hdplan.distance.symbolic.compile_time import compile_time
 from hdplan.distance.symbolic.halfspaces import halfspace_distance, swept_halfspace_distance
 from hdplan.distance.symbolic.row_function import RowFunction, compiler
 from hdplan.scenes.once import made_once
@@ -228,14 +229,18 @@ def test_threads_may_compile_different_kernels_at_once(cache: Path, runs: list[i
 
 def test_a_thread_s_time_to_compile_is_its_own() -> None:
     x = ca.SX.sym("x")
-    before = RowFunction.spent.seconds
 
-    def work(index: int) -> float:
-        RowFunction(ca.Function(f"timed_{index}", [x], [ca.cos(x)]))
-        return RowFunction.spent.seconds
+    def work(index: int) -> tuple[float, float]:
+        with compile_time() as whole:
+            RowFunction(ca.Function(f"timed_{index}", [x], [ca.cos(x)]))
+            with compile_time() as part:
+                RowFunction(ca.Function(f"timed_again_{index}", [x], [ca.sin(x)]))
+        RowFunction(ca.Function(f"untimed_{index}", [x], [ca.tan(x)]))
+        return whole.seconds, part.seconds
 
-    assert all(seconds > 0.0 for seconds in together(work, 3))
-    assert RowFunction.spent.seconds == before
+    with compile_time() as here:
+        assert all(whole > part > 0.0 for whole, part in together(work, 3))
+    assert here.seconds == 0.0
 
 
 def test_made_once_makes_each_value_once_and_keeps_the_latest() -> None:

@@ -30,10 +30,10 @@ class Missing:
 def planned(name: str) -> dict[str, Any]:
     """Build and plan one scene; `X without self-collision` is scene X with self_collision: false."""
     hdplan = importlib.import_module("hdplan")
-    model = importlib.import_module("hdplan.scenes.model")
+    obstacles = importlib.import_module("hdplan.scenes.obstacles")
     scene = hdplan.load_scene(name.split(" ")[0])
     if " without " in name:
-        scene = dataclasses.replace(scene, self_collision=model.SelfCollision(checked=False))
+        scene = dataclasses.replace(scene, self_collision=obstacles.SelfCollision(checked=False))
     try:
         problem, result = hdplan.build(scene), hdplan.plan(scene)
     except ImportError as error:
@@ -47,7 +47,7 @@ def planned(name: str) -> dict[str, Any]:
     return {
         "status": result.certificate.status.value,
         "terms": [term.name for term in problem.terms],
-        "pairs": [len(term.pairs) for term in problem.pair_terms],
+        "pairs": [len(term.pairs) for term in problem.terms.pairs],
         "functions": [(f.name(), f.n_instructions(), f.n_nodes()) for f in functions],
         "waypoints": hashlib.sha256(result.trajectory.positions.tobytes()).hexdigest(),
         "iterations": result.iterations,

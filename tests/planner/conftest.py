@@ -10,7 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 from hdplan.planner.problem.problem import Problem
-from hdplan.scenes.model import JointTarget, Obstacle, RobotSpec, Scene
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget
 
 
 @pytest.fixture

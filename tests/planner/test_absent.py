@@ -18,13 +18,16 @@ import pytest
 from hdplan.planner.build import build
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.terminal.explain import explain
-from hdplan.scenes.model import Limits, PathConstraints, Scene, SelfCollision
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.obstacles import SelfCollision
+from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
 
 # Effect -> its modules, and a shipped scene that calls for it.
 EFFECTS = {
     "moving obstacles": (
-        ["planner.problem.moving_clearance", "planner.problem.velocity_penalty", "scenes.moving"],
+        ["planner.problem.moving_clearance", "planner.problem.velocity_penalty", "scenes.obstacle_motion"],
         "panda_conveyor",
     ),
     "times": (["planner.timing.retiming", "planner.certificate.rate_check"], "ur5_pallet"),
@@ -34,12 +37,12 @@ EFFECTS = {
             *(
                 "planner.certificate.torque_check",
                 "planner.certificate.torque_bounds",
-                "planner.timing.torque_constraint",
+                "planner.timing.torque_limit",
             ),
         ],
         "ur5_payload",
     ),
-    "path constraints": (["planner.problem.path_terms", "planner.certificate.path_check"], "panda_cup"),
+    "path constraints": (["planner.problem.terms.path", "planner.certificate.path_check"], "panda_cup"),
     "held objects": (["planner.robot.attached"], "panda_carry"),
     "choice of goals": (["planner.search.goals", "planner.certificate.pose_goals"], "panda_grasp"),
     "self-collision": (["planner.collision.separation_bounds"], "panda_cage"),
@@ -132,7 +135,7 @@ def without(scene: Scene, section: str) -> Scene:
 @pytest.mark.parametrize(
     ("scene", "section", "terms"),
     [
-        ("panda_conveyor", "obstacles[].motion", {"moving obstacles", "pace"}),
+        ("panda_conveyor", "obstacles[].motion", {"moving obstacles", "velocity"}),
         ("panda_cup", "path", {"path.upright"}),
         ("ur5_scan", "path", {"path.position"}),
         ("panda_heavy", "limits.torque", {"static torque"}),
@@ -152,11 +155,11 @@ def test_a_held_object_is_in_no_pair_of_a_scene_without_it() -> None:
     carry = load_scene("panda_carry")
     whole, less = build(carry), build(without(carry, "attached"))
     assert {body.link for body in whole.bodies} - {body.link for body in less.bodies} == {"bottle"}
-    for one, other in zip(whole.pair_terms, less.pair_terms, strict=True):
+    for one, other in zip(whole.terms.pairs, less.terms.pairs, strict=True):
         first, second = (
             {
                 (problem.bodies[a].link, bodies[b].link if own else bodies[b].name)
-                for a, b in zip(term.pairs.body.tolist(), term.pairs.plane_body.tolist(), strict=True)
+                for a, b in zip(term.pairs.body.tolist(), term.pairs.halfspace_body.tolist(), strict=True)
             }
             for problem, term in ((whole, one), (less, other))
             for own in (term.name == "self-collision",)
@@ -184,8 +187,8 @@ def test_what_says_what_holds_anyway_changes_nothing() -> None:
         ),
     )
     again = build(said)
-    for one, other in zip(problem.pair_terms, again.pair_terms, strict=True):
-        for name in ("body_table", "half_sizes", "boxes", "body", "plane_body"):
+    for one, other in zip(problem.terms.pairs, again.terms.pairs, strict=True):
+        for name in ("body_table", "half_sizes", "boxes", "body", "halfspace_body"):
             assert getattr(one.pairs, name).tobytes() == getattr(other.pairs, name).tobytes()
         for slots, table in one.pairs.plane_tables.items():
             assert table.tobytes() == other.pairs.plane_tables[slots].tobytes()

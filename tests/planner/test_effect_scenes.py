@@ -14,7 +14,10 @@ from hdplan.planner.certificate.certifier import Status, certify
 from hdplan.planner.plan import plan
 from hdplan.planner.result import verdict
 from hdplan.planner.terminal.explain import explain
-from hdplan.scenes.model import PathConstraints, Pose, Scene, SelfCollision
+from hdplan.scenes.obstacles import SelfCollision
+from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Change = Callable[[Scene], Scene]

@@ -10,9 +10,15 @@ import pytest
 import hdplan
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import JointTarget, Obstacle, Pose, RobotSpec, Scene, Sphere
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_files.library import robot_names
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Sphere
+from hdplan.scenes.targets import JointTarget
 
 QUICK = ("TwoDofs", "double_pendulum", "double_pendulum_continuous", "quadruped", "simple_humanoid")
 WITHOUT = {  # robots that nothing can be planned for
@@ -66,7 +72,7 @@ def small_motion(robot: Robot) -> Scene:
         for state in robot.named_states.values()
         if all(joint in state for joint in robot.joint_names)
     ]
-    certifier = Certifier(scene_of(spec, rest, rest), robot)
+    certifier = Certifier(Setup.of(scene_of(spec, rest, rest), robot))
     start = next((q for q in (rest, *states) if not certifier.contacts(q)), None)
     stuck: tuple[tuple[str, str], ...] = ()
     if start is None:

@@ -19,10 +19,16 @@ from hdplan.planner.plan import plan
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.search import Event, Guess, Search
 from hdplan.planner.solvers.solution import Budget, Solution, Solver, SolverStatus
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Box, Goals, JointTarget, Obstacle, PathConstraints, Pose, Scene, Sphere
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Sphere
+from hdplan.scenes.targets import Goals, JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 
 EXACT = 1e-9  # [m] of a distance known in closed form: the certificate's own bound is 1e-9 of the sizes
@@ -282,7 +288,7 @@ def test_the_straight_line_is_taken_where_the_solver_leaves_it_for_worse() -> No
         worse = guess - np.sin(np.linspace(0.0, np.pi, len(guess)))[:, None] * [2.0, 0.4]
         return Solution(Trajectory(robot.joint_names, worse), SolverStatus.CLEAR, budget.first_weight, (), 0.0)
 
-    problem, certifier = build(scene, robot), Certifier(scene, robot)
+    problem, certifier = build(scene, robot), Certifier(Setup.of(scene, robot))
     search = Search(problem, certifier, None, Solver(astray), 0.005, np.inf, lambda event: None, lambda: False)
     line = np.linspace(START, GOAL, problem.waypoints)
     assert search.attempt(Guess(line, as_it_is=True))

@@ -25,9 +25,10 @@ from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot import scene_robot
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.roadmap import seeds
-from hdplan.scenes.model import Mesh
+from hdplan.scenes.shapes import Mesh
 from hdplan.scenes.yaml_format.reader import load_scene
 from tests.threads import THREADS, together
 
@@ -53,7 +54,7 @@ def motions(name: str, count: int = 4) -> list[Trajectory]:
         if scene.timed or scene.moving:
             from hdplan.planner.timing.retiming import Retimer
 
-            trajectory = Retimer(scene, problem.robot)(trajectory).trajectory
+            trajectory = Retimer(Setup.of(scene, problem.robot))(trajectory).trajectory
         found.append(trajectory)
     return found
 
@@ -62,7 +63,7 @@ def motions(name: str, count: int = 4) -> list[Trajectory]:
 def test_motions_are_certified_as_alone(name: str) -> None:
     """From one certifier that all share, and from one of each thread's own."""
     scene, given = load_scene(name), motions(name, 2 if name == "panda_conveyor" else 4)
-    shared = Certifier(scene, load_scene_robot(scene))
+    shared = Certifier(Setup.of(scene))
     alone = [figures(shared.certify(motion)) for motion in given]
 
     def work(index: int) -> None:
@@ -94,15 +95,17 @@ def test_dynamics_and_simulation_are_as_alone() -> None:
     scene = load_scene("ur5_payload")
     robot = load_scene_robot(scene)
     q, v, a = np.random.default_rng(4).normal(size=(3, 300, robot.n))
-    alone = dynamics_of(scene, robot).torques(q, v, a)
+    alone = dynamics_of(Setup.of(scene, robot)).torques(q, v, a)
     (motion, *_) = motions("ur5_payload", 1)
-    replayed = replay(scene, motion, robot).summary()
+    replayed = replay(Setup.of(scene, robot), motion).summary()
 
     def work(index: int) -> None:
         order = np.random.default_rng(index).permutation(len(q))
-        np.testing.assert_array_equal(dynamics_of(scene, robot).torques(q[order], v[order], a[order]), alone[order])
+        np.testing.assert_array_equal(
+            dynamics_of(Setup.of(scene, robot)).torques(q[order], v[order], a[order]), alone[order]
+        )
         if index < 2:
-            assert replay(scene, motion, robot).summary() == replayed
+            assert replay(Setup.of(scene, robot), motion).summary() == replayed
 
     together(work)
 
@@ -125,7 +128,7 @@ def test_steps_are_as_alone(distance: str) -> None:
     normals = "paper" if distance == "hdsdf-boxes" else "box"
     settings = ControlSettings(BarrierSettings(distance, normals=normals), as_published=True)
     shared = Controller.of(scene, settings, robot)
-    start, task = resolve_query(robot, scene).start, standing(resolve_query(robot, scene).goal)
+    start, task = Setup.of(scene, robot).query.start, standing(Setup.of(scene, robot).query.goal)
     count = 2 if distance == "gdf" else 8
     places = np.clip(start + np.random.default_rng(6).normal(0.0, 0.1, (count, robot.n)), robot.lower, robot.upper)
     alone = [shared.step(q, task) for q in places]

@@ -287,7 +287,7 @@ def test_unreadable(tmp_path: Path) -> None:
 def test_request_goes_with_moveit_scenes_only(tmp_path: Path) -> None:
     file = tmp_path / "scene.yaml"
     file.write_text(HEAD + ENDS, encoding="utf-8")
-    assert "no MoveIt planning scene" in error(file, request=file)
+    assert "not a MoveIt planning scene" in error(file, request=file)
 
 
 @pytest.mark.parametrize(

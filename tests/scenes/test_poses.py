@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hdplan.scenes.meaning import from_rpy
-from hdplan.scenes.model import Pose
-from hdplan.scenes.poses import compose
+from hdplan.scenes.poses import Pose, compose, from_rpy
 
 EXACT = 1e-14  # a few roundings of numbers of order one
 SEEDS = range(20)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Mesh
+from hdplan.scenes.shapes import Mesh
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 
 NAMES = {

@@ -1,1 +1,1 @@
-"""The ways to solve a problem, one module each: its `SOLVER` says what it is and what it can take."""
+"""The solvers, one module each: its `SOLVER` says what it is and what it can handle."""

@@ -1,26 +1,24 @@
 """CHOMP as first published: covariant gradient descent, dq = −η M⁻¹ ∇U, with M the smoothness' Hessian.
 
-A step in the metric M spreads a local push over the whole motion smoothly (Ratliff et al., CHOMP, ICRA 2009, eq. 4).
-The step length η is halved while the cost does not fall, and doubled when it does; the penalty's weight is raised as
-in gauss_newton.
+A step in the metric M spreads a local push smoothly over the whole motion (Ratliff et al., CHOMP, ICRA 2009, eq. 4).
+The step length η is halved while the cost does not fall, and doubled when it does; the penalty weight is raised as in
+gauss_newton.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.solvers.solution import Budget, Progress, Solution, Solver
-
-Floats = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 SMALLEST_STEP = 1e-9
 PATIENCE = 12  # gradient steps gain little each
 
 
-def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
+def solve(problem: Problem, guess: Array, budget: Budget) -> Solution:
     """Improve a guess (N, n) by gradient steps in the metric of the smoothness."""
     positions = problem.clip(guess)
     metric = cho_factor(problem.smoothness.matrix[1:-1, 1:-1])

@@ -1,9 +1,8 @@
-"""The default solver: damped Gauss-Newton steps on the banded system in time, with the penalty's weight raised as
-needed.
+"""The default solver: damped Gauss-Newton steps on a system that is banded in time, with a rising penalty weight.
 
 Each step solves (H + λ diag H) dq = −∇, where H is the smoothness' exact Hessian plus the penalty's Gauss-Newton
-curvature. A waypoint meets only its two neighbours on either side, so H is banded and a step costs O(N n³). Joint
-limits hold by projection: coordinates that a step would push out of their limit rest for that step (Bertsekas,
+curvature. A waypoint is coupled only to its two neighbours on either side, so H is banded and a step costs O(N n³).
+Joint limits hold by projection: coordinates that a step would push beyond a limit are held for that step (Bertsekas,
 Projected Newton Methods, 1982).
 """
 
@@ -12,22 +11,19 @@ from __future__ import annotations
 import functools
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from hdplan.planner.problem.problem import Evaluation, Problem
 from hdplan.planner.solvers.solution import SAME, Budget, Progress, Solution, Solver, SolverStatus
-
-Floats = NDArray[np.float64]
-Rows = NDArray[np.int64]
+from hdplan.scenes.array_types import Array, Rows
 
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-6, 1e6  # λ
-PATIENCE = 1  # a step of Newton that brings little has arrived
-REST = 1e15  # stiffness that keeps a coordinate at its limit for one step
+PATIENCE = 1  # a Newton step that gains little has converged
+REST = 1e15  # stiffness that holds a coordinate at its limit for one step
 
 
-def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
-    """Improve a guess (N, n) until every sample keeps its distance, or nothing helps any more."""
+def solve(problem: Problem, guess: Array, budget: Budget) -> Solution:
+    """Improve a guess (N, n) until every sample keeps its distance, or no progress is made any more."""
     positions = problem.clip(guess)
     progress = Progress(problem, budget, PATIENCE)
     state = problem.evaluate(positions, progress.weight)
@@ -44,8 +40,8 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
             if progress.step(before, state, positions):
                 state, damping = problem.evaluate(positions, progress.weight), max(damping, FIRST_DAMPING)
             if progress.status is SolverStatus.CLEAR:
-                # Without damping: where nothing bends the motion, this is its minimum; and small steps may only have
-                # been too careful.
+                # An undamped step: without any penalty it leads to the minimum at once, and small steps may just
+                # have been too cautious.
                 trial = problem.clip(positions + _step(problem, positions, state, 0.0))
                 after = problem.evaluate(trial, progress.weight)
                 if after.cost <= (1 + SAME) * state.cost and progress.is_clear(after):
@@ -54,7 +50,7 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
     return progress.solution(positions)
 
 
-def _step(problem: Problem, positions: Floats, state: Evaluation, damping: float) -> Floats:
+def _step(problem: Problem, positions: Array, state: Evaluation, damping: float) -> Array:
     """The damped Gauss-Newton step as waypoint displacements (N, n), zero at the ends."""
     interior = positions[1:-1]
     count, n = interior.shape
@@ -71,7 +67,7 @@ def _step(problem: Problem, positions: Floats, state: Evaluation, damping: float
     return step
 
 
-def _band(smoothness: Floats, state: Evaluation, damping: float) -> Floats:
+def _band(smoothness: Array, state: Evaluation, damping: float) -> Array:
     """The lower band (2 n + 1, M n) of the Hessian for M interior waypoints: row d, column c holds H[c + d, c]."""
     count, n = state.gradient.shape
     band = np.zeros((2 * n + 1, count * n))
@@ -86,9 +82,9 @@ def _band(smoothness: Floats, state: Evaluation, damping: float) -> Floats:
 
 @functools.lru_cache(maxsize=8)
 def _places(count: int, n: int) -> tuple[Rows, Rows, tuple[Rows, Rows]]:
-    """Where a waypoint's block and the block towards the next one go in the flat band: of the former, which is
-    symmetric, the lower triangle (M, n (n + 1) / 2), of the latter all of it (M − 1, n²); and that triangle's rows and
-    columns."""
+    """The positions in the flat band of each waypoint's block and of the block that couples it to the next: of the
+    former, which is symmetric, the lower triangle (M, n (n + 1) / 2), of the latter everything (M − 1, n²); also that
+    triangle's rows and columns."""
     width, first = count * n, np.arange(count)[:, None] * n
     row, column = np.tril_indices(n)
     within = (row - column) * width + first + column

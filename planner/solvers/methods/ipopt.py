@@ -1,8 +1,7 @@
-"""Ipopt on the CasADi problem: an interior-point method with exact Hessians, the penalty's weight raised between its
-runs.
+"""Ipopt on the CasADi problem: an interior-point method with exact Hessians; the penalty weight rises between its runs.
 
-Every pair at every sample is in the graph, so a step costs far more than one of gauss_newton; it shows what exact
-second derivatives bring, and hands the problem to anyone's solver.
+Every pair at every sample is in the graph, so a step costs far more than one of gauss_newton. It shows what exact
+second derivatives gain, and how to hand the problem to any other solver.
 """
 
 from __future__ import annotations
@@ -14,19 +13,18 @@ from collections.abc import Iterator, Sequence
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.solvers.nlp import nlp
 from hdplan.planner.solvers.solution import SAME, Budget, Progress, Solution, Solver
-from hdplan.scenes.model import PathConstraints, Scene
-
-Floats = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.path_constraints import PathConstraints
+from hdplan.scenes.scene import Scene
 
 STEPS_PER_WEIGHT = 20
 
 
-def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
+def solve(problem: Problem, guess: Array, budget: Budget) -> Solution:
     """Improve a guess (N, n) by interior-point runs at rising penalty weights."""
     positions = problem.clip(guess)
     progress = Progress(problem, budget, patience=1)
@@ -62,7 +60,7 @@ def solve(problem: Problem, guess: Floats, budget: Budget) -> Solution:
             trial[1:-1] = np.array(found["x"]).reshape(positions[1:-1].shape)
             trial = problem.clip(trial)
             before, after = state.cost, problem.evaluate(trial, progress.weight)
-            if after.cost <= (1 + SAME) * before:  # the later run came closer to the minimum
+            if after.cost <= (1 + SAME) * before:  # of equal costs the later run is closer to the minimum
                 positions, state = trial, after
             if progress.step(before, state, positions):
                 state = problem.evaluate(positions, progress.weight)
@@ -82,8 +80,8 @@ def _lagrangian_hessian(x: ca.MX, weight: ca.MX, hessian: ca.MX) -> ca.Function:
 
 @contextlib.contextmanager
 def _interrupts_noted(pressed: threading.Event) -> Iterator[None]:
-    """Note Ctrl-C instead of raising it: CasADi would take the exception for a failed evaluation, and go on."""
-    if threading.current_thread() is not threading.main_thread():  # no other thread hears of it
+    """Note Ctrl-C instead of raising it: CasADi would take the exception for a failed evaluation and continue."""
+    if threading.current_thread() is not threading.main_thread():  # no other thread receives it
         yield
         return
     before = signal.signal(signal.SIGINT, lambda *_: pressed.set())
@@ -94,7 +92,7 @@ def _interrupts_noted(pressed: threading.Event) -> Iterator[None]:
 
 
 class _Stop(ca.Callback):
-    """Ends a run when the time is up or the user has asked for it."""
+    """Ends a run when the time is up or the user asks for it."""
 
     def __init__(self, size: int, budget: Budget, pressed: threading.Event) -> None:
         ca.Callback.__init__(self)
@@ -121,7 +119,7 @@ class _Stop(ca.Callback):
 
 
 def _without_second_derivatives(scene: Scene) -> str | None:
-    """Say what the scene asks for that has no exact second derivatives."""
+    """Name what the scene asks for that has no exact second derivatives."""
     lacking = {
         "planner.swept: true": scene.planner.swept,
         "the distance fcl": scene.planner.distance == "fcl",

@@ -1,4 +1,4 @@
-"""Colours of the viewer, told apart by the colour-blind, and how clearance becomes colour.
+"""Colours of the viewer, which the colour-blind can distinguish, and how clearance becomes colour.
 
 Okabe & Ito (2008) for what has a name; ColorBrewer's RdYlBu for clearance, red for near and blue for far, its pale
 middle darkened so that a line shows on a light ground.

@@ -8,12 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from hdplan.planner.kinematics.inverse import damped_step
 from hdplan.planner.view.drawing.motion import Tip
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 STEPS = 60  # at most
 CLOSE = 1e-5  # [m] and [rad] at which it has arrived

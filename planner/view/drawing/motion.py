@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate
@@ -19,9 +18,8 @@ from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.pictures.clearances import exact
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.model import Scene
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.scene import Scene
 
 SAMPLES = 101  # at least, over the whole motion; of up to twice as many waypoints each is among them
 TIP = 0.01  # [m] depth of the part of the last link whose middle is its tip

@@ -17,11 +17,12 @@ from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.colors import CONTACT, INK, LINKS, OBSTACLE, REGION, clearance_colors
 from hdplan.planner.view.drawing.skins import Color, Skin, obstacle_mesh, shaded
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Obstacle, Pose, Within
-from hdplan.scenes.moving import Passages
-
-Array = NDArray[np.float64]
+from hdplan.scenes.obstacle_motion import ObstacleMotion
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.path_constraints import Within
+from hdplan.scenes.poses import Pose
 
 PATH_WIDTH, SEGMENT_WIDTH = 0.006, 0.004  # [m]
 ENDLESS = 3.0  # [m] to which an endless box is drawn
@@ -112,14 +113,14 @@ class ObstacleNode:
     def take(self, obstacle: Obstacle) -> None:
         """Stand for an obstacle of the same shape elsewhere."""
         self.obstacle = obstacle
-        self.passages = None if obstacle.motion is None else Passages.of(obstacle)
+        self.motion = None if obstacle.motion is None else ObstacleMotion.of(obstacle)
         x, y, z, w = obstacle.pose.quaternion_xyzw
         self.frame.position, self.frame.wxyz = obstacle.pose.position, (w, x, y, z)
 
     def show(self, seconds: float) -> None:
         """If it moves, be where it is at a time [s]."""
-        if self.passages is not None:
-            place = self.passages.at(np.array([seconds]))[0]
+        if self.motion is not None:
+            place = self.motion.at(np.array([seconds]))[0]
             self.frame.position, self.frame.wxyz = place[:3, 3], wxyz_of(place[:3, :3])
 
     def mark(self, in_contact: bool) -> None:

@@ -30,13 +30,15 @@ from hdplan.planner.geometry.meshes import LARGEST
 from hdplan.planner.geometry.shapes import operations, shape_of
 from hdplan.planner.robot.pin_model import read_visuals
 from hdplan.planner.robot.robot import Robot
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import Stamps, stamps_of
-from hdplan.scenes.model import Obstacle, RobotSpec, Vector3
+from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import freeze
+from hdplan.scenes.poses import Vector3
 from hdplan.scenes.robot_files.library import description_of
+from hdplan.scenes.robot_spec import RobotSpec
 
-Array = NDArray[np.float64]
 Color = tuple[int, int, int]  # red, green, blue, 0 to 255
 
 PLAIN: Color = (190, 190, 190)  # of what has no colour of its own
@@ -65,7 +67,7 @@ class _Part:
     """A part of a mesh file that has one colour."""
 
     vertices: Array
-    triangles: NDArray[np.int64]
+    triangles: Rows
     color: Color | None  # None: the file says none
 
 

@@ -10,12 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hdplan.planner.motion.curve import Curve
-from hdplan.scenes.model import Scene
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.scene import Scene
 
 PATH_DURATION = 4.0  # [s] that paths without times take at speed 1
 

@@ -12,9 +12,10 @@ from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.pictures.plot import Subject
 from hdplan.planner.plan import plan
-from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.motion import ShownMotion
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
 
 ROUNDING = 1e-9  # [m]
@@ -38,11 +39,11 @@ def test_what_is_certified_keeps_what_is_asked_and_what_is_not_does_not(name: st
     kept; less than the scene's is asked for only with a word, and never less than the share of its closest end."""
     scene, rng = load_scene(name), np.random.default_rng(13)
     robot = load_scene_robot(scene)
-    query, seen = resolve_query(robot, scene), set()
+    query, seen = Setup.of(scene, robot).query, set()
     planned = plan(scene, robot=robot).trajectory
     for clearance in (0.005, 0.02, 0.06, 0.15):
         asking = with_clearance(scene, clearance)
-        certifier = Certifier(asking, robot)
+        certifier = Certifier(Setup.of(asking, robot))
         at_ends = [certifier.nearest(q)[0] for q in (query.start, query.goal)]
         closest = min(place.distance for place in at_ends if place)
         allowed = clearance if closest >= clearance else ENDS_KEEP * closest
@@ -66,7 +67,7 @@ def test_every_door_says_the_same_as_plan() -> None:
     scene = with_clearance(load_scene("panda_table_pick"), 0.05)
     robot = load_scene_robot(scene)
     result = plan(scene, robot=robot)
-    certifier = Certifier(scene, robot)
+    certifier = Certifier(Setup.of(scene, robot))
     doors = [
         certify(scene, result.trajectory, robot),
         certify(scene, result.trajectory, robot, check_ends=False),

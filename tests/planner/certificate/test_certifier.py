@@ -24,23 +24,14 @@ from hdplan.planner.motion.motion_bounds import Chain, Motion
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import (
-    Box,
-    Capsule,
-    Cylinder,
-    Ellipsoid,
-    JointTarget,
-    Mesh,
-    Obstacle,
-    Points,
-    Pose,
-    RobotSpec,
-    Scene,
-    SelfCollision,
-    Shape,
-    Sphere,
-)
+from hdplan.scenes.obstacles import Obstacle, SelfCollision
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
+from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Array = NDArray[np.float64]
@@ -529,7 +520,7 @@ def test_a_certifier_is_reusable_and_says_the_same(planar: RobotSpec) -> None:
     robot = load_robot(planar)
     waypoints = np.array([[0.0, 0.1, 0.2], [0.4, -0.5, 0.3]])
     scene = scene_of(planar, waypoints[0], waypoints[1], Obstacle("ball", Sphere(0.2), Pose((1.5, 1.5, 0.0))))
-    certifier, path = Certifier(scene, robot), Trajectory(robot.joint_names, waypoints)
+    certifier, path = Certifier(Setup.of(scene, robot)), Trajectory(robot.joint_names, waypoints)
     first, again = certifier.certify(path), certifier.certify(path)
     assert first.certified
     assert (first.clearance, first.worst, first.exact_calls) == (again.clearance, again.worst, again.exact_calls)
@@ -538,9 +529,9 @@ def test_a_certifier_is_reusable_and_says_the_same(planar: RobotSpec) -> None:
 def test_a_robot_whose_links_are_not_checked_certifies_no_scene_in_which_they_are() -> None:
     scene = load_scene("panda_fold")
     blind = dataclasses.replace(scene, self_collision=SelfCollision(checked=False))
-    assert Certifier(blind, load_scene_robot(blind)).sweep.pairs.group.max(initial=0) == 0
+    assert Certifier(Setup.of(blind)).sweep.pairs.group.max(initial=0) == 0
     with pytest.raises(InputError, match="links are not checked against each other, the scene's are"):
-        Certifier(scene, load_scene_robot(blind))
+        Certifier(Setup.of(scene, load_scene_robot(blind)))
 
 
 @pytest.mark.parametrize("change", [{"base": Pose()}, {"locked": {"panda_finger_joint1": 0.0}}])
@@ -551,8 +542,8 @@ def test_a_robot_that_stands_or_is_held_elsewhere_is_not_the_scenes(change: dict
         scene.robot, base=Pose((0.0, 0.0, 0.1)), locked={"panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}
     )
     scene = dataclasses.replace(scene, robot=spec)
-    Certifier(scene, load_robot(spec))
+    Certifier(Setup.of(scene, load_robot(spec)))
     other = load_robot(dataclasses.replace(spec, **change))
-    for made in (Certifier, build, lambda scene, robot: Controller.of(scene, robot=robot)):
+    for made in (Setup.of, build, lambda scene, robot: Controller.of(scene, robot=robot)):
         with pytest.raises(InputError, match=r"take the scene's own \(load_scene_robot\)"):
             made(scene, other)

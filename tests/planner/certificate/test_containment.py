@@ -23,18 +23,14 @@ from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.geometry.solids import Solid
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.scenes.model import (
-    Attached,
-    JointTarget,
-    Mesh,
-    Obstacle,
-    Pose,
-    RobotSpec,
-    Scene,
-    Shape,
-    Sphere,
-    SteadyMotion,
-)
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.attached import Attached
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Mesh, Shape, Sphere
+from hdplan.scenes.targets import JointTarget
 
 Array = NDArray[np.float64]
 
@@ -263,7 +259,7 @@ def test_no_ball_in_the_material_is_free_in_any_role(role: str, tmp_path: Path) 
             assert verdict.certified, (role, trial, how, verdict.text)
         found[inside, verdict.certified] = found.get((inside, verdict.certified), 0) + 1
         # one configuration says the same as the whole motion
-        certifier = Certifier(scene, robot)
+        certifier = Certifier(Setup.of(scene, robot))
         if body.inside(places[:1])[0]:
             assert certifier.contacts(ends[0])
             assert certifier.too_close(ends[0], 0.0)[0][0].distance < 0.0

@@ -13,7 +13,10 @@ from hdplan.planner.certificate.interval_bounds import Bounds, Items
 from hdplan.planner.certificate.intervals import Intervals
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.scenes.model import Box, Capsule, Cylinder, Ellipsoid, Obstacle, Pose, Sphere, SteadyMotion, TimedPoses
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
 
 LOOKS = 5  # places on an interval at which the exact distance is compared
@@ -51,7 +54,7 @@ def laid_out(request: pytest.FixtureRequest) -> LaidOut:
         for motion in [motions[k % len(motions)]]
     )
     robot = load_scene_robot(scene)
-    certifier = Certifier(dataclasses.replace(scene, obstacles=(*scene.obstacles, *more)), robot)
+    certifier = Certifier(Setup.of(dataclasses.replace(scene, obstacles=(*scene.obstacles, *more)), robot))
     waypoints = robot.draw(rng, 1) + np.cumsum(rng.normal(scale=0.2, size=(5, robot.n)), axis=0)
     bodies, curve = certifier.sweep.bodies, Curve.through(waypoints)
     if moving:

@@ -7,6 +7,7 @@ import pytest
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.yaml_format.reader import load_scene
 
 SCENES = ["panda_corridor", "ur5_table", "empty"]
@@ -16,7 +17,7 @@ SCENES = ["panda_corridor", "ur5_table", "empty"]
 def test_nearest_is_the_least_of_all_pairs(name: str) -> None:
     scene = load_scene(name)
     robot = load_scene_robot(scene)
-    certifier = Certifier(scene, robot)
+    certifier = Certifier(Setup.of(scene, robot))
     hollow, group = certifier.sweep.hollow, certifier.sweep.pairs.group
     rng = np.random.default_rng(3)
     for q in rng.uniform(np.maximum(robot.lower, -3.0), np.minimum(robot.upper, 3.0), size=(12, robot.n)):
@@ -39,7 +40,7 @@ def test_nearest_is_the_least_of_all_pairs(name: str) -> None:
 def test_the_closest_points_are_as_far_apart_as_their_bodies(name: str) -> None:
     scene = load_scene(name)
     robot = load_scene_robot(scene)
-    certifier = Certifier(scene, robot)
+    certifier = Certifier(Setup.of(scene, robot))
     for q in robot.draw(np.random.default_rng(4), 8):
         for place, closest in zip(certifier.nearest(q), certifier.closest(q), strict=True):
             assert (place is None) == (closest is None)

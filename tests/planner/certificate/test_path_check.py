@@ -19,7 +19,12 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot, load_robot
-from hdplan.scenes.model import JointTarget, PathConstraints, Pose, RobotSpec, Scene, Upright, Within
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Array = NDArray[np.float64]
@@ -62,7 +67,7 @@ def scene_of(spec: RobotSpec, *asked: Upright | Within) -> Scene:
 
 
 def proof_of(robot: Robot, scene: Scene, curve: Curve) -> PathProof:
-    return PathCheck(scene, robot, Chain.of(robot.model)).prove(curve)
+    return PathCheck(Setup(scene, robot), Chain.of(robot.model)).prove(curve)
 
 
 def sampled(robot: Robot, scene: Scene, q: Array) -> dict[str, Array]:
@@ -223,7 +228,7 @@ def test_the_certificate_says_what_is_kept_or_where_it_is_not() -> None:
 
     def verdict(rows: list[Array], *asked: Upright | Within) -> object:
         held = dataclasses.replace(bare, path=scene_of(scene.robot, *asked).path)
-        certifier = Certifier(held, robot)
+        certifier = Certifier(Setup.of(held, robot))
         return certifier.certify(Trajectory(robot.joint_names, np.array(rows)), check_ends=False)
 
     down = Upright("tool0", (0.0, 0.0, -1.0), 0.1)

@@ -17,7 +17,10 @@ from hdplan.planner.motion.robot_curve import beyond_limits
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.scenes.model import JointTarget, Limits, RobotSpec, Scene
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget
 
 PANDA = (0.0, -0.785, 0.0, -2.356, 0.0, 1.571)
 

@@ -16,24 +16,18 @@ from hdplan.planner.certificate.rounding import MOTION, PLACING, ROUNDING, SHARE
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.attached import Payload
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import (
-    Box,
-    JointTarget,
-    Limits,
-    Obstacle,
-    PathConstraints,
-    Payload,
-    Pose,
-    RobotSpec,
-    Scene,
-    Shape,
-    Sphere,
-    SteadyMotion,
-    TimedPoses,
-    Upright,
-)
-from hdplan.scenes.moving import Passages
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.obstacle_motion import ObstacleMotion
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
+from hdplan.scenes.path_constraints import PathConstraints, Upright
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Shape, Sphere
+from hdplan.scenes.targets import JointTarget
 
 Array = NDArray[np.float64]
 Long = NDArray[np.longdouble]
@@ -79,7 +73,7 @@ def exactly(joints: Array, point: Array) -> Long:
 
 def test_the_robot_is_placed_to_what_is_taken_off_wherever_it_is_not_refused(slide: Scene) -> None:
     rng, robot = np.random.default_rng(3), load_scene_robot(slide)
-    bodies = Certifier(slide, robot).sweep.bodies
+    bodies = Certifier(Setup.of(slide, robot)).sweep.bodies
     tip = [body.name for body in bodies.bodies].index("tip")
     outcomes = {True: 0, False: 0}
     for _ in range(300):
@@ -118,10 +112,10 @@ def test_moving_obstacles_are_placed_to_what_is_taken_off() -> None:
         lever = rng.normal(size=3)
         speed = float(np.linalg.norm(velocity) + np.linalg.norm(spin) * np.linalg.norm(lever))
         motion = SteadyMotion(tuple(velocity.tolist()), tuple(spin.tolist()))
-        passages = Passages.of(Obstacle("x", Box((1, 1, 1)), motion=motion))
+        carried = ObstacleMotion.of(Obstacle("x", Box((1, 1, 1)), motion=motion))
         latest = SHARE / UNIT / TIME / speed
         for time, kept in ((latest * rng.uniform(0.5, 1.0), True), (1000.0 * latest, False)):
-            place = passages.at(np.array([time]))[0]
+            place = carried.at(np.array([time]))[0]
             found = place[:3, :3] @ lever + place[:3, 3]
             t, w = np.longdouble(time), spin.astype(np.longdouble)
             turned = lever.astype(np.longdouble)

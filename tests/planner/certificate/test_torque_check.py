@@ -18,7 +18,11 @@ from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import JointTarget, Limits, Pose, RobotSpec, Scene
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget
 
 Floats = NDArray[np.float64]
 

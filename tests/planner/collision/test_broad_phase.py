@@ -17,9 +17,11 @@ from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody, link_bodies
 from hdplan.planner.collision.reach import reach_of
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
-from hdplan.planner.problem.terms import Clearance
+from hdplan.planner.problem.clearance import Clearance
 from hdplan.planner.robot.robot import Robot, load_robot
-from hdplan.scenes.model import Box, Capsule, Cylinder, Points, Pose, RobotSpec, Shape, Sphere
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Points, Shape, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Array = NDArray[np.float64]
@@ -171,7 +173,7 @@ def test_nothing_dropped_around_any_shape(seed: int, normals: str) -> None:
 
 
 def test_tables_say_what_the_pairs_are(panda: Robot) -> None:
-    """Rows, joints, signs of motion and the margin, pair by pair, for plane bodies of both sizes."""
+    """Rows, joints, signs of motion and the margin, pair by pair, for halfspace bodies of both sizes."""
     bodies, kinematics = link_bodies(panda), Kinematics(panda.model)
     planes = [*clutter(5, 15), from_link_body(bodies[2].link, bodies[2].joint, bodies[2].body)]
     some = [(a, b) for a in range(0, len(bodies), 2) for b in range(len(planes)) if (a + b) % 3]

@@ -22,10 +22,13 @@ from hdplan.planner.collision.euclidean import FclPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_link_body, from_shape
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
-from hdplan.planner.problem.terms import Clearance
+from hdplan.planner.problem.clearance import Clearance
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.terminal.explain import explain
-from hdplan.scenes.model import Box, Capsule, Cylinder, Ellipsoid, Points, Pose, RobotSpec, Scene, Sphere
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Points, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Array = NDArray[np.float64]
@@ -212,7 +215,7 @@ def test_links_among_each_other_and_the_gradient_in_joint_space(panda: Robot) ->
     inside = term.inside(kinematics)
     assert len(inside.sample) > 50
     for s, p, found in zip(inside.sample, inside.pair, inside.distance, strict=True):
-        a, b = collision_model.bodies[pairs.body[p]], collision_model.bodies[pairs.plane_body[p]]
+        a, b = collision_model.bodies[pairs.body[p]], collision_model.bodies[pairs.halfspace_body[p]]
         truth = signed_distance(a.body, pose_of(kinematics, s, a.joint), b.body, pose_of(kinematics, s, b.joint))
         assert found + 0.1 == pytest.approx(truth.distance, abs=EXACT)
     step, agree = 1e-5, []

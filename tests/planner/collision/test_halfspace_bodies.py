@@ -1,4 +1,4 @@
-"""Laws of plane bodies: exact supports of the shapes themselves, so that the planes hold the shape and touch it."""
+"""Laws of halfspace bodies: exact supports of the shapes themselves, so that the planes hold the shape and touch it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,9 @@ from hdplan.planner.collision.halfspace_bodies import (
     from_points,
     from_shape,
 )
-from hdplan.scenes.model import Box, Capsule, Cylinder, Ellipsoid, Mesh, Obstacle, Points, Pose, Shape, Sphere
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
 
 Array = NDArray[np.float64]
 

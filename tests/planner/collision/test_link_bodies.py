@@ -17,7 +17,9 @@ from hdplan.planner.collision.link_bodies import LinkBody, _enclosed, _link_tria
 from hdplan.planner.collision.sphere_swept_fit import Reference, Swept, distance_to_hull, fit_swept, outside
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.scenes.model import LINK_BODIES, Pose, RobotSpec
+from hdplan.scenes.planner_settings import LINK_BODIES
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.yaml_format.reader import load_scene
 
 QUICK = ("panda", "kinova", "panda_collision")  # the others, as long each, are left to the slow run

@@ -27,7 +27,11 @@ from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_shape
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
-from hdplan.scenes.model import Box, Limits, RobotSpec, Scene, SelfCollision
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.obstacles import SelfCollision
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Array = NDArray[np.float64]
@@ -196,7 +200,7 @@ def test_a_wider_margin_brings_pairs_back_and_narrower_limits_take_more_out() ->
 
     def kept(scene: Scene) -> tuple[int, int]:
         problem = build(scene)
-        own = [term for term in problem.pair_terms if term.name == "self-collision"]
+        own = [term for term in (problem.terms.self_collision,) if term]
         return sum(len(term.pairs) for term in own), len(problem.apart)
 
     pairs, apart = kept(scene)

@@ -40,22 +40,15 @@ from hdplan.planner.kinematics.forward import kinematics_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import (
-    Box,
-    Capsule,
-    Cylinder,
-    JointTarget,
-    Obstacle,
-    Points,
-    Pose,
-    PoseTarget,
-    RobotSpec,
-    Scene,
-    Sphere,
-    SteadyMotion,
-)
-from hdplan.scenes.moving import Passages
+from hdplan.scenes.obstacle_motion import ObstacleMotion
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Points, Sphere
+from hdplan.scenes.targets import JointTarget, PoseTarget
 
 Array = NDArray[np.float64]
 
@@ -193,7 +186,7 @@ def test_a_moving_obstacle_enters_with_its_own_speed(robot: Robot) -> None:
     rng = np.random.default_rng(4)
     for settings in (DISTANCES[0], DISTANCES[1]):
         bodies = from_obstacle(Obstacle("it", Box((0.1, 0.2, 0.3))))[0]
-        moved = [(Passages.of(obstacle), bodies)]
+        moved = [(ObstacleMotion.of(obstacle), bodies)]
         still = scene_barriers(scene_of(), robot, settings)
         links = [LinkBody("five", 5, ConvexBody.box([0.08, 0.12, 0.2]))]
         barriers = Barriers(robot, still.kinematics, links, [], [], settings, moved)
@@ -447,7 +440,7 @@ def test_a_ball_that_comes_is_given_way_to(robot: Robot) -> None:
         settings = ControlSettings(BarrierSettings(growth=0.005), rate=4.0, period=0.01)
         run = simulate(Controller.of(scene, settings, robot), ready, standing(ready, 4.0), 1.2, until_met=False)
         motion = Trajectory(robot.joint_names, run.positions, robot.locked, run.times)
-        assert Certifier(scene, robot).certify(motion, check_ends=False).certified, k
+        assert Certifier(Setup.of(scene, robot)).certify(motion, check_ends=False).certified, k
         met += 1
     assert met >= 8
 
@@ -489,7 +482,7 @@ def test_a_wall_that_no_joint_can_leave_does_not_freeze_the_arm(robot: Robot) ->
         assert away[1:].max() < 0.02  # turning about its own axis may bring link1 closer: then it does not
         inside += run.slacks[0] < 0.0
         motion = Trajectory(robot.joint_names, run.positions, robot.locked)
-        assert Certifier(scene, robot).certify(motion, check_ends=False).certified
+        assert Certifier(Setup.of(scene, robot)).certify(motion, check_ends=False).certified
     assert inside >= 3
 
 
@@ -500,7 +493,7 @@ def test_a_robot_on_the_flat_spot_moves_on(robot: Robot) -> None:
     while done < 5:
         scene = scene_of(*random_boxes(rng, 4))
         controller = Controller.of(scene, ControlSettings(period=0.01), robot)
-        certifier, outer = Certifier(scene, robot), controller.barriers.obstacle_pairs
+        certifier, outer = Certifier(Setup.of(scene, robot)), controller.barriers.obstacle_pairs
 
         def least(q: Array, barriers: Barriers = controller.barriers, outer: int = outer) -> float:
             return float(barriers.evaluate(q).separation[:outer].min())
@@ -631,7 +624,7 @@ def test_never_a_contact_from_random_starts(starts: int, robot: Robot) -> None:
     done = held = promised = 0
     while done < starts:
         scene = scene_of(*random_boxes(rng, 5))
-        certifier = Certifier(scene, robot)
+        certifier = Certifier(Setup.of(scene, robot))
         q = robot.draw(rng, 1)[0]
         if certifier.contacts(q):
             continue
@@ -660,7 +653,7 @@ def test_links_that_begin_inside_a_margin_do_not_touch(robot: Robot) -> None:
     rng = np.random.default_rng(10)
     settings = ControlSettings(period=0.01, speed=0.3)
     controller = Controller.of(scene_of(), settings, robot)
-    certifier = Certifier(scene_of(), robot)
+    certifier = Certifier(Setup.of(scene_of(), robot))
     done = moved = 0
     for q in robot.draw(rng, 4000):
         inside = np.flatnonzero(controller.barriers.evaluate(q).value < settings.self_margin)

@@ -21,8 +21,15 @@ from hdplan.planner.kinematics.forward import kinematics_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import JointTarget, Limits, Obstacle, Pose, Scene, Sphere, SteadyMotion, Timing
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Sphere
+from hdplan.scenes.targets import JointTarget
+from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.writer import scene_text
 
 
@@ -47,7 +54,7 @@ def room(sweep: Trajectory) -> Scene:
 @pytest.fixture(scope="module")
 def free(room: Scene, sweep: Trajectory, robot: Robot) -> Followed:
     """The sweep as it is followed in the empty room."""
-    return follow(room, sweep, robot)
+    return follow(Setup.of(room, robot), sweep)
 
 
 def between(scene: Scene, motion: Trajectory) -> Scene:
@@ -75,7 +82,7 @@ def test_a_free_robot_arrives_about_on_time(free: Followed, robot: Robot, sweep:
 
 def test_times_of_the_file_are_kept_to(room: Scene, robot: Robot, sweep: Trajectory) -> None:
     slow = replace(sweep, times=np.linspace(1.0, 7.0, len(sweep)))
-    found = follow(room, slow, robot)
+    found = follow(Setup.of(room, robot), slow)
     assert found.duration == pytest.approx(6.0)
     assert found.arrived is not None
     assert 5.5 <= found.arrived < 7.5
@@ -90,13 +97,13 @@ def test_it_yields_and_recovers(free: Followed, room: Scene, robot: Robot, sweep
     for velocity in ((-0.25, 0.0, 0.0), (0.0, -0.25, 0.0)):
         obstacle = ball_that_comes(robot, sweep, velocity, 0.5 * free.arrived)
         scene = replace(room, obstacles=(obstacle,))
-        found = follow(scene, sweep, robot)
+        found = follow(Setup.of(scene, robot), sweep)
         assert found.succeeded, found.certificate.text
         assert found.arrived is not None
         assert found.arrived > free.arrived
         assert found.held > free.held
         # without the filter the same motion, as it was executed in the empty room, runs into the ball
-        assert not Certifier(scene, robot).certify(free.trajectory, check_ends=False).certified
+        assert not Certifier(Setup.of(scene, robot)).certify(free.trajectory, check_ends=False).certified
 
 
 def test_a_program_without_a_solution_is_no_reason_to_stand(room: Scene, robot: Robot) -> None:
@@ -104,7 +111,7 @@ def test_a_program_without_a_solution_is_no_reason_to_stand(room: Scene, robot: 
     start = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
     slow = Trajectory(robot.joint_names, np.stack([start, start + 0.15]), robot.locked, np.array([0.0, 3.0]))
     ball = Obstacle("ball", Sphere(0.08), Pose((-0.282, 0.096, 0.763)), motion=SteadyMotion((0.491, -0.08, -0.054)))
-    found = follow(replace(between(room, slow), obstacles=(ball,)), slow, robot)
+    found = follow(Setup.of(replace(between(room, slow), obstacles=(ball,)), robot), slow)
     assert found.succeeded, found.certificate.text
     assert found.run.counted[Mode.GIVING_WAY]
     assert Mode.STOPPED not in found.run.counted
@@ -117,7 +124,7 @@ def test_a_way_that_stays_blocked_is_given_up(
     monkeypatch.setattr(following, "PATIENCE", (3.0, 2.0))
     obstacle = replace(ball_that_comes(robot, sweep, (0.0, 0.0, 0.0), 0.0), motion=None, shape=Sphere(0.3))
     scene = replace(room, obstacles=(obstacle,))
-    found = follow(scene, replace(sweep, times=np.linspace(0.0, 0.5, len(sweep))), robot)
+    found = follow(Setup.of(scene, robot), replace(sweep, times=np.linspace(0.0, 0.5, len(sweep))))
     assert not found.succeeded
     assert found.arrived is None
     assert found.certificate.status is Status.WRONG_ENDS
@@ -139,7 +146,7 @@ def test_check_says_of_the_written_motion_what_follow_said(
     scene = replace(between(room, motion), obstacles=(ball,), limits=limits, timing=Timing(duration=1.5))
     (tmp_path / "scene.yaml").write_text(scene_text(scene), encoding="utf-8")
     scene = hdplan.load_scene(tmp_path / "scene.yaml")
-    found = follow(scene, motion, load_scene_robot(scene))
+    found = follow(Setup.of(scene, load_scene_robot(scene)), motion)
     use = {use.quantity: use for use in found.certificate.uses}
     assert 0.0 < use["acceleration"].share < np.inf
     assert use["velocity"].share <= 1.0 + 1e-9
@@ -184,7 +191,7 @@ def test_a_joint_without_a_speed_limit_is_refused(stick_scene, tmp_path: Path) -
     urdf = tmp_path / "stick.urdf"
     urdf.write_text(urdf.read_text().replace('velocity="1"', 'velocity="0"'))
     with pytest.raises(InputError, match=r"limits\.velocity"):
-        follow(scene, Trajectory(("turn",), np.array([[0.0], [0.5]])))
+        follow(Setup.of(scene), Trajectory(("turn",), np.array([[0.0], [0.5]])))
 
 
 def test_command(

@@ -14,11 +14,18 @@ from hdplan.planner.certificate.torque_check import check_torques
 from hdplan.planner.control.computed_torque import Arm, execute
 from hdplan.planner.control.replay import Simulation, replay
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.loads import loaded_model
 from hdplan.planner.robot.robot import Robot, load_robot
-from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.attached import Payload
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import JointTarget, Limits, Obstacle, Payload, Pose, RobotSpec, Scene, Sphere, Timing
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Sphere
+from hdplan.scenes.targets import JointTarget
+from hdplan.scenes.timing import Timing
 
 Floats = NDArray[np.float64]
 
@@ -92,7 +99,7 @@ def test_torques_that_the_check_allows_track_within_a_milliradian() -> None:
     """The check by rnea and the simulation by aba are two ways through the same mechanics."""
     robot = load_robot(PANDA)
     scene = _scene(payload=LOAD, limits=Limits(torque="urdf"))
-    model, motion = loaded_model(scene, robot), _reach(robot)
+    model, motion = Setup.of(scene, robot).loaded_model, _reach(robot)
     needed = check_torques(model, robot, motion.curve, np.full(7, 1e3)).proven
     kept = execute(Arm(model, robot), motion.curve, needed)
     assert not kept.lost
@@ -119,7 +126,7 @@ def test_other_arms_are_tracked_too(name: str) -> None:
 
 
 def _replay(scene: Scene, motion: Trajectory) -> Simulation:
-    return replay(scene, motion, load_scene_robot(scene))
+    return replay(Setup.of(scene), motion)
 
 
 def test_a_load_that_the_plan_did_not_know_of_is_lost() -> None:

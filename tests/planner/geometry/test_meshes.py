@@ -19,7 +19,8 @@ from hdplan.planner.collision.convex_pieces import convex_pieces
 from hdplan.planner.collision.halfspace_bodies import from_obstacle
 from hdplan.planner.geometry.meshes import TriangleMesh, load_mesh
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Mesh, Obstacle, Sphere
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.shapes import Mesh, Sphere
 
 
 def read(mesh: trimesh.Trimesh, path: Path, scale: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> TriangleMesh:
@@ -189,6 +190,6 @@ def test_a_mesh_that_takes_too_long_to_split_is_planned_around_as_its_hull(
     assert convex_pieces(mesh, 0.5) is None
     trimesh.Trimesh(mesh.vertices, mesh.triangles).export(tmp_path / "rings.obj")
     (body,), (note,) = from_obstacle(Obstacle("thing", Mesh(tmp_path / "rings.obj")), seconds=0.5)
-    assert "rings.obj could not be split into convex pieces within 0.5 s: planned around as its hull" in note
+    assert "rings.obj could not be split into convex pieces within 0.5 s: its hull is planned around" in note
     assert ((mesh.vertices @ body.normals.T) <= body.supports + 1e-6).all()
     assert not list((tmp_path / "cache").glob("convex_pieces/*"))

@@ -10,8 +10,9 @@ import pytest
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Pose, RobotSpec
+from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_files.library import robot_names
+from hdplan.scenes.robot_spec import RobotSpec
 
 ARMS = ["panda", "ur3_gripper", "ur5", "ur5_gripper", "ur10", "xarm7", "kinova", "z1"]
 EXACT = 1e-12  # [m, 1] agreement with Pinocchio: rounding of a dozen products of matrices

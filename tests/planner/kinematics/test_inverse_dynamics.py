@@ -14,23 +14,14 @@ from numpy.typing import NDArray
 from hdplan.planner.kinematics.inverse_dynamics import InverseDynamics, inverse_dynamics
 from hdplan.planner.robot.loads import loaded_model
 from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import (
-    Attached,
-    Box,
-    Capsule,
-    Cylinder,
-    Ellipsoid,
-    JointTarget,
-    Mesh,
-    Payload,
-    Points,
-    Pose,
-    RobotSpec,
-    Scene,
-    Shape,
-    Sphere,
-)
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
+from hdplan.scenes.targets import JointTarget
 
 Floats = NDArray[np.float64]
 
@@ -137,7 +128,7 @@ def test_upside_down_gravity_stays_the_worlds() -> None:
 def test_a_payload_changes_torques_by_what_a_body_there_takes() -> None:
     """Newton and Euler for the load alone: its wrench at its centre, carried to the joints by the Jacobian."""
     robot = _robot("panda", BASES["on a wall"])
-    loaded = loaded_model(_scene(payload=LOAD), robot)
+    loaded = Setup(_scene(payload=LOAD), robot).loaded_model
     q, v, a = _states(robot, 10)
     added = InverseDynamics(loaded).torques(q, v, a) - InverseDynamics(robot.model).torques(q, v, a)
     model = robot.model.copy()
@@ -229,7 +220,7 @@ def test_a_held_mesh_weighs_as_the_box_that_it_is_and_an_open_one_is_refused(tmp
 
     def model(shape: Shape) -> pin.Model:
         held = Attached("thing", "wrist_3_link", shape, Pose((0, 0, 0.1)), mass=1.5)
-        return loaded_model(_scene("ur5", attached=(held,)), robot)
+        return Setup(_scene("ur5", attached=(held,)), robot).loaded_model
 
     expected = model(Box((0.1, 0.2, 0.3))).inertias[-1].matrix()
     for name in ("box", "inverted"):
@@ -242,7 +233,7 @@ def test_a_held_mesh_weighs_as_the_box_that_it_is_and_an_open_one_is_refused(tmp
 def test_the_robots_own_model_stays_as_it_is() -> None:
     robot = _robot("panda")
     before = [inertia.matrix() for inertia in robot.model.inertias]
-    loaded = loaded_model(_scene(payload=LOAD), robot)
+    loaded = Setup(_scene(payload=LOAD), robot).loaded_model
     np.testing.assert_array_equal(before, [inertia.matrix() for inertia in robot.model.inertias])
     assert not np.array_equal(before, [inertia.matrix() for inertia in loaded.inertias])
     bare = loaded_model(_scene(attached=(Attached("cup", "panda_hand", Sphere(0.03)),)), robot)
@@ -252,7 +243,7 @@ def test_the_robots_own_model_stays_as_it_is() -> None:
 def test_what_no_robot_and_no_body_has_is_refused_by_name() -> None:
     robot = _robot("panda")
     with pytest.raises(InputError, match=r"test.yaml: payload.link: panda has no link 'panda_hnd' \(did you mean 'pan"):
-        loaded_model(_scene(payload=replace(LOAD, link="panda_hnd")), robot)
+        _ = Setup.of(_scene(payload=replace(LOAD, link="panda_hnd")), robot).loaded_model
     with pytest.raises(InputError, match=r"Payload.inertia: .* its principal moments are 0.1, 0.1 and 0.3"):
         replace(LOAD, inertia=(0.1, 0, 0, 0.1, 0, 0.3))
     with pytest.raises(InputError, match=r"Payload\.inertia: .* none may be negative"):
@@ -267,4 +258,4 @@ def test_a_urdf_without_masses_is_refused(tmp_path: Path) -> None:
         '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>'
     )
     with pytest.raises(InputError, match=r"limits\.torque: joint 'turn' of light moves no mass"):
-        loaded_model(_scene(), load_robot(RobotSpec(urdf=path)))
+        _ = Setup(_scene(), load_robot(RobotSpec(urdf=path))).loaded_model

@@ -15,13 +15,14 @@ import pytest
 import yaml
 
 from hdplan.planner.certificate.certifier import certify
-from hdplan.planner.certificate.rate_check import rates
+from hdplan.planner.certificate.rate_check import RateCheck
 from hdplan.planner.motion import ros_bag
 from hdplan.planner.motion.ros_message import joint_trajectory, read_message, robot_trajectory
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.motion.trajectory_files import FORMATS, WRITERS, check_output
+from hdplan.planner.motion.trajectory_files import FORMATS, WRITERS, check_length, check_output
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.reader import load_scene
 
@@ -127,8 +128,9 @@ def test_rounding_takes_no_more_of_a_limit_than_the_margin_that_is_left(rate: in
     )
     after = Trajectory(**read_message(joint_trajectory(motion)))
     kept = replace(motion, times=after.times)
+    check = RateCheck(Setup.of(scene, robot))
     shares, rounded, careless = (
-        [use.share for use in rates(moved.curve, scene, robot)] for moved in (motion, after, kept)
+        [use.share for use in check.check(moved.curve).uses] for moved in (motion, after, kept)
     )
     np.testing.assert_allclose(rounded, shares, rtol=1e-6)
     assert len(shares) == 3
@@ -378,6 +380,26 @@ def test_more_rows_than_yaml_is_read_of_are_refused(tmp_path: Path) -> None:
     motion = Trajectory(("a",), np.zeros((70_000, 1)), {}, np.arange(70_000.0))
     with pytest.raises(InputError, match=r"write \.mcap"):
         motion.save(tmp_path / "m.joint_trajectory.yaml")
+
+
+@pytest.mark.parametrize("joints", [1, 7])
+@pytest.mark.parametrize("ending", FORMATS)
+def test_a_motion_too_long_for_its_file_is_refused_before_it_is_planned(
+    tmp_path: Path, ending: str, joints: int
+) -> None:
+    """In the words that the writer has for it."""
+    most, file = 1_000_000 // (3 * joints + 16), tmp_path / f"m{ending}"
+    check_length(file, most, joints)
+    if not ending.endswith(".yaml"):
+        check_length(file, 100_000, joints)
+        return
+    rows = np.zeros((most + 1, joints))
+    motion = Trajectory(tuple(f"j{i}" for i in range(joints)), rows, {}, np.arange(most + 1.0), rows, rows)
+    with pytest.raises(InputError) as late:
+        motion.save(file)
+    with pytest.raises(InputError) as early:
+        check_length(file, most + 1, joints)
+    assert str(early.value) == str(late.value)
 
 
 def test_the_ending_says_which_message(tmp_path: Path) -> None:

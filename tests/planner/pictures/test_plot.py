@@ -21,26 +21,18 @@ from hdplan.planner.pictures.clearances import Clearances, outer_clearance
 from hdplan.planner.pictures.plot import Subject
 from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult, read_steps
-from hdplan.planner.robot.loads import loaded_model
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import (
-    Box,
-    Capsule,
-    Cylinder,
-    Limits,
-    Mesh,
-    Obstacle,
-    Points,
-    Pose,
-    Scene,
-    Sphere,
-    SteadyMotion,
-    Timing,
-)
-from hdplan.scenes.moving import Passages
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.obstacle_motion import ObstacleMotion
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Mesh, Points, Sphere
+from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene
 
 pytest.importorskip("matplotlib")
@@ -53,6 +45,11 @@ def planned() -> Planned:
     scene = load_scene("planar_arm")
     robot = load_scene_robot(scene)
     return scene, robot, plan(scene, robot=robot)
+
+
+def planned_subject(planned: Planned) -> Subject:
+    scene, robot, result = planned
+    return Subject.planned(Setup.of(scene, robot), result)
 
 
 def pixels(path: Path) -> np.ndarray:
@@ -73,7 +70,7 @@ def assert_drawn(path: Path) -> None:
 
 def test_certified_result_in_every_format(planned: Planned, tmp_path: Path) -> None:
     for suffix, begins in ((".png", b"\x89PNG"), (".pdf", b"%PDF"), (".SVG", b"<?xml")):
-        plot.plot(Subject.planned(*planned), tmp_path / f"sheet{suffix}")
+        plot.plot(planned_subject(planned), tmp_path / f"sheet{suffix}")
         assert (tmp_path / f"sheet{suffix}").read_bytes().startswith(begins)
     assert_drawn(tmp_path / "sheet.png")
     assert len(list(tmp_path.iterdir())) == 3
@@ -82,8 +79,8 @@ def test_certified_result_in_every_format(planned: Planned, tmp_path: Path) -> N
 def test_without_obstacles_and_iterations(planned: Planned, tmp_path: Path) -> None:
     scene, robot, result = planned
     scene = replace(scene, obstacles=())
-    certificate = Certifier(scene, robot).certify(result.trajectory)
-    subject = Subject.planned(scene, robot, replace(result, certificate=certificate, steps=()))
+    certificate = Certifier(Setup.of(scene, robot)).certify(result.trajectory)
+    subject = Subject.planned(Setup.of(scene, robot), replace(result, certificate=certificate, steps=()))
     plot.plot(subject, tmp_path / "a.png")
     assert_drawn(tmp_path / "a.png")
 
@@ -92,7 +89,7 @@ def test_motion_of_no_length(planned: Planned, tmp_path: Path) -> None:
     scene, robot, result = planned
     stays = replace(result.trajectory, positions=result.trajectory.positions[[0, 0]])
     steps = tuple(replace(step, cost=0.0, smoothness=0.0, depth=0.0) for step in result.steps)
-    plot.plot(Subject.of(Certifier(scene, robot), stays, steps, "stays"), tmp_path / "a.png")
+    plot.plot(Subject.of(Certifier(Setup.of(scene, robot)), stays, steps, "stays"), tmp_path / "a.png")
     assert_drawn(tmp_path / "a.png")
 
 
@@ -111,7 +108,7 @@ def test_motion_in_contact_with_every_kind_of_shape(planned: Planned, tmp_path: 
     scene = replace(scene, obstacles=obstacles)
     ends = result.trajectory.positions[[0, -1]]
     trajectory = Trajectory(result.trajectory.joint_names, ends, result.trajectory.locked)
-    subject = Subject.of(Certifier(scene, robot), trajectory, (), "ends")
+    subject = Subject.of(Certifier(Setup.of(scene, robot)), trajectory, (), "ends")
     assert subject.certificate.status is Status.IN_CONTACT
     plot.plot(subject, tmp_path / "a.png")
     assert_drawn(tmp_path / "a.png")
@@ -129,7 +126,7 @@ def test_a_panel_for_what_is_known_and_for_nothing_else(planned: Planned, tmp_pa
     result.save(tmp_path / "a.json")
     loaded, steps = Trajectory.load(tmp_path / "a.json"), read_steps(tmp_path / "a.json")
     assert steps == result.steps
-    certifier = Certifier(scene, robot)
+    certifier = Certifier(Setup.of(scene, robot))
     assert titles(Subject.of(certifier, loaded, steps, "a")) == {"joints", "clearance", "solver"}
     assert titles(Subject.of(certifier, loaded, (), "a")) == {"joints", "clearance"}
     timed = replace(loaded, times=np.linspace(0.0, 2.0, len(loaded)) ** 2)
@@ -159,7 +156,7 @@ def test_rates_of_a_motion_that_speeds_up(planned: Planned) -> None:
 @pytest.mark.parametrize("name", ["planar_arm", "panda_cage"])
 def test_the_planners_clearance_is_below_the_exact_one_and_that_not_below_the_proven(name: str) -> None:
     scene = load_scene(name)
-    certifier = Certifier(scene, load_scene_robot(scene))
+    certifier = Certifier(Setup.of(scene))
     result = plan(scene)
     parameter = np.linspace(0.0, 1.0, 40)
     positions = result.trajectory.at(parameter)
@@ -185,8 +182,8 @@ def crossed(planned: Planned) -> tuple[Certifier, Trajectory]:
     )
     limits = Limits(velocity=3.0, acceleration=(9.0, 7.0), torque=50.0)
     scene = replace(scene, obstacles=obstacles, limits=limits, timing=Timing(duration=3.0))
-    motion, _ = Retimer(scene, robot)(result.trajectory)
-    return Certifier(scene, robot), motion
+    motion, _ = Retimer(Setup.of(scene, robot))(result.trajectory)
+    return Certifier(Setup.of(scene, robot)), motion
 
 
 def test_clearance_meets_what_moves_where_it_is_at_that_time(crossed: tuple[Certifier, Trajectory]) -> None:
@@ -198,15 +195,17 @@ def test_clearance_meets_what_moves_where_it_is_at_that_time(crossed: tuple[Cert
         frozen = tuple(replace(o, pose=pose_at(o, seconds), motion=None) for o in scene.obstacles)
         still = replace(scene, obstacles=frozen, timing=None, limits=Limits())
         q = motion.curve.at_parameter(parameter[k : k + 1])
-        place, _ = Certifier(still, robot).nearest(q[0])
+        place, _ = Certifier(Setup.of(still, robot)).nearest(q[0])
         assert place is not None
         assert found.to_obstacles[k] == pytest.approx(place.distance, abs=1e-9)
-        assert found.outer[k] == pytest.approx(outer_clearance(still, robot, q, np.zeros(1), 2.0)[0], abs=1e-9)
+        assert found.outer[k] == pytest.approx(
+            outer_clearance(Setup.of(still, robot), q, np.zeros(1), 2.0)[0], abs=1e-9
+        )
         assert found.outer[k] <= found.to_obstacles[k] + 1e-9
 
 
 def pose_at(obstacle: Obstacle, seconds: float) -> Pose:
-    matrix = Passages.of(obstacle).at(np.array([seconds]))[0]
+    matrix = ObstacleMotion.of(obstacle).at(np.array([seconds]))[0]
     return Pose(tuple(matrix[:3, 3].tolist()), tuple(Rotation.from_matrix(matrix[:3, :3]).as_quat().tolist()))
 
 
@@ -223,7 +222,7 @@ def test_what_is_drawn_of_a_motion_is_the_curve(crossed: tuple[Certifier, Trajec
         rate = drawn[quantity]
         wanted = motion.curve.over_time(order).at_parameter(motion.curve.parameter_of(rate.times))
         np.testing.assert_allclose(rate.values, wanted, rtol=0, atol=1e-6)
-    model, velocities = loaded_model(certifier.scene, certifier.robot), drawn["velocity"].values
+    model, velocities = Setup.of(certifier.scene, certifier.robot).loaded_model, drawn["velocity"].values
     at_rest = pin.computeGeneralizedGravity(model, model.createData(), certifier.robot.pin_q(motion.positions[:1])[0])
     assert np.abs(velocities[[0, -1]]).max() < 1e-9
     np.testing.assert_allclose(drawn["torque"].values[0], at_rest, atol=1e-6)
@@ -247,7 +246,7 @@ def test_a_curve_that_jumps_is_drawn_on_both_sides(crossed: tuple[Certifier, Tra
         np.testing.assert_allclose(np.abs(here[1] - here[0]), jump, atol=1e-6)
     bare = replace(cubic, velocities=None)
     scene = replace(certifier.scene, limits=replace(certifier.scene.limits, torque=None))
-    stairs, _ = rates(Subject.of(Certifier(scene, certifier.robot), bare, (), "a"))
+    stairs, _ = rates(Subject.of(Certifier(Setup.of(scene, certifier.robot)), bare, (), "a"))
     assert (stairs.where, len(stairs.values)) == (" between waypoints", len(motion) - 1)
 
 
@@ -257,14 +256,14 @@ def test_the_drawn_scene_has_what_moves_where_it_is_when_the_robot_is_there(
     from hdplan.planner.pictures.scene import DRIFTING, STANDING, Picture
 
     certifier, motion = crossed
-    picture = Picture.of(certifier.scene, certifier.robot, motion)
+    picture = Picture.of(Setup.of(certifier.scene, certifier.robot), motion)
     assert picture.moves
     assert sum(paint is STANDING for _, paint in picture.solids) == 1
     for parameter, paint in DRIFTING:
         seconds = np.array([float(motion.curve.time_of(parameter))])
         shown = [body.vertices for body, found in picture.solids if found is paint]
         for vertices, obstacle in zip(shown, certifier.scene.obstacles, strict=False):
-            place = Passages.of(obstacle).at(seconds)[0]
+            place = ObstacleMotion.of(obstacle).at(seconds)[0]
             in_frame = (vertices - place[:3, 3]) @ place[:3, :3]
             np.testing.assert_allclose(np.abs(in_frame), np.tile([0.1, 0.05, 0.05], (len(vertices), 1)), atol=1e-9)
     panels = {"joints", "velocity", "acceleration", "torque", "clearance"}
@@ -274,19 +273,19 @@ def test_the_drawn_scene_has_what_moves_where_it_is_when_the_robot_is_there(
 def test_names_are_written_as_they_are(planned: Planned, tmp_path: Path) -> None:
     scene, robot, result = planned
     scene = replace(scene, name="$\\frac$ " + 80 * "x")
-    plot.plot(Subject.planned(scene, robot, result), tmp_path / "a.svg")
+    plot.plot(Subject.planned(Setup.of(scene, robot), result), tmp_path / "a.svg")
     assert (tmp_path / "a.svg").stat().st_size > 10_000
 
 
 def test_unknown_ending_names_the_allowed_ones(planned: Planned, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"\.bmp.*\.png, \.pdf, \.svg"):
-        plot.plot(Subject.planned(*planned), tmp_path / "a.bmp")
+        plot.plot(planned_subject(planned), tmp_path / "a.bmp")
     assert not list(tmp_path.iterdir())
 
 
 def test_nothing_half_written(planned: Planned, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InputError, match="folder"):
-        plot.plot(Subject.planned(*planned), tmp_path / "missing" / "a.png")
+        plot.plot(planned_subject(planned), tmp_path / "missing" / "a.png")
     target = tmp_path / "a.png"
     target.write_bytes(b"before")
 
@@ -295,7 +294,7 @@ def test_nothing_half_written(planned: Planned, tmp_path: Path, monkeypatch: pyt
 
     monkeypatch.setattr("os.replace", full)
     with pytest.raises(InputError, match="No space left"):
-        plot.plot(Subject.planned(*planned), target)
+        plot.plot(planned_subject(planned), target)
     assert target.read_bytes() == b"before"
     assert list(tmp_path.iterdir()) == [target]
 

@@ -15,14 +15,19 @@ from hdplan.planner.certificate.certifier import Certifier, Status
 from hdplan.planner.control.replay import replay
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.plan import plan
-from hdplan.planner.problem.gravity_torque import GravityTorques, StaticTorque, static_torque
+from hdplan.planner.problem.gravity_torque import GravityTorques, static_torque
 from hdplan.planner.problem.samples import Samples
-from hdplan.planner.robot.loads import loaded_model
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.explain import explain
+from hdplan.scenes.attached import Payload
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import JointTarget, Limits, Payload, Pose, RobotSpec, Scene
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Floats = NDArray[np.float64]
@@ -96,15 +101,16 @@ def _scene(limit: float, payload: Payload | None = None, torque: bool = True) ->
 
 def test_the_terms_derivatives_are_those_of_its_value(tmp_path: Path) -> None:
     robot = load_robot(RobotSpec(name="panda"))
-    (term,) = static_torque(replace(_scene(1.0), limits=Limits(torque=(30.0, 30, 20, 15, 2, 2, 1))), robot)
+    scene = replace(_scene(1.0), limits=Limits(torque=(30.0, 30, 20, 15, 2, 2, 1)))
+    term = static_torque(Setup(scene, robot))
     kinematics, samples = Kinematics(robot.model), Samples((8,))
     q = robot.draw(np.random.default_rng(2), 8)
-    value = term.value(kinematics.evaluate(q), samples)
+    value = term.at_samples(kinematics.evaluate(q), samples)
     assert value.cost > 0
     step = 1e-6
     for joint in range(7):
         ahead, behind = (
-            term.value(kinematics.evaluate(q + sign * step * np.eye(7)[joint]), samples) for sign in (1, -1)
+            term.at_samples(kinematics.evaluate(q + sign * step * np.eye(7)[joint]), samples) for sign in (1, -1)
         )
         slope = (ahead.cost - behind.cost) / (2 * step)
         assert value.gradient[:, joint].sum() == pytest.approx(slope, rel=1e-5, abs=1e-9)
@@ -116,7 +122,8 @@ def test_a_joint_that_gravity_cannot_overload_is_left_out() -> None:
 
     def joints(limit: float, carried: float) -> list[int]:
         payload = Payload("forearm", carried, (0.5, 0.0, 0.0)) if carried else None
-        return [j for term in static_torque(_scene(limit, payload), robot) for j in term.measure.joints.tolist()]
+        term = static_torque(Setup.of(_scene(limit, payload), robot))
+        return term.measure.joints.tolist() if term else []
 
     assert joints(12.0, 0.0) == [0]  # the elbow bears 2.9 Nm at most, of 10
     assert joints(12.0, 1.0) == [0]
@@ -126,12 +133,12 @@ def test_a_joint_that_gravity_cannot_overload_is_left_out() -> None:
 
 def test_without_torque_limits_there_is_no_such_term() -> None:
     problem = build(_scene(0.0, torque=False))
-    assert not any(isinstance(term, StaticTorque) for term in problem.terms)
+    assert problem.terms.static_torque is None
     said = explain(problem)
     assert dict(said.pop("off"))["limits of torque"] == "needs limits.torque"
     assert "torque" not in str(said)
     problem = build(_scene(12.0))
-    assert any(isinstance(term, StaticTorque) for term in problem.terms)
+    assert problem.terms.static_torque is not None
     assert "gravity alone takes 80% of the limit of shoulder" in dict(explain(problem)["on"])["limits of torque"]
     assert "static torque" in dict(explain(problem)["trial evaluation"])
 
@@ -150,7 +157,7 @@ def test_where_the_straight_way_is_too_heavy_another_is_found() -> None:
     blind = plan(_scene(12.0, torque=False), robot=robot)
     assert blind.certified
     assert np.abs(blind.trajectory.positions[:, 1]).max() < 1e-6  # straight through
-    verdict = Certifier(scene, robot).certify(blind.trajectory)
+    verdict = Certifier(Setup.of(scene, robot)).certify(blind.trajectory)
     assert verdict.status is Status.OVERLOADED
     assert verdict.overloaded
     assert "going slower does not help" in verdict.text
@@ -159,11 +166,11 @@ def test_where_the_straight_way_is_too_heavy_another_is_found() -> None:
     assert "torques at most" in result.certificate.text
     assert np.abs(result.trajectory.positions[:, 1]).max() > 1.0
     still = np.zeros(2)
-    model = loaded_model(scene, robot)
+    model = Setup.of(scene, robot).loaded_model
     held = [pin.rnea(model, model.createData(), q, still, still)[0] for q in result.trajectory.positions]
     assert np.abs(held).max() < 12.0
-    assert replay(scene, result.trajectory, robot).succeeded
-    assert not replay(scene, blind.trajectory, robot).succeeded
+    assert replay(Setup.of(scene, robot), result.trajectory).succeeded
+    assert not replay(Setup.of(scene, robot), blind.trajectory).succeeded
 
 
 @pytest.mark.parametrize(("name", "slower"), [("ur5_payload", True), ("panda_heavy", True)])
@@ -171,12 +178,12 @@ def test_scenes_that_need_their_torque_limits(name: str, slower: bool) -> None:
     """Without the limits the motion is certified, and no robot can follow it; with them one can."""
     scene = load_scene(name)
     robot = load_scene_robot(scene)
-    certifier = Certifier(scene, robot)
+    certifier = Certifier(Setup.of(scene, robot))
     blind = plan(replace(scene, limits=replace(scene.limits, torque=None), payload=None), robot=robot)
     assert blind.certified
     verdict = certifier.certify(blind.trajectory)
     assert verdict.status is Status.OVERLOADED
-    replayed = replay(scene, blind.trajectory, robot)
+    replayed = replay(Setup.of(scene, robot), blind.trajectory)
     assert not replayed.succeeded
     assert "needs a torque of" in replayed.text
     result = plan(scene, robot=robot)
@@ -185,7 +192,7 @@ def test_scenes_that_need_their_torque_limits(name: str, slower: bool) -> None:
     assert blind.trajectory.times is not None
     assert result.trajectory.times is not None
     assert result.trajectory.times[-1] > blind.trajectory.times[-1]
-    replayed = replay(scene, result.trajectory, robot)
+    replayed = replay(Setup.of(scene, robot), result.trajectory)
     assert replayed.succeeded
     assert all((joint.error or 0.0) < 1e-3 for joint in replayed.joints)
 
@@ -195,7 +202,7 @@ def test_the_weight_of_a_held_object_counts_by_exactly_its_body() -> None:
     robot = load_scene_robot(scene)
     weightless = replace(scene, attached=tuple(replace(held, mass=None) for held in scene.attached))
     (held,) = scene.attached
-    heavy, light = (loaded_model(each, robot) for each in (scene, weightless))
+    heavy, light = (Setup(each, robot).loaded_model for each in (scene, weightless))
     hand = robot.model.frames[robot.model.getFrameId("panda_hand")]
     body = pin.Inertia.FromCylinder(held.mass, 0.03, 0.26)
     placement = hand.placement * pin.SE3(held.pose.matrix)
@@ -205,7 +212,7 @@ def test_the_weight_of_a_held_object_counts_by_exactly_its_body() -> None:
         state = (q, rng.normal(size=7), rng.normal(size=7))
         torques = [pin.rnea(model, model.createData(), *state) for model in (heavy, light)]
         np.testing.assert_allclose(torques[0], torques[1], atol=1e-10)
-    certifiers = [Certifier(each, load_scene_robot(each)) for each in (scene, weightless)]
+    certifiers = [Certifier(Setup.of(each)) for each in (scene, weightless)]
     blind = plan(weightless)
     assert blind.certified
     assert certifiers[1].certify(blind.trajectory).certified

@@ -14,15 +14,18 @@ from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.path_check import PathCheck
 from hdplan.planner.plan import plan
-from hdplan.planner.problem.path_terms import PathTerm
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import goal_choice
 from hdplan.planner.search.roadmap import Roadmap, onto_path
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Goals, JointTarget, PathConstraints, Pose, PoseTarget, Scene, Upright, Within
+from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Array = NDArray[np.float64]
@@ -52,7 +55,7 @@ def between(scene: Scene, start: Array, goal: Array) -> Scene:
 
 def cost(problem: Problem, q: Array) -> Array:
     """The path terms' penalty at single configurations (B, n) -> (B,), from their depths' definition alone."""
-    inside = [term.inside(problem.kinematics.evaluate(q))[0] for term in problem.path_terms]
+    inside = [term.inside(problem.kinematics.evaluate(q))[0] for term in problem.terms.path]
     return 0.5 * sum((each**2).sum(axis=1) for each in inside)
 
 
@@ -60,10 +63,10 @@ def cost(problem: Problem, q: Array) -> Array:
 @pytest.mark.parametrize("make", [upright, within])
 def test_slopes_are_those_of_the_penalty(name: str, make: object) -> None:
     problem = build(make(name))  # type: ignore[operator]
-    (term,) = problem.path_terms
+    (term,) = problem.terms.path
     q = problem.robot.draw(np.random.default_rng(1), 40)
     samples = Samples((40,))
-    penalty = term.value(problem.kinematics.evaluate(q), samples)
+    penalty = term.at_samples(problem.kinematics.evaluate(q), samples)
     assert penalty.cost == pytest.approx(float(samples.weight @ cost(problem, q)), rel=1e-12)
     for j in range(problem.robot.n):
         step = HALF_STEP * np.eye(problem.robot.n)[j]
@@ -75,13 +78,13 @@ def test_slopes_are_those_of_the_penalty(name: str, make: object) -> None:
 
 def test_an_upright_link_has_no_penalty_and_one_upside_down_is_still_drawn_back() -> None:
     up = build(upright("ur5_table"))
-    (term,) = up.path_terms
+    (term,) = up.terms.path
     level = onto_path(up, up.robot.draw(np.random.default_rng(2), 60))
     level = level[term.depth(up.kinematics.evaluate(level)) == 0.0]
     assert len(level) > 30
     assert not cost(up, level).any()
     down = build(upright("ur5_table", axis=(0.0, 0.0, 1.0)))
-    (other,) = down.path_terms
+    (other,) = down.terms.path
     inside, slope = other.inside(down.kinematics.evaluate(level))
     assert inside.min() > math.pi - 0.2
     lengths = np.linalg.norm(slope[:, 0], axis=1)
@@ -105,7 +108,7 @@ def test_what_counts_as_clear_keeps_the_constraint(tolerance: float, activation:
     scene = upright("panda_carry", tolerance)
     scene = dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, activation=activation))
     problem = build(scene)
-    (term,) = problem.path_terms
+    (term,) = problem.terms.path
     q = onto_path(problem, problem.robot.draw(np.random.default_rng(3), 200))
     q = np.vstack([q, q + 0.4 * tolerance * np.random.default_rng(4).normal(size=q.shape)])
     tilt, depth = angles(problem.robot, "panda_hand", q), term.depth(problem.kinematics.evaluate(q))
@@ -123,14 +126,14 @@ def test_drawn_configurations_are_brought_to_where_the_constraints_hold(name: st
     )
     for scene in (upright(name), within(name), both):
         problem = build(scene)
-        check = Certifier(scene, problem.robot).path
+        check = Certifier(Setup.of(scene, problem.robot)).path
         drawn = problem.robot.draw(np.random.default_rng(5), 60)
         assert sum(not check.at(q) for q in drawn) < 10
         found = onto_path(problem, drawn)
         assert np.all((found >= problem.robot.lower) & (found <= problem.robot.upper))
         kept = np.array([not check.at(q) for q in found])
         assert np.count_nonzero(kept) > 30
-        settled = np.all([term.depth(problem.kinematics.evaluate(found)) == 0.0 for term in problem.path_terms], axis=0)
+        settled = np.all([term.depth(problem.kinematics.evaluate(found)) == 0.0 for term in problem.terms.path], axis=0)
         assert np.all(kept[settled])
 
 
@@ -138,7 +141,7 @@ def test_the_roadmap_is_drawn_where_the_constraints_hold() -> None:
     scene = upright("ur5_table")
     problem = build(scene)
     ends = onto_path(problem, problem.robot.draw(np.random.default_rng(6), 20))
-    check = Certifier(scene, problem.robot).path
+    check = Certifier(Setup.of(scene, problem.robot)).path
     first, last = [q for q in ends if not check.at(q)][:2]
     roadmap = Roadmap(build(between(scene, first, last)), np.random.default_rng(0))
     roadmap.grow()
@@ -149,9 +152,9 @@ def test_the_roadmap_is_drawn_where_the_constraints_hold() -> None:
 def test_absent_is_absent() -> None:
     scene = load_scene("panda_cage")
     problem = build(scene)
-    assert problem.path_terms == ()
+    assert problem.terms.path == ()
     assert {term.name for term in problem.terms} == {"obstacles", "self-collision"}
-    assert Certifier(scene, problem.robot).path is None
+    assert Certifier(Setup.of(scene, problem.robot)).path is None
 
 
 @pytest.mark.parametrize("field", ["upright", "position"])
@@ -167,12 +170,12 @@ def test_unknown_and_fixed_links_are_refused_by_name(field: str, link: str, said
 def test_ends_that_break_a_constraint_are_refused_with_by_how_much() -> None:
     scene = upright("panda_carry", 0.1)
     robot = load_scene_robot(scene)
-    check = Certifier(scene, robot).path
+    check = Certifier(Setup.of(scene, robot)).path
     problem = build(scene)
     level = next(q for q in onto_path(problem, robot.draw(np.random.default_rng(7), 50)) if not check.at(q))
     tilted = np.clip(level - [0, 0, 0, 0, 0, 0.4, 0], robot.lower, robot.upper)
     angle = float(angles(robot, "panda_hand", tilted[None])[0])
-    said = rf"off the path: path\.upright: panda_hand is tilted by {angle:.3g} rad, 0\.1 are allowed"
+    said = rf"breaks a path constraint: path\.upright: panda_hand is tilted by {angle:.3g} rad, 0\.1 are allowed"
     with pytest.raises(InputError, match=rf"start: {said}"):
         plan(between(scene, tilted, level))
     with pytest.raises(InputError, match=rf"goal: {said}"):
@@ -184,25 +187,26 @@ def test_ends_that_break_a_constraint_are_refused_with_by_how_much() -> None:
 def test_goals_by_inverse_kinematics_keep_the_constraint() -> None:
     scene = upright("ur5_table", 0.1)
     robot, start = load_scene_robot(scene), load_scene_robot(scene).configuration(scene.start)
-    assert not PathCheck(scene, robot, Certifier(scene, robot).sweep.bodies.chain).at(start)
+    setup = Setup.of(scene, robot)
+    assert not PathCheck(setup, Certifier(setup).sweep.bodies.chain).at(start)
     place = Pose((0.5, 0.2, 0.3), (1.0, 0.0, 0.0, 0.0))
     tilted = Pose((0.5, 0.2, 0.3), (math.cos(0.2), 0.0, math.sin(0.2), 0.0))
     aimed = dataclasses.replace(scene, goal=Goals((PoseTarget("tool0", place, free_rotation="z", field="goal.pose"),)))
-    certifier = Certifier(aimed, robot)
-    for goal in goal_choice(aimed, robot, certifier).goals:
+    certifier = Certifier(Setup.of(aimed, robot))
+    for goal in goal_choice(certifier).goals:
         assert not certifier.path.at(robot.configuration(goal))
     anyhow = dataclasses.replace(
         scene, goal=Goals((PoseTarget("tool0", Pose(place.position), free_rotation="all", field="goal.pose"),))
     )
-    assert len(goal_choice(anyhow, robot, Certifier(anyhow, robot)).goals) > 1  # few of all turns hold it upright
+    assert len(goal_choice(Certifier(Setup.of(anyhow, robot))).goals) > 1  # few of all turns hold it upright
     wrong = dataclasses.replace(scene, goal=Goals((PoseTarget("tool0", tilted, field="goal.pose"),)))
     with pytest.raises(
         InputError,
-        match=r"goal\.pose: none of .* the nearest is off the path: path\.upright: tool0 is tilted by 0\.4 rad",
+        match=r"goal\.pose: none of .*: breaks a path constraint: path\.upright: tool0 is tilted by 0\.4 rad",
     ):
-        goal_choice(wrong, robot, Certifier(wrong, robot))
+        goal_choice(Certifier(Setup.of(wrong, robot)))
 
 
 def test_terms_are_named_after_their_sections() -> None:
     problem = build(within("ur5_table"))
-    assert [term.name for term in problem.terms if isinstance(term, PathTerm)] == ["path.position"]
+    assert [term.name for term in problem.terms.path] == ["path.position"]

@@ -16,24 +16,21 @@ from numpy.typing import NDArray
 
 from hdplan.distance.symbolic import row_function
 from hdplan.planner.build import build
+from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.problem.problem import SPACING, Problem
-from hdplan.planner.problem.samples import MOST
-from hdplan.planner.problem.terms import Smoothness
+from hdplan.planner.problem.samples import MOST, Samples
+from hdplan.planner.problem.smoothness import Smoothness
+from hdplan.planner.problem.terms import MotionPenalty, Penalty, Term
+from hdplan.planner.solvers import solve
 from hdplan.planner.solvers.nlp import Nlp, nlp
-from hdplan.scenes.model import (
-    Box,
-    Cylinder,
-    JointTarget,
-    Obstacle,
-    PlannerSettings,
-    Points,
-    Pose,
-    RobotSpec,
-    Scene,
-    SelfCollision,
-    Shape,
-    Sphere,
-)
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.obstacles import Obstacle, SelfCollision
+from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Cylinder, Points, Shape, Sphere
+from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Array = NDArray[np.float64]
@@ -72,7 +69,7 @@ def penalty(scene: Scene, configurations: Array) -> float:
     problem = build(scene)
     waypoints = dataclasses.replace(problem.samples, counts=(1,) * len(configurations))
     kinematics = problem.kinematics.evaluate(configurations)
-    return sum(term.value(kinematics, waypoints).cost for term in problem.terms if term.name == "obstacles")
+    return problem.terms.obstacles.at_samples(kinematics, waypoints).cost
 
 
 @pytest.mark.parametrize("distance", ["hdsdf", "fcl"])
@@ -101,7 +98,7 @@ def test_links_keep_the_clearance_that_the_scene_asks_of_them() -> None:
     found = []
     for clearance in (0.0, 0.05):
         problem = build(dataclasses.replace(scene, self_collision=SelfCollision(clearance=clearance)))
-        (own,) = (term for term in problem.pair_terms if term.name == "self-collision")
+        own = problem.terms.self_collision
         found.append(own.pairs.margins)
     np.testing.assert_allclose(found[1], found[0] + 0.05, atol=1e-15)
 
@@ -272,7 +269,7 @@ def two_arms(tmp_path: Path) -> Problem:
 
 def test_casadi_derivatives_are_those_of_the_cost_where_boxes_are_aligned(two_arms: Problem) -> None:
     """There projections tie, and both orders have to be closed forms; CasADi's own of the cost are the same."""
-    assert {-1.0, 1.0} <= set(np.concatenate([term.pairs.moves.ravel() for term in two_arms.pair_terms]))
+    assert {-1.0, 1.0} <= set(np.concatenate([term.pairs.moves.ravel() for term in two_arms.terms.pairs]))
     whole = nlp(two_arms)
     given = [whole.x, whole.weight]
     hessian, gradient = ca.hessian(whole.cost, whole.x)
@@ -362,7 +359,7 @@ def test_obstacles_out_of_reach_are_in_no_pair() -> None:
 def test_bodies_of_the_base_are_in_no_pair_with_obstacles() -> None:
     """A base that stands in the floor is nobody's business: it cannot move."""
     problem = build(bare(Obstacle("floor", Box((4.0, 4.0, 0.1)), Pose((0.0, 0.0, -0.02)))))
-    (term,) = (term for term in problem.terms if term.name == "obstacles")
+    term = problem.terms.obstacles
     assert np.all(term.pairs.joint_a > 0)
 
 
@@ -405,7 +402,7 @@ def test_resampled_leaves_no_wide_gap_between_samples(panda: Problem) -> None:
 def test_a_robot_without_collision_geometry_is_planned_for(stick_scene: Callable[[Obstacle], Scene]) -> None:
     """Nothing can touch it: no bodies, no terms."""
     problem = build(stick_scene(NEAR))
-    assert (problem.bodies, problem.terms) == ((), ())
+    assert (problem.bodies, list(problem.terms)) == ((), [])
     line = np.linspace(problem.start, problem.goal, problem.waypoints)
     assert problem.resampled(line).samples == problem.samples
     assert problem.evaluate(line, WEIGHT).penalty == 0
@@ -414,11 +411,11 @@ def test_a_robot_without_collision_geometry_is_planned_for(stick_scene: Callable
 def test_link_pairs_left_to_the_certificate_are_in_no_term() -> None:
     for name in ("panda_cage", "ur5_table"):
         problem = build(load_scene(name))
-        terms = [term for term in problem.terms if term.name == "self-collision"]
+        terms = [term for term in (problem.terms.self_collision,) if term]
         for pairs in (term.pairs for term in terms):
             met = {
                 frozenset((problem.bodies[a].link, problem.bodies[b].link))
-                for a, b in zip(pairs.body.tolist(), pairs.plane_body.tolist(), strict=True)
+                for a, b in zip(pairs.body.tolist(), pairs.halfspace_body.tolist(), strict=True)
             }
             assert met.isdisjoint(frozenset(pair) for pair in problem.unresolved)
             apart = {frozenset(problem.bodies[index].link for index in pair) for pair in problem.apart}
@@ -440,3 +437,43 @@ def test_another_obstacle_compiles_nothing(monkeypatch: pytest.MonkeyPatch, shap
     for place in ((0.4, 0.2, 0.3), (0.0, 0.9, 0.4), (0.0, 0.0, 1.3)):
         build(dataclasses.replace(one, obstacles=(*one.obstacles, Obstacle("more", shape, Pose(place)))))
     assert not compiled
+
+
+class Push(Term):
+    """A term of one's own at samples and over the motion: both linear."""
+
+    name = "push"
+
+    def __init__(self, slope: float) -> None:
+        self.slope = slope
+
+    def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
+        count, n = kinematics.columns.shape[:2]
+        zero = np.zeros((count, n))
+        return Penalty(self.slope, zero + self.slope, np.zeros((count, n, n)), zero[:, 0])
+
+    def over_motion(self, positions: Array, kinematics: Kinematics) -> MotionPenalty:
+        count, n = positions.shape
+        blocks = np.zeros((count, n, n))
+        return MotionPenalty(self.slope, 0 * positions + self.slope, blocks, blocks[1:], np.zeros(count - 1))
+
+
+def test_terms_of_ones_own_add_to_the_cost_what_they_are_worth(panda: Problem) -> None:
+    (positions,) = motions(panda, 1, 0.2)
+    plain = panda.evaluate(positions, WEIGHT)
+    both = panda.with_term(Push(2.0)).with_term(Push(-0.5)).evaluate(positions, WEIGHT)
+    assert both.penalty == pytest.approx(plain.penalty + 2 * 1.5)
+    carried = panda.samples.to_waypoints(np.full((len(panda.samples.weight), panda.robot.n), 1.5))[1:-1]
+    np.testing.assert_allclose(both.gradient, plain.gradient + WEIGHT * (carried + 1.5))
+    assert [term.name for term in panda.with_term(Push(1.0)).terms] == [*(term.name for term in panda.terms), "push"]
+
+
+def test_a_graph_leaves_no_term_out(panda: Problem) -> None:
+    """A term that it cannot write is refused, not left out in silence."""
+    with pytest.raises(InputError, match="which the term 'push' does not have"):
+        nlp(panda.with_term(Push(1.0)))
+    with pytest.raises(InputError, match="which a path constraint"):
+        solve(build(load_scene("panda_cup")), solver="ipopt")
+    for name in ("panda_cup", "panda_conveyor", "panda_heavy"):
+        with pytest.raises(InputError, match=r"which the term .* does not have"):
+            nlp(build(load_scene(name)))

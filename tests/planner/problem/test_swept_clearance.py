@@ -18,7 +18,7 @@ from hdplan.planner.problem.swept_clearance import SweptClearance
 from hdplan.planner.solvers.nlp import nlp
 from hdplan.planner.terminal.explain import explain
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Array = NDArray[np.float64]
@@ -34,7 +34,8 @@ def swept(name: str = "panda_cage", **settings: object) -> Scene:
 
 
 def term_of(problem: Problem) -> SweptClearance:
-    (term,) = [term for term in problem.terms if isinstance(term, SweptClearance)]
+    term = problem.terms.obstacles
+    assert isinstance(term, SweptClearance)
     return term
 
 
@@ -129,9 +130,9 @@ def test_gradient_is_that_of_the_cost(cage: Problem, motion: Array) -> None:
     term = term_of(cage)
 
     def cost(positions: Array) -> float:
-        return term.over_motion(positions, cage.kinematics.evaluate(positions)).cost
+        return term.over_motion(positions, cage.kinematics).cost
 
-    gradient = term.over_motion(motion, cage.kinematics.evaluate(motion)).gradient
+    gradient = term.over_motion(motion, cage.kinematics).gradient
     assert cost(motion) > 0
     scale = np.abs(gradient).max()
     for k in range(len(motion)):
@@ -145,7 +146,7 @@ def test_gradient_is_that_of_the_cost(cage: Problem, motion: Array) -> None:
 def test_curvature_is_gauss_newtons(cage: Problem, motion: Array) -> None:
     """vᵀHv = h Σ (dD·v)² for any v, the blocks between neighbours included."""
     term, kinematics = term_of(cage), cage.kinematics.evaluate(motion)
-    found, inside = term.over_motion(motion, kinematics), term.between(kinematics)
+    found, inside = term.over_motion(motion, cage.kinematics), term.between(kinematics)
     rng = np.random.default_rng(3)
     for _ in range(5):
         v = rng.normal(size=motion.shape)
@@ -193,7 +194,7 @@ def test_explain_says_so(cage: Problem) -> None:
 def test_what_it_cannot_do_is_refused() -> None:
     with pytest.raises(InputError, match=r"ipopt: .*planner\.swept"):
         plan(swept("planar_arm"), solver="ipopt")
-    with pytest.raises(InputError, match=r"ipopt: .*planner\.swept"):
+    with pytest.raises(InputError, match=r"ipopt: .*the term .obstacles. does not"):
         nlp(build(swept("planar_arm")))
     with pytest.raises(InputError, match=r"planner\.swept: true needs planner\.distance hdsdf, found fcl"):
         build(swept("planar_arm", distance="fcl"))

@@ -18,23 +18,15 @@ from hdplan.planner.collision.link_bodies import link_bodies
 from hdplan.planner.pictures.scene import Picture
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.explain import explain
 from hdplan.planner.view.drawing.skins import HELD, visual_skins
+from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import (
-    Attached,
-    Box,
-    Capsule,
-    Cylinder,
-    Ellipsoid,
-    Mesh,
-    Obstacle,
-    Points,
-    Pose,
-    Scene,
-    Shape,
-    Sphere,
-)
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
 
 FINGERS = ("panda_leftfinger", "panda_rightfinger")
@@ -163,9 +155,9 @@ def test_two_objects_meet_each_other_and_the_robot(tmp_path: Path) -> None:
 def test_a_robot_that_does_not_hold_it_proves_nothing(carry: Scene) -> None:
     alone = replace(carry, attached=())
     with pytest.raises(InputError, match="does not hold what the scene attaches"):
-        Certifier(carry, load_scene_robot(alone))
+        Certifier(Setup.of(carry, load_scene_robot(alone)))
     with pytest.raises(InputError, match="does not hold what the scene attaches"):
-        Certifier(alone, load_scene_robot(carry))
+        Certifier(Setup.of(alone, load_scene_robot(carry)))
 
 
 @pytest.mark.parametrize(
@@ -209,6 +201,9 @@ def test_it_is_explained_and_drawn(carry: Scene) -> None:
     assert (skin.joint, skin.color) == (robot.link_joint["bottle"], HELD)
     alone = replace(carry, attached=())
     motion = plan(carry).trajectory
-    shown, without = Picture.of(carry, robot, motion), Picture.of(alone, load_scene_robot(alone), motion)
+    shown, without = (
+        Picture.of(Setup.of(carry, robot), motion),
+        Picture.of(Setup.of(alone, load_scene_robot(alone)), motion),
+    )
     assert shown.tip_link == "bottle"
     assert len(shown.solids) - len(without.solids) == 5, "at start, at goal and three times between"

@@ -15,11 +15,15 @@ from hdplan.planner.certificate.certifier import Certifier, certify
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.robot import load_robot
-from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.meaning import from_rpy
-from hdplan.scenes.model import Box, JointTarget, Pose, PoseTarget, RobotSpec, Scene, Within
-from hdplan.scenes.poses import compose
+from hdplan.scenes.path_constraints import Within
+from hdplan.scenes.poses import Pose, compose, from_rpy
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box
+from hdplan.scenes.targets import JointTarget, PoseTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
 LIFT = ("root", "lift", "column", "prismatic", (0.0, 0.0, 0.2))
@@ -153,7 +157,7 @@ def test_the_group_is_planned_and_the_rest_held_at_the_start(moveit: Loading, gr
     robot = load_scene_robot(scene)
     assert set(robot.joint_names) == MEMBERS[group]
     assert robot.locked == {joint: START[joint] for joint in MOVABLE if joint not in MEMBERS[group]}
-    query = resolve_query(robot, scene)
+    query = Setup.of(scene, robot).query
     np.testing.assert_array_equal(query.start, [START[joint] for joint in robot.joint_names])
     np.testing.assert_array_equal(query.goal, [goal[joint] for joint in robot.joint_names])
 
@@ -165,7 +169,7 @@ def test_a_goal_for_a_joint_that_is_held_is_met_or_refused(moveit: Loading, grou
     for joint in set(MOVABLE) - MEMBERS[group]:
         scene = moveit({**goal, joint: START[joint]}, group)
         robot = load_scene_robot(scene)
-        query = resolve_query(robot, scene)
+        query = Setup.of(scene, robot).query
         motion = Trajectory(robot.joint_names, np.array([query.start, query.goal]), robot.locked)
         certify(scene, motion, robot)
         for off in (1e-5, -0.3):
@@ -190,7 +194,7 @@ def test_a_start_that_the_robots_own_section_contradicts_is_refused(moveit: Load
 
 def test_a_value_for_a_joint_that_the_robot_lacks_is_left_out_with_a_note(moveit: Loading) -> None:
     scene = moveit({"left_a": 0.2, "left_b": 0.2, "wheel": 3.0}, "left", start={"caster": 1.0})
-    (note,) = resolve_query(load_scene_robot(scene), scene).notes
+    (note,) = Setup.of(scene).left_out
     assert "wheel" in note
     assert "caster" in note
 
@@ -200,7 +204,7 @@ def test_a_named_state_that_speaks_of_joints_held_elsewhere_says_so(two_arms: Ro
     for locked, notes in (({}, ("goal: state 'up' has lift at 0.5, held at 0.2",)), ({"lift": 0.1}, ())):
         spec = replace(two_arms, group="left", locked=locked)
         scene = Scene("up", Path("up.yaml"), spec, (), start, goal)
-        assert resolve_query(load_scene_robot(scene), scene).notes == notes
+        assert Setup.of(scene).left_out == notes
 
 
 # --- frames -----------------------------------------------------------------------------------------------------------
@@ -253,7 +257,7 @@ def test_the_robot_and_what_stands_on_it_move_together(moveit: Loading) -> None:
     for frame, base in (("root", {}), ("root", BASE), ("world", {}), ("world", BASE), (None, BASE)):
         scene = moveit(GOAL, "left", objects=[thing(frame)], base=base)
         robot = load_scene_robot(scene)
-        place, _ = Certifier(scene, robot).nearest(resolve_query(robot, scene).start)
+        place, _ = Certifier(Setup.of(scene, robot)).nearest(Setup.of(scene, robot).query.start)
         found.append(place.distance if place else None)
     moved_along, fixed = found[:2], found[2:]
     np.testing.assert_allclose(moved_along, found[0], atol=1e-9)

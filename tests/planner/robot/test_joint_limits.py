@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from hdplan.planner.robot.joint_limits import acceleration_limits, jerk_limits, torque_limits, velocity_limits
+from hdplan.planner.robot.joint_limits import joint_limits
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import JointTarget, JointValues, Limits, RobotSpec, Scene, SelfCollision, Timing
+from hdplan.scenes.limits import QUANTITIES, JointValues, Limits
+from hdplan.scenes.obstacles import SelfCollision
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget
+from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene
-
-Limit = Callable[[Scene, Robot], NDArray[np.float64] | None]
-FUNCTIONS: Mapping[str, Limit] = {
-    "velocity": velocity_limits,
-    "acceleration": acceleration_limits,
-    "jerk": jerk_limits,
-    "torque": torque_limits,
-}
 
 
 @pytest.fixture(scope="module")
@@ -38,25 +34,23 @@ def robot(scene: Scene) -> Robot:
 
 
 def limited(scene: Scene, quantity: str, values: JointValues | None) -> Scene:
-    return replace(scene, limits=replace(Limits(), **{quantity: values}))  # type: ignore[arg-type]
+    return replace(scene, limits=replace(scene.limits, **{quantity: values}))  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("quantity", FUNCTIONS)
+@pytest.mark.parametrize("quantity", QUANTITIES)
 def test_values_are_those_of_the_scene_in_the_robots_order(scene: Scene, robot: Robot, quantity: str) -> None:
     given = np.random.default_rng(0).uniform(0.1, 5.0, robot.n)
     by_name = dict(reversed(list(zip(robot.joint_names, given.tolist(), strict=True))))
-    of = FUNCTIONS[quantity]
-    np.testing.assert_array_equal(of(limited(scene, quantity, tuple(given.tolist())), robot), given)
-    np.testing.assert_array_equal(of(limited(scene, quantity, by_name), robot), given)
-    np.testing.assert_array_equal(of(limited(scene, quantity, 1.5), robot), np.full(robot.n, 1.5))
-    assert of(scene, robot) is None
+    for values, expected in ((tuple(given.tolist()), given), (by_name, given), (1.5, np.full(robot.n, 1.5))):
+        found = joint_limits(limited(scene, quantity, values), robot)  # type: ignore[arg-type]
+        np.testing.assert_array_equal(found[quantity], expected)
+    assert quantity not in joint_limits(scene, robot)
 
 
 def test_the_urdf_speaks_where_the_scene_does_not(scene: Scene, robot: Robot) -> None:
     for quantity, of_urdf in (("velocity", robot.model.velocityLimit), ("torque", robot.model.effortLimit)):
-        of = FUNCTIONS[quantity]
-        np.testing.assert_array_equal(of(limited(scene, quantity, "urdf"), robot), of_urdf)
-        some = of(limited(scene, quantity, {"panda_joint3": 0.25}), robot)
+        np.testing.assert_array_equal(joint_limits(limited(scene, quantity, "urdf"), robot).get(quantity), of_urdf)
+        some = joint_limits(limited(scene, quantity, {"panda_joint3": 0.25}), robot).get(quantity)
         assert some is not None
         assert some[2] == 0.25
         np.testing.assert_array_equal(np.delete(some, 2), np.delete(of_urdf, 2))
@@ -64,8 +58,8 @@ def test_the_urdf_speaks_where_the_scene_does_not(scene: Scene, robot: Robot) ->
 
 def test_a_timed_motion_keeps_the_urdfs_speeds(scene: Scene, robot: Robot) -> None:
     for timed in (replace(scene, timing=Timing(duration=2.0)), limited(scene, "acceleration", 3.0)):
-        np.testing.assert_array_equal(velocity_limits(timed, robot), robot.model.velocityLimit)
-        assert torque_limits(timed, robot) is None
+        np.testing.assert_array_equal(joint_limits(timed, robot).get("velocity"), robot.model.velocityLimit)
+        assert joint_limits(timed, robot).get("torque") is None
 
 
 @pytest.mark.parametrize(
@@ -81,7 +75,7 @@ def test_what_does_not_fit_the_robot_is_refused(
     scene: Scene, robot: Robot, quantity: str, values: JointValues, words: str
 ) -> None:
     with pytest.raises(InputError, match=re.escape(words)):
-        FUNCTIONS[quantity](limited(scene, quantity, values), robot)
+        joint_limits(limited(scene, quantity, values), robot).get(quantity)
 
 
 @pytest.mark.parametrize("missing", ["", 'effort="0" velocity="0"'])
@@ -96,9 +90,10 @@ def test_a_urdf_without_limits_is_refused_where_they_are_asked_for(tmp_path: Pat
     scene = Scene("wheel", tmp_path / "wheel.yaml", RobotSpec(urdf=urdf), (), *ends)
     robot = load_scene_robot(scene)
     for quantity in ("velocity", "torque"):
+        paced = limited(scene, "velocity", 1.0)
         with pytest.raises(InputError, match=f"limits.{quantity}: the URDF gives joint 'turn' no limit"):
-            FUNCTIONS[quantity](limited(scene, quantity, "urdf"), robot)
-        np.testing.assert_array_equal(FUNCTIONS[quantity](limited(scene, quantity, {"turn": 2.0}), robot), [2.0])
+            joint_limits(limited(paced, quantity, "urdf"), robot)
+        np.testing.assert_array_equal(joint_limits(limited(paced, quantity, {"turn": 2.0}), robot)[quantity], [2.0])
 
 
 # --- positions --------------------------------------------------------------------------------------------------------
@@ -115,10 +110,10 @@ def test_positions_narrow_the_robot_and_nothing_else(scene: Scene, robot: Robot)
 
 
 def test_an_end_outside_the_narrowed_positions_is_refused(scene: Scene, robot: Robot) -> None:
-    goal = resolve_query(robot, scene).goal
+    goal = Setup.of(scene, robot).query.goal
     narrow = replace(scene, limits=Limits(position={"panda_joint1": (float(goal[0]) + 0.1, 2.8)}))
     with pytest.raises(InputError, match=r"joint 'panda_joint1' is .*, outside its limits \["):
-        resolve_query(load_scene_robot(narrow), narrow)
+        _ = Setup.of(narrow).query
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,9 @@ from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import MOVE_AS_ONE, NEIGHBOURS, load_robot
-from hdplan.scenes.model import JointTarget, RobotSpec, Scene
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import JointTarget
 
 
 def random_tree(rng: np.random.Generator, folder: Path) -> tuple[RobotSpec, dict[int, tuple[int, bool]], set[int]]:

@@ -15,10 +15,15 @@ import trimesh
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.robot import pin_model
 from hdplan.planner.robot.robot import Robot, load_robot
-from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import JointTarget, Mesh, Pose, RobotSpec, Scene
+from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_files.library import robot_names
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Mesh
+from hdplan.scenes.targets import JointTarget
 
 ARMS = {"panda": 7, "ur3_gripper": 6, "ur5": 6, "ur5_gripper": 6, "ur10": 6, "xarm7": 7, "kinova": 6, "z1": 6}
 FINGERS = {"panda_finger_joint1": 0.065, "panda_finger_joint2": 0.065}  # beyond the URDF's 0.04
@@ -169,7 +174,7 @@ def test_wrong_configurations_are_refused(panda: Robot, target: JointTarget, wor
         panda.configuration(target)
     scene = _scene(RobotSpec(name="panda"), JointTarget("start", positions=READY), target)
     with pytest.raises(InputError, match=r"some/scene\.yaml: "):
-        resolve_query(panda, scene)
+        _ = Setup.of(scene, panda).query
 
 
 def test_only_a_request_may_lie_beyond_a_limit_by_its_rounding(panda: Robot) -> None:
@@ -195,9 +200,9 @@ def test_a_request_holds_joints_that_are_not_planned_and_drops_unknown_ones() ->
     scene = _scene(RobotSpec(name="panda"), start, JointTarget("goal", by_name=names), from_request=True)
     robot = load_scene_robot(scene)
     assert robot.locked == FINGERS
-    query = resolve_query(robot, scene)
-    np.testing.assert_array_equal(query.start, READY)
-    assert any("robotiq" in note for note in query.notes)
+    setup = Setup.of(scene, robot)
+    np.testing.assert_array_equal(setup.query.start, READY)
+    assert any("robotiq" in note for note in setup.notes)
     told = replace(scene, robot=RobotSpec(name="panda", locked={"panda_finger_joint1": 0.01}))
     assert load_scene_robot(told).locked["panda_finger_joint1"] == 0.01
 
@@ -213,13 +218,13 @@ def test_limits_make_room_for_a_request_that_lies_a_little_beyond(panda: Robot) 
         if not allowed:
             np.testing.assert_array_equal(robot.upper, panda.upper)
             with pytest.raises(InputError, match=r"panda_joint4.*outside its limits"):
-                resolve_query(robot, scene)
+                _ = Setup.of(scene, robot).query
             continue
         assert robot.upper[joint] == goal["panda_joint4"]
         assert np.sum(robot.upper != panda.upper) == 1
         np.testing.assert_array_equal(robot.lower, panda.lower)
         assert any("panda_joint4" in note and "widened" in note for note in robot.notes)
-        np.testing.assert_array_equal(resolve_query(robot, scene).goal, list(goal.values()))
+        np.testing.assert_array_equal(Setup.of(scene, robot).query.goal, list(goal.values()))
         assert load_scene_robot(scene) is robot
 
 
@@ -238,10 +243,10 @@ def test_limits_make_room_for_a_named_state_that_lies_a_little_beyond(
     assert robot.upper.tolist() == [2 + excess if allowed else 2.0, 1.0]
     assert any("joint 'a': limits [-1, 2] widened to" in note for note in robot.notes) == (allowed and excess > 0)
     if allowed:
-        np.testing.assert_array_equal(resolve_query(robot, scene).start, [2 + excess, 0.0])
+        np.testing.assert_array_equal(Setup.of(scene, robot).query.start, [2 + excess, 0.0])
     else:
         with pytest.raises(InputError, match=r"start: state 'up': joint 'a' is 2.12, outside its limits \[-1, 2\]"):
-            resolve_query(robot, scene)
+            _ = Setup.of(scene, robot).query
     plain = _scene(spec, JointTarget("start", positions=(2.05, 0.0)), JointTarget("goal", positions=(0.0, 0.0)))
     assert load_scene_robot(plain).upper.tolist() == [2.0, 1.0]
 
@@ -309,7 +314,7 @@ def test_joints_of_several_coordinates_are_refused_by_name(tmp_path: Path, kind:
     [
         (None, "no such file"),
         ("<robot", "not well-formed XML"),
-        ("<sdf/>", "the outermost element is <sdf>"),
+        ("<sdf/>", "the root element is <sdf>"),
         ('<robot name="x"><link name="a"/><link name="b"/></robot>', "not connected"),
         ('<robot name="x"><link name="a"/></robot>', "no joint left to plan"),
         (

@@ -19,13 +19,16 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search import goals as goal_search
 from hdplan.planner.search.goals import goal_choice, settled
 from hdplan.planner.search.inverse_kinematics import APART, reaching
 from hdplan.planner.terminal.explain import explain
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Goals, JointTarget, Pose, PoseTarget, Scene
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
 
@@ -102,9 +105,9 @@ def test_a_pose_out_of_reach_is_refused_with_how_close_it_came() -> None:
     robot = load_scene_robot(scene)
     target = PoseTarget("tool0", Pose((0.3, 0.0, 1.5)), 0.001, 0.01, field="goal.pose")
     with pytest.raises(
-        InputError, match=r"goal\.pose: link 'tool0' is not brought there: the best of \d+ tries is .* mm"
+        InputError, match=r"goal\.pose: link 'tool0' cannot be brought there: the best of \d+ tries is off by .* mm"
     ):
-        goal_choice(aimed(scene, target), robot, Certifier(scene, robot))
+        goal_choice(Certifier(Setup.of(aimed(scene, target), robot)))
 
 
 def test_tolerances_are_held_by_the_certificate() -> None:
@@ -145,7 +148,7 @@ def test_the_shipped_grasp_needs_its_free_axis_and_many_starts() -> None:
     fixed = aimed(scene, dataclasses.replace(target, free_rotation="none"))
     with pytest.raises(
         InputError,
-        match=r"panda_grasp.yaml: goal\.pose: none of \d+ configurations found will do; the nearest is in collision: ",
+        match=r"panda_grasp.yaml: goal\.pose: none of \d+ configurations found is valid; the nearest: in collision: ",
     ):
         plan(fixed)
 
@@ -222,13 +225,14 @@ def test_the_explanation_says_what_is_asked_for() -> None:
 def test_a_motion_s_own_end_is_kept_for_viewing() -> None:
     scene = load_scene("panda_grasp")
     robot = load_scene_robot(scene)
-    ends = {goal.positions: goal for goal in goal_choice(scene, robot, Certifier(scene, robot)).goals}
+    ends = {goal.positions: goal for goal in goal_choice(Certifier(Setup.of(scene, robot))).goals}
     last = list(ends)[-1]
     motion = Trajectory(robot.joint_names, np.array([robot.configuration(scene.start), last]))
-    assert settled(scene, robot, motion).goal == JointTarget("goal", last)
-    assert settled(scene, robot).goal == next(iter(ends.values()))
+    setup = Setup.of(scene, robot)
+    assert settled(setup, motion).scene.goal == JointTarget("goal", last)
+    assert settled(setup).scene.goal == next(iter(ends.values()))
     elsewhere = Trajectory(robot.joint_names, np.array([last, robot.configuration(scene.start)]))
-    assert settled(scene, robot, elsewhere) == settled(scene, robot)
+    assert settled(setup, elsewhere).scene == settled(setup).scene
 
 
 def bytes_of(result: PlanResult) -> Any:
@@ -251,11 +255,12 @@ def test_absent_is_absent(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     for part in ("reaching", "_free", "kinematics_of"):
         monkeypatch.setattr(goal_search, part, never)
     result = plan(scene)
-    assert settled(scene, robot) is scene
+    setup = Setup.of(scene, robot)
+    assert settled(setup) is setup
     assert "goal" not in result.summary()
     assert not any("goal" in note for note in result.notes)
     assert [key for key, _ in explain(build(scene))["scene"] if key.startswith("goal")] == []
-    np.testing.assert_array_equal(result.trajectory.positions[-1], resolve_query(robot, scene).goal)
+    np.testing.assert_array_equal(result.trajectory.positions[-1], Setup.of(scene, robot).query.goal)
     summary, positions, steps = bytes_of(chosen)
     assert summary.pop("goal")["of"] == "goal"
     assert (summary, positions, steps) == bytes_of(result)
@@ -265,13 +270,13 @@ def test_a_pose_out_of_reach_does_not_keep_from_the_others() -> None:
     scene = load_scene("ur5_table")
     robot = load_scene_robot(scene)
     far = PoseTarget("tool0", Pose((3.0, 0.0, 0.5)), free_rotation="all", field="goal.poses[0]")
-    place = placed(robot, "tool0", resolve_query(robot, scene).goal)
+    place = placed(robot, "tool0", Setup.of(scene, robot).query.goal)
     near = PoseTarget("tool0", pose_of(place), field="goal.poses[1]")
     result = plan(aimed(scene, far, near))
     assert result.certified
     assert result.goal is not None
     assert result.goal.field == "goal.poses[1]"
-    assert any(note.startswith("goal.poses[0]: link 'tool0' is not brought there") for note in result.notes)
+    assert any(note.startswith("goal.poses[0]: link 'tool0' cannot be brought there") for note in result.notes)
 
 
 def test_without_time_the_best_there_is_is_given_back() -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hdplan.planner.build import build
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import seeds
-from hdplan.scenes.model import JointTarget
+from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Array = NDArray[np.float64]

@@ -27,7 +27,12 @@ from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.solvers import SOLVERS, solve
 from hdplan.planner.solvers.solution import Budget, Solution, SolverStatus
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Box, Capsule, Cylinder, JointTarget, Obstacle, Points, Pose, RobotSpec, Scene, Sphere
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Points, Sphere
+from hdplan.scenes.targets import JointTarget
 
 Array = NDArray[np.float64]
 
@@ -527,7 +532,10 @@ def test_what_the_arm_could_reach_but_never_nears_changes_nothing(name: str) -> 
 
 BETWEEN_WALLS = """
 import dataclasses, hashlib, hdplan
-from hdplan.scenes.model import Box, JointTarget, Obstacle, Pose
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.shapes import Box
+from hdplan.scenes.targets import JointTarget
 scene = hdplan.load_scene("planar_arm")
 walls = tuple(Obstacle(f"wall{x}", Box((3.0, 0.02, 1.0)), Pose((x, 0.0, 0.1))) for x in (1.85, -1.85))
 scene = dataclasses.replace(
@@ -672,7 +680,7 @@ def test_a_guess_that_is_none_is_refused(solver: str) -> None:
     for wrong in (np.nan, np.inf, -np.inf, 1e300):
         guess = line(problem)
         guess[5, 0] = wrong
-        with pytest.raises(InputError, match=r"^guess: waypoint 5, joint 'shoulder': .* is no number up to 1e\+09$"):
+        with pytest.raises(InputError, match=r"^guess: waypoint 5, joint 'shoulder': .* finite values up to 1e\+09$"):
             solve(problem, solver=solver, guess=guess)
     for shape in ((11, 2), (12, 1), (24,)):
         with pytest.raises(InputError, match=r"^guess: shape \(.*\), expected \(12, 2\)"):

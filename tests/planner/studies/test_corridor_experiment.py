@@ -33,7 +33,7 @@ from hdplan.planner.studies.corridor_experiment import (
     tool_task,
 )
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Pose
+from hdplan.scenes.poses import Pose
 
 Array = NDArray[np.float64]
 

@@ -26,7 +26,10 @@ from hdplan.planner.studies.planning_runs import (
     variants,
 )
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Box, JointTarget, Obstacle, Scene
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box
+from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
 pytest.importorskip("matplotlib")

@@ -13,7 +13,7 @@ import pytest
 from hdplan.planner.search.search import Event
 from hdplan.planner.solvers.solution import Iteration
 from hdplan.planner.terminal import console
-from hdplan.scenes.model import PlannerSettings
+from hdplan.scenes.planner_settings import PlannerSettings
 
 BUILDING = "hdplan: building the problem (the first time with a robot takes minutes) ..."
 

@@ -12,7 +12,11 @@ import pytest
 from hdplan.planner.build import build
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.terminal.explain import explain
-from hdplan.scenes.model import Box, Obstacle, PlannerSettings, Pose, Scene, SelfCollision
+from hdplan.scenes.obstacles import Obstacle, SelfCollision
+from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box
 from hdplan.scenes.yaml_format.reader import load_scene
 
 SECTIONS = ["scene", "joints", "on", "off", "obstacles", "pairs", "size", "trial evaluation", "settings"]
@@ -111,10 +115,10 @@ def test_pairs_told_apart_and_why_add_up() -> None:
         problem = build(load_scene(name))
         said = rows(problem, "pairs")
         links = next(value for key, value in said.items() if key.startswith("links"))
-        checked, total, told = re.fullmatch(r"(\d+) of (\d+) pairs checked; told apart: (.*)", links).groups()
+        checked, total, told = re.fullmatch(r"(\d+) of (\d+) pairs checked; excluded: (.*)", links).groups()
         assert int(checked) == len(problem.robot.self_pairs)
         assert int(checked) + sum(int(part.split()[0]) for part in told.split(", ")) == int(total)
-        own = next(term for term in problem.pair_terms if term.name == "self-collision")
+        own = problem.terms.self_collision
         assert said["bodies of links"].startswith(f"{len(own.pairs)} of {len(own.pairs) + len(problem.apart)} pairs")
         assert ("proven" in said["bodies of links"]) == bool(problem.apart)
 
@@ -143,7 +147,7 @@ def test_joints_with_and_without_limits() -> None:
 def test_pairs_kept_and_pruned_add_up() -> None:
     problem = build(arm(*load_scene("planar_arm").obstacles, FAR_AWAY, clearance=0.2))
     moving = sum(body.joint > 0 for body in problem.bodies)
-    kept = next(len(term.pairs) for term in problem.terms if term.name == "obstacles")
+    kept = len(problem.terms.obstacles.pairs)
     assert moving <= 3 * moving - kept, "at least those of the far body are pruned"
     assert rows(problem, "pairs")["robot and obstacles"] == (
         f"{kept} of {3 * moving} pairs of bodies kept; {3 * moving - kept} can never meet within the joint limits"
@@ -153,8 +157,8 @@ def test_pairs_kept_and_pruned_add_up() -> None:
     assert by_obstacle["far"].endswith("out of reach, left out")
     of_ball, of_prism = (int(by_obstacle[name].split("; ")[1].split(" of ")[0]) for name in ("ball", "prism"))
     assert of_ball + of_prism == kept
-    own = next(len(term.pairs) for term in problem.terms if term.name == "self-collision")
-    assert rows(problem, "pairs")["links"] == "1 of 3 pairs checked; told apart: 2 neighbours"
+    own = len(problem.terms.self_collision.pairs)
+    assert rows(problem, "pairs")["links"] == "1 of 3 pairs checked; excluded: 2 neighbours"
     assert rows(problem, "pairs")["bodies of links"] == f"{own} of {own} pairs kept"
 
 

@@ -11,18 +11,21 @@ import pytest
 
 import hdplan
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.certificate.rate_check import rates
+from hdplan.planner.certificate.rate_check import RateCheck
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import beyond_limits
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.joint_limits import acceleration_limits, jerk_limits, velocity_limits
+from hdplan.planner.robot.joint_limits import DERIVATIVES, joint_limits
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.retiming import Retimer, smooth
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Limits, Scene, Timing
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene
 
 LIMITS = [
@@ -50,12 +53,12 @@ def wild(robot: Robot, seed: int) -> Trajectory:
 def test_limits_hold_everywhere_and_one_of_them_is_used(limits: Limits, seed: int) -> None:
     scene, robot = limited(limits)
     path = wild(robot, seed)
-    trajectory, parameter = Retimer(scene, robot)(path)
+    trajectory, parameter = Retimer(Setup.of(scene, robot))(path)
     when = np.linspace(0.0, 1.0, 20_001)
     shares = []
-    for order, limit in enumerate((f(scene, robot) for f in (velocity_limits, acceleration_limits, jerk_limits)), 1):
-        if limit is not None:
-            shares.append(np.max(np.abs(trajectory.curve.over_time(order).at_parameter(when)) / limit))
+    for quantity, limit in joint_limits(scene, robot).items():
+        rate = trajectory.curve.over_time(DERIVATIVES[quantity]).at_parameter(when)
+        shares.append(np.max(np.abs(rate) / limit))
     assert max(shares) <= 1.0
     assert max(shares) >= 0.93  # time is not given away: whole rows, and bounds a little above the values
     assert np.all(np.diff(parameter) >= 0)
@@ -66,7 +69,7 @@ def test_limits_hold_everywhere_and_one_of_them_is_used(limits: Limits, seed: in
 def test_a_motion_begins_and_ends_at_rest_where_the_path_does(timing: Timing | None) -> None:
     scene, robot = limited(LIMITS[1], timing)
     path = wild(robot, 7)
-    trajectory, _ = Retimer(scene, robot)(path)
+    trajectory, _ = Retimer(Setup.of(scene, robot))(path)
     assert trajectory.velocities is not None
     assert trajectory.accelerations is not None
     assert trajectory.times is not None
@@ -80,7 +83,7 @@ def test_a_motion_begins_and_ends_at_rest_where_the_path_does(timing: Timing | N
 
 def test_scale_slows_down_by_just_that_much() -> None:
     full, half = (
-        Retimer(*limited(LIMITS[0], Timing(scale=scale)))(wild(limited(LIMITS[0])[1], 1)).trajectory
+        Retimer(Setup(*limited(LIMITS[0], Timing(scale=scale))))(wild(limited(LIMITS[0])[1], 1)).trajectory
         for scale in (1.0, 0.5)
     )
     assert half.times is not None
@@ -95,7 +98,9 @@ def test_a_straight_motion_takes_no_longer_than_it_must() -> None:
     start = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
     goal = start.copy()
     goal[0] += 1.0
-    trajectory, _ = Retimer(scene, robot)(Trajectory(robot.joint_names, np.linspace(start, goal, 20), robot.locked))
+    trajectory, _ = Retimer(Setup.of(scene, robot))(
+        Trajectory(robot.joint_names, np.linspace(start, goal, 20), robot.locked)
+    )
     assert trajectory.times is not None
     least = 2.0 * np.sqrt(1.0 / 2.0)
     assert least <= trajectory.times[-1] <= 1.05 * least
@@ -144,7 +149,7 @@ def test_a_limit_that_breaks_only_between_the_rows_is_told() -> None:
     rows = np.zeros((3, robot.n))
     rows[1, 2] = 0.8
     curve = Curve.through(rows, np.arange(3.0), np.zeros_like(rows), np.zeros_like(rows))
-    use = {use.quantity: use for use in rates(curve, scene, robot)}
+    use = {use.quantity: use for use in RateCheck(Setup.of(scene, robot)).check(curve).uses}
     assert use["velocity"].share == pytest.approx(0.8 * 1.875, rel=1e-2)
     assert (use["velocity"].joint, use["velocity"].within) == (robot.joint_names[2], False)
     assert use["acceleration"].within
@@ -154,12 +159,15 @@ def test_corners_have_infinite_acceleration_and_cubics_infinite_jerk() -> None:
     scene, robot = limited(Limits(velocity=10.0, acceleration=100.0, jerk=1e4))
     rows = np.linspace(np.zeros(robot.n), np.full(robot.n, 0.1), 5)
     times = np.arange(5.0)
-    shares = {use.quantity: use.share for use in rates(Curve.through(rows, times), scene, robot)}
+    shares = {
+        use.quantity: use.share for use in RateCheck(Setup.of(scene, robot)).check(Curve.through(rows, times)).uses
+    }
     assert shares["velocity"] < 1.0
     assert np.isinf(shares["acceleration"])  # it starts and ends with a jump
     velocities = np.zeros_like(rows)
     velocities[1:-1] = 0.05
-    shares = {use.quantity: use.share for use in rates(Curve.through(rows, times, velocities), scene, robot)}
+    cubics = Curve.through(rows, times, velocities)
+    shares = {use.quantity: use.share for use in RateCheck(Setup.of(scene, robot)).check(cubics).uses}
     assert shares["acceleration"] < 1.0
     assert np.isinf(shares["jerk"])
 
@@ -168,7 +176,7 @@ def test_a_motion_too_fast_is_not_certified_and_one_without_times_is_refused() -
     scene, robot = limited(LIMITS[0], name="panda_bookshelf")
     result = hdplan.plan(scene)
     assert result.certified, result.certificate.text
-    certifier = Certifier(scene, robot)
+    certifier = Certifier(Setup.of(scene, robot))
     slow = result.trajectory
     assert slow.times is not None
     assert slow.velocities is not None
@@ -190,7 +198,7 @@ def test_the_pallets_motion_is_too_rough_without_its_limit_of_jerk() -> None:
     assert [use.quantity for use in result.certificate.uses] == ["velocity", "acceleration", "jerk"]
     rough = hdplan.plan(dataclasses.replace(scene, limits=dataclasses.replace(scene.limits, jerk=None)))
     assert rough.certified
-    verdict = Certifier(scene, load_scene_robot(scene)).certify(rough.trajectory)
+    verdict = Certifier(Setup.of(scene)).certify(rough.trajectory)
     assert verdict.status is Status.TOO_FAST
     assert "jerk" in verdict.text
 
@@ -209,15 +217,15 @@ def test_a_duration_that_no_motion_can_keep_is_refused_by_name() -> None:
 def test_a_duration_is_kept_by_the_fastest_law_where_that_of_minimum_jerk_is_too_fast() -> None:
     scene, robot = limited(Limits(acceleration=4.0))
     path = wild(robot, 2)
-    fastest = Retimer(scene, robot)(path).trajectory
+    fastest = Retimer(Setup.of(scene, robot))(path).trajectory
     assert fastest.times is not None
     for factor, within in ((0.9, False), (1.05, True), (4.0, True)):
         timing = Timing(duration=factor * float(fastest.times[-1]))
-        timed = Retimer(*limited(Limits(acceleration=4.0), timing))(path).trajectory
+        timed = Retimer(Setup(*limited(Limits(acceleration=4.0), timing)))(path).trajectory
         assert timed.times is not None
         assert timed.times[-1] == timing.duration
-        assert all(use.within for use in rates(timed.curve, scene, robot)) == within
-    even = Retimer(*limited(Limits(), Timing(duration=timing.duration)))(path).trajectory
+        assert all(use.within for use in RateCheck(Setup.of(scene, robot)).check(timed.curve).uses) == within
+    even = Retimer(Setup(*limited(Limits(), Timing(duration=timing.duration))))(path).trajectory
     np.testing.assert_array_equal(even.positions, timed.positions)  # minimum jerk, where there is time enough
 
 
@@ -229,5 +237,5 @@ def test_a_path_along_a_joint_limit_stays_within_it(rate: float) -> None:
     for _ in range(4):
         drawn = robot.draw(rng, 1) + np.cumsum(rng.normal(scale=0.5, size=(32, robot.n)), axis=0)
         rows = np.clip(drawn, robot.lower, robot.upper)  # many rest on a limit
-        trajectory, _ = Retimer(scene, robot)(Trajectory(robot.joint_names, rows, robot.locked))
+        trajectory, _ = Retimer(Setup.of(scene, robot))(Trajectory(robot.joint_names, rows, robot.locked))
         assert beyond_limits(trajectory.curve, robot) is None

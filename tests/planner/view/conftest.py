@@ -12,7 +12,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.viewer import Viewer
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Opener = Callable[..., Viewer]

@@ -21,7 +21,7 @@ from hdplan.planner.view.handles import SIZE as SIZE_OF_HANDLE
 from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.viewer import OUTDATED, Viewer
-from hdplan.scenes.model import Scene
+from hdplan.scenes.scene import Scene
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: pip install playwright")
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)

@@ -12,22 +12,25 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.colors import FAR, SCALE, clearance_colors
 from hdplan.planner.view.drawing.goal import follow
 from hdplan.planner.view.drawing.motion import SAMPLES, ShownMotion, Tip, sample_parameters
 from hdplan.planner.view.drawing.plots import joint_table, with_bar
 from hdplan.planner.view.drawing.timeline import PATH_DURATION, Timeline
 from hdplan.planner.view.handles import moved
-from hdplan.scenes.model import Obstacle, Pose, Sphere, SteadyMotion, TimedPoses, Timing
-from hdplan.scenes.moving import Passages
+from hdplan.scenes.obstacle_motion import ObstacleMotion
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.shapes import Sphere
+from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene
 
 
 @pytest.fixture(scope="module")
 def certifier() -> Certifier:
     scene = load_scene("panda_cage")
-    return Certifier(scene, load_scene_robot(scene))
+    return Certifier(Setup.of(scene))
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +48,7 @@ def test_waypoints_are_among_the_samples(waypoints: int) -> None:
 
 
 def test_a_motion_is_sampled_as_the_trajectory_and_the_certificate_have_it(certifier: Certifier) -> None:
-    query = resolve_query(certifier.robot, certifier.scene)
+    query = certifier.setup.query
     line = np.linspace(query.start, query.goal, 5)
     names = certifier.robot.joint_names[::-1]  # found by name, in any order
     motion = ShownMotion.of("line", Trajectory(names, line[:, ::-1]), certifier)
@@ -92,7 +95,7 @@ def test_a_moving_obstacle_that_is_dragged_keeps_its_motion() -> None:
         pose = turned(rng) if isinstance(motion, SteadyMotion) else motion.poses[0]
         before = Obstacle("a", Sphere(0.1), pose, motion=motion)
         aim = turned(rng)
-        old, new = Passages.of(before), Passages.of(moved(before, aim))
+        old, new = ObstacleMotion.of(before), ObstacleMotion.of(moved(before, aim))
         np.testing.assert_allclose(new.at(np.zeros(1))[0], aim.matrix, atol=1e-12)
         np.testing.assert_allclose(new.velocity, old.velocity, atol=1e-12)
         np.testing.assert_allclose(new.spin, old.spin, atol=1e-12)
@@ -129,7 +132,7 @@ def test_inverse_kinematics_reaches_what_is_near(robot: Robot) -> None:
 
 def test_inverse_kinematics_says_how_much_it_falls_short(robot: Robot) -> None:
     tip = Tip.of(robot)
-    q = resolve_query(robot, load_scene("panda_cage")).start
+    q = Setup.of(load_scene("panda_cage"), robot).query.start
     far = tip.placement(q)
     far.translation = np.array([3.0, 0.0, 0.5])
     found, off = follow(tip, q, far)

@@ -18,8 +18,8 @@ from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.view.drawing import skins as module
 from hdplan.planner.view.drawing.skins import Skin, collision_skins, obstacle_mesh, outer_skins, visual_skins
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import RobotSpec
 from hdplan.scenes.robot_files.library import description_of
+from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 
 DIRECTIONS = np.array([d for d in itertools.product((-1, 0, 1), repeat=3) if any(d)], dtype=np.float64)

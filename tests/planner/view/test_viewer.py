@@ -18,7 +18,7 @@ import pytest
 
 from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.retiming import Retimer
 from hdplan.planner.view.drawing.nodes import ENDLESS, RobotNodes, pose_of
 from hdplan.planner.view.handles import GOAL, Handles
@@ -26,20 +26,14 @@ from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.server import open_viewer
 from hdplan.planner.view.viewer import OUTDATED, Viewer
 from hdplan.scenes.errors import HdplanError, InputError
-from hdplan.scenes.model import (
-    Box,
-    JointTarget,
-    Obstacle,
-    PathConstraints,
-    Pose,
-    Scene,
-    Sphere,
-    SteadyMotion,
-    TimedPoses,
-    Timing,
-    Within,
-)
-from hdplan.scenes.moving import Passages
+from hdplan.scenes.obstacle_motion import ObstacleMotion
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
+from hdplan.scenes.path_constraints import PathConstraints, Within
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Sphere
+from hdplan.scenes.targets import JointTarget
+from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene
 from tests.threads import together
 
@@ -118,7 +112,7 @@ def drifting(scene: Scene) -> Scene:
 
 @pytest.fixture(scope="module")
 def timed(drifting: Scene, trajectory: Trajectory) -> Trajectory:
-    return Retimer(drifting, load_scene_robot(drifting))(trajectory).trajectory
+    return Retimer(Setup.of(drifting))(trajectory).trajectory
 
 
 def test_moving_obstacles_are_where_they_are_at_the_sliders_time(
@@ -129,7 +123,7 @@ def test_moving_obstacles_are_where_they_are_at_the_sliders_time(
     for now in (0.0, 0.412, 1.5):
         viewer.show(now)
         for node in viewer.obstacles:
-            wanted = Passages.of(node.obstacle).at(np.array([now]))[0]
+            wanted = ObstacleMotion.of(node.obstacle).at(np.array([now]))[0]
             np.testing.assert_allclose(pose_of(node.frame).matrix, wanted, rtol=0, atol=1e-12)
         q = timed.at(timed.curve.parameter_of(now))
         assert_posed(viewer.shown[0].robot, q)

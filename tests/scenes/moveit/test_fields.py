@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import Scene
 from hdplan.scenes.moveit.fields import MESSAGES, UNDERSTOOD, Noted, Refused
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
 
 # Message -> its fields with their types, of ROS 1 (Noetic) and ROS 2 (to Rolling); of moveit_msgs, geometry_msgs,

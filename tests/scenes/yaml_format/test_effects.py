@@ -10,30 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import (
-    MOST_ROWS,
-    Attached,
-    Box,
-    JointTarget,
-    JointValues,
-    Limits,
-    Obstacle,
-    PathConstraints,
-    Payload,
-    Pose,
-    RobotSpec,
-    Scene,
-    SelfCollision,
-    Sphere,
-    SteadyMotion,
-    TimedPoses,
-    Timing,
-    Upright,
-    Vector3,
-    Within,
-)
+from hdplan.scenes.limits import QUANTITIES, JointValues, Limits
+from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
+from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
+from hdplan.scenes.poses import Pose, Vector3
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Sphere
+from hdplan.scenes.targets import JointTarget
+from hdplan.scenes.timing import MOST_ROWS, Timing
 from hdplan.scenes.yaml_format.reader import load_scene
+from hdplan.scenes.yaml_format.schema import scene_schema
 from hdplan.scenes.yaml_format.writer import scene_text
 
 HEAD = "hdplan: 1\nrobot: {name: panda}\nstart: {state: default}\ngoal: {joints: [1, 2]}\n"
@@ -86,6 +75,20 @@ def test_every_section_says_what_its_author_meant(tmp_path: Path) -> None:
     assert scene.timing == Timing(duration=3.0, rate=250.0)
 
 
+@pytest.mark.parametrize("rate", QUANTITIES)
+@pytest.mark.parametrize("value", [1.5, (1.0, 2.0), {"j1": 3.0}])
+def test_every_rate_is_written_read_and_known_to_editors(tmp_path: Path, rate: str, value: JointValues) -> None:
+    """A new limit of rate is an entry of QUANTITIES and a field of Limits, and nothing else in files."""
+    limits = Limits(**{rate: value})  # type: ignore[arg-type]
+    assert limits != Limits()
+    scene = replace(read(tmp_path, TIMED), limits=limits)
+    assert scene.timed
+    again = tmp_path / "again.yaml"
+    again.write_text(scene_text(scene), encoding="utf-8")
+    assert load_scene(again).limits == limits
+    assert rate in scene_schema()["properties"]["limits"]["properties"]
+
+
 def test_what_is_not_said_keeps_its_default(tmp_path: Path) -> None:
     plain = read(tmp_path, "")
     assert not plain.timed
@@ -135,7 +138,7 @@ CASES = {
     "velocity of two": (moving("velocity: [0, 0]"), "motion.velocity: ", "list of 3", "list of 2"),
     "spin a text": (moving("spin: [0, 0, fast]"), "motion.spin[2]: ", "number [rad/s]", "'fast'"),
     "one time": (moving("times: [0], poses: [{}]"), "motion.times: ", "two or more", "found 1"),
-    "times that fall": (moving("times: [0, 2, 1], poses: [{}, {}, {}]"), "motion.times: ", "rise", "2 before 1"),
+    "times that fall": (moving("times: [0, 2, 1], poses: [{}, {}, {}]"), "motion.times: ", "increase", "2 before 1"),
     "times that stand": (moving("times: [1, 1], poses: [{}, {}]"), "motion.times: ", "1 before 1"),
     "time before 0": (moving("times: [-1, 1], poses: [{}, {}]"), "motion.times[0]: ", "at least 0", "found -1"),
     "a pose too few": (moving("times: [0, 1, 2], poses: [{}, {}]"), "motion.poses: ", "as many as the 3", "found 2"),
@@ -180,7 +183,7 @@ CASES = {
     "jerk a mapping of nothing": (limits("jerk: {}"), "limits.jerk: must be a number, a list", "mapping"),
     "torque negative": (limits("torque: {j1: -3}"), "limits.torque.j1: ", "greater than 0 [Nm or N]", "found -3"),
     # payload
-    "payload without torque": (f"payload: {{link: a, mass: 1}}\n{TIMED}", "payload: counts where joint torques do"),
+    "payload without torque": (f"payload: {{link: a, mass: 1}}\n{TIMED}", "payload: only matters for joint torques"),
     "payload empty": (f"payload: {{}}\n{TIMED}", "payload: the key 'link' is missing"),
     "payload without mass": (payload("com: [0, 0, 0]"), "payload: the key 'mass' is missing"),
     "payload weightless": (payload("mass: 0"), "payload.mass: ", "greater than 0 [kg]", "found 0"),

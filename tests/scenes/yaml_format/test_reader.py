@@ -7,19 +7,11 @@ from pathlib import Path
 import pytest
 import yaml
 
-from hdplan.scenes.model import (
-    Box,
-    Capsule,
-    Cylinder,
-    Ellipsoid,
-    Mesh,
-    Obstacle,
-    PlannerSettings,
-    Points,
-    Pose,
-    RobotSpec,
-    Sphere,
-)
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
 
 SAMPLE = """

@@ -13,36 +13,20 @@ import yaml
 
 from hdplan.planner.certificate.certifier import Certifier, certify
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.scene_robot import load_scene_robot, resolve_query
+from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.model import (
-    Attached,
-    Box,
-    Capsule,
-    Cylinder,
-    Ellipsoid,
-    Goals,
-    JointTarget,
-    Limits,
-    Mesh,
-    Obstacle,
-    PathConstraints,
-    Payload,
-    PlannerSettings,
-    Points,
-    Pose,
-    PoseTarget,
-    RobotSpec,
-    Scene,
-    SelfCollision,
-    Shape,
-    Sphere,
-    SteadyMotion,
-    TimedPoses,
-    Timing,
-    Upright,
-    Within,
-)
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
+from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
+from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
+from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
+from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 from hdplan.scenes.yaml_format.writer import scene_text
 
@@ -75,10 +59,10 @@ def assert_same(scene: Scene, folder: Path) -> None:
 def verdicts(scene: Scene, rng: np.random.Generator) -> tuple[object, ...]:
     """What the certificate says of some motions, and of how close some configurations come."""
     robot = load_scene_robot(scene)
-    certifier = Certifier(scene, robot)
+    certifier = Certifier(Setup.of(scene, robot))
     rows = robot.draw(rng, 4)
     if isinstance(scene.goal, JointTarget):
-        query = resolve_query(robot, scene)
+        query = Setup.of(scene, robot).query
         rows = np.vstack([query.start, rows[:1], query.goal])
     times = np.linspace(0.0, scene.end_time or 5.0, len(rows)) if scene.timed or scene.moving else None
     rates = None if times is None else np.zeros_like(rows)
@@ -135,7 +119,7 @@ def test_moveit_problems_read_back_the_same_with_their_fingers_and_limits(tmp_pa
     assert robot.lower[3] == BEYOND[3]
     again = back(scene, tmp_path)
     assert verdicts(again, np.random.default_rng(5)) == verdicts(scene, np.random.default_rng(5))
-    assert resolve_query(robot, again).notes == resolve_query(load_scene_robot(scene), scene).notes != ()
+    assert Setup.of(again, robot).query.notes == Setup.of(scene).query.notes != ()
 
 
 def test_moveit_goals_by_pose_and_constraints_read_back_the_same(tmp_path: Path) -> None:
@@ -379,5 +363,5 @@ def test_a_mesh_behind_a_link_keeps_its_name(tmp_path: Path) -> None:
     read = load_scene(tmp_path / "scene.yaml")
     assert_same(read, tmp_path)
     robot = load_scene_robot(read)
-    query = resolve_query(robot, read)
+    query = Setup.of(read, robot).query
     certify(back(read, tmp_path), Trajectory(robot.joint_names, np.array([query.start, query.goal])), robot)

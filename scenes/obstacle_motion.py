@@ -1,9 +1,9 @@
-"""Where a moving obstacle is at a time: each motion is a row of passages, in which it moves and turns evenly.
+"""Where a moving obstacle is at a given time: its motion is a sequence of segments of constant velocity and spin.
 
-    p(t) = p_0 + v (t − t_0),   R(t) = exp([ω]ₓ (t − t_0)) R_0    for t in a passage from t_0 to t_1
+    p(t) = p_0 + v (t − t_0),   R(t) = exp([ω]ₓ (t − t_0)) R_0    for t in a segment from t_0 to t_1
 
-with v [m/s] and ω [rad/s] in the world: of a `SteadyMotion` its own, between two timed poses those that lead from the
-one to the other the shortest way (exact).
+with v [m/s] and ω [rad/s] in the world: those of a `SteadyMotion`, or between two timed poses those that lead from one
+to the other by the shortest turn (exact).
 """
 
 from __future__ import annotations
@@ -14,24 +14,24 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from hdplan.scenes.model import Obstacle, SteadyMotion
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Passages:
-    """The motion of one obstacle, over all time: the first passage reaches back, the last on without end."""
+class ObstacleMotion:
+    """The motion of one obstacle over all time: the first segment has no beginning and the last has no end."""
 
-    begins: Array  # (m,) [s] rising, the first is −inf
-    anchors: Array  # (m,) [s] a time of each passage,
-    poses: Array  # (m, 4, 4) and where the obstacle is then, in the world
+    begins: Array  # (m,) [s] increasing; the first is −inf
+    anchors: Array  # (m,) [s] a time t_0 in each segment
+    poses: Array  # (m, 4, 4) where the obstacle is at that time, in the world
     velocity: Array  # (m, 3) of its origin [m/s]
     spin: Array  # (m, 3) about its origin [rad/s]
 
     @classmethod
-    def of(cls, obstacle: Obstacle) -> Passages:
-        """Read an obstacle's motion; of one that stands still, a passage at rest."""
+    def of(cls, obstacle: Obstacle) -> ObstacleMotion:
+        """Return the motion of an obstacle; for one that stands still, a single segment at rest."""
         motion, rest = obstacle.motion, np.zeros((1, 3))
         if motion is None or isinstance(motion, SteadyMotion):
             velocity, spin = (rest, rest) if motion is None else np.array([[motion.velocity], [motion.spin]])
@@ -50,15 +50,15 @@ class Passages:
         )
 
     def at(self, times: Array) -> Array:
-        """Return the obstacle's placements (k, 4, 4) at times (k,) [s]."""
-        row = self.row(times)
-        passed = (times - self.anchors[row])[:, None]
+        """Return the obstacle's poses (k, 4, 4) at times (k,) [s]."""
+        row = self.segment(times)
+        elapsed = (times - self.anchors[row])[:, None]
         placements = self.poses[row].copy()
-        turned = Rotation.from_rotvec(passed * self.spin[row]).as_matrix()
+        turned = Rotation.from_rotvec(elapsed * self.spin[row]).as_matrix()
         placements[:, :3, :3] = turned @ placements[:, :3, :3]
-        placements[:, :3, 3] += passed * self.velocity[row]
+        placements[:, :3, 3] += elapsed * self.velocity[row]
         return placements
 
-    def row(self, times: Array) -> NDArray[np.int64]:
-        """Return which passage each time (k,) lies in."""
+    def segment(self, times: Array) -> NDArray[np.int64]:
+        """Return the index of the segment in which each time (k,) lies."""
         return np.searchsorted(self.begins, times, side="right") - 1

@@ -1,0 +1,127 @@
+"""Write the measured parts of docs/measurements.md and README.md again, each by the command that it names.
+
+    python benchmarks/measurements.py [NAME ...] [--problems DIR] [--list]
+
+A measured block lies between `<!-- measured by: COMMAND -->` and `<!-- end -->`. COMMAND is a benchmark with its
+arguments, as it is called from the checkout's folder; DIR in it stands for the folder of MotionBenchMaker's problems.
+What the benchmark prints takes the block's place, with a line about machine, versions and time under it: the whole
+block or, where the benchmark fails, nothing of it. NAME chooses the blocks whose command contains it; without a name
+all are measured, one after the other, and Ctrl-C keeps those that are done. `--list` shows the commands, and where and
+how long each was measured. Exit code 1 if a block was left as it was.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.metadata
+import os
+import platform
+import re
+import shlex
+import subprocess
+import sys
+import time
+from collections.abc import Iterable
+from pathlib import Path
+
+from hdplan.scenes.output import write_output
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGES = (ROOT / "docs" / "measurements.md", ROOT / "README.md")
+BEGIN, END = "<!-- measured by: ", "<!-- end -->"
+BLOCK = re.compile(rf"^{re.escape(BEGIN)}(.+) -->\n((?:(?!{re.escape(BEGIN)}).*\n)*?){re.escape(END)}$", re.MULTILINE)
+PROBLEMS = "DIR"
+PACKAGES = ("hdplan", "numpy", "casadi", "pin", "coal", "jax", "drake", "ompl")  # those of them that are installed
+
+
+class Failed(Exception):
+    """A benchmark gave nothing that could be shown."""
+
+
+def blocks(page: str) -> dict[str, str]:
+    """Return what each block of a page holds, by its command. Raises ValueError for a block without begin or end."""
+    found = BLOCK.findall(page)
+    if not len(found) == page.count(BEGIN) == page.count(END):
+        raise ValueError(f"every '{BEGIN}COMMAND -->' needs its '{END}', each on a line of its own")
+    return dict(found)
+
+
+def replaced(page: str, command: str, content: str) -> str:
+    """Return the page with `content` in the block of this command."""
+    return BLOCK.sub(
+        lambda block: f"{BEGIN}{command} -->\n{content}{END}" if block[1] == command else block[0],
+        page,
+    )
+
+
+def measured(command: str, problems: Path | None) -> str:
+    """Run a benchmark and return what a page shows of it. Raises Failed."""
+    words = shlex.split(command)
+    for place, word in enumerate(words):
+        folder, *below = word.split("/")
+        if folder == PROBLEMS:
+            if problems is None:
+                raise Failed("it needs MotionBenchMaker's problems: --problems DIR")
+            words[place] = str(problems.resolve().joinpath(*below))
+    load, began = os.getloadavg()[0], time.monotonic()
+    done = subprocess.run([sys.executable, *words], cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    seconds = time.monotonic() - began
+    if done.returncode:
+        raise Failed(f"exit code {done.returncode}")
+    if not done.stdout.strip():
+        raise Failed("it printed nothing")
+    return f"{done.stdout.strip()}\n\n*Measured by `{command}` in {seconds:.0f} s, {machine(load)}.*\n"
+
+
+def machine(load: float) -> str:
+    """Say on what machine and with which versions this runs, and how busy it was when the benchmark began."""
+    information = Path("/proc/cpuinfo")
+    names = re.findall(r"^model name\s*: (.+)$", information.read_text() if information.is_file() else "", re.MULTILINE)
+    found = {item.name: item.version for item in importlib.metadata.distributions()}
+    versions = ", ".join(f"{package} {found[package]}" for package in PACKAGES if package in found)
+    return (
+        f"load average {load:.1f} before it, on {os.cpu_count()} cores of {names[0] if names else platform.machine()} "
+        f"with Python {platform.python_version()}, {versions}"
+    )
+
+
+def renew(pages: Iterable[Path], command: str, problems: Path | None) -> None:
+    """Measure by one command and write the pages. Raises Failed, and then leaves them as they were."""
+    content = measured(command, problems)
+    for page in pages:
+        text = page.read_text(encoding="utf-8")
+        if command in blocks(text):
+            write_output(page, replaced(text, command, content).encode())
+
+
+def main() -> int:
+    """Run the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", metavar="NAME", help="of the blocks: part of their command")
+    parser.add_argument("--problems", type=Path, metavar=PROBLEMS, help="MotionBenchMaker's problems")
+    parser.add_argument("--list", action="store_true", help="show the blocks and measure nothing")
+    options = parser.parse_args()
+    contents = {command: text for page in PAGES for command, text in blocks(page.read_text(encoding="utf-8")).items()}
+    for name in options.names:
+        if not any(name in command for command in contents):
+            parser.error(f"NAME '{name}' is in no command; there are:\n  " + "\n  ".join(contents))
+    chosen = [command for command in contents if not options.names or any(name in command for name in options.names)]
+    left = 0
+    for place, command in enumerate(chosen, 1):
+        if options.list:
+            print(f"{command}\n    {contents[command].strip().splitlines()[-1].strip('*')}")
+            continue
+        print(f"{place} of {len(chosen)}: {command}", file=sys.stderr)
+        try:
+            renew(PAGES, command, options.problems)
+        except Failed as reason:
+            left += 1
+            print(f"{command}: left as it was, {reason}", file=sys.stderr)
+        except KeyboardInterrupt:
+            print(f"interrupted; {place - 1 - left} of {len(chosen)} blocks are written", file=sys.stderr)
+            return 130
+    return int(left > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

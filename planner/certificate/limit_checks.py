@@ -1,0 +1,85 @@
+"""The checks of what a scene limits of its joints: what each must offer, and which there are.
+
+A check proves its quantities along the whole executed curve, and says itself what is wrong and in which words, so that
+certificate, pictures and replay take another one as it comes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.motion.curve import Curve
+from hdplan.planner.robot.joint_limits import DERIVATIVES
+from hdplan.planner.robot.setup import Setup
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+JUMP = 1e-6  # [rad/s], [rad/s²] or the like: what rounding makes of two equal values
+ROUNDING = 1e-9  # relative
+
+
+@dataclass(frozen=True)
+class Use:
+    """How much of what the joints can do a motion takes, where it takes most."""
+
+    quantity: str  # "velocity", "acceleration", "jerk", "torque"
+    share: float  # of the limit, proven; inf where a jump makes it infinite
+    joint: str
+    interval: int  # between rows `interval` and `interval` + 1
+    limit: float  # of that joint
+
+    @property
+    def within(self) -> bool:
+        """Whether the limit holds."""
+        return self.share <= 1.0 + ROUNDING
+
+
+@dataclass(frozen=True)
+class LimitFinding:
+    """What a check found of a motion."""
+
+    uses: tuple[Use, ...]
+    complaints: tuple[tuple[Status, str], ...] = ()  # what keeps the motion from being certified, the worst first
+    remark: str = ""  # what is proven, in place of the uses' shares
+    hopeless: tuple[int, ...] = ()  # intervals between rows in which going slower does not help
+
+
+class LimitCheck(Protocol):
+    """Limits of a scene on some quantities of its joints."""
+
+    @property
+    def limits(self) -> Mapping[str, Array]:
+        """The greatest absolute values (n,) by quantity."""
+        ...
+
+    def check(self, curve: Curve) -> LimitFinding:
+        """Prove the limits along a timed curve, or say where they do not hold."""
+        ...
+
+    def values(self, quantity: str, curve: Curve, interval: Index, fraction: Array) -> Array:
+        """Return a quantity (k, n) on intervals (k,) of a timed curve at fractions (k,) of them."""
+        ...
+
+    def overload(self, q: Array) -> str | None:
+        """Say which limit the robot passes even if it stands still at q (n,); None if it passes none."""
+        ...
+
+
+def limit_checks(setup: Setup) -> Iterator[LimitCheck]:
+    """Give the checks that a scene calls for; the others are not even imported. Raises InputError for limits and loads
+    that do not fit the robot."""
+    if not DERIVATIVES.keys().isdisjoint(setup.limits):
+        from hdplan.planner.certificate.rate_check import RateCheck
+
+        yield RateCheck(setup)
+    if "torque" in setup.limits:
+        from hdplan.planner.certificate.torque_check import TorqueCheck
+
+        yield TorqueCheck(setup)

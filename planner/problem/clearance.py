@@ -1,0 +1,93 @@
+"""Clearance of body pairs: a squared hinge on their distance, at single configurations and at the samples of a motion.
+
+In: the kinematics of samples. Out: the penalty with its exact gradient and Gauss-Newton curvature; the derivatives come
+from the distance's hand-written wrench and the geometric Jacobian.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdplan.distance.symbolic.row_function import RowFunction
+from hdplan.planner.collision.broad_phase import BodyPairs
+from hdplan.planner.collision.pair_distance import PairDistance
+from hdplan.planner.kinematics.forward import KinematicsBatch
+from hdplan.planner.problem.samples import Samples
+from hdplan.planner.problem.terms import Penalty, Term
+from hdplan.scenes.array_types import Array, Rows
+
+
+@dataclass(frozen=True)
+class Inside:
+    """The S body pairs that are inside their margin, samples ascending."""
+
+    sample: Rows  # (S,)
+    pair: Rows  # (S,) row of the term's pairs
+    distance: Array  # (S,) D < 0 [m]
+    separation: Array  # (S,) D̃ [m], a lower bound of the true distance less the margin
+    gradient: Array  # (S, n) dD/dq
+
+
+class PairTerm(Term):
+    """A squared hinge on the distance of body pairs, ½ min(D, 0)².
+
+    D is measured between bodies enlarged by clearance + activation. The penalty thus sets in at that distance, and the
+    HD-SDF's flat spot, where its gradient vanishes, lies at the outer rim, where the penalty vanishes as well.
+    """
+
+    def __init__(self, name: str, pairs: BodyPairs, distance: PairDistance) -> None:
+        """Take the pairs and their distance."""
+        self.name, self.pairs, self.distance = name, pairs, distance
+
+    @property
+    def functions(self) -> Mapping[str, RowFunction]:
+        """Those of its distance."""
+        return self.distance.functions
+
+    def met(self, kinematics: KinematicsBatch, times: Array) -> KinematicsBatch:
+        """The kinematics of configurations with the obstacles at times (B,) [s]: unchanged, as these obstacles
+        stand."""
+        return kinematics
+
+    def inside(self, kinematics: KinematicsBatch) -> Inside:
+        """Every pair with D < 0 at every sample."""
+        sample, pair = self.pairs.close(kinematics)
+        distance, wrench, separation = self.distance(kinematics, sample, pair)
+        kept = np.flatnonzero(distance < 0)
+        sample, pair = sample[kept], pair[kept]
+        gradient = (kinematics.columns[sample] @ wrench[kept, :, None])[:, :, 0] * self.pairs.moves[pair]
+        return Inside(sample, pair, distance[kept], separation[kept], gradient)
+
+    def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
+        """How far the worst pair may be inside its margin (B,) [m], the same all along the motion."""
+        inside, result = self.inside(kinematics), np.zeros(len(kinematics.placements))
+        np.maximum.at(result, inside.sample, -inside.separation)
+        return result
+
+
+class Clearance(PairTerm):
+    """The clearance of body pairs at the samples of a motion: Σ_samples w_s Σ_pairs ½ min(D, 0)²."""
+
+    @property
+    def symbolic(self) -> bool:
+        """Whether its distance is."""
+        return self.distance.symbolic is not None
+
+    def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
+        """The penalty at the samples of a motion."""
+        weight, (batch, n) = samples.weight, kinematics.columns.shape[:2]
+        inside = self.inside(kinematics)
+        sample, slope = inside.sample, inside.gradient
+        scale = weight[sample] * inside.distance
+        gradient, curvature, depth = np.zeros((batch, n)), np.zeros((batch, n, n)), np.zeros(batch)
+        if len(sample):
+            starts = np.flatnonzero(np.diff(sample, prepend=-1))
+            seen = sample[starts]
+            gradient[seen] = np.add.reduceat(scale[:, None] * slope, starts)
+            outer = weight[sample][:, None, None] * slope[:, :, None] * slope[:, None, :]
+            curvature[seen] = np.add.reduceat(outer, starts)
+            depth[seen] = np.maximum.reduceat(-inside.separation, starts)
+        return Penalty(float(0.5 * np.sum(scale * inside.distance)), gradient, curvature, depth)

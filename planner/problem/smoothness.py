@@ -1,0 +1,38 @@
+"""Smoothness of a motion: the cost that keeps it short and its bends gentle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hdplan.scenes.array_types import Array
+
+
+@dataclass(frozen=True)
+class Smoothness:
+    """CHOMP's prior: squared velocity and acceleration of the motion over a duration of one, by finite differences.
+
+        ½ Σ_k h |(q_{k+1} − q_k)/h|² + ½ α Σ_k h |(q_{k+1} − 2 q_k + q_{k−1})/h²|²,  h = 1/(N − 1)
+
+    The velocity makes the motion short and even, the acceleration makes its bends gentle. Ratliff et al., CHOMP, ICRA
+    2009, section II.
+    """
+
+    waypoints: int  # N
+    acceleration: float = 0.01  # α, relative to the squared duration
+
+    @cached_property
+    def matrix(self) -> Array:
+        """The Hessian M (N, N), the same for every joint: the cost is ½ Σ_j q_jᵀ M q_j."""
+        h = 1 / (self.waypoints - 1)
+        first = np.diff(np.eye(self.waypoints), axis=0)
+        second = np.diff(first, axis=0)
+        matrix: Array = first.T @ first / h + self.acceleration * second.T @ second / h**3
+        return matrix
+
+    def value(self, positions: Array) -> tuple[float, Array]:
+        """Cost and gradient (N, n) at waypoints (N, n)."""
+        gradient = self.matrix @ positions
+        return float(0.5 * np.sum(positions * gradient)), gradient

@@ -1,0 +1,101 @@
+"""A scene and its robot, which belong together: made once, with what follows from both, and handed to everything."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from hdplan.planner.robot.joint_limits import joint_limits
+from hdplan.planner.robot.robot import SAME_PLACE, Robot
+from hdplan.planner.robot.scene_robot import check_robot, load_scene_robot
+from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import Goals, JointTarget
+from hdplan.scenes.values import instance
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Query:
+    """The two ends of a plan, as joint values."""
+
+    start: Array  # (n,)
+    goal: Array  # (n,)
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """A scene with its robot. What is asked of it first is worked out then, and kept."""
+
+    scene: Scene
+    robot: Robot
+
+    @classmethod
+    def of(cls, scene: Scene, robot: Robot | None = None) -> Setup:
+        """Load a scene's robot, or take it if it is loaded already.
+
+        Raises InputError for a robot that cannot be loaded, one that is not the scene's (`check_robot`), and for what
+        is neither.
+        """
+        instance(scene, Scene, "scene")
+        if robot is None:
+            return cls(scene, load_scene_robot(scene))
+        instance(robot, Robot, "robot")
+        check_robot(scene, robot)
+        return cls(scene, robot)
+
+    def aiming_at(self, goal: JointTarget) -> Setup:
+        """Return the same with another goal."""
+        return replace(self, scene=replace(self.scene, goal=goal))
+
+    @cached_property
+    def query(self) -> Query:
+        """The scene's start and goal. Raises InputError, naming the scene's file, for ends that do not fit the robot.
+
+        A goal that leaves a choice (`Goals`) is no one configuration: `search.goals.settled` chooses.
+        """
+        scene, robot = self.scene, self.robot
+        if isinstance(scene.goal, Goals):
+            raise InputError(f"{scene.source}: {scene.goal.field}: leaves a choice; one configuration is needed here")
+        with naming(scene.source):
+            return Query(*(robot.configuration(target, scene.from_request) for target in (scene.start, scene.goal)))
+
+    @cached_property
+    def limits(self) -> dict[str, Array]:
+        """The limits (n,) of every quantity that has any, by name; see `joint_limits`."""
+        return joint_limits(self.scene, self.robot)
+
+    @cached_property
+    def loaded_model(self) -> pin.Model:
+        """The robot's model with the scene's loads; see `loads.loaded_model`."""
+        from hdplan.planner.robot.loads import loaded_model
+
+        return loaded_model(self.scene, self.robot)
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What is to be said of a scene with its robot, in words: what was changed, assumed or left out."""
+        return (*self.scene.notes, *self.robot.notes, *self.left_out)
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Which values of the scene's start and goal are not kept to: of joints that the robot does not have, and,
+        where a named state speaks of more than is planned, of joints that are held elsewhere though nobody asked."""
+        scene, robot = self.scene, self.robot
+        ends = [target for target in (scene.start, scene.goal) if isinstance(target, JointTarget)]
+        named = [joint for target in ends for joint in target.by_name or ()]
+        unknown = [joint for joint in dict.fromkeys(named) if joint not in (*robot.joint_names, *robot.locked)]
+        words = [f"left out, as {robot.name} has no such joints: {', '.join(unknown)}"] if unknown else []
+        for target in ends:
+            state = robot.named_states.get(target.state or "", {})
+            held_anyhow = {joint: at for joint, at in robot.locked.items() if joint not in scene.robot.locked}
+            off = [joint for joint, at in held_anyhow.items() if abs(state.get(joint, at) - at) > SAME_PLACE]
+            if off:
+                held = ", ".join(f"{joint} at {state[joint]:g}, held at {robot.locked[joint]:g}" for joint in off)
+                words.append(f"{target.field}: state '{target.state}' has {held}")
+        return tuple(words)

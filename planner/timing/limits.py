@@ -1,0 +1,90 @@
+"""What each limit of a scene asks of the timing: a constraint for TOPP-RA, and by how much time must be stretched.
+
+Of a motion that is stretched in time by k, velocities fall by k, accelerations by k², jerks by k³.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+
+from hdplan.planner.motion.curve import Curve
+from hdplan.planner.robot.joint_limits import DERIVATIVES
+from hdplan.planner.robot.setup import Setup
+
+Array = NDArray[np.float64]
+
+MARGIN = 1e-6  # [–] by which a limit is kept more than needed
+
+
+class PathLook(NamedTuple):
+    """Where a time law u(t) is on a path q(u) at k times."""
+
+    q: Array  # (k, n)
+    slopes: tuple[Array, Array, Array]  # first to third derivative of q by u (k, n)
+    rates: tuple[Array, Array, Array]  # first to third derivative of u by time (k, 1)
+
+
+class TimingLimit(Protocol):
+    """One limit of a scene."""
+
+    def constraint(self, spline: BSpline, grid: Array) -> Any | None:
+        """Return what TOPP-RA keeps on a path at the points of a grid; None where it knows no such limit."""
+        ...
+
+    def stretch_of_law(self, look: PathLook) -> float:
+        """Return by how much a time law must be stretched for the limit to hold at some times."""
+        ...
+
+    def stretch(self, curve: Curve) -> float:
+        """Return by how much an executed curve must be stretched for the limit to hold along it; at most 1 where it
+        holds."""
+        ...
+
+
+class RateLimit:
+    """A limit (n,) on a derivative of the joints' values by time."""
+
+    def __init__(self, order: int, limit: Array) -> None:
+        """Take the order of the derivative and its greatest absolute values."""
+        self.order, self.limit = order, limit
+
+    def constraint(self, spline: BSpline, grid: Array) -> Any | None:
+        """Return toppra's own, of velocities and accelerations."""
+        from toppra import constraint
+
+        both = np.stack([-self.limit, self.limit], axis=1)
+        known = {1: constraint.JointVelocityConstraint, 2: constraint.JointAccelerationConstraint}
+        return known[self.order](both) if self.order in known else None
+
+    def stretch_of_law(self, look: PathLook) -> float:
+        """Return it by the chain rule."""
+        slope, bend, twist = look.slopes
+        first, second, third = look.rates
+        if self.order == 1:
+            rate = slope * first
+        elif self.order == 2:
+            rate = bend * first**2 + slope * second
+        else:
+            rate = twist * first**3 + 3 * bend * first * second + slope * third
+        return float(float((np.abs(rate).max(axis=0) / self.limit).max()) ** (1 / self.order))
+
+    def stretch(self, curve: Curve) -> float:
+        """Return it by a bound on the whole curve, not by samples."""
+        share = float((curve.over_time(self.order).largest() / self.limit).max())
+        return float(((1 + MARGIN) * share) ** (1 / self.order))
+
+
+def timing_limits(setup: Setup) -> tuple[TimingLimit, ...]:
+    """Return the limits that a scene has; what the others need is not even imported. Raises InputError for limits and
+    loads that do not fit the robot."""
+    found = setup.limits
+    limits: list[TimingLimit] = [RateLimit(order, found[name]) for name, order in DERIVATIVES.items() if name in found]
+    if "torque" in found:
+        from hdplan.planner.timing.torque_limit import TorqueLimit
+
+        limits.append(TorqueLimit(setup))
+    return tuple(limits)

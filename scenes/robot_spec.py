@@ -1,0 +1,68 @@
+"""Which robot a scene uses, where it stands, and which of its joints are locked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from hdplan.scenes.errors import FieldError
+from hdplan.scenes.poses import AnyPose, Placement, Pose
+from hdplan.scenes.values import Checked, FilePath, JointValue, Name, Named, Row, absolute_path, text, wrong
+
+
+def pair(value: object) -> tuple[str, str]:
+    """Return the names of two different links."""
+    first, second = Row(text, 2, "link names")(value)
+    if first == second:
+        raise FieldError(f"must name two different links, found {first!r} twice")
+    return first, second
+
+
+@dataclass(frozen=True, repr=False)
+class RobotSpec(Checked):
+    """Which robot, where it stands, which joints are planned and which are locked."""
+
+    name: Name | None = None  # in example-robot-data; or else a URDF:
+    urdf: Annotated[Path, absolute_path] | None = None
+    srdf: Annotated[Path, absolute_path] | None = None
+    package_dirs: Annotated[
+        tuple[Path, ...], Row(absolute_path, of="folders")
+    ] = ()  # where package:// URIs of the URDF are looked up
+    group: Name | None = None  # of the SRDF: its joints are planned; None: those of the arm
+    base: Placement = field(default_factory=Pose)  # of the URDF's root link
+    locked: Annotated[Mapping[str, float], Named(JointValue)] = field(default_factory=dict)  # joint -> [rad] or [m]
+    ignore_pairs: Annotated[tuple[tuple[str, str], ...], Row(pair, of="link pairs")] = ()  # not checked
+    source: str = field(default="", compare=False)  # for error messages: file or option; empty: the scene's file
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            name: str | None = None,
+            urdf: FilePath | None = None,
+            srdf: FilePath | None = None,
+            package_dirs: Sequence[FilePath] = (),
+            group: str | None = None,
+            base: AnyPose = Pose(),
+            locked: Mapping[str, float] = {},
+            ignore_pairs: Sequence[Sequence[str]] = (),
+            source: str = "",
+        ) -> None: ...
+
+    def _check_whole(self) -> None:
+        if (self.name is None) == (self.urdf is None):
+            raise FieldError(f"must have either 'name' or 'urdf', found {'neither' if self.name is None else 'both'}")
+        for key in ("srdf", "package_dirs"):
+            if self.name is not None and getattr(self, key):
+                raise FieldError("goes with 'urdf'; a robot given by name brings its own", key)
+
+
+def robot_spec(value: object) -> RobotSpec:
+    """Return a robot, given as a RobotSpec or by its name alone."""
+    if isinstance(value, str):
+        return RobotSpec(name=value)
+    if not isinstance(value, RobotSpec):
+        raise wrong("the name of a robot, or a RobotSpec", value)
+    return value

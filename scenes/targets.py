@@ -1,0 +1,136 @@
+"""Starts and goals: configurations, poses of a link, and goals with several alternatives."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+from hdplan.scenes.errors import FieldError
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.values import (
+    Checked,
+    Choice,
+    JointValue,
+    Name,
+    Named,
+    Number,
+    Numbers,
+    Row,
+    checked,
+    is_row,
+    text,
+    wrong,
+)
+
+FREE_ROTATIONS = ("none", "x", "y", "z", "all")
+NO_TURN = "has no meaning with free_rotation: all, which allows any orientation; leave it out"
+
+
+@dataclass(frozen=True, repr=False)
+class JointTarget(Checked):
+    """A configuration as the scene gives it: by exactly one of the last three fields."""
+
+    field: str = dataclasses.field(
+        compare=False, repr=False
+    )  # where it stands in the file, for error messages: "start" or "goal"
+    positions: Annotated[tuple[float, ...], Row(JointValue)] | None = None  # in the order of the planned joints
+    by_name: Annotated[Mapping[str, float], Named(JointValue)] | None = None  # joint name -> value
+    state: Name | None = None  # a named state of the SRDF
+
+    def _check_whole(self) -> None:
+        given = [name for name in ("positions", "by_name", "state") if getattr(self, name) is not None]
+        if len(given) != 1:
+            found = " and ".join(given) or "none of them"
+            raise FieldError(f"must have exactly one of positions, by_name and state, found {found}")
+        if not getattr(self, given[0]):
+            raise FieldError("must not be empty", given[0])
+
+
+@dataclass(frozen=True, repr=False)
+class PoseTarget(Checked):
+    """A goal pose of a link: its origin within a ball, its orientation within an angle."""
+
+    link: Name
+    pose: Pose  # of the link's frame, in the world
+    position_tolerance: Annotated[float, Number(high=1.0, above=0.0, unit="m")] = 1e-3  # of the link's origin [m]
+    orientation_tolerance: Annotated[float, Number(high=math.pi, above=0.0, unit="rad")] = 1e-2
+    """How far its orientation may deviate, beside its free rotation [rad]."""
+    free_rotation: Annotated[str, Choice(FREE_ROTATIONS)] = "none"
+    """The axis of the link about which it may rotate freely: none, x, y, z, or all (any orientation)."""
+    field: str = dataclasses.field(
+        default="goal", compare=False, repr=False
+    )  # where it stands in the file: "goal.poses[1]"
+
+    def _check_whole(self) -> None:
+        if self.free_rotation != "all":
+            return
+        if self.orientation_tolerance != PoseTarget.orientation_tolerance:
+            raise FieldError(NO_TURN, "orientation_tolerance")
+        if self.pose.quaternion_xyzw != Pose.quaternion_xyzw:
+            raise FieldError(NO_TURN, "pose.quaternion_xyzw")
+
+
+def _choices(value: object) -> tuple[object, ...]:
+    kinds = {type(target) for target in value} if isinstance(value, list | tuple) else set()
+    if not isinstance(value, list | tuple) or kinds not in ({JointTarget}, {PoseTarget}):
+        raise wrong("a list of one or more JointTargets, or of PoseTargets", value)
+    return tuple(value)
+
+
+@dataclass(frozen=True, repr=False)
+class Goals(Checked):
+    """A goal with a choice: any of these targets will do, and any configuration that reaches a pose."""
+
+    targets: Annotated[tuple[JointTarget, ...] | tuple[PoseTarget, ...], _choices]  # configurations by values, or poses
+    field: str = dataclasses.field(
+        default="goal", compare=False, repr=False
+    )  # where it stands in the file, for error messages
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """A configuration in any of its forms: values in the order of the joints, values by joint name, or a named
+    state."""
+
+    field: str
+    allowed: str = "a list of joint values, a mapping from joint names to values [rad or m], or the name of a state"
+
+    def __call__(self, value: object) -> JointTarget:
+        """Return it as a target."""
+        if isinstance(value, JointTarget):
+            return value
+        if isinstance(value, str):
+            return JointTarget(self.field, state=text(value))
+        if isinstance(value, Mapping) and value:
+            return JointTarget(self.field, by_name=Named(JointValue)(value))
+        if is_row(value) and len(value):
+            return JointTarget(self.field, Row(JointValue)(value))
+        raise wrong(self.allowed, value)
+
+
+AnyConfiguration = JointTarget | Numbers | Mapping[str, float] | str
+AnyGoal = AnyConfiguration | Goals | PoseTarget | Sequence[AnyConfiguration | PoseTarget]
+
+
+def goal_of(value: object) -> JointTarget | Goals:
+    """Return a goal in any of its forms: a configuration, a link's pose, or a list of either, any of which will do."""
+    if isinstance(value, Goals):
+        return value
+    if isinstance(value, PoseTarget):
+        return Goals((value,))
+    if not is_row(value) or not any(is_row(each) or isinstance(each, _SEVERAL) for each in value):
+        return Configuration("goal", f"{Configuration.allowed}, a PoseTarget, or a list of any one of these")(value)
+    targets = []
+    for i, each in enumerate(value):
+        place = f"goal[{i}]"
+        if isinstance(each, PoseTarget):
+            targets.append(dataclasses.replace(each, field=place))
+        else:
+            targets.append(checked(Configuration(place), each, f"[{i}]"))
+    return Goals(targets)  # type: ignore[arg-type]
+
+
+_SEVERAL = (Mapping, JointTarget, PoseTarget)  # not a joint value, and so one of several targets
