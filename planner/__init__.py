@@ -5,6 +5,6 @@ The result of a plan is imported by the pictures; what it needs of them itself i
 
 from __future__ import annotations
 
-from hdplan.scenes.doors import door
+from hdplan.scenes.lazy_imports import lazy_imports
 
-__getattr__ = door(__name__, {"result_html": "pictures.notebook"})
+__getattr__ = lazy_imports(__name__, {"result_html": "pictures.notebook"})

@@ -5,6 +5,6 @@
 
 from __future__ import annotations
 
-from hdplan.scenes.doors import door
+from hdplan.scenes.lazy_imports import lazy_imports
 
-__getattr__ = door(__name__, {"scene_text": "yaml_format.writer"})
+__getattr__ = lazy_imports(__name__, {"scene_text": "yaml_format.writer"})

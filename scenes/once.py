@@ -31,7 +31,7 @@ def freeze(holder: Any) -> None:
             object.__setattr__(holder, name, read_only(value))
 
 
-class Turn:
+class ForkSafeLock:
     """A lock that is released in the child of a fork, where the thread that held it does not exist."""
 
     def __init__(self) -> None:
@@ -62,7 +62,7 @@ def made_once(most: int) -> Callable[[Callable[Arguments, Made]], Callable[Argum
     def decorate(make: Callable[Arguments, Made]) -> Callable[Arguments, Made]:
         made: OrderedDict[Hashable, Made] = OrderedDict()
         under_way: dict[Hashable, threading.Lock] = {}
-        changing = Turn()  # guards the two above; never held while a value is made
+        changing = ForkSafeLock()  # guards the two above; never held while a value is made
         os.register_at_fork(after_in_child=under_way.clear)
 
         @functools.wraps(make)

@@ -284,9 +284,9 @@ def test_a_failure_is_not_kept() -> None:
 
 FORKED = """
 import os, signal, threading, warnings
-from hdplan.scenes.once import Turn, made_once
+from hdplan.scenes.once import ForkSafeLock, made_once
 
-inside, leave, turn = threading.Event(), threading.Event(), Turn()
+inside, leave, turn = threading.Event(), threading.Event(), ForkSafeLock()
 
 @made_once(4)
 def slow(number):

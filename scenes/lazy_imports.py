@@ -7,13 +7,13 @@ from importlib import import_module
 from typing import Any
 
 
-def door(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
+def lazy_imports(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
     """Return a ``__getattr__`` for a package that offers names from modules below it: `homes` maps each name to its
     module, relative to the package."""
 
-    def behind(name: str) -> Any:
+    def find(name: str) -> Any:
         if name in homes:
             return getattr(import_module(f"{package}.{homes[name]}"), name)
         raise AttributeError(f"module {package!r} has no attribute {name!r}")
 
-    return behind
+    return find
