@@ -131,7 +131,7 @@ def test_a_group_is_its_joints_links_chains_and_groups(two_arms: RobotSpec, grou
         assert set(robot.joint_names) == MEMBERS[group]
         assert list(robot.joint_names) == [joint for joint in robot.joint_names if joint in MOVABLE]
         assert set(robot.locked) == set(MOVABLE) - MEMBERS[group]
-        assert f"planned are the joints of the SRDF's group '{group}'" in robot.notes
+        assert f"planned joints: those of the SRDF's group '{group}'" in robot.notes
 
 
 def test_a_group_that_is_not_there_is_refused_with_the_nearest(two_arms: RobotSpec, moveit: Loading) -> None:
@@ -174,7 +174,7 @@ def test_a_goal_for_a_joint_that_is_held_is_met_or_refused(moveit: Loading, grou
         certify(scene, motion, robot)
         for off in (1e-5, -0.3):
             asked = moveit({**goal, joint: START[joint] + off}, group)
-            said = rf"goal \(.*request\.yaml\): joint '{joint}' is to be at .*, but is not planned, and held at "
+            said = rf"goal \(.*request\.yaml\): joint '{joint}' is asked to be at .*, but is not planned and held at "
             with pytest.raises(InputError, match=said):
                 plan(asked, time_limit=1.0)
             with pytest.raises(InputError, match=said):
@@ -183,7 +183,7 @@ def test_a_goal_for_a_joint_that_is_held_is_met_or_refused(moveit: Loading, grou
 
 def test_a_start_that_the_robots_own_section_contradicts_is_refused(moveit: Loading) -> None:
     scene = moveit({"left_a": 0.2, "left_b": 0.2}, "left", locked={"lift": 0.4})
-    with pytest.raises(InputError, match=r"start .*: joint 'lift' is to be at 0.05, but is not .* held at 0.4"):
+    with pytest.raises(InputError, match=r"start .*: joint 'lift' is asked to be at 0.05, but is not .* held at 0.4"):
         plan(scene)
     goal = {"right_a": 0.2, "right_b": 0.2}
     with pytest.raises(InputError, match=r"group_name: is 'left', but the robot's own section says 'right'"):
