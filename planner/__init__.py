@@ -1,6 +1,6 @@
-"""The planner: from a scene to a certified motion (`plan`), and, behind this door, how a notebook shows it.
+"""The planner: from a scene to a certified motion (`plan`).
 
-The result of a plan stands below the pictures; what it needs of them it asks for here, when it is needed.
+The module of results comes before the pictures in the order of imports, so it gets its notebook view from here, on use.
 """
 
 from __future__ import annotations

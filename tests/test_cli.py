@@ -266,7 +266,7 @@ def test_simulate_replays_what_plan_wrote(hdplan: Callable[..., Done], tmp_path:
     assert hdplan("plan", timed, "--quiet", "-o", "motion.json").code == 0
     kinematic = hdplan("simulate", timed, "motion.json")
     assert (kinematic.code, kinematic.err) == (0, "")
-    assert kinematic.out.startswith("replayed: kinematics alone")
+    assert kinematic.out.startswith("replayed: kinematics only")
     assert "torque" not in kinematic.out
     strong = arm_scene(tmp_path, "strong.yaml", limits={"velocity": 2.0, "acceleration": 4.0, "torque": 20.0})
     done = hdplan("simulate", strong, "motion.json")
