@@ -1,10 +1,10 @@
-"""The planner: from a scene to a certified motion (`plan`).
+"""The planner: from a scene to a certified motion (`plan`), and how a notebook shows it.
 
-The module of results comes before the pictures in the order of imports, so it gets its notebook view from here, on use.
+The result of a plan is imported by the pictures; what it needs of them itself is imported here, on first use.
 """
 
 from __future__ import annotations
 
-from hdplan.scenes.doors import door
+from hdplan.scenes.lazy_imports import lazy_imports
 
-__getattr__ = door(__name__, {"result_html": "pictures.notebook"})
+__getattr__ = lazy_imports(__name__, {"result_html": "pictures.notebook"})

@@ -141,9 +141,9 @@ def body_pairs(
     """Lay out pairs (index of link body, index of halfspace body) as tables; `margin` [m] enlarges the halfspace
     bodies.
 
-    margin: one for all halfspace bodies, or one for each (B,). supports: (nj, n) whether a joint moves what another
-    joint carries (Kinematics.supports). slots: the least number of vertex slots, so that other pairs have tables of the
-    same width.
+    margin: one for all halfspace bodies, or one for each (B,).
+    supports: (nj, n) whether a joint moves what another joint carries (Kinematics.supports).
+    slots: the least number of vertex slots, so that other pairs have tables of the same width.
     """
     margins = np.full(len(halfspace_bodies), margin, dtype=np.float64)
     slots = max(slots, *(len(bodies[a].body.vertices) for a, _ in pairs))

@@ -20,12 +20,13 @@ The step names the pairs whose barrier its command does not meet (`Step.gave`).
 What the controller guarantees is derived in `barrier_safety`. The barrier's inequality is linear in u and holds at one
 instant; over a period the distance is not linear. So each command is checked at its end: it is accepted only if every
 Δ_k(q + u T) stays at or above δ_k, or at least does not fall if it is already below; otherwise the program is solved
-again with the rows that fell linearized at that end, and if that fails the robot is stopped. Then, against static
-obstacles, Δ_k ≥ δ_k holds at every sample for all time once it holds at the first, whatever the distance's kinks;
-standing still is always allowed. Below its margin Δ is of little use, as outer bodies may overlap where the links do
-not: there the exact distance of the links' hulls is also kept from falling below NEAR, by a barrier and by the same
-check. And there the HD-SDF's shaping is inverted (`barrier_safety.straightened`), as it gives no direction on its flat
-spot. Against a moving obstacle standing still may not be enough: then the command that is best at its end is taken.
+again with the rows that fell linearized at that end, then with the joints held that move those pairs, and at last the
+robot is stopped. Then, against static obstacles, Δ_k ≥ δ_k holds at every sample for all time once it holds at the
+first, whatever the distance's kinks; standing still is always allowed. Below its margin Δ is of little use, as outer
+bodies may overlap where the links do not: there the exact distance of the links' hulls is also kept from falling below
+NEAR, by a barrier and by the same check. And there the HD-SDF's shaping is inverted (`barrier_safety.straightened`), as
+it gives no direction on its flat spot. Against a moving obstacle standing still may not be enough: then the command
+that is best at its end is taken.
 
 Settings that are provably not safe are refused by name (`barrier_safety.refuse_unsafe`). Such a controller is not a
 planner: it can get stuck short of its target, where no velocity leads on. A `Controller` has no state between its
@@ -234,9 +235,12 @@ class Controller:
 
         If a pair ends below its floor, the program is solved again with that pair's row linearized at that end u₀ T,
 
-            Δ(q + u₀ T) + T ∂Δ/∂q(q + u₀ T) · (u − u₀) ≥ floor.
+            Δ(q + u₀ T) + T ∂Δ/∂q(q + u₀ T) · (u − u₀) ≥ floor,
+
+        or, if that has no solution, with the joints held that move it.
         """
         period, seconds = self.settings.period, 0.0
+        box, asked = self._box(now.q), wishes
         floors = np.concatenate([np.minimum(now.rows.value, self._margins), np.minimum(now.near.value, NEAR)])
         best: tuple[float, Array] | None = None
         for check in range(CHECKS):
@@ -260,7 +264,11 @@ class Controller:
             wish = gradient @ velocity + (SPARE - over[fallen]) / period
             hold = np.where(coming[fallen], -np.inf, wish)
             wishes = wishes.with_rows(Wishes(gradient, wish, hold, np.full(len(wish), COMING)))
-            corrected = best_velocity(hessian, linear, *self._box(now.q), wishes)
+            corrected = best_velocity(hessian, linear, *box, wishes)
+            if corrected is None:  # a crest, from where every way leads down: hold the joints that move these pairs
+                moving = (gradient != 0.0).any(axis=0)
+                box, wishes = (np.where(moving, 0.0, box[0]), np.where(moving, 0.0, box[1])), asked
+                corrected = best_velocity(hessian, linear, *box, wishes)
             if corrected is None:
                 break
             velocity = corrected
