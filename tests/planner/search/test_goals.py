@@ -218,7 +218,7 @@ def test_links_that_will_not_do_are_refused(link: str, words: str) -> None:
 def test_the_explanation_says_what_is_asked_for() -> None:
     rows = dict(explain(build(load_scene("panda_grasp")))["scene"])
     assert rows["goal.pose"] == (
-        "panda_hand_tcp within 1 mm of (0.55, 0.1, 0.39), within 0.01 rad, turning freely about its x axis"
+        "panda_hand_tcp within 1 mm of (0.55, 0.1, 0.39), within 0.01 rad, free to rotate about its x axis"
     )
 
 
