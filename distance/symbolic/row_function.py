@@ -17,7 +17,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hdplan.distance.symbolic.c_library import c_library, compiler
+from hdplan.distance.symbolic.c_library import c_library
 from hdplan.scenes.array_types import Array, Rows
 
 # Calls the generated function once per row; `rows[i][k]` is the row of table i that evaluation k takes.
@@ -163,4 +163,4 @@ def _library(function: ca.Function) -> ctypes.CDLL | None:
     generator = ca.CodeGenerator(f"{function.name()}.c")
     generator.add(function)
     loop = LOOP.format(name=function.name(), n_in=function.n_in(), n_out=function.n_out())
-    return c_library(function.name(), generator.dump() + loop) if compiler() else None
+    return c_library(function.name(), generator.dump() + loop)

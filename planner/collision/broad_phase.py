@@ -65,6 +65,14 @@ class BodyPairs:
         centres, reach = self._placed_centres(kinematics), self.widest * self.radii
         found = self._close_to_standing(centres, reach), self._close_to_moving(centres, reach, kinematics)
         sample, pair = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        if loops := close_pairs.library():
+            placements = kinematics.placements
+            kept = close_pairs.not_separated(
+                loops,
+                *(sample, pair, placements.shape[1], placements, self.joint_a, self.joint_b, self.body),
+                *(self.halfspace_body, self.vertex_slots, self.body_table, *self._planes),
+            )
+            sample, pair = sample[kept], pair[kept]
         order = np.argsort(sample, kind="stable")
         return sample[order], pair[order]
 
@@ -85,6 +93,20 @@ class BodyPairs:
         rotations, translations = kinematics.rotations[:, joint], kinematics.translations[:, joint]
         centres: Array = (rotations @ self.centres[:, :, None])[..., 0] + translations
         return centres
+
+    @cached_property
+    def _planes(self) -> tuple[Rows, Rows, Array]:
+        """The planes of every halfspace body: its first row, the number of its rows, and rows (·, 4) of normals and
+        enlarged supports."""
+        number = _spread(self.halfspace_body, self.plane_slots, len(self.boxes))
+        row = _spread(self.halfspace_body, self.plane_row, len(self.boxes))
+        first, planes, count = np.zeros_like(number), [], 0
+        for slots, table in self.plane_tables.items():
+            first[number == slots] = count + slots * row[number == slots]
+            normals, supports = table[:, : 3 * slots].reshape(-1, slots, 3), table[:, 3 * slots :]
+            planes.append(np.concatenate([normals, supports[..., None]], axis=2).reshape(-1, 4))
+            count += len(planes[-1])
+        return first, number, np.concatenate(planes)
 
     @cached_property
     def _body_joints(self) -> Rows:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hdplan.distance.symbolic.c_library import c_library
-from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.array_types import Array, Mask, Rows
 
 ROOM = 1 << 13  # rows that there is room for at first
 
@@ -93,7 +93,45 @@ long long close_to_moving(long long batch, long long bodies, const double* centr
   }
   return count;
 }
+
+/* Of rows (sample, pair), pair by pair, those that no plane of the second body separates by `least`: `planes` are
+   (normal, support) in the second body's frame, those of box b from first[b] on. The plane that separated a pair at the
+   sample before is tried first. */
+void not_separated(long long rows, const long long* sample, const long long* pair, long long joints,
+                   const double* placements, const long long* joint_a, const long long* joint_b, const long long* body,
+                   const long long* box, long long slots, const double* table, const long long* first,
+                   const long long* number, const double* planes, double least, unsigned char* kept) {
+  long long r, tried, before = -1, last = 0;
+  for (r = 0; r < rows; ++r) {
+    long long k = pair[r], i, j;
+    const double *a = placements + 12 * (sample[r] * joints + joint_a[k]);
+    const double *b = placements + 12 * (sample[r] * joints + joint_b[k]);
+    const double *vertices = table + (4 * slots + 1) * body[k], *plane = planes + 4 * first[box[k]];
+    double turn[9], shift[3], gap = 0.0;
+    if (k != before) { before = k; last = 0; }
+    for (i = 0; i < 3; ++i) {
+      shift[i] = b[i] * (a[9] - b[9]) + b[3 + i] * (a[10] - b[10]) + b[6 + i] * (a[11] - b[11]);
+      for (j = 0; j < 3; ++j) turn[3 * i + j] = b[i] * a[j] + b[3 + i] * a[3 + j] + b[6 + i] * a[6 + j];
+    }
+    kept[r] = 1;
+    for (tried = 0; tried < number[box[k]]; ++tried) {
+      long long which = tried == 0 ? last : (tried <= last ? tried - 1 : tried);
+      const double* n = plane + 4 * which;
+      double x = n[0] * turn[0] + n[1] * turn[3] + n[2] * turn[6], y = n[0] * turn[1] + n[1] * turn[4] + n[2] * turn[7];
+      double z = n[0] * turn[2] + n[1] * turn[5] + n[2] * turn[8];
+      gap = x * vertices[0] + y * vertices[1] + z * vertices[2];
+      for (i = 1; i < slots; ++i) {
+        double along = x * vertices[3 * i] + y * vertices[3 * i + 1] + z * vertices[3 * i + 2];
+        gap = along < gap ? along : gap;
+      }
+      gap += n[0] * shift[0] + n[1] * shift[1] + n[2] * shift[2] - vertices[4 * slots] - n[3];
+      if (gap > least) { kept[r] = 0; last = which; break; }
+    }
+  }
+}
 """
+
+LEAST = 1e-9  # [m] by which a plane must separate, so that rounding decides nothing
 
 
 @functools.cache
@@ -101,7 +139,7 @@ def library() -> ctypes.CDLL | None:
     """The compiled loops; None without a C compiler."""
     found = c_library("close_pairs", SOURCE)
     if found is not None:
-        found.place.restype = None
+        found.place.restype = found.not_separated.restype = None
         found.close_to_standing.restype = found.close_to_moving.restype = ctypes.c_longlong
     return found
 
@@ -126,9 +164,23 @@ def rows(loop: Any, *arguments: int | Array | Rows) -> tuple[Rows, Rows]:
         room = count
 
 
-def _call(function: Any, *arguments: int | Array | Rows) -> Any:
-    """Call a C function with whole numbers and arrays, which it takes as contiguous."""
-    dense = [each if isinstance(each, int) else np.ascontiguousarray(each) for each in arguments]  # alive till the end
-    return function(
-        *(ctypes.c_longlong(each) if isinstance(each, int) else ctypes.c_void_p(each.ctypes.data) for each in dense)
-    )
+def not_separated(loops: ctypes.CDLL, sample: Rows, pair: Rows, *arguments: int | Array | Rows) -> Mask:
+    """Return which rows (S,) no plane separates; `arguments` from `joints` to `planes` as in C."""
+    kept = np.empty(len(sample), np.bool_)
+    _call(loops.not_separated, len(sample), sample, pair, *arguments, LEAST, kept)
+    return kept
+
+
+def _call(function: Any, *arguments: float | Array | Rows | Mask) -> Any:
+    """Call a C function with numbers and arrays, which it takes as contiguous."""
+    alive: list[Any] = []
+    given: list[Any] = []
+    for each in arguments:
+        if isinstance(each, int):
+            given.append(ctypes.c_longlong(each))
+        elif isinstance(each, float):
+            given.append(ctypes.c_double(each))
+        else:
+            alive.append(np.ascontiguousarray(each))
+            given.append(ctypes.c_void_p(alive[-1].ctypes.data))
+    return function(*given)
