@@ -448,7 +448,7 @@ BAD_ARGUMENTS = {
     "nothing like it": (["robots", "xyzzy"], ["'xyzzy'", "`hdplan robots` lists them"]),
     "robot misspelt": (["plan", "planar_arm", "--robot", "pandda"], ["--robot: ", "'pandda'", "'panda'"]),
     "no such robot file": (["plan", "planar_arm", "--robot", "no.yaml"], ["no.yaml: no such file"]),
-    "request without need": (["plan", "planar_arm", "--request", "r.yaml"], ["no MoveIt planning scene"]),
+    "request without need": (["plan", "planar_arm", "--request", "r.yaml"], ["not a MoveIt planning scene"]),
     "solver misspelt": (["plan", "planar_arm", "--solver", "ipop"], ["'ipop'", "'ipopt'"]),
     "seed negative": (["plan", "planar_arm", "--seed", "-1"], ["--seed", "at least 0", "'-1'"]),
     "seed broken": (["plan", "planar_arm", "--seed", "1.5"], ["--seed", "whole number", "'1.5'"]),
@@ -465,7 +465,7 @@ BAD_ARGUMENTS = {
     "picture ending": (["plan", "planar_arm", "--plot", "x.jpg"], ["x.jpg", "'.jpg'", ".png, .pdf, .svg"]),
     "no trajectory": (["check", "planar_arm", "no.json"], ["no.json: no such file"]),
     "trajectory ending": (["check", "planar_arm", "no.txt"], ["no.txt", "'.txt'", ".json, .csv, .npz"]),
-    "trajectory a folder": (["check", "planar_arm", "folder.json"], ["folder.json: is a directory; a file is wanted"]),
+    "trajectory a folder": (["check", "planar_arm", "folder.json"], ["folder.json: is a directory, not a file"]),
 }
 
 

@@ -66,7 +66,7 @@ class Sweep:
     ) -> tuple[Spot, ...]:
         """Return the signed distance of every pair at one configuration q (n,) at a time [s]: negative in contact.
 
-        Pairs that are certainly farther apart than `within` [m] are left out. Hulls are told apart by themselves, or,
+        Pairs that are certainly farther apart than `within` [m] are left out. Hulls are separated by themselves, or,
         with `surfaces`, by what they are hulls of.
         """
         return self._standing(q, time).at_start(within=within, surfaces=surfaces)

@@ -1,10 +1,10 @@
 """Whether the joints can drive a motion: torques along the whole executed curve, by Pinocchio's own inverse dynamics.
 
-Sampled every other millisecond, of long motions less often, and proven between the samples: τ stays within
-h²/8 max|τ̈| of the straight line between two samples h apart (`torque_bounds`); where that is not enough, the piece is
-halved. What no speed can help is told apart: a configuration in which gravity alone asks for too much. A motion rests
-before its first row and after its last: one that begins or ends at speed needs an infinite torque. Shares nothing with
-the planner's own dynamics.
+Sampled every other millisecond, of long motions less often, and proven between the samples: τ stays within h²/8 max|τ̈|
+of the straight line between two samples h apart (`torque_bounds`); where that is not enough, the piece is halved. What
+no speed can help is reported by itself: a configuration in which gravity alone asks for too much. A motion rests before
+its first row and after its last: one that begins or ends at speed needs an infinite torque. Shares nothing with the
+planner's own dynamics.
 """
 
 from __future__ import annotations

@@ -154,7 +154,7 @@ def complaints(found: Findings) -> Iterator[tuple[Status, str]]:
         status = Status.OFF_PATH if worst.violated else Status.NOT_PROVEN
         yield status, _departure(worst, found.departures, found.curve)
     for place, _, _ in sorted(places, key=lambda each: each[0].distance - each[1])[:1]:
-        yield Status.NOT_PROVEN, f"{_where(place, 'cannot be told apart')}; {others}"
+        yield Status.NOT_PROVEN, f"{_where(place, 'cannot be separated')}; {others}"
     for limits in found.limits:
         yield from limits.complaints
 

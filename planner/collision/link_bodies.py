@@ -39,7 +39,7 @@ from hdplan.planner.geometry.shapes import operations, shape_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.once import Turn
+from hdplan.scenes.once import ForkSafeLock
 
 FIT_VERSION = "7"  # to be changed with anything that changes a fit, so that old cache entries are not used
 GOOD_MEAN, GOOD_P95 = 0.0095, 0.0185  # outside the link's hull [m]: the first candidate this tight is taken
@@ -58,7 +58,7 @@ CANDIDATES = (
 )  # (slabs, vertices), cheapest first
 FIXED = {"capsule": (1, 2), "outer-4": (1, 4), "outer-12": (3, 4)}  # the one candidate of each of these settings
 
-_fitting = Turn()  # the number of BLAS threads is set for the whole process
+_fitting = ForkSafeLock()  # the number of BLAS threads is set for the whole process
 
 
 @dataclass(frozen=True, eq=False)

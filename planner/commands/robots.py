@@ -1,4 +1,4 @@
-"""`hdplan robots`: list the robots that go by name, or show one of them."""
+"""`hdplan robots`: list the robots that are known by name, or show one of them."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ Floats = NDArray[np.float64]
 
 FLAT = 1e-3  # a barrier whose slope by the separation is less on its own boundary forbids nothing there
 GRID = 24  # cells along an edge of the cube whose grid covers all directions
-FINE = 1e-9  # [m] and [1]: how finely least distances and the normals they are of are told apart
+FINE = 1e-9  # [m] and [1]: resolution of least distances and of their normals
 
 
 def shaped(value: float, gamma: int, length: float) -> float:

@@ -141,7 +141,7 @@ def fitting(setup: Setup, trajectory: Trajectory) -> Curve:
 
 
 def _check_steps(times: Array) -> None:
-    """Refuse times (N,) of which the steps between cannot be kept or told apart."""
+    """Refuse times (N,) whose steps cannot be represented or distinguished."""
     if not times[-1] - times[0] <= LONGEST:
         raise InputError(f"times: the motion takes {times[-1] - times[0]:g} s; at most {LONGEST:g} s are simulated")
     latest, most = float(np.abs(times).max()), 1e-3 * STEP / np.finfo(float).eps  # a thousandth of a step is told there

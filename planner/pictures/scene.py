@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 GHOSTS = (0.25, 0.5, 0.75)  # path parameters between start and goal at which what moves is shown, faintly
 TIP_STEPS = 200  # pieces of the path of the last link
-TILE = 0.1  # of the view's size: longest edge of a painted polygon, so that near and far can be told apart
+TILE = 0.1  # of the view's size: longest edge of a painted polygon, so that polygons can be sorted by depth
 NAME = read_only(np.array([28.0, 11.0]))  # [pt] size of "start" and "goal"
 SHARP = np.cos(np.radians(35.0))  # faces that meet at a wider angle have a line between them
 AROUND = 0.3  # part of the robot's own extent that is shown of what stands around it

@@ -23,13 +23,13 @@ from hdplan.planner.geometry.coal_shapes import triangle_tree
 from hdplan.planner.geometry.meshes import TriangleMesh, load_mesh
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import Stamps, stamps_of
-from hdplan.scenes.once import Turn
+from hdplan.scenes.once import ForkSafeLock
 from hdplan.scenes.poses import Vector3
 from hdplan.scenes.shapes import Mesh
 
 Result = TypeVar("Result")
 
-_reading = Turn()  # the error stream is the whole process's: one reader at a time may turn it aside
+_reading = ForkSafeLock()  # the error stream is the whole process's: one reader at a time may turn it aside
 
 
 @dataclass(frozen=True)

@@ -61,7 +61,7 @@ class Robot:
     self_pairs: tuple[LinkPair, ...]  # pairs of links to be checked against each other
     named_states: Mapping[str, Mapping[str, float]]  # state of the SRDF -> joint -> value
     notes: tuple[str, ...]  # what was decided in loading, in words for the user
-    unchecked: Mapping[LinkPair, str] = field(default_factory=dict)  # pairs of links told apart, and by what
+    unchecked: Mapping[LinkPair, str] = field(default_factory=dict)  # pairs of links that are excluded, and by what
     files: Stamps = ()  # that it was read from, as they were before
     attached: tuple[Attached, ...] = ()  # held objects: by their names among the links, their geometry and pairs
     base: Pose = field(default_factory=Pose)  # of the URDF's root link in the world

@@ -16,7 +16,7 @@ from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import Stamps, stamps_of
-from hdplan.scenes.once import Turn, made_once
+from hdplan.scenes.once import ForkSafeLock, made_once
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Mesh
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 MOST = 8  # robots kept
 ROOM = 0.1  # how far beyond a limit a request or a named state may lie [rad or m]: descriptions of one robot differ
 _kept: OrderedDict[Hashable, Robot] = OrderedDict()
-_loading = Turn()  # one robot at a time: threads that ask for the same one are to get the same
+_loading = ForkSafeLock()  # one robot at a time: threads that ask for the same one are to get the same
 
 
 def load_scene_robot(scene: Scene) -> Robot:

@@ -26,7 +26,7 @@ Rows = list[tuple[str, str]]
 
 MOST_OBSTACLES = 30  # rows; a page is to be read
 MOST_NAMED = 3  # pairs of links named in one row
-REASONS = {reason: reason for reason in (ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS)}  # others tell apart "by" something
+REASONS = {reason: reason for reason in (ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS)}  # others are "by" something
 UNITS = {"clearance": " m", "activation": " m", "shaping_length": " m"}
 
 
@@ -146,7 +146,7 @@ def _attached(problem: Problem) -> Rows:
 
 
 def _pairs(problem: Problem) -> Rows:
-    """How many pairs there are of how many, and what tells the others apart."""
+    """How many pairs are kept of how many, and why the others are excluded."""
     robot = problem.robot
     rows: Rows = []
     moving = sum(body.joint > 0 for body in problem.bodies)
@@ -161,11 +161,12 @@ def _pairs(problem: Problem) -> Rows:
     if total := links * (links - 1) // 2:
         named = set(robot.links)
         reasons = Counter(reason for pair, reason in robot.unchecked.items() if named.issuperset(pair))
-        told = ", ".join(f"{count} {REASONS.get(reason, f'by {reason}')}" for reason, count in reasons.most_common())
+        counts = (f"{count} {REASONS.get(reason, f'by {reason}')}" for reason, count in reasons.most_common())
+        excluded = f"; excluded: {', '.join(counts)}" if reasons else ""
         rows.append(
             (
                 "links and held objects" if robot.attached else "links",
-                f"{len(robot.self_pairs)} of {total} pairs checked" + (f"; told apart: {told}" if told else ""),
+                f"{len(robot.self_pairs)} of {total} pairs checked{excluded}",
             )
         )
     kept = _kept(problem.terms.self_collision)

@@ -1,4 +1,4 @@
-"""Tables about robots for people: which go by name, and what one of them is made of."""
+"""Tables about robots: which are known by name, and what one of them is made of."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ Rows = list[dict[str, Any]]
 
 
 def listing() -> dict[str, Rows]:
-    """Tables of the robots that go by name: joints planned and held, links with collision geometry, pairs of links to
-    be checked, named states; and those that do not load, with the reason."""
+    """Return tables of the robots that are known by name: joints planned and held fixed, links with collision geometry,
+    pairs of links to check, named states; and of those that do not load, with the reason."""
     robots: Rows = []
     unusable: Rows = []
     for name in robot_names():
@@ -40,8 +40,8 @@ def listing() -> dict[str, Rows]:
 
 
 def describe(name: str) -> dict[str, Rows]:
-    """Tables for one robot: joints, held joints, named states, and its outer bodies: volume over the volume of the
-    link's hull, and how far they stick out of it [mm].
+    """Return tables for one robot: joints, joints held fixed, named states, and outer bodies: their volume over that of
+    the link's hull, and how far they stick out of it [mm].
 
     Raises InputError for an unknown name.
     """
@@ -71,11 +71,11 @@ def describe(name: str) -> dict[str, Rows]:
     notes = list(robot.notes)
     if bodies:
         notes.append(
-            "outer bodies: volume over that of the link's hull; how far their surface lies outside it, in the mean "
-            "and at the 95th percentile"
+            "outer bodies: their volume over that of the link's hull; how far their surface lies outside it, on "
+            "average and at the 95th percentile"
         )
     else:
-        notes.append("no link has collision geometry: every motion of this robot is free")
+        notes.append("no link has collision geometry: every motion of this robot is collision-free")
     return {
         "joints": joints,
         "joints_held": held,

@@ -1,6 +1,7 @@
-"""What the URDF and SRDF files say in words: tree of links, mimic joints, groups, named states, disabled pairs.
+"""The content of URDF and SRDF files, without geometry: tree of links, mimic joints, groups, named states, disabled
+pairs.
 
-Only XML is read here, no geometry. URDF and SRDF file -> `Tree` and `Semantics`; errors name file and line.
+A URDF becomes a `Tree`, an SRDF `Semantics`; errors name the file and what is wrong in it.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ LinkPair = tuple[str, str]  # two different links, in alphabetical order
 
 
 def link_pair(a: str, b: str) -> LinkPair:
-    """Return the pair in its one spelling."""
+    """Return the pair in alphabetical order."""
     return (a, b) if a <= b else (b, a)
 
 
@@ -32,15 +33,16 @@ class Tree:
 
     links: tuple[str, ...]
     parent: Mapping[str, tuple[str, str]]  # child link -> (parent link, joint between them)
-    mimics: Mapping[str, tuple[str, float, float]]  # joint -> (joint that it follows, factor, offset)
+    mimics: Mapping[str, tuple[str, float, float]]  # joint -> (joint that it mimics, multiplier, offset)
     collisions: int  # number of collision geometries
     name: str = ""  # of the robot
-    fixed: Mapping[str, Pose] = field(default_factory=dict)  # child link of a fixed joint -> its frame in its parent's
-    notes: tuple[str, ...] = ()  # what was passed over, in words
+    fixed: Mapping[str, Pose] = field(default_factory=dict)  # child link of a fixed joint -> pose in its parent
+    notes: tuple[str, ...] = ()  # what was ignored
 
     def chain(self, tip: str, base: str) -> tuple[str, ...]:
-        """Return the joints of a chain as MoveIt has it: those from the tip up to the base (or the root); where the
-        base is not above the tip, also those of the base up to the link that is above both, and that link's own."""
+        """Return the joints of a chain as MoveIt defines it: those from the tip up to the base (or the root). If the
+        base is not an ancestor of the tip, also those from the base up to their lowest common ancestor, and its own
+        joint."""
         joints: list[str] = []
         while tip != base and tip in self.parent:
             tip, joint = self.parent[tip]
@@ -56,7 +58,7 @@ class Tree:
         return (*joints, *others)
 
     def standing(self) -> dict[str, Pose]:
-        """Return where the links stand in the root link's frame that no joint can move, the root itself among them."""
+        """Return the poses, in the root link's frame, of the links that no joint moves, including the root."""
         below: dict[str, list[str]] = {}
         for link in self.fixed:
             below.setdefault(self.parent[link][0], []).append(link)
@@ -75,14 +77,14 @@ class Tree:
         return tuple(joint for _, joint in self.parent.values())
 
     def between(self, a: str, b: str) -> tuple[str, ...]:
-        """Return the links on the way from link `a` to link `b`, without these two."""
+        """Return the links on the path from link `a` to link `b`, without these two."""
         above_a, above_b = self._upward(a), self._upward(b)
         shared = [link for link in above_a if link in above_b]
         way = [link for link in (*above_a, *above_b) if link not in shared]
         return tuple(link for link in (*way, *shared[:1]) if link not in (a, b))
 
     def _upward(self, link: str) -> list[str]:
-        """Return the links from one up to the root."""
+        """Return the links from a link up to the root."""
         found = [link]
         while found[-1] in self.parent:
             found.append(self.parent[found[-1]][0])
@@ -95,11 +97,11 @@ class Semantics:
 
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # group -> its joints, fixed ones included
     states: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # named state -> joint -> value
-    disabled: frozenset[LinkPair] = frozenset()  # pairs that are not to be checked
-    notes: tuple[str, ...] = ()  # what was passed over, in words
+    disabled: frozenset[LinkPair] = frozenset()  # pairs that are not checked
+    notes: tuple[str, ...] = ()  # what was ignored
 
     def group(self, asked: str, robot: Collection[str]) -> str:
-        """Return the name of a group that is asked for by it, or with a name of the robot before it (`panda_arm`: arm).
+        """Return the name of a group, asked for by that name or with the robot's name before it (`panda_arm`: arm).
 
         Raises InputError with the nearest name.
         """
@@ -119,12 +121,12 @@ def _parse(path: Path, what: str) -> ElementTree.Element:
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise InputError(f"robot.{what}: {path}: not well-formed XML: {error}") from None
     if root.tag != "robot":
-        raise InputError(f"robot.{what}: {path}: the outermost element is <{root.tag}>, expected <robot>")
+        raise InputError(f"robot.{what}: {path}: the root element is <{root.tag}>, expected <robot>")
     return root
 
 
 def _check_depth(root: ElementTree.Element) -> None:
-    """Refuse elements within elements without end; Pinocchio's reader calls itself for each."""
+    """Refuse elements that are nested too deeply, as Pinocchio's reader is recursive."""
     level = [root]
     for _ in range(DEEPEST):
         level = [below for element in level for below in element]

@@ -1,4 +1,4 @@
-"""A `Scene` becomes a hdplan scene file, one obstacle or held object a line, that `load_scene` reads back the same.
+"""A `Scene` becomes a hdplan scene file, one line per obstacle or held object, that `load_scene` reads back equal.
 
 Every value is written in YAML's flow style (`yaml_text`).
 """
@@ -24,7 +24,7 @@ VERSION = 1
 
 
 def scene_text(scene: Scene) -> str:
-    """Return the scene as YAML. Files that it names are written with their whole paths, so it may be saved anywhere."""
+    """Return the scene as YAML. Files that it names are written with absolute paths, so it may be saved anywhere."""
     spec = scene.robot
     robot = {
         "name": spec.name,
@@ -79,7 +79,7 @@ def _attached(held: Attached) -> dict[str, Any]:
 
 
 def _effects(scene: Scene) -> dict[str, Any]:
-    """Return the sections that switch an effect on, by name; those that say nothing are not there."""
+    """Return the sections that switch an effect on, by name, without those at their defaults."""
     own, limits, payload, path, timing = scene.self_collision, scene.limits, scene.payload, scene.path, scene.timing
     sections: dict[str, Any] = {}
     if own != SelfCollision():
@@ -136,4 +136,4 @@ def _pose_target(target: PoseTarget) -> dict[str, Any]:
 
 
 def _path(path: Path) -> str:
-    return str(path.absolute())  # a link's own name says of what kind the file is
+    return str(path.absolute())  # not resolved: the name of a symbolic link tells the kind of file

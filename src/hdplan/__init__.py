@@ -24,7 +24,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from hdplan.scenes.doors import door
+from hdplan.scenes.lazy_imports import lazy_imports
 
 if TYPE_CHECKING:
     from hdplan import control, distance
@@ -153,13 +153,13 @@ __all__ = [
 ]
 
 
-_behind = door(__name__, _HOMES)
+_find = lazy_imports(__name__, _HOMES)
 
 
 def __getattr__(name: str) -> Any:
     if name in ("control", "distance"):
         return importlib.import_module(f"hdplan.{name}")
-    return _behind(name)
+    return _find(name)
 
 
 def __dir__() -> list[str]:

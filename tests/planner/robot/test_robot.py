@@ -314,7 +314,7 @@ def test_joints_of_several_coordinates_are_refused_by_name(tmp_path: Path, kind:
     [
         (None, "no such file"),
         ("<robot", "not well-formed XML"),
-        ("<sdf/>", "the outermost element is <sdf>"),
+        ("<sdf/>", "the root element is <sdf>"),
         ('<robot name="x"><link name="a"/><link name="b"/></robot>', "not connected"),
         ('<robot name="x"><link name="a"/></robot>', "no joint left to plan"),
         (

@@ -115,7 +115,7 @@ def test_pairs_told_apart_and_why_add_up() -> None:
         problem = build(load_scene(name))
         said = rows(problem, "pairs")
         links = next(value for key, value in said.items() if key.startswith("links"))
-        checked, total, told = re.fullmatch(r"(\d+) of (\d+) pairs checked; told apart: (.*)", links).groups()
+        checked, total, told = re.fullmatch(r"(\d+) of (\d+) pairs checked; excluded: (.*)", links).groups()
         assert int(checked) == len(problem.robot.self_pairs)
         assert int(checked) + sum(int(part.split()[0]) for part in told.split(", ")) == int(total)
         own = problem.terms.self_collision
@@ -158,7 +158,7 @@ def test_pairs_kept_and_pruned_add_up() -> None:
     of_ball, of_prism = (int(by_obstacle[name].split("; ")[1].split(" of ")[0]) for name in ("ball", "prism"))
     assert of_ball + of_prism == kept
     own = len(problem.terms.self_collision.pairs)
-    assert rows(problem, "pairs")["links"] == "1 of 3 pairs checked; told apart: 2 neighbours"
+    assert rows(problem, "pairs")["links"] == "1 of 3 pairs checked; excluded: 2 neighbours"
     assert rows(problem, "pairs")["bodies of links"] == f"{own} of {own} pairs kept"
 
 
