@@ -1,7 +1,6 @@
-"""A robot as the planner and the certificate see it: Pinocchio model, collision geometry, joints, pairs, named
-states.
+"""A robot for planner and certificate: Pinocchio model, collision geometry, joints, self-collision pairs, named states.
 
-RobotSpec (name or URDF, base, locked joints) -> `Robot`: fixed base, locked joints taken out of the model, one
+RobotSpec (name or URDF, base, locked joints) -> `Robot`: fixed base, locked joints removed from the model, one
 coordinate per planned joint. Units: metres and radians; frames: Pinocchio's, with the base where the scene puts it.
 """
 
@@ -39,21 +38,20 @@ from hdplan.scenes.values import checked
 
 Array = NDArray[np.float64]
 
-LIMIT_ROUNDING = 1e-3  # how far a MoveIt request may lie beyond a limit [rad or m]: it is rounded
-SAME_PLACE = 1e-6  # [rad or m] between two values of a joint that are the same
-PLAN_LESS = "; robot.group plans some of the joints only, robot.locked holds others"
-UNLIMITED = 1e6  # [rad] a limit beyond which is written for none at all
+LIMIT_ROUNDING = 1e-3  # how far a MoveIt request may lie beyond a limit [rad or m], as it is rounded
+SAME_PLACE = 1e-6  # [rad or m] two values of a joint that differ by less are the same
+PLAN_LESS = "; robot.group plans only some of the joints, robot.locked holds others"
+UNLIMITED = 1e6  # [rad] a greater limit in a URDF stands for none
 GRIPPER = re.compile("finger|gripper|knuckle|thumb", re.IGNORECASE)  # joints of a hand: held
 ARM_GROUP = re.compile(r"(^|_)arm$|^manipulator$")  # the SRDF group that is planned, where several are given
 
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A fixed-base robot with its locked joints taken out; joint i of the planned ones is joint i + 1 of the
-    model."""
+    """A fixed-base robot with its locked joints removed; planned joint i is joint i + 1 of the model."""
 
     name: str
-    model: pin.Model  # base at the scene's place; joint 0 is the world
+    model: pin.Model  # with the base where the scene puts it; joint 0 is the world
     collision: pin.GeometryModel  # the links' collision geometry; parentJoint refers to `model`
     joint_names: tuple[str, ...]  # the n planned joints, one coordinate each
     lower: Array  # (n,) [rad or m], -inf for a continuous joint
@@ -64,10 +62,10 @@ class Robot:
     link_geometry: Mapping[str, tuple[int, ...]]  # link -> indices into collision.geometryObjects
     self_pairs: tuple[LinkPair, ...]  # pairs of links to be checked against each other
     named_states: Mapping[str, Mapping[str, float]]  # state of the SRDF -> joint -> value, of the planned group first
-    notes: tuple[str, ...]  # what was decided in loading, in words for the user
-    unchecked: Mapping[LinkPair, str] = field(default_factory=dict)  # pairs of links that are excluded, and by what
-    files: Stamps = ()  # that it was read from, as they were before
-    attached: tuple[Attached, ...] = ()  # held objects: by their names among the links, their geometry and pairs
+    notes: tuple[str, ...]  # notes for the user on what was decided in loading
+    unchecked: Mapping[LinkPair, str] = field(default_factory=dict)  # pairs of links not checked, and the reason
+    files: Stamps = ()  # stamps of the files that it was read from, taken before reading
+    attached: tuple[Attached, ...] = ()  # held objects, which are also among the links, their geometry and pairs
     base: Pose = field(default_factory=Pose)  # of the URDF's root link in the world
     semantics: Semantics = field(default_factory=Semantics)  # what the SRDF says, of the whole robot
 
@@ -76,7 +74,7 @@ class Robot:
         freeze(self)
 
     def __repr__(self) -> str:
-        """Say which robot it is, and what of it is planned."""
+        """Name the robot and its planned joints."""
         held = f", {len(self.locked)} joints held" if self.locked else ""
         return f"<Robot {self.name}: {self.n} joints planned ({', '.join(self.joint_names)}){held}>"
 
@@ -86,15 +84,14 @@ class Robot:
         return len(self.joint_names)
 
     def draw(self, rng: np.random.Generator, count: int) -> Array:
-        """Return random configurations (count, n), uniform within the limits; a joint that turns freely within one
-        turn."""
+        """Return random configurations (count, n), uniform within the limits, or within one turn for a joint with a
+        greater range."""
         turning = self.upper - self.lower >= 2 * math.pi
         low, high = np.where(turning, -math.pi, self.lower), np.where(turning, math.pi, self.upper)
         return rng.uniform(low, high, size=(count, self.n))
 
     def pin_q(self, q: ArrayLike) -> Array:
-        """Return Pinocchio's configurations (..., nq) for joint values (..., n): (cos, sin) for a continuous
-        joint."""
+        """Return Pinocchio's configurations (..., nq) for joint values (..., n): (cos, sin) for a continuous joint."""
         values = np.asarray(q, dtype=np.float64)
         columns: list[Array] = []
         for index, joint in enumerate(itertools.islice(self.model.joints, 1, None)):
@@ -103,15 +100,15 @@ class Robot:
         return np.stack(columns, axis=-1)
 
     def configuration(self, target: JointTarget, from_request: bool = False) -> Array:
-        """Return the joint values (n,) that a scene's start or goal means.
+        """Return the joint values (n,) of a scene's start or goal.
 
-        A MoveIt request speaks of whole robots and is rounded: with `from_request` names that the robot lacks are
-        passed over, joints that are not planned must be wanted where they are held, and the limits have LIMIT_ROUNDING.
-        Otherwise both kinds of names are refused.
+        A MoveIt request is about the whole robot and is rounded: with `from_request` unknown names are ignored, values
+        for joints that are not planned must be those at which they are held, and limits may be exceeded by
+        LIMIT_ROUNDING. Otherwise names of unknown or held joints are refused.
 
         Raises:
-            InputError: wrong number of values, unknown or missing names, values outside the limits, or for joints that
-                are held elsewhere.
+            InputError: for a wrong number of values, unknown or missing names, values outside the limits, or values for
+                joints that are held at others.
         """
         where = target.field
         if target.positions is not None:
@@ -132,8 +129,8 @@ class Robot:
                     self.index_of(joint, where)
                 if abs(value - self.locked.get(joint, value)) > SAME_PLACE:
                     raise InputError(
-                        f"{where}: joint '{joint}' is to be at {value:g}, but is not planned, and held at "
-                        f"{self.locked[joint]:g}; planned are {listed(self.joint_names)}"
+                        f"{where}: joint '{joint}' is asked to be at {value:g}, but is not planned and held at "
+                        f"{self.locked[joint]:g}; the planned joints are {listed(self.joint_names)}"
                     )
         missing = [joint for joint in self.joint_names if joint not in named]
         if missing:
@@ -143,7 +140,7 @@ class Robot:
         )
 
     def index_of(self, joint: str, where: str) -> int:
-        """Return the place of a planned joint among them. Raises InputError, naming `where`, for any other name."""
+        """Return the index of a planned joint. Raises InputError, naming `where`, for any other name."""
         if joint in self.locked:
             raise InputError(f"{where}: joint '{joint}' is held at {self.locked[joint]:g}, not planned (robot.locked)")
         if joint not in self.joint_names:
@@ -162,12 +159,12 @@ class Robot:
 
 
 def load_robot(robot: str | RobotSpec) -> Robot:
-    """Load a robot: one of example-robot-data by its name, or what a RobotSpec says, such as a URDF (and SRDF) file.
+    """Load a robot: one of example-robot-data by its name, or that of a RobotSpec, such as a URDF (and SRDF) file.
 
-    Planned are the joints of the SRDF's group that the specification names; without one those of its arm group, or else
-    all joints, but for those of a hand. Never planned are mimic joints and what they follow. All others are held: at
-    the scene's value (even beyond the limits), or else at the first named state that mentions them, or else at 0, as
-    near as their limits allow.
+    The planned joints are those of the SRDF group that the specification names; without one, those of the SRDF's arm
+    group, or else all joints except those of a hand. Mimic joints and the joints that they follow are never planned.
+    All other joints are held: at the scene's value (even beyond the limits), or else at the value of the first named
+    state that has one, or else at 0, or as near to it as their limits allow.
 
     Raises:
         InputError: unknown robot, group, joint or link; a file that cannot be read; a joint with several coordinates.
@@ -178,7 +175,7 @@ def load_robot(robot: str | RobotSpec) -> Robot:
     tree = read_tree(urdf)
     semantics = read_semantics(srdf, tree) if srdf is not None else Semantics()
     full, geometry, meshes = read_model(urdf, package_dirs)
-    if len(geometry.geometryObjects) != tree.collisions:  # what is passed over would be proven free
+    if len(geometry.geometryObjects) != tree.collisions:  # what is left out would be proven free
         read = len(geometry.geometryObjects)
         raise InputError(f"robot.urdf: {urdf}: only {read} of {tree.collisions} collision geometries could be read")
 
@@ -196,7 +193,7 @@ def load_robot(robot: str | RobotSpec) -> Robot:
     held = {joint: _held_at(joint, full, spec, tree, semantics) for joint in joints if joint not in planned}
     notes += [*tree.notes, *semantics.notes]
     if not geometry.geometryObjects:
-        notes.append(f"no link of {name} has collision geometry: it can touch nothing")
+        notes.append(f"no link of {name} has collision geometry, so it cannot touch anything")
     by_default = [f"{joint} at {value:g}" for joint, value in held.items() if joint not in spec.locked]
     if by_default:
         notes.append(f"joints held: {', '.join(by_default)}")
@@ -263,14 +260,14 @@ def _planned(
         planned = [joint for joint in groups[group] if joint not in spec.locked]
         if not planned:
             raise InputError(
-                f"robot.group: the group '{group}' has no joint that can be planned: fixed and mimic joints cannot, "
-                "nor what those follow, nor those of robot.locked"
+                f"robot.group: the group '{group}' has no joint that can be planned: not fixed or mimic joints, "
+                "joints that mimic joints follow, or those of robot.locked"
             )
-        return planned, group, [f"planned are the joints of the SRDF's group '{group}'"]
+        return planned, group, [f"planned joints: those of the SRDF's group '{group}'"]
     notes: list[str] = []
     if spec.group is not None:
         notes.append(
-            f"no SRDF of {name} says which joints the group '{spec.group}' has: planned is what can be "
+            f"no SRDF of {name} says which joints the group '{spec.group}' has: all that can be are planned "
             "(robot.group: [joint, ..] names them)"
         )
     groups = {group: members for group, members in groups.items() if members}
@@ -279,7 +276,7 @@ def _planned(
     if len(arms) == 1 and len(groups[arms[0]]) < len(candidates):
         chosen = arms[0]
         candidates = groups[chosen]
-        notes.append(f"planned are the joints of the SRDF's group '{chosen}'")
+        notes.append(f"planned joints: those of the SRDF's group '{chosen}'")
     candidates = [joint for joint in candidates if not GRIPPER.search(joint)] or candidates
     planned = [joint for joint in candidates if joint not in spec.locked]
     if not planned:

@@ -1,6 +1,6 @@
-"""A scene's robot, loaded once in a process however many scenes ask for it.
+"""A scene's robot, loaded once per process for all scenes that use it.
 
-Reading a URDF and its meshes takes longer than many a plan; a robot is kept until one of its files changes.
+Reading a URDF and its meshes often takes longer than planning; a robot is cached until one of its files changes.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ Array = NDArray[np.float64]
 
 MOST = 8  # robots kept
 _kept: OrderedDict[Hashable, Robot] = OrderedDict()
-_loading = ForkSafeLock()  # one robot at a time: threads that ask for the same one are to get the same
+_loading = ForkSafeLock()  # one robot at a time: threads that ask for the same one must get the same object
 
 
 def load_scene_robot(scene: Scene) -> Robot:
-    """Load a scene's robot, with the start's values for the joints that it names and that are not planned, and with the
-    objects that it holds; within the scene's own limits of positions, and without self pairs where the scene says so.
+    """Load a scene's robot, with the start's values for joints that it names and that are not planned, with the objects
+    that it holds, within the scene's own position limits, and without self pairs if the scene says so.
 
-    The limits make room for a request's start and goal, and for named states, up to ROOM beyond them, which is noted.
-    The same object for the same specification, as long as its files stay as they are. Raises InputError, naming the
-    file that speaks of the robot.
+    The limits are widened for a request's start and goal and for named states, by up to ROOM, which is noted. Returns
+    the same object for the same specification as long as its files do not change. Raises InputError, naming the file
+    that specifies the robot.
     """
     with naming(scene.robot.source or scene.source):
         robot = _load_bare(scene)
@@ -52,26 +52,26 @@ def load_scene_robot(scene: Scene) -> Robot:
 
 
 def check_robot(scene: Scene, robot: Robot) -> None:
-    """Raise InputError for a robot that is not the scene's: one that holds other objects, stands elsewhere, is held at
-    other values, or is not checked against itself where the scene's is."""
+    """Raise InputError for a robot that is not the scene's: with other held objects, another base, locked joints at
+    other values, or without the self-collision checks that the scene asks for."""
     if robot.attached != scene.attached:
-        raise InputError("the robot does not hold what the scene attaches: take the scene's own (load_scene_robot)")
+        raise InputError("the robot does not hold what the scene attaches: use the scene's own (load_scene_robot)")
     if robot.base != scene.robot.base:
-        raise InputError("the robot stands elsewhere than the scene's: take the scene's own (load_scene_robot)")
+        raise InputError("the robot's base is not where the scene's is: use the scene's own (load_scene_robot)")
     for joint, value in scene.robot.locked.items():
         if robot.locked.get(joint) != value:
             raise InputError(
-                f"the robot's joint '{joint}' is not held where the scene's is: take the scene's own (load_scene_robot)"
+                f"the robot's joint '{joint}' is not held where the scene's is: use the scene's own (load_scene_robot)"
             )
     if scene.self_collision.clearance and NEVER_TOUCHING in robot.unchecked.values():
-        raise InputError("the robot leaves out pairs of links that the scene's keeps apart: take the scene's own")
+        raise InputError("the robot leaves out pairs of links that the scene's keeps apart: use the scene's own")
     if scene.self_collision.checked and not robot.self_pairs and load_scene_robot(scene).self_pairs:
-        raise InputError("the robot's links are not checked against each other, the scene's are: take the scene's own")
+        raise InputError("the robot's links are not checked against each other, the scene's are: use the scene's own")
 
 
 @made_once(MOST)
 def _narrowed(robot: Robot, ranges: tuple[tuple[str, tuple[float, float]], ...]) -> Robot:
-    """Return the robot within ranges of its joints' positions that lie within its own."""
+    """Return the robot with narrower position ranges, which must lie within its own."""
     lower, upper = robot.lower.copy(), robot.upper.copy()
     for joint, (low, high) in ranges:
         where = f"limits.position.{joint}"
@@ -95,7 +95,7 @@ def _all_kept_apart(robot: Robot) -> Robot:
 
 @made_once(MOST)
 def _unchecked(robot: Robot) -> Robot:
-    """Return the robot with nothing of it kept apart from itself."""
+    """Return the robot without self-collision checks."""
     bodies = "links and held objects" if robot.attached else "links"
     note = f"{bodies} are not checked against each other: self_collision: false"
     unchecked = {**robot.unchecked, **dict.fromkeys(robot.self_pairs, "self_collision: false")}
@@ -114,15 +114,14 @@ def _load_bare(scene: Scene) -> Robot:
 
 @made_once(MOST)
 def _holding(robot: Robot, attached: tuple[Attached, ...], stamps: Stamps) -> Robot:
-    """Give the robot its objects, once for the same ones as long as their mesh files, by `stamps`, stay as they are."""
+    """Return the robot holding the objects; made once while the `stamps` of their mesh files are equal."""
     from hdplan.planner.robot.attached import with_attached
 
     return with_attached(robot, attached)
 
 
 def _with_room(robot: Robot, scene: Scene) -> Robot:
-    """Widen the limits to ends that others wrote, a request's and named states, where they lie beyond, by at most
-    ROOM."""
+    """Widen the limits, by at most ROOM, to ends of a request or a named state that lie beyond them."""
     lower, upper = robot.lower.copy(), robot.upper.copy()
     ends = [target for target in (scene.start, scene.goal) if isinstance(target, JointTarget)]
     for target in ends:

@@ -27,20 +27,20 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 CONTACT_SAMPLES = 1000  # configurations at which a pair must touch to count as always in contact
-ROOM = 0.1  # how far beyond a limit a request or a named state may lie [rad or m]: descriptions of one robot differ
+ROOM = 0.1  # how far beyond a limit a request or a named state may lie [rad or m]: descriptions of a robot differ
 ROUNDING = 1e-6  # [m] by which balls must be apart beyond their radii
-# Why pairs of links are not checked, beside what a file says of them.
+# Reasons for which pairs of links are not checked, beside those that files give.
 NEIGHBOURS, MOVE_AS_ONE, ALWAYS_TOUCHING = "neighbours", "moving as one", "in contact at every sampled configuration"
 NEVER_TOUCHING = "never touching, which is proven"
 
 
 def excluded(robot: Robot, tree: Tree, semantics: Semantics, spec: RobotSpec) -> dict[LinkPair, str]:
-    """Return the pairs that are not checked, each with its reason: ignored, disabled, neighbours, or without motion
-    against each other.
+    """Return the pairs that are not checked, each with its reason: ignored, disabled, neighbours, or without relative
+    motion.
 
-    Neighbours have exactly one moving joint between them, and no other link with geometry: what meets at a joint may
-    overlap there. Across two joints, be it by a link without geometry, and beyond a link that is fixed to another, they
-    are as free to collide as any two. Held joints do not move. Raises InputError for a link to ignore that is unknown.
+    Neighbours have exactly one moving joint between them, and no other link with geometry: links that meet at a joint
+    may overlap there. Links with two joints between them, or with another link fixed to one of them in between, may
+    collide like any two. Held joints do not move. Raises InputError for a link to ignore that is unknown.
     """
     for link in (link for pair in spec.ignore_pairs for link in pair):
         if link not in tree.links:

@@ -133,7 +133,7 @@ def test_a_group_is_its_joints_links_chains_and_groups(two_arms: RobotSpec, grou
         assert set(robot.joint_names) == MEMBERS[group]
         assert list(robot.joint_names) == [joint for joint in robot.joint_names if joint in MOVABLE]
         assert set(robot.locked) == set(MOVABLE) - MEMBERS[group]
-        assert f"planned are the joints of the SRDF's group '{group}'" in robot.notes
+        assert f"planned joints: those of the SRDF's group '{group}'" in robot.notes
 
 
 def test_a_group_that_is_not_there_is_refused_with_the_nearest(two_arms: RobotSpec, moveit: Loading) -> None:
@@ -176,7 +176,7 @@ def test_a_goal_for_a_joint_that_is_held_is_met_or_refused(moveit: Loading, grou
         certify(scene, motion, robot)
         for off in (1e-5, -0.3):
             asked = moveit({**goal, joint: START[joint] + off}, group)
-            said = rf"goal \(.*request\.yaml\): joint '{joint}' is to be at .*, but is not planned, and held at "
+            said = rf"goal \(.*request\.yaml\): joint '{joint}' is asked to be at .*, but is not planned and held at "
             with pytest.raises(InputError, match=said):
                 plan(asked, time_limit=1.0)
             with pytest.raises(InputError, match=said):
@@ -185,7 +185,7 @@ def test_a_goal_for_a_joint_that_is_held_is_met_or_refused(moveit: Loading, grou
 
 def test_a_start_that_the_robots_own_section_contradicts_is_refused(moveit: Loading) -> None:
     scene = moveit({"left_a": 0.2, "left_b": 0.2}, "left", locked={"lift": 0.4})
-    with pytest.raises(InputError, match=r"start .*: joint 'lift' is to be at 0.05, but is not .* held at 0.4"):
+    with pytest.raises(InputError, match=r"start .*: joint 'lift' is asked to be at 0.05, but is not .* held at 0.4"):
         plan(scene)
     goal = {"right_a": 0.2, "right_b": 0.2}
     with pytest.raises(InputError, match=r"group_name: is 'left', but the robot's own section says 'right'"):
@@ -401,8 +401,16 @@ def test_joints_that_the_start_names_beside_the_group_are_held_there(two_arms: R
     same = own_scene(spec, start, {"left_a": 0.2, "left_b": 0.3, "lift": START["lift"]})
     np.testing.assert_array_equal(Setup.of(same).query.goal, [0.2, 0.3])
     for goal, locked, said in (
-        ({"left_a": 0.2, "left_b": 0.3, "lift": 0.5}, {}, "goal: joint 'lift' is to be at 0.5, but is not planned"),
-        ({"left_a": 0.2, "left_b": 0.3}, {"lift": 0.5}, "start: joint 'lift' is to be at 0.05, but is not planned"),
+        (
+            {"left_a": 0.2, "left_b": 0.3, "lift": 0.5},
+            {},
+            "goal: joint 'lift' is asked to be at 0.5, but is not",
+        ),
+        (
+            {"left_a": 0.2, "left_b": 0.3},
+            {"lift": 0.5},
+            "start: joint 'lift' is asked to be at 0.05, but is",
+        ),
         ({"left_a": 0.2, "left_b": 0.3, "lft": 0.5}, {}, r"goal: unknown joint 'lft' \(did you mean 'lift'"),
     ):
         with pytest.raises(InputError, match=said):

@@ -165,7 +165,7 @@ def test_configurations_by_position_name_and_state_agree(panda: Robot) -> None:
         ),
         (JointTarget("goal", state="defualt"), r"unknown state 'defualt' \(did you mean 'default'\?\)"),
         (JointTarget("goal", by_name={"panda_jiont1": 0.0}), r"'panda_jiont1' \(did you mean 'panda_joint1'\?\)"),
-        (JointTarget("goal", by_name={"panda_finger_joint1": 0.0}), "not planned, and held at 0.001"),
+        (JointTarget("goal", by_name={"panda_finger_joint1": 0.0}), "not planned and held at 0.001"),
         (JointTarget("goal", by_name={"panda_joint1": 0.0}), "no value for panda_joint2, "),
     ],
 )
