@@ -537,7 +537,7 @@ def test_a_robot_whose_links_are_not_checked_certifies_no_scene_in_which_they_ar
 
 FINGERS = {"panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}
 ELSEWHERE: dict[str, dict[str, Any]] = {
-    "stands elsewhere": {"base": Pose()},
+    "its base is not where": {"base": Pose()},
     "is not held": {"locked": {"panda_finger_joint1": 0.0}},
     "are not checked against each other": {"ignore_pairs": (("panda_link0", "panda_hand"),)},
     "other joints of it are planned": {"locked": {**FINGERS, "panda_joint7": 0.785}},
