@@ -24,37 +24,17 @@ from threadpoolctl import threadpool_limits
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.cache import content_key, load, store
-from hdplan.planner.collision.sphere_swept_fit import (
-    MARGIN,
-    Reference,
-    Swept,
-    distance_to_hull,
-    fit_swept,
-    outside,
-    spread,
-)
-from hdplan.planner.geometry.meshes import below
+from hdplan.planner.collision.hull_distance import distance_to_hull
+from hdplan.planner.collision.link_fit import box_axes, fitted, hull_points
+from hdplan.planner.collision.sphere_swept_fit import MARGIN, Swept
+from hdplan.planner.collision.standing_out import outside
 from hdplan.planner.geometry.shapes import operations, shape_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.once import Turn
 
-FIT_VERSION = "7"  # to be changed with anything that changes a fit, so that old cache entries are not used
-GOOD_MEAN, GOOD_P95 = 0.0095, 0.0185  # outside the link's hull [m]: the first candidate this tight is taken
-LARGE = 1.0  # links with a longer diagonal [m] may have bodies that stand out more, in proportion
-REACH = 0.06  # how far a slab's body may reach into neighbouring slabs at no cost [m]
-CANDIDATES = (
-    (1, 2),
-    (1, 3),
-    (1, 4),
-    (2, 3),
-    (2, 4),
-    (1, 6),
-    (3, 4),
-    (2, 6),
-    (3, 6),
-)  # (slabs, vertices), cheapest first
+FIT_VERSION = "8"  # to be changed with anything that changes a fit, so that old cache entries are not used
 FIXED = {"capsule": (1, 2), "outer-4": (1, 4), "outer-12": (3, 4)}  # the one candidate of each of these settings
 
 _fitting = Turn()  # the number of BLAS threads is set for the whole process
@@ -101,7 +81,7 @@ def fit_report(robot: Robot) -> tuple[FitRow, ...]:
     for link in robot.links:
         bodies = _enclosed(robot, link, "fitted")
         triangles = _link_triangles(robot, link)
-        points = _hull_points(triangles)
+        points = hull_points(triangles)
         mean, p95 = outside(bodies, points, samples=2000)
         volume = sum(_volume(body) for body in bodies) / ConvexHull(points).volume
         vertices = sum(len(body.vertices) for body in bodies)
@@ -155,73 +135,19 @@ def _enclosed(robot: Robot, link: str, geometry: str) -> tuple[Swept, ...]:
 
 def _around(triangles: Array, geometry: str) -> tuple[Swept, ...]:
     """Return bodies of the chosen kind around triangles (T, 3, 3)."""
-    points = _hull_points(triangles)
+    points = hull_points(triangles)
     match geometry:
         case "hull":
             return (Swept(points, MARGIN),)
         case "box":
-            axes = _box_axes(points)
+            axes = box_axes(points)
             heights = points @ axes.T
             corners = itertools.product(*np.stack([heights.min(axis=0), heights.max(axis=0)], axis=1).tolist())
             return (Swept(np.array(list(corners)) @ axes, MARGIN),)
         case "fitted":
-            return _fit(triangles, CANDIDATES)
+            return fitted(triangles)
         case _:
-            return _fit(triangles, (FIXED[geometry],))
-
-
-def _fit(triangles: Array, candidates: tuple[tuple[int, int], ...]) -> tuple[Swept, ...]:
-    """Return the cheapest of the candidates (slabs, vertices) that fits well, or else the tightest."""
-    points = _hull_points(triangles)
-    axes = _box_axes(points)
-    slack = max(1.0, float(np.linalg.norm(np.ptp(points, axis=0))) / LARGE)
-    cut: dict[tuple[int, int], list[tuple[Array, Reference]]] = {}
-    found: list[tuple[float, tuple[Swept, ...]]] = []
-    tried: tuple[int, ...] = (0, 1, 2)  # axes; when all have been tried once, only the best goes on
-    for slabs, vertices in candidates:
-        scores = []
-        for axis in tried if slabs > 1 else (0,):
-            if (slabs, axis) not in cut:
-                cut[slabs, axis] = _slabs(triangles, axes[axis], slabs)
-            bodies = tuple(fit_swept(corners, reference, vertices) for corners, reference in cut[slabs, axis])
-            mean, p95 = outside(bodies, points)
-            scores.append(max(mean / GOOD_MEAN, p95 / GOOD_P95) / slack)
-            found.append((scores[-1], bodies))
-            if scores[-1] <= 1.0:
-                return bodies
-        if slabs > 1:
-            tried = (tried[int(np.argmin(scores))],)
-    return min(found, key=lambda each: each[0])[1]
-
-
-def _box_axes(points: Array) -> Array:
-    """Return the axes (3, 3), as rows, of the oriented bounding box of points, longest side first."""
-    to_box, extents = trimesh.bounds.oriented_bounds(points)
-    return np.asarray(to_box[:3, :3][np.argsort(-extents)])
-
-
-def _slabs(triangles: Array, axis: Array, count: int) -> list[tuple[Array, Reference]]:
-    """Return the corners of equal slabs along an axis, and the hull of each slab widened by REACH."""
-    height = triangles @ axis
-    cuts = np.linspace(height.min(), height.max(), count + 1)
-    cuts[0], cuts[-1] = -np.inf, np.inf
-    return [
-        (
-            _hull_points(_between(triangles, axis, low, high)),
-            Reference.of(spread(_hull_points(_between(triangles, axis, low - REACH, high + REACH)))),
-        )
-        for low, high in itertools.pairwise(cuts)
-    ]
-
-
-def _between(triangles: Array, axis: Array, low: float, high: float) -> Array:
-    return below(below(triangles, axis, high), -axis, -low)
-
-
-def _hull_points(triangles: Array) -> Array:
-    """Return the corners of the triangles' convex hull (N, 3)."""
-    points = triangles.reshape(-1, 3)
-    return np.asarray(points[ConvexHull(points).vertices])
+            return fitted(triangles, (FIXED[geometry],))
 
 
 def _volume(body: Swept) -> float:
