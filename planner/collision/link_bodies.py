@@ -81,7 +81,7 @@ def fit_report(robot: Robot) -> tuple[FitRow, ...]:
     for link in robot.links:
         bodies = _enclosed(robot, link, "fitted")
         triangles = _link_triangles(robot, link)
-        points = hull_points(triangles)
+        points = hull_points(triangles.reshape(-1, 3))
         mean, p95 = outside(bodies, points, samples=2000)
         volume = sum(_volume(body) for body in bodies) / ConvexHull(points).volume
         vertices = sum(len(body.vertices) for body in bodies)
@@ -135,7 +135,7 @@ def _enclosed(robot: Robot, link: str, geometry: str) -> tuple[Swept, ...]:
 
 def _around(triangles: Array, geometry: str) -> tuple[Swept, ...]:
     """Return bodies of the chosen kind around triangles (T, 3, 3)."""
-    points = hull_points(triangles)
+    points = hull_points(triangles.reshape(-1, 3))
     match geometry:
         case "hull":
             return (Swept(points, MARGIN),)

@@ -14,15 +14,15 @@ import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull
 
-from hdplan.planner.collision.sphere_swept_fit import Reference, Swept, Target, finished, rough_fits
+from hdplan.planner.collision.sphere_swept_fit import Reference, Swept, Target, finished, rough_fits, spread
 from hdplan.planner.collision.standing_out import outside
-from hdplan.planner.geometry.meshes import below
 from hdplan.scenes.array_types import Array
 
 GOOD_MEAN, GOOD_P95 = 0.0095, 0.0185  # outside the link's hull [m]: the first candidate this tight is taken
-PROMISING = 0.018  # beyond the faces of the link's hull [m]: a rough fit with more will not become good
+PROMISING = 0.020  # beyond the faces of the link's hull [m]: a rough fit with more will not become good
 LARGE = 1.0  # links with a longer diagonal [m] may have bodies that stand out more, in proportion
 NEAR = 1.15  # axes whose rough fits stand out by no more than this many times the least are told apart by measuring
+OUTLINE = 400  # corners of the hull from which how far bodies stand out is measured
 REACH = 0.06  # how far a slab's body may reach into neighbouring slabs at no cost [m]
 CANDIDATES = (
     (1, 2),
@@ -47,7 +47,7 @@ def fitted(triangles: Array, candidates: tuple[tuple[int, int], ...] = CANDIDATE
     limit = PROMISING * link.slack
     best: _Rough | None = None
     scored: list[tuple[float, tuple[Swept, ...]]] = []
-    along = (0, 1, 2)  # axes; when all have been tried once, only the best goes on
+    along = (0, 1, 2)  # axes; once all have been tried with bodies that tell them apart, only the best goes on
     for slabs, vertices in candidates:
         last = (slabs, vertices) == candidates[-1]
         if best is not None and not last and best.excess * best.vertices > limit * slabs * vertices:
@@ -62,7 +62,7 @@ def fitted(triangles: Array, candidates: tuple[tuple[int, int], ...] = CANDIDATE
                 if scores[trial.axis] <= 1.0:
                     return bodies
                 scored.append((scores[trial.axis], bodies))
-        if slabs > 1:
+        if slabs > 1 and vertices > 3:
             along = (min(scores, key=scores.__getitem__, default=trials[0].axis),)
     if scored:
         return min(scored, key=lambda each: each[0])[1]
@@ -76,9 +76,8 @@ def box_axes(points: Array) -> Array:
     return np.asarray(to_box[:3, :3][np.argsort(-extents)])
 
 
-def hull_points(triangles: Array) -> Array:
-    """Return the corners (N, 3) of the convex hull of triangles (T, 3, 3)."""
-    points = triangles.reshape(-1, 3)
+def hull_points(points: Array) -> Array:
+    """Return the corners (N, 3) of the convex hull of points (M, 3)."""
     return np.asarray(points[ConvexHull(points).vertices])
 
 
@@ -97,17 +96,22 @@ class _Rough:
 
 
 class _Link:
-    """A link's triangles, its hull, and what it was cut into."""
+    """A link's surface, its hull, and what it was cut into."""
 
     def __init__(self, triangles: Array) -> None:
-        self.triangles, self.points = triangles, hull_points(triangles)
+        corners, rows = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
+        ends = np.sort(rows.reshape(-1, 3)[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2))
+        self.corners = corners
+        self.edges = np.stack(np.divmod(np.unique(ends[:, 0] * len(corners) + ends[:, 1]), len(corners)))
+        self.points = hull_points(corners)
         self.hull = Reference.of(self.points)
+        self.outline = spread(self.points, OUTLINE)
         self.slack = max(1.0, float(np.linalg.norm(np.ptp(self.points, axis=0))) / LARGE)
         self.cut: dict[tuple[int, int], list[Target]] = {}
 
     @cached_property
     def axes(self) -> Array:
-        return box_axes(self.points)
+        return box_axes(self.outline)
 
     def roughly(self, slabs: int, vertices: int, along: tuple[int, ...]) -> list[_Rough]:
         """Return rough fits of the link cut along these axes, the tightest first."""
@@ -119,7 +123,7 @@ class _Link:
 
     def score(self, bodies: tuple[Swept, ...]) -> float:
         """Return how far bodies stand out of the hull, as part of what is good."""
-        mean, p95 = outside(bodies, self.points)
+        mean, p95 = outside(bodies, self.outline)
         return max(mean / GOOD_MEAN, p95 / GOOD_P95) / self.slack
 
     def targets(self, slabs: int, axis: int) -> list[Target]:
@@ -129,17 +133,20 @@ class _Link:
         return self.cut[slabs, axis]
 
     def _slabs(self, count: int, axis: int) -> list[Target]:
-        height = self.triangles @ self.axes[axis]
+        height = self.corners @ self.axes[axis]
         cuts = np.linspace(height.min(), height.max(), count + 1)
         cuts[0], cuts[-1] = -np.inf, np.inf
         return [
-            Target.of(
-                hull_points(_between(self.triangles, self.axes[axis], low, high)),
-                hull_points(_between(self.triangles, self.axes[axis], low - REACH, high + REACH)),
-            )
+            Target.of(self._between(height, low, high), self._between(height, low - REACH, high + REACH))
             for low, high in itertools.pairwise(cuts)
         ]
 
-
-def _between(triangles: Array, axis: Array, low: float, high: float) -> Array:
-    return below(below(triangles, axis, high), -axis, -low)
+    def _between(self, height: Array, low: float, high: float) -> Array:
+        """Return the corners of the hull of what lies between two heights: the link's own, and where edges cross."""
+        points = [self.corners[(height >= low) & (height <= high)]]
+        first, second = height[self.edges]
+        for cut in (low, high):
+            a, b = self.edges[:, (first < cut) != (second < cut)]
+            share = (cut - height[a]) / (height[b] - height[a])
+            points.append(self.corners[a] + share[:, None] * (self.corners[b] - self.corners[a]))
+        return hull_points(np.concatenate(points))
