@@ -2,8 +2,8 @@
 
 Robot -> `LinkBody`s whose union contains the link's collision geometry. The geometry, as triangles, is cut into slabs
 along an axis of its oriented bounding box; the corners of a slab's triangles lie within a sphere-swept polytope, which
-is convex and so contains the slab. They are fitted once and cached on disk by the content of the geometry. In the
-joint's frame, [m]. The setting `link_bodies` chooses the bodies: "fitted" takes the cheapest that fit well. The others
+is convex and so contains the slab. They are fitted once and cached on disk by the content of the link's geometry; those
+of well-known arms come with the package. In the joint's frame, [m]. The setting `link_bodies` chooses the bodies: "fitted" takes the cheapest that fit well. The others
 are for comparison: one capsule, one box, polytopes of a fixed number of vertices in all, or the link's convex hull
 itself.
 """
@@ -26,6 +26,7 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.cache import content_key, load, store
 from hdplan.planner.collision.hull_distance import distance_to_hull
 from hdplan.planner.collision.link_fit import box_axes, fitted, hull_points
+from hdplan.planner.collision.shipped_bodies import shipped_bodies
 from hdplan.planner.collision.sphere_swept_fit import MARGIN, Swept
 from hdplan.planner.collision.standing_out import outside
 from hdplan.planner.geometry.shapes import operations, shape_of
@@ -33,6 +34,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.once import Turn
+from hdplan.scenes.progress import tell
 
 FIT_VERSION = "8"  # to be changed with anything that changes a fit, so that old cache entries are not used
 FIXED = {"capsule": (1, 2), "outer-4": (1, 4), "outer-12": (3, 4)}  # the one candidate of each of these settings
@@ -63,7 +65,8 @@ class FitRow:
 
 
 def link_bodies(robot: Robot, geometry: str = "fitted") -> tuple[LinkBody, ...]:
-    """Return the outer bodies of all links, from base to tip; from the cache, or fitted now (seconds).
+    """Return the outer bodies of all links, from base to tip; shipped with the
+    package, from the cache, or fitted now (some tenths of a second each).
 
     geometry: "fitted", "capsule", "outer-4", "outer-12", "box" (the oriented bounding box) or "hull" (all its corners).
     """
@@ -71,7 +74,7 @@ def link_bodies(robot: Robot, geometry: str = "fitted") -> tuple[LinkBody, ...]:
         LinkBody(link, robot.link_joint[link], ConvexBody.from_points(_moved(swept.vertices, frame), swept.radius))
         for link in robot.links
         for frame in [_link_frame(robot, link)]
-        for swept in _enclosed(robot, link, geometry)
+        for swept in enclosed(robot, link, geometry)
     )
 
 
@@ -79,7 +82,7 @@ def fit_report(robot: Robot) -> tuple[FitRow, ...]:
     """Return one row per link: how many fitted bodies, how tight, and whether they contain the link's geometry."""
     rows = []
     for link in robot.links:
-        bodies = _enclosed(robot, link, "fitted")
+        bodies = enclosed(robot, link, "fitted")
         triangles = _link_triangles(robot, link)
         points = hull_points(triangles.reshape(-1, 3))
         mean, p95 = outside(bodies, points, samples=2000)
@@ -118,19 +121,28 @@ def contains(bodies: tuple[Swept, ...], triangles: Array, depth: int = 60) -> bo
 # --- fitting ----------------------------------------------------------------------------------------------------------
 
 
-def _enclosed(robot: Robot, link: str, geometry: str) -> tuple[Swept, ...]:
-    """Return the bodies of a link in the link's own frame (which no locked joint moves)."""
-    key = content_key(
-        FIT_VERSION, geometry, *(part for item in _items(robot, link) for part in _content(robot, link, item))
-    )
+def enclosed(robot: Robot, link: str, geometry: str = "fitted") -> tuple[Swept, ...]:
+    """Return the bodies of a link in the link's own frame (which no locked joint moves): shipped, from the cache, or
+    fitted now."""
+    content = link_key(robot, link)
+    shipped = shipped_bodies(content) if geometry == "fitted" else None
+    if shipped is not None:
+        return shipped
+    key = content_key(FIT_VERSION, geometry, content)
     with _fitting:  # whoever waited finds what the other has stored
         known = load("link_bodies", key)
         if known is not None:
             return tuple(Swept(np.array(vertices), radius) for vertices, radius in known)
+        tell(f"fitting bodies to {link}, link {robot.links.index(link) + 1} of {len(robot.links)} of {robot.name}")
         with threadpool_limits(1):  # thousands of tiny products: with threads that wait for each other, 5 s become 20
             bodies = _around(_link_triangles(robot, link), geometry)
         store("link_bodies", key, [[body.vertices.tolist(), body.radius] for body in bodies])
         return bodies
+
+
+def link_key(robot: Robot, link: str) -> str:
+    """Return a name for the content of a link's geometry: that of no other link enters."""
+    return content_key(*(part for item in _items(robot, link) for part in _content(robot, link, item)))
 
 
 def _around(triangles: Array, geometry: str) -> tuple[Swept, ...]:

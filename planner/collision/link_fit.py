@@ -21,6 +21,7 @@ from hdplan.scenes.array_types import Array
 GOOD_MEAN, GOOD_P95 = 0.0095, 0.0185  # outside the link's hull [m]: the first candidate this tight is taken
 PROMISING = 0.020  # beyond the faces of the link's hull [m]: a rough fit with more will not become good
 LARGE = 1.0  # links with a longer diagonal [m] may have bodies that stand out more, in proportion
+TELLING = 4  # vertices of a body from which on it tells how tight others can be
 NEAR = 1.15  # axes whose rough fits stand out by no more than this many times the least are told apart by measuring
 OUTLINE = 400  # corners of the hull from which how far bodies stand out is measured
 REACH = 0.06  # how far a slab's body may reach into neighbouring slabs at no cost [m]
@@ -47,23 +48,25 @@ def fitted(triangles: Array, candidates: tuple[tuple[int, int], ...] = CANDIDATE
     limit = PROMISING * link.slack
     best: _Rough | None = None
     scored: list[tuple[float, tuple[Swept, ...]]] = []
-    along = (0, 1, 2)  # axes; once all have been tried with bodies that tell them apart, only the best goes on
+    along: tuple[int, ...] = (0, 1, 2)  # axes; those that do worse with bodies of some vertices are given up
     for slabs, vertices in candidates:
         last = (slabs, vertices) == candidates[-1]
-        if best is not None and not last and best.excess * best.vertices > limit * slabs * vertices:
-            continue
+        if best is not None and best.vertices >= TELLING and not last:
+            if best.excess * best.vertices > limit * slabs * vertices:
+                continue
         trials = link.roughly(slabs, vertices, along if slabs > 1 else (0,))
         best = trials[0] if best is None else min(best, trials[0], key=lambda each: each.excess)
+        near = [trial for trial in trials if trial.excess <= NEAR * trials[0].excess]
         scores = {}
-        for trial in trials:
-            if trial.excess <= min(limit, NEAR * trials[0].excess):
+        for trial in near:
+            if trial.excess <= limit:
                 bodies = finished(trial.targets, trial.bodies)
                 scores[trial.axis] = link.score(bodies)
                 if scores[trial.axis] <= 1.0:
                     return bodies
                 scored.append((scores[trial.axis], bodies))
-        if slabs > 1 and vertices > 3:
-            along = (min(scores, key=scores.__getitem__, default=trials[0].axis),)
+        if slabs > 1 and vertices >= TELLING:
+            along = (min(scores, key=scores.__getitem__),) if scores else tuple(trial.axis for trial in near)
     if scored:
         return min(scored, key=lambda each: each[0])[1]
     assert best is not None
