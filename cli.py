@@ -30,21 +30,21 @@ Examples:
   hdplan study planning --quick
   hdplan reproduce conservativeness
 
-Shipped scenes go by their bare names: empty, kinova_shelf, panda_bookshelf,
+Shipped scenes are called by their bare names: empty, kinova_shelf, panda_bookshelf,
 panda_cable, panda_cage, panda_carry, panda_conveyor, panda_corridor, panda_cup,
 panda_fold, panda_grasp, panda_heavy, panda_table_pick, panda_vase, planar_arm,
 ur5_ceiling, ur5_pallet, ur5_payload, ur5_scan, ur5_table, xarm7_post.
 
-Exit codes: 0 certified; 1 nothing certified was found (plan still writes its best attempt, marked as such), a
-simulated motion failed, or a study was interrupted (what it had found is written, marked as such); 2 bad input;
-3 a fault of hdplan itself.""",
+Exit codes: 0 certified; 1 no certified motion was found (plan still writes its best attempt, marked as such), a
+simulated motion failed, or a study was interrupted (its results so far are written, marked as such); 2 bad input;
+3 an internal error.""",
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-studies = typer.Typer(help="Measure what a setting gives and what it costs.", rich_markup_mode=None)
+studies = typer.Typer(help="Measure what each setting gains and what it costs.", rich_markup_mode=None)
 figures = typer.Typer(
-    help="Make the paper's figures again, beside what it says.",
+    help="Reproduce the paper's figures, beside its numbers.",
     rich_markup_mode=None,
 )
 app.add_typer(studies, name="study")
@@ -61,10 +61,10 @@ def _version(wanted: bool) -> None:
 @app.callback()
 def hdplan(
     version: Annotated[
-        bool, typer.Option("--version", help="Print the version and end.", callback=_version, is_eager=True)
+        bool, typer.Option("--version", help="Print the version and exit.", callback=_version, is_eager=True)
     ] = False,
 ) -> None:
-    """Take the options that go without a command."""
+    """Take the options that need no command."""
 
 
 @app.command()
@@ -81,14 +81,14 @@ def plan(
     as_json: given.AsJson = False,
     quiet: given.Quiet = False,
 ) -> None:
-    """Plan a motion from start to goal and prove it free.
+    """Plan a motion from start to goal and prove it collision-free.
 
     The motion is smooth in joint space: straight between its waypoints, or with times, velocities and accelerations
-    where the scene asks for them. It is certified over its whole course, not at samples, against the robot's collision
-    meshes and the scene's own shapes. Where the proof fails, planning goes
-    on there, or from another guess, until the time limit.
+    where the scene asks for them. It is certified over its whole length, not only at samples, against the robot's
+    collision meshes and the scene's own shapes. Where the proof fails, planning continues from there or from another
+    initial guess, until the time limit.
 
-    Ctrl-C ends with the best motion found so far.
+    Ctrl-C stops with the best motion found so far.
     """
     from hdplan.planner.commands.plan import run_plan
 
@@ -118,9 +118,9 @@ def check(
 ) -> None:
     """Certify a joint trajectory, ours or another planner's.
 
-    Proves that the whole motion is free and keeps the clearance that the scene asks for, or says where it does not:
-    straight lines between the waypoints, or the curve that the file's velocities say. Its ends must be the scene's
-    start and goal; its joints are found by name.
+    Proves that the whole motion is collision-free and keeps the clearance that the scene asks for, or says where it
+    does not. Between its waypoints the motion is straight, or the curve that the file's velocities define. Its ends
+    must be the scene's start and goal; its joints are matched by name.
     """
     from hdplan.planner.commands.check import run_check
 
@@ -136,13 +136,13 @@ def follow(
     robot: given.RobotFile = None,
     as_json: given.AsJson = False,
 ) -> None:
-    """Follow a joint trajectory, giving way to what comes.
+    """Follow a joint trajectory and avoid obstacles on the way.
 
     A controller keeps the robot clear of obstacles, moving ones too, of itself and of its joint limits, and as close to
-    the trajectory as that allows; the trajectory waits while it is held up. The executed motion, with its times, is
-    certified against the moving obstacles; `hdplan view` plays it and `hdplan check` reads it.
+    the trajectory as that allows; the trajectory waits while the robot is held up. The executed motion, with its times,
+    is certified against the moving obstacles; `hdplan view` plays it and `hdplan check` reads it.
 
-    Exit code 1 where the robot does not arrive, or is not proven free all the way.
+    Exit code 1 if the robot does not arrive, or its motion is not proven collision-free.
     """
     from hdplan.planner.commands.follow import run_follow
 
@@ -158,12 +158,13 @@ def simulate(
     plot: given.RatesSheet = None,
     as_json: given.AsJson = False,
 ) -> None:
-    """Replay a joint trajectory, with dynamics if there are any.
+    """Replay a joint trajectory, with or without dynamics.
 
-    Without `limits.torque` in the scene the motion is kinematics alone, read a thousand times a second as a controller
-    would. With it the robot is simulated with its loads under computed-torque control, torques cut at their limits.
+    Without `limits.torque` in the scene the replay is kinematic: the motion is sampled a thousand times a second, as a
+    controller would. With it the robot and its loads are simulated under computed-torque control, with torques clipped
+    at their limits.
 
-    Exit code 1 where tracking is lost, a limit is exceeded, or something touches.
+    Exit code 1 if tracking is lost, a limit is exceeded, or there is contact.
     """
     from hdplan.planner.commands.simulate import run_simulate
 
@@ -178,11 +179,11 @@ def plot(
     request: given.Request = None,
     robot: given.RobotFile = None,
 ) -> None:
-    """Draw a joint trajectory in one sheet.
+    """Draw a joint trajectory on one sheet.
 
-    Of ours or another planner's: joints with their limits, velocities and accelerations where the file has times, the
-    clearance along the motion with what is proven of it, the solver's progress where the file holds it, and the scene
-    from two sides. The exit code is 0 whatever the verdict.
+    It may be ours or another planner's. Drawn are the joints with their limits, velocities and accelerations where the
+    file has times, the clearance along the motion with what is proven of it, the solver's progress where the file holds
+    it, and the scene from two sides. The exit code is 0 whatever the verdict.
     """
     from hdplan.planner.commands.plot import run_plot
 
@@ -203,7 +204,7 @@ def view(
 
     Drag an obstacle or the goal, press Plan and watch the optimizer at work. Needs viser (pip install viser).
 
-    Ctrl-C ends it.
+    Ctrl-C stops it.
     """
     from hdplan.planner.commands.view import run_view
 
@@ -214,10 +215,10 @@ def view(
 def explain(
     scene: given.SceneFile, request: given.Request = None, robot: given.RobotFile = None, as_json: given.AsJson = False
 ) -> None:
-    """Say what the problem of a scene will hold, and why.
+    """Explain the planning problem that a scene makes.
 
-    Joints with start, goal and limits; terms that are on and off; the bodies around links and obstacles; which pairs
-    are kept and left out; unknowns; settings, with the defaults in force.
+    Lists the joints with start, goal and limits; which terms are on and off, and why; the bodies around links and
+    obstacles; which pairs are checked and which are excluded; the unknowns; and the settings, with defaults in force.
     """
     from hdplan.planner.commands.explain import run_explain
 
@@ -227,16 +228,17 @@ def explain(
 @app.command()
 def robots(
     name: given.RobotName = None,
+    srdf: given.SrdfFile = None,
     as_json: given.AsJson = False,
 ) -> None:
-    """List the robots that go by name, or show one of them.
+    """List the robots known by name, or show one of them.
 
-    Of one robot: joints with limits, joints held, named states, and how tightly its outer bodies fit. The bodies are
-    fitted once and kept, which takes up to a few minutes the first time.
+    For one robot: its joints with limits, joints held fixed, groups, end effectors, named states, and how tightly its
+    outer bodies fit. The bodies are fitted once and kept; the first time this takes some seconds.
     """
     from hdplan.planner.commands.robots import run_robots
 
-    raise typer.Exit(run_robots(name, as_json=as_json))
+    raise typer.Exit(run_robots(name, srdf=srdf, as_json=as_json))
 
 
 @app.command()
@@ -252,11 +254,11 @@ def schema() -> None:
 
 @studies.command()
 def distance(output: given.Folder = given.OUT, quick: given.Quick = False) -> None:
-    """Show what accuracy of the distance costs in time.
+    """Measure what accuracy of the distance costs in time.
 
     For every set of normals, order, shaping length and precision: how often a gap is taken for contact, the error
     against the exact distance, and the time per value, gradient and Hessian. Writes distance_study.csv, .md and .png,
-    and says which setting to take. Takes a good while; Ctrl-C ends with what was found so far.
+    and recommends a setting. Takes a while; Ctrl-C stops and keeps the results so far.
     """
     from hdplan.planner.commands.studies import run_distance_study
 
@@ -270,12 +272,12 @@ def planning(
     problems: given.Problems = None,
     every: given.Every = 10,
 ) -> None:
-    """Show what accuracy costs in time, for planning.
+    """Measure what accuracy costs in time when planning.
 
     One setting at a time is changed from the defaults on the shipped scenes: link bodies, normals, gamma, shaping
-    length, waypoints, samples or swept bodies between them, solver. Shown is what is certified, the clearance lost to
-    conservativeness, smoothness and time. Writes planning_study.csv, .md and .png. Takes a quarter of an hour; Ctrl-C
-    ends with what was found so far.
+    length, waypoints, samples or swept bodies between them, solver. Measured are what is certified, the clearance lost
+    to conservativeness, smoothness and time. Writes planning_study.csv, .md and .png. Takes a quarter of an hour;
+    Ctrl-C stops and keeps the results so far.
     """
     from hdplan.planner.commands.studies import run_planning_study
 
@@ -298,7 +300,7 @@ def time(output: given.Folder = given.OUT, quick: given.Quick = False) -> None:
 def conservativeness(output: given.Folder = given.OUT, quick: given.Quick = False) -> None:
     """Count how often a gap is taken for contact.
 
-    Over 500,000 random configurations of Platonic solids, for the paper's set of normals and all the others. Writes
+    Over 500,000 random configurations of Platonic solids, for the paper's set of normals and all other sets. Writes
     conservativeness.csv and conservativeness.png.
     """
     from hdplan.planner.commands.studies import run_figure
@@ -308,12 +310,12 @@ def conservativeness(output: given.Folder = given.OUT, quick: given.Quick = Fals
 
 @figures.command()
 def corridor(output: given.Folder = given.OUT, quick: given.Quick = False) -> None:
-    """Steer a Panda of boxes into a corridor, under each distance.
+    """Steer a Panda made of boxes into a corridor, with each distance.
 
     The paper's robot experiment: the same controller with the exact distance, the GDF and the HD-SDF, with the text's
     parameters and with its published code's; then one setting changed at a time, and which of them are safe. Writes
-    corridor.csv, corridor_commands.csv, corridor_settings.csv and corridor.png. Takes some minutes; Ctrl-C ends with
-    what was found so far.
+    corridor.csv, corridor_commands.csv, corridor_settings.csv and corridor.png. Takes some minutes; Ctrl-C stops
+    and keeps the results so far.
     """
     from hdplan.planner.commands.studies import run_figure
 
@@ -322,9 +324,9 @@ def corridor(output: given.Folder = given.OUT, quick: given.Quick = False) -> No
 
 @figures.command()
 def kinks(output: given.Folder = given.OUT) -> None:
-    """Follow two squares past each other.
+    """Follow the distances of two squares that pass each other.
 
-    The Euclidean distance has kinks there and the HD-SDF has none. Writes kinks.csv and kinks.png: both over time with
+    The Euclidean distance has kinks there and the HD-SDF has none. Writes kinks.csv and kinks.png: both over time, with
     their derivatives.
     """
     from hdplan.planner.commands.studies import run_kinks

@@ -14,7 +14,7 @@ from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.holder import holder_maximum, holder_minimum, shaping
 from hdplan.distance.normals import RUNGS
 from hdplan.distance.numpy_reference.hdsdf import hdsdf, hdsdf_derivatives, separating_axis_distance, separation
-from hdplan.scenes.doors import door
+from hdplan.scenes.lazy_imports import lazy_imports
 
 if TYPE_CHECKING:
     from hdplan.distance.baselines.coal import signed_distance, signed_distances
@@ -42,7 +42,7 @@ __all__ = [
     "signed_distances",
 ]
 
-__getattr__ = door(
+__getattr__ = lazy_imports(
     __name__,
     {
         "hdsdf_batch": "batch.distance",

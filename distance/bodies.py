@@ -20,15 +20,13 @@ from hdplan.scenes.once import read_only
 from hdplan.scenes.values import Whole, checked, instance
 
 NONE = read_only(np.empty((0, 3)))
-FLAT = 1e-9  # an extent below this part of the body's size is none: the body is a point, a segment or a flat polygon
-SAME_DIRECTION = 1e-6  # [rad] directions closer than this, up to sign, are one
-SAME_PLANE = (
-    1e-6  # of the body's size: triangles this close to one plane are one face (a float32 mesh has flat faces too)
-)
+FLAT = 1e-9  # an extent below this part of the body's size is zero: the body is a point, a segment or a flat polygon
+SAME_DIRECTION = 1e-6  # [rad] directions closer than this, up to sign, are merged
+SAME_PLANE = 1e-6  # of the body's size: triangles this close to one plane are one face, as in float32 meshes
 
 UNIT = 1e-6  # by which the length of a direction may differ from 1
 MOST_SIDES = 1000
-LARGEST = 1e100  # [m] beyond which squares and cubes of lengths are no numbers any more
+LARGEST = 1e100  # [m] beyond, squares and cubes of lengths overflow
 
 GOLDEN = (1.0 + np.sqrt(5.0)) / 2.0
 
@@ -48,7 +46,7 @@ class ConvexBody:
     radius: float = 0.0  # [m] of the sphere that sweeps the polytope, >= 0
 
     def __post_init__(self) -> None:
-        """Check and freeze the arrays too. Raises InputError for what is no body."""
+        """Check and freeze the arrays. Raises InputError for invalid ones."""
         for name in ("vertices", "faces", "edges"):
             array = _rows(name, getattr(self, name))
             if name != "vertices" and not np.allclose(np.linalg.norm(array, axis=1), 1.0, rtol=0.0, atol=UNIT):
@@ -111,7 +109,7 @@ class ConvexBody:
     def from_points(cls, points: ArrayLike, radius: float = 0.0) -> ConvexBody:
         """Return the convex hull of ``points`` (n, 3) [m], swept by ``radius`` [m].
 
-        One point, collinear and coplanar points are fine: they give a point, a segment and a flat polygon.
+        One point, collinear and coplanar points are allowed: they give a point, a segment and a flat polygon.
 
         Raises InputError for no points, another shape than (n, 3) and numbers that are not finite.
         """
@@ -121,7 +119,7 @@ class ConvexBody:
         return cls(*_hull(cloud), radius)
 
     def inflated(self, clearance: float) -> ConvexBody:
-        """Return this body grown by ``clearance`` >= 0 [m] in all directions: a clearance is a larger radius."""
+        """Return this body grown by ``clearance`` >= 0 [m] in all directions, that is with a larger radius."""
         return replace(self, radius=self.radius + _length("clearance", clearance, zero=True))
 
     @property
@@ -142,9 +140,9 @@ def check_bodies(body_a: object, body_b: object) -> None:
 
 
 def unique_directions(directions: ArrayLike) -> tuple[Array, Array]:
-    """Return unit vectors ``directions`` (n, 3) with those equal up to sign once, and how many they were (n,).
+    """Return the distinct unit vectors among ``directions`` (n, 3), up to sign, and how often each occurs.
 
-    The first of equal ones stays.
+    Of equal ones the first is kept.
     """
     rows = np.asarray(directions, dtype=float).reshape(-1, 3)
     kept, counts, found = np.empty_like(rows), np.zeros(len(rows)), 0
@@ -166,7 +164,7 @@ def _length(name: str, value: float, zero: bool = False) -> float:
 
 
 def _rows(name: str, values: ArrayLike) -> Array:
-    """Return an array (n, 3) of its own; an empty one is (0, 3)."""
+    """Return a copy as an array (n, 3); an empty one is (0, 3)."""
     rows = _numbers(name, values)
     if rows.size and (rows.ndim != 2 or rows.shape[1] != 3):
         raise InputError(f"{name}: found an array of shape {rows.shape}, allowed is (n, 3)")
@@ -174,7 +172,7 @@ def _rows(name: str, values: ArrayLike) -> Array:
 
 
 def _numbers(name: str, values: ArrayLike) -> Array:
-    """Return finite numbers, at most LARGEST in size, as an array of their own."""
+    """Return a copy as an array of finite numbers, at most LARGEST in size."""
     try:
         found = np.array(values)
         if found.dtype.kind not in "iuf" and found.size:
@@ -190,8 +188,8 @@ def _numbers(name: str, values: ArrayLike) -> Array:
 def _hull(points: Array) -> tuple[Array, Array, Array, Array]:
     """Return vertices, faces, edges and edge counts of the convex hull of ``points`` (n, 3), of any dimension.
 
-    The hull is taken in coordinates along the principal axes, each scaled to extent 1: an affine map keeps vertices and
-    faces, and needles and plates become as well-conditioned as cubes.
+    The hull is taken in coordinates along the principal axes, each scaled to extent 1: an affine map preserves vertices
+    and faces, and needles and plates become as well-conditioned as cubes.
     """
     centred = points - points[0]
     centred = centred - centred.mean(0)
@@ -226,7 +224,7 @@ def _polytope(points: Array, scaled: Array, rounding: float, to_points: Array) -
     """Merge the triangles of the hull of ``scaled`` (n, 3) into faces; ``to_points`` (3, 3) maps normals back."""
     hull = ConvexHull(scaled)
     corners = np.sort(hull.vertices[np.sum(_planes(hull, scaled, rounding)[1], axis=0) >= 3])
-    if len(corners) < len(hull.vertices):  # the rest lie inside faces or edges, and make slivers
+    if len(corners) < len(hull.vertices):  # the others lie inside faces or edges and cause slivers
         return _polytope(points[corners], scaled[corners], rounding, to_points)
     planes, on_face = _planes(hull, scaled, max(SAME_PLANE, rounding))
     incidence = csr_matrix(on_face.astype(int))
@@ -241,8 +239,8 @@ def _polytope(points: Array, scaled: Array, rounding: float, to_points: Array) -
 def _planes(hull: ConvexHull, points: Array, tolerance: float) -> tuple[Array, Mask]:
     """Return the normals (F, 3) of the faces and which hull vertices lie on each (F, m).
 
-    The largest triangle not yet in a face founds the next one, and takes in every triangle within ``tolerance`` of its
-    plane: the normal of a sliver means nothing, its place does.
+    The largest triangle not yet in a face starts the next one, which takes in every triangle within ``tolerance`` of
+    its plane: the normal of a sliver is meaningless, its position is not.
     """
     a, b, c = (points[hull.simplices[:, k]] for k in range(3))
     order = np.argsort(-np.linalg.norm(np.cross(b - a, c - a), axis=1), kind="stable")

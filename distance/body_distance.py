@@ -14,7 +14,7 @@ class BodyDistance(ABC, Generic[Found]):
     """D of two bodies (Definition III.2) at poses (..., 4, 4); leading axes broadcast.
 
     A lower bound of the signed distance in sign; ``separation`` D̃ (eq. (5)) is one in value, and has the sign of D
-    where D itself is too small for a number. ``witnesses``: (..., W, 3) axes in B's frame, as many as the distance has.
+    even where D underflows. ``witnesses``: (..., W, 3) axes in B's frame, as many as the distance has.
     """
 
     def value(self, pose_a: ArrayLike, pose_b: ArrayLike, witnesses: ArrayLike | None = None) -> tuple[Found, Found]:

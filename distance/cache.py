@@ -1,7 +1,7 @@
-"""A small cache on disk, keyed by content: what was computed once from the same input is read back.
+"""A small cache on disk, keyed by content: results that were computed from the same input are read back.
 
-It only ever saves time: an entry that is missing, damaged or unreadable is computed again, and a folder that cannot be
-written is left alone. Entries are written whole or not at all. The folder is `$HDPLAN_CACHE`, or else the user's own.
+It only saves time: an entry that is missing, damaged or unreadable is computed again, and a folder that cannot be
+written is not used. Entries are written whole or not at all. The folder is `$HDPLAN_CACHE`, or else the user's own.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def cache_dir() -> Path:
 
 
 def content_key(*parts: str | bytes) -> str:
-    """Return a name for these parts, in this order: equal parts give equal names, others different ones."""
+    """Return a key for these parts, in this order: equal parts give equal keys, others different ones."""
     digest = hashlib.blake2b(digest_size=20)
     for part in parts:
         data = part.encode() if isinstance(part, str) else part
@@ -32,7 +32,7 @@ def content_key(*parts: str | bytes) -> str:
 
 
 def load(kind: str, key: str) -> Any | None:
-    """Return the JSON value stored under this kind and key, or None if there is none that is whole."""
+    """Return the JSON value stored under this kind and key, or None if there is no intact one."""
     try:
         checksum, _, text = (cache_dir() / kind / f"{key}.json").read_text(encoding="utf-8").partition("\n")
         return json.loads(text) if checksum == content_key(text) else None
@@ -47,7 +47,7 @@ def store(kind: str, key: str, value: Any) -> None:
 
 
 def write_whole(path: Path, data: bytes) -> bool:
-    """Write a file so that other processes see all of it or nothing; return whether that could be done."""
+    """Write a file so that other processes see all of it or nothing; return whether that succeeded."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=path.suffix)

@@ -1,7 +1,7 @@
 """Hölder minimum and maximum and the shaping function, in NumPy (paper, section II).
 
-In: arrays (..., n), the operators act along the last axis. Out: arrays (...,). Written in a form that never overflows:
-every ratio lies in [0, 1], for any gamma and any scale.
+In: arrays (..., n), the operators act along the last axis. Out: arrays (...,). The formulas never overflow: every ratio
+lies in [0, 1], for any gamma and any scale.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.values import Number, Whole, checked
 
-HIGHEST = 1_000_000  # of gamma: far beyond, 1/gamma and powers by it are nothing but rounding
+HIGHEST = 1_000_000  # of gamma: far above, 1/gamma and powers of it are nothing but rounding
 
 
 def holder_minimum(values: ArrayLike, gamma: int, multiplicities: ArrayLike | None = None) -> Array:
     """Return the gamma-Hölder minimum of ``values`` (..., n) along the last axis, shape (...,).
 
-    With p = gamma + 1 (paper: Lemma A.1): ||x||_{-p} where min x > 0; 0 where min x = 0; -||(-x)_+||_p
-    where min x < 0; each taken out by its extreme m = min x. ``multiplicities`` (n,) says how often each value counts.
+    With p = gamma + 1 (paper: Lemma A.1): ||x||_{-p} where min x > 0; 0 where min x = 0; -||(-x)_+||_p where min x < 0;
+    each is scaled by its extreme m = min x. ``multiplicities`` (n,) says how often each value counts.
 
-    Same sign as the minimum, and never above it where that is negative or positive: |min x| >= u > 0, or u <= min x <
-    0. Raises InputError unless gamma is an integer >= 1.
+    It has the sign of the minimum and never exceeds it: min x >= u > 0, or u <= min x < 0. Raises InputError unless
+    gamma is an integer >= 1.
     """
     p = check_gamma(gamma) + 1
     x = _values("values", values)
@@ -76,8 +76,8 @@ def shaped_minimum(
         dg = s (1 + gamma (1 - s)) q
         d²g = (s/u) (gamma (1 - s) (1 + gamma (1 - 2 s)) q qᵀ + (1 + gamma (1 - s)) u d²u)
 
-    Every ratio lies in [0, 1] and s/u -> 0 with u (gamma > 1), so all is finite where u is too small to square. At u =
-    0 all derivatives are 0; for gamma = 1 the second ones jump there.
+    Every ratio lies in [0, 1] and s/u -> 0 with u (gamma > 1), so everything is finite even where u is too small to
+    square. At u = 0 all derivatives are 0; for gamma = 1 the second ones jump there.
     """
     p = check_gamma(gamma) + 1
     x = np.asarray(values, dtype=float)
@@ -115,7 +115,7 @@ def check_gamma(gamma: int) -> int:
 
 
 def _values(name: str, values: ArrayLike) -> Array:
-    """Return an array of numbers; none of them NaN, of which a minimum would be one too."""
+    """Return an array of numbers without NaN, which would make any minimum NaN."""
     try:
         found = np.asarray(values, dtype=float)
     except (TypeError, ValueError) as error:
@@ -128,7 +128,7 @@ def _values(name: str, values: ArrayLike) -> Array:
 def resolve_shaping_length(gamma: int, shaping_length: float, epsilon: float | None) -> float:
     """Return the shaping length delta [m]: ``shaping_length``, or epsilon^(1/gamma) where the paper's epsilon is given.
 
-    Raises InputError unless the one that counts is positive and finite.
+    Raises InputError unless the one that is used is positive and finite.
     """
     name, value = ("shaping_length", shaping_length) if epsilon is None else ("epsilon", epsilon)
     length = float(checked(Number(above=0.0), value, name))

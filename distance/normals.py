@@ -1,26 +1,26 @@
-"""Candidate normals: along which directions a pair of bodies is compared. The ladder from cheap to tight.
+"""Candidate normals: the directions along which a pair of bodies is compared; a ladder of sets from cheap to tight.
 
 A pair's distance is a maximum over axes. An axis is a vector w, |w| <= 1, that varies smoothly with the pose, and a
-length f >= 0 that it is faded by. Both w and -w count, and each compares the bodies by
+length f >= 0 by which it is faded. Both w and -w count, and each compares the bodies by
 
     x_ij = w·(a_i - b_j) - r_A - r_B - f      over the vertices a_i of A and b_j of B, radii r.
 
-Sign safety, of every axis and so of every set: if the swept bodies share a point, the polytopes hold points a and b
+Sign safety, of every axis and so of every set: if the swept bodies share a point, the polytopes contain points a and b
 with |a - b| <= r_A + r_B. A convex combination of the x_ij is w·(a - b) - r_A - r_B - f, at most |w||a - b| - r_A - r_B
-- f <= 0, so the least of them is not positive; Hölder minimum, maximum and shaping keep signs, so D <= 0. A set decides
-only how tight the distance is.
+- f <= 0, so the least of them is not positive; Hölder minimum, maximum and shaping keep signs, so D <= 0. The choice of
+the set only decides how tight the distance is.
 
 In metres, each axis bounds the signed distance d from below. With c the differences a - b of points of the polytopes,
 d = max over unit n of min n·c, less the radii; so the least m = min w·c gives m/|w| - r_A - r_B <= d, and then
 
     m - r_A - r_B - f <= d  for m >= 0,     m/|w|² - r_A - r_B - f <= d  for m < 0,
 
-as |w| <= 1 and f >= 0. D̃ (paper: eq. (5)) is the largest of these: a lower bound of d, of the sign of the
-largest min x_ij, so of D. For unit vectors, the paper's own, it is that number itself. Below contact an axis that
-shrinks is stretched to length 1 and once more, by which it leaves the maximum as it vanishes; w = 0 bounds nothing.
+as |w| <= 1 and f >= 0. D̃ (paper: eq. (5)) is the largest of these: a lower bound of d, with the sign of the largest
+min x_ij and so of D. For unit vectors, as in the paper, it is that number itself. In contact a shrinking axis is
+divided by |w| twice, so that it leaves the maximum as it vanishes; w = 0 gives no bound.
 
 Names: ``paper``, or ``paper-multiset``, followed by any of ``+centre``, ``+edges``, ``+sphere-K``; ``RUNGS`` are those
-worth comparing. Beside them ``separating_axes`` is the exact but discontinuous set of the separating axis theorem.
+worth comparing. Besides, ``separating_axes`` is the exact but discontinuous set of the separating axis theorem.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.values import describe, shorten
 
 PARALLEL = 1e-14  # sine of the angle between two edges below which their cross product is left out
-CENTRE_SOFTNESS = 0.1  # of the bodies' reach: how near the centres are when the axis between them begins to fade
-EDGE_SINE = 0.1  # sigma: how near to parallel two edges are when the axis of their cross product begins to fade
-EDGE_FADE = 0.5  # kappa, of the bodies' mean reach: how deep that axis reads where the edges are parallel
+CENTRE_SOFTNESS = 0.1  # of the bodies' reach: distance of the centres below which the axis between them shrinks
+EDGE_SINE = 0.1  # sigma: sine of the angle of two edges below which the axis of their cross product fades
+EDGE_FADE = 0.5  # kappa, of the bodies' mean reach: penetration that this axis gives where the edges are parallel
 
 BASES = ("paper", "paper-multiset")
 RUNGS = ("paper", "paper+centre", "paper+sphere-26", "paper+sphere-256", "paper+edges")
@@ -57,9 +57,9 @@ class CentreAxis:
 class EdgeAxes:
     """One axis for every edge direction u of A and v of B, regularized so that none jumps where edges align.
 
-    w = u×v/√(|u×v|² + sine²), faded by f = fade·sine²(1 - |u×v|²)/(|u×v|² + sine²) >= 0: no fade across, ``fade``
-    where the edges are parallel and the axis means nothing. C∞ in the pose. ``fade`` must exceed the deepest
-    penetration of interest: without it D would read no depth at all (w = 0 gives x = 0).
+    w = u×v/√(|u×v|² + sine²), faded by f = fade·sine²(1 - |u×v|²)/(|u×v|² + sine²) >= 0: no fade for perpendicular
+    edges, ``fade`` for parallel ones, where the axis is meaningless. C∞ in the pose. ``fade`` must exceed the deepest
+    penetration of interest: without it D would show no depth at all (w = 0 gives x = 0).
     """
 
     along_a: Array  # (E_a, 3) unit edge directions of A, in A's frame
@@ -73,7 +73,7 @@ class CandidateNormals:
     """A set of axes for one pair of bodies; -w goes with every w."""
 
     in_a: Array  # (K_a, 3) unit directions fixed in A's frame
-    counts_a: Array  # (K_a,) how often each counts in the maximum: once, but in the multiset
+    counts_a: Array  # (K_a,) how often each counts in the maximum: once, except in the multiset
     in_b: Array  # (K_b, 3) the same for B
     counts_b: Array  # (K_b,)
     centre: CentreAxis | None = None
@@ -84,11 +84,11 @@ def candidate_normals(name: str, body_a: ConvexBody, body_b: ConvexBody) -> Cand
     """Return the set ``name`` for this pair.
 
     ``paper``           Ñ: faces and edges, equal directions once per body (eq. (4)). A's and B's copies are
-                        both kept, also where they happen to align: merging them would make D jump.
-    ``paper-multiset``  the same with every edge counted, as the paper's published code does.
-    ``+centre``         one axis along the line of centres: spheres, and corner against corner.
-    ``+edges``          the cross products of edges, regularized: what the paper's set lacks most.
-    ``+sphere-K``       K more directions, K/2 lines evenly over the sphere, fixed in each body: what swept bodies lack.
+                        both kept, even where they happen to align: merging them would make D jump.
+    ``paper-multiset``  the same with every edge counted, as in the paper's published code.
+    ``+centre``         one axis along the line of centres: for spheres, and corner against corner.
+    ``+edges``          the regularized cross products of edges: what the paper's set lacks most.
+    ``+sphere-K``       K more directions, K/2 lines evenly over the sphere, fixed in each body: for swept bodies.
 
     Raises InputError for an unknown name.
     """
@@ -124,13 +124,13 @@ def candidate_normals(name: str, body_a: ConvexBody, body_b: ConvexBody) -> Cand
 
 
 def own_directions(body: ConvexBody) -> tuple[Array, Array]:
-    """Return F(A) ∪ E(A) in the body's frame (K, 3), equal up to sign once, and how often the published code has each
-    (K,).
+    """Return F(A) ∪ E(A) in the body's frame (K, 3), those equal up to sign once, and how often the published code
+    counts each (K,).
 
-    A point has no face and no edge, and a segment only itself: the paper's set would be empty for two spheres, and
-    blind to two capsules side by side. Such a body counts as the limit of a thin box: its directions are completed to
-    an orthonormal frame, fixed in the body (so D stays smooth in the pose, and a sphere's orientation matters a
-    little).
+    A point has no face and no edge, and a segment only its own direction: the paper's set would be empty for two
+    spheres, and blind to two capsules side by side. Such a body is treated as the limit of a thin box: its directions
+    are completed to an orthonormal frame, fixed in the body (so D stays smooth in the pose, and a sphere's orientation
+    matters a little).
     """
     faces, _ = unique_directions(body.faces)
     directions, counts = unique_directions(np.vstack([faces, body.edges]))
@@ -143,7 +143,8 @@ def own_directions(body: ConvexBody) -> tuple[Array, Array]:
 
 
 def sphere_directions(count: int) -> Array:
-    """Return ``count``/2 unit directions (count/2, 3), with their opposites evenly over the sphere (Fibonacci's)."""
+    """Return ``count``/2 unit directions (count/2, 3) that, with their opposites, cover the sphere evenly
+    (Fibonacci)."""
     lines = count // 2
     height = (np.arange(lines) + 0.5) / lines
     turn = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(lines)
@@ -152,7 +153,7 @@ def sphere_directions(count: int) -> Array:
 
 
 def check_witnesses(witnesses: ArrayLike | None) -> Array:
-    """Return witness normals, fixed in B's frame, as unit vectors (..., W, 3); none give (0, 3).
+    """Return witness normals, fixed in B's frame, as unit vectors (..., W, 3); (0, 3) without any.
 
     Raises InputError for another shape and for vectors without a direction.
     """
@@ -177,8 +178,8 @@ def check_witness_count(shape: tuple[int, ...], count: int) -> None:
 def separating_axes(body_a: ConvexBody, rotation_a: Array, body_b: ConvexBody, rotation_b: Array) -> Array:
     """Return N(A, B) up to sign, unit vectors (K, 3) in the world (paper: Definition III.1).
 
-    Faces of both bodies and the cross products of their edges; those of parallel edges do not exist. Where A - B is
-    flat (two segments, coplanar polygons) the normals of its plane or line belong to it as well.
+    The face normals of both bodies and the cross products of their edges, except of parallel edges. Where A - B is flat
+    (two segments, coplanar polygons) the normals of its plane or line belong to it as well.
     """
     check_bodies(body_a, body_b)
     edges_a, edges_b = body_a.edges @ rotation_a.T, body_b.edges @ rotation_b.T

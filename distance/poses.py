@@ -1,7 +1,7 @@
 """Poses given by a user: rigid transforms world from body, as finite arrays of the right shape.
 
-What is not rigid is refused, and the first such pose named: a scaled or mirrored body would be read apart where it
-overlaps. In bulk the check takes about 20 ns a pose, 2 µs for one.
+Poses that are not rigid are refused, and the first one is named: a scaled or mirrored body could seem separated where
+it overlaps. In bulk the check takes about 20 ns per pose, for a single pose 2 µs.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 
-RIGID = 1e-5  # what may be amiss in a rotation: its decimals were cut at the sixth, or it is a product of float32
-FAR = 1e100  # [m] what is farther away has squares that overflow
+RIGID = 1e-5  # error allowed in a rotation, which may be rounded to six decimals or a product in float32
+FAR = 1e100  # [m] beyond, squares overflow
 FEW = 12  # poses up to which plain numbers are faster than arrays
 BLOCK = 4096  # poses at once, few enough for the processor's cache
-NEXT, LAST = [1, 2, 0], [2, 0, 1]  # of a cross product's factors
+NEXT, LAST = [1, 2, 0], [2, 0, 1]  # rows of a cross product's factors
 
 
 def check_poses(name: str, poses: ArrayLike) -> Array:
@@ -48,7 +48,7 @@ def _check(name: str, poses: ArrayLike, axes: int | None, allowed: str) -> Array
             raise TypeError
         array = array.astype(float, copy=False)
     except (TypeError, ValueError):
-        raise InputError(f"{name}: found what is no array of numbers, allowed is an array {allowed}") from None
+        raise InputError(f"{name}: not an array of numbers, allowed is an array {allowed}") from None
     if array.ndim != (axes or array.ndim) or array.shape[-2:] != (4, 4):
         raise InputError(f"{name}: found an array of shape {array.shape}, allowed is a finite array {allowed}")
     rows = array.reshape(-1, 16)

@@ -1,10 +1,10 @@
-"""The planner: from a scene to a certified motion (`plan`), and, behind this door, how a notebook shows it.
+"""The planner: from a scene to a certified motion (`plan`), and how a notebook shows it.
 
-The result of a plan stands below the pictures; what it needs of them it asks for here, when it is needed.
+The result of a plan is imported by the pictures; what it needs of them itself is imported here, on first use.
 """
 
 from __future__ import annotations
 
-from hdplan.scenes.doors import door
+from hdplan.scenes.lazy_imports import lazy_imports
 
-__getattr__ = door(__name__, {"result_html": "pictures.notebook"})
+__getattr__ = lazy_imports(__name__, {"result_html": "pictures.notebook"})

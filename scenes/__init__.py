@@ -1,10 +1,10 @@
-"""Scenes: what they say (`scene` and its parts), and, behind this door, how a file says it.
+"""Scenes: their content (`scene` and its parts), and how files hold it.
 
-A `Scene` stands below the readers and writers of files; what it needs of them it asks for here, when it is needed.
+`Scene` is imported by the readers and writers of files; what it needs of them itself is imported here, on first use.
 """
 
 from __future__ import annotations
 
-from hdplan.scenes.doors import door
+from hdplan.scenes.lazy_imports import lazy_imports
 
-__getattr__ = door(__name__, {"scene_text": "yaml_format.writer"})
+__getattr__ = lazy_imports(__name__, {"scene_text": "yaml_format.writer"})

@@ -1,4 +1,4 @@
-"""What a controller is given, checked before anything is commanded: each refusal names the argument, the joint, the
+"""Arrays given to a controller, checked before anything is commanded: each error names the argument, the joint, the
 value and what is allowed."""
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from hdplan.scenes.errors import InputError
 
 Array = NDArray[np.float64]
 
-LARGEST = 1e6  # [rad], [m] or [s], and per second: beyond, a period's step is lost in rounding
+LARGEST = 1e6  # [rad], [m] or [s], and per second: beyond it, the step of one period is lost in rounding
 
 
 def joint_numbers(name: str, values: ArrayLike, joints: Sequence[str], *, positive: bool = False) -> Array:
-    """Return one number for each joint (n,), of a size up to LARGEST; above 0 if `positive`. Raises InputError."""
+    """Return one number for each joint (n,), at most LARGEST in size; above 0 if `positive`. Raises InputError."""
     found = as_numbers(values)
     if found is None:
         raise InputError(f"{name}: expected {len(joints)} numbers, one for each of {', '.join(joints)}")
     least = np.finfo(np.float64).tiny if positive else -LARGEST
-    if found.shape == (len(joints),) and found.min() >= least and found.max() <= LARGEST:  # not so of nan
+    if found.shape == (len(joints),) and found.min() >= least and found.max() <= LARGEST:  # false for nan
         return found
     if found.shape != (len(joints),):
         raise InputError(f"{name}: shape {found.shape}, expected ({len(joints)},), one for each of {', '.join(joints)}")
@@ -31,7 +31,7 @@ def joint_numbers(name: str, values: ArrayLike, joints: Sequence[str], *, positi
 
 
 def as_numbers(values: object) -> Array | None:
-    """Return an array of numbers as one of floats; None for what is none: texts and truth values are no numbers."""
+    """Return an array of numbers as floats; None for anything else: texts and booleans are not numbers."""
     try:
         found = np.asarray(values)
     except ValueError:  # rows of different lengths
@@ -51,10 +51,10 @@ def quadratic(objective: object, joints: Sequence[str]) -> tuple[Array, Array]:
     count = len(joints)
     if hessian.shape != (count, count):
         raise InputError(f"task.objective: H of shape {hessian.shape}, expected ({count}, {count})")
-    if not np.abs(hessian - hessian.T).max() <= 1e-9 * np.abs(hessian).max() < np.inf:  # not so of nan
-        raise InputError("task.objective: H is not symmetric and finite, so that it has no least velocity")
+    if not np.abs(hessian - hessian.T).max() <= 1e-9 * np.abs(hessian).max() < np.inf:  # false for nan
+        raise InputError("task.objective: H is not symmetric and finite, so the task has no optimal velocity")
     try:
         np.linalg.cholesky(hessian)
     except np.linalg.LinAlgError:
-        raise InputError("task.objective: H is not positive definite, so that it has no least velocity") from None
+        raise InputError("task.objective: H is not positive definite, so the task has no optimal velocity") from None
     return np.ascontiguousarray(hessian), linear

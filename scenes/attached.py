@@ -1,4 +1,4 @@
-"""What links carry: attached objects, which collide as the links do, and payloads, which only weigh."""
+"""What links carry: held objects, which collide as the links do, and payloads, which only have mass."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from hdplan.scenes.poses import AnyPose, Place, Placement, Pose
 from hdplan.scenes.shapes import Shape, Solid, check_unplaced
 from hdplan.scenes.values import Checked, Name, Number, Numbers, Row, text
 
-ROUNDING = 1e-9  # share of the largest principal moment by which an inertia may break the laws of a body
+ROUNDING = 1e-9  # share of the largest principal moment by which an inertia may violate these bounds
 
 
 def body_inertia(value: object) -> tuple[float, ...]:
-    """Return xx, xy, xz, yy, yz, zz [kg m²] of a body that can exist: no principal moment is below 0, or above the sum
-    of the other two."""
+    """Return xx, xy, xz, yy, yz, zz [kg m²] of a physically possible body: no principal moment is negative, or above
+    the sum of the other two."""
     xx, xy, xz, yy, yz, zz = numbers = Row(Number(unit="kg m²"), 6)(value)
     least, middle, most = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).tolist()
     moments = f"its principal moments are {least:.4g}, {middle:.4g} and {most:.4g} kg m²"
     slack = ROUNDING * max(abs(least), abs(most))
     if least < -slack:
-        raise FieldError(f"(xx, xy, xz, yy, yz, zz) belongs to no body: {moments}, and none may be negative")
+        raise FieldError(f"(xx, xy, xz, yy, yz, zz) is not physical: {moments}, and none may be negative")
     if least + middle < most - slack:
         raise FieldError(
-            f"(xx, xy, xz, yy, yz, zz) belongs to no body: {moments}, and none may exceed the sum of the other two"
+            f"(xx, xy, xz, yy, yz, zz) is not physical: {moments}, and none may exceed the sum of the other two"
         )
     return numbers
 
 
 @dataclass(frozen=True, repr=False)
 class Attached(Checked):
-    """A body that a link holds: it moves with the link and collides as the link does."""
+    """A body held by a link: it moves with the link and collides as the link does."""
 
     name: Name
     link: Name
@@ -42,7 +42,7 @@ class Attached(Checked):
     pose: Placement = field(default_factory=Pose)  # in the link's frame
     touch_links: Annotated[tuple[str, ...], Row(text, of="link names")] = ()  # that it may touch, beside its own
     mass: Annotated[float, Number(above=0.0, unit="kg")] | None = None
-    """[kg] of even density; counts where joint torques do (limits.torque). None: it weighs nothing."""
+    """[kg] at uniform density; matters where joint torques are limited (limits.torque). None: massless."""
 
     if TYPE_CHECKING:
 
@@ -62,13 +62,13 @@ class Attached(Checked):
 
 @dataclass(frozen=True, repr=False)
 class Payload(Checked):
-    """A mass that a link carries beside its own; it touches nothing."""
+    """A mass that a link carries beside its own; it cannot collide."""
 
     link: Name
     mass: Annotated[float, Number(above=0.0, unit="kg")]  # [kg]
-    com: Place = (0.0, 0.0, 0.0)  # its centre, in the link's frame [m]
+    com: Place = (0.0, 0.0, 0.0)  # its centre of mass, in the link's frame [m]
     inertia: Annotated[tuple[float, float, float, float, float, float], body_inertia] = (0.0,) * 6
-    """xx, xy, xz, yy, yz, zz about its centre, in the link's axes [kg m²]."""
+    """xx, xy, xz, yy, yz, zz about its centre of mass, along the link's axes [kg m²]."""
 
     if TYPE_CHECKING:
 

@@ -1,19 +1,21 @@
-"""What a user can cause. Every message is one line that names the file, the field, the value and what is allowed."""
+"""Errors that a user can cause. Every message is one line that names the file, the field, the value and what is
+allowed.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import difflib
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 
 
 def one_line(text: str) -> str:
-    """Return a text as one line, whatever names it repeats: characters that do not print are written as escapes."""
+    """Return a text as one line, whatever names it repeats: characters that do not print are escaped."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 class HdplanError(Exception):
-    """Base of every error that hdplan raises on purpose; its text is meant for the user."""
+    """Base class of every error that hdplan raises on purpose; its text is meant for the user."""
 
     def __str__(self) -> str:
         """Return the message, on one line."""
@@ -29,20 +31,21 @@ class OutOfTime(HdplanError):
 
 
 class FieldError(InputError):
-    """A value that its field does not allow; who knows the file, and where in it the field stands, puts that before."""
+    """A value that its field does not allow. The reader that knows the file, and the field's place in it, adds them."""
 
     def __init__(self, problem: str, where: str = "", value: object = None, kind: str = "") -> None:
-        """Say the `problem` of the field `where` ("size[1]"); `kind` is what was wanted, where others have a hint."""
+        """Describe the `problem` of the field `where` ("size[1]"). `kind` is the kind of value expected ("number",
+        "text"), by which a reader may add a hint."""
         super().__init__(f"{where}: {problem}" if where else problem)
         self.problem, self.where, self.value, self.kind = problem, where, value, kind
 
     def within(self, where: str) -> FieldError:
-        """Return the same error seen from outside: of a field of `where`."""
+        """Return the same error as an error of a field inside `where`."""
         path = where if not self.where else f"{where}{'' if self.where.startswith('[') else '.'}{self.where}"
         return FieldError(self.problem, path, self.value, self.kind)
 
     def of(self, owner: str) -> FieldError:
-        """Return the same error, saying of which class the field is."""
+        """Return the same error, with the name of the class that the field belongs to."""
         error = FieldError(self.problem, self.where, self.value, self.kind)
         error.args = (f"{owner}{'.' if self.where else ': '}{self}",)
         return error
@@ -59,9 +62,18 @@ def nearest(name: str, allowed: Iterable[str], otherwise: str = "") -> str:
     return f" (allowed: {', '.join(names)})" if names else " (none is allowed here)"
 
 
+FEW = 8  # names that an error or a note lists
+
+
+def listed(names: Collection[str], most: int = FEW) -> str:
+    """Return the first names, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(list(names)[:most]) + more
+
+
 @contextlib.contextmanager
 def naming(where: object) -> Iterator[None]:
-    """Put the file that is being read in front of what is wrong within: ``where: error``."""
+    """Prefix every InputError of the block with the file being read: ``where: error``."""
     try:
         yield
     except InputError as error:

@@ -1,7 +1,7 @@
-"""A YAML document as fields that know their file and their path, so that every complaint can name both.
+"""A YAML document as fields that know their file and their path, so that every error can name both.
 
-What enters: a file. What leaves: plain, checked Python values, or an `InputError` of one line that names the file, the
-field, what was found and what is allowed.
+Input: a file. Output: plain, checked Python values, or an `InputError` of one line that names the file, the field, what
+was found and what is allowed.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ T = TypeVar("T")
 
 
 class _UniqueKeyLoader(yaml.CSafeLoader):
-    """YAML forbids a key twice in one mapping; PyYAML would silently keep the last."""
+    """YAML forbids duplicate keys in a mapping; PyYAML would silently keep the last."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         seen: set[tuple[str, str]] = set()
@@ -44,10 +44,10 @@ class _UniqueKeyLoader(yaml.CSafeLoader):
 
 @dataclass(frozen=True)
 class Document:
-    """Where a field comes from, and what is said while it is read."""
+    """The document that fields come from, and the notes made while it is read."""
 
     file: Path
-    notes: list[str] = field(default_factory=list)  # words for the user, for what was changed and not refused
+    notes: list[str] = field(default_factory=list)  # for the user: what was changed rather than refused
     text_numbers: bool = False  # accept 1e-05, which YAML 1.1 reads as text but MoveIt's writer puts out
 
 
@@ -60,29 +60,29 @@ class Field:
     document: Document
 
     def error(self, message: str) -> InputError:
-        """Return the error that says `message` about this field."""
+        """Return an error with a `message` about this field."""
         return InputError(
             f"{self.document.file}: {self.key}: {message}" if self.key else f"{self.document.file}: {message}"
         )
 
     def wrong(self, allowed: str) -> InputError:
-        """Return the error that this value is not what is allowed."""
+        """Return the error that this value is not `allowed`."""
         return self.error(f"must be {allowed}, found {describe(self.value)}")
 
     def note(self, message: str) -> None:
-        """Leave a word for the user about this field."""
+        """Add a note for the user about this field."""
         self.document.notes.append(f"{self.document.file.name}: {self.key}: {message}")
 
     def with_text_numbers(self) -> Field:
-        """Return the same field, of a document that may hold numbers as text."""
+        """Return the same field, in a document that may hold numbers as text."""
         return replace(self, document=replace(self.document, text_numbers=True))
 
-    # Containers
+    # Mappings and lists
 
     def mapping(self, allowed: Collection[str] | None = None, required: Collection[str] = ()) -> dict[str, Field]:
         """Return the fields of a mapping; its keys are all in `allowed` (any if None) and hold all `required`.
 
-        Where the keys are known, one with nothing behind it counts as absent.
+        Where the allowed keys are known, a key without a value counts as absent.
         """
         if not isinstance(self.value, Mapping):
             inside = (
@@ -128,10 +128,10 @@ class Field:
         """Return a list of finite numbers, each greater than `above`."""
         return tuple(item.number(above=above, unit=unit) for item in self.items(length, "numbers"))
 
-    # Words
+    # Texts
 
     def text(self) -> str:
-        """Return a text that is not empty and holds no control characters, such as ends of lines."""
+        """Return a text that is not empty and holds no control characters, such as line breaks."""
         found: str = self.checked(text, self.value)
         return found
 
@@ -141,27 +141,27 @@ class Field:
         return found
 
     def boolean(self) -> bool:
-        """Return a truth value."""
+        """Return a boolean."""
         found: bool = self.checked(boolean, self.value)
         return found
 
-    # What a scene's classes check
+    # The checks of a scene's classes
 
     def checked(self, check: Check, value: object) -> Any:
-        """Return what a check makes of a value that stands here."""
+        """Return what a check makes of a value of this field."""
         with self._naming():
             return check(value)
 
     def make(self, kind: Callable[..., T], **values: object) -> T:
-        """Return what a class of a scene makes of values, fields or what was made of them; what it refuses is said of
-        the field in the file: its attributes are named as the keys are."""
+        """Return an object of one of a scene's classes, made of fields or of values read from them. What the class
+        refuses is reported at the field in the file, as its attributes have the names of the keys."""
         given = {name: value.value if isinstance(value, Field) else value for name, value in values.items()}
         with self._naming():
             return kind(**given)
 
     @contextlib.contextmanager
     def _naming(self) -> Iterator[None]:
-        """Say in which file, and at which key, a value is not allowed; and how YAML wants it."""
+        """Add file and key to an error about a value, and how YAML would have it written."""
         try:
             yield
         except FieldError as error:
@@ -173,8 +173,8 @@ class Field:
             raise Field(None, found.where, self.document).error(found.problem + hint) from None
 
     def path(self, directory: bool = False) -> Path:
-        """Return an existing file (or directory), by its whole path; a relative one is looked up beside the document
-        that names it."""
+        """Return the absolute path of an existing file (or directory); a relative path is relative to the document that
+        names it."""
         path = self.document.file.parent / self.text()
         if not (os.path.isdir(path) if directory else os.path.isfile(path)):
             kind = "directory" if directory else "file"
@@ -184,11 +184,11 @@ class Field:
 
 
 def read_document(file: Path) -> Field:
-    """Read a YAML file whose top is a mapping.
+    """Read a YAML file that holds a mapping.
 
     Raises:
         InputError: the file is missing, a directory, unreadable, not UTF-8, empty, not YAML (with the line), or has a
-            key twice.
+            duplicate key.
     """
     with naming(file):
         content = read_mapping(read_file(file))
@@ -196,7 +196,8 @@ def read_document(file: Path) -> Field:
 
 
 def read_mapping(data: bytes) -> dict[Any, Any]:
-    """Read YAML whose top is a mapping; raises InputError for all that `read_document` refuses, without the file."""
+    """Read YAML that holds a mapping. Raises InputError for all that `read_document` refuses, without naming the
+    file."""
     try:
         content = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -216,7 +217,7 @@ def read_mapping(data: bytes) -> dict[Any, Any]:
         raise
     except (yaml.YAMLError, ValueError, RecursionError) as error:  # such as the date 2026-99-99
         raise InputError(f"YAML syntax: {' '.join(str(error).split())}") from None
-    except (AttributeError, LookupError, TypeError):  # PyYAML's own, of `!!int ""` or `!!timestamp x`
+    except (AttributeError, LookupError, TypeError):  # from PyYAML, for `!!int ""` or `!!timestamp x`
         raise InputError("YAML syntax: a value is not of the type that its tag (!!) says") from None
     if value is None:
         raise InputError("is empty")
@@ -226,10 +227,10 @@ def read_mapping(data: bytes) -> dict[Any, Any]:
 
 
 def _check_size(content: str) -> None:
-    """Refuse a document that is nested too deeply, or too large once what its aliases repeat is counted; what is built
-    of it is walked through again and again, and by functions that call themselves."""
-    count, sizes = 0, dict[str | None, int]()  # of what bears an anchor
-    begun: list[tuple[str | None, int]] = []  # the anchors of the collections that are open, and the count before them
+    """Refuse a document that is nested too deeply, or too large once what its aliases repeat is counted: its content is
+    walked through many times, also by recursive functions."""
+    count, sizes = 0, dict[str | None, int]()  # values under each anchor
+    begun: list[tuple[str | None, int]] = []  # anchors of the open collections, and the count before each
     for event in yaml.parse(content, yaml.CSafeLoader):
         count += isinstance(event, yaml.ScalarEvent | yaml.CollectionEndEvent)
         fault = None
@@ -255,7 +256,7 @@ def _check_size(content: str) -> None:
 
 
 def _as_yaml_number(text: str) -> str | None:
-    """Return how YAML 1.1 wants a number that it took for a text, or None if the text is no number."""
+    """Return how to write a number that YAML 1.1 took for a text, or None if the text is not a number."""
     match = re.fullmatch(r"\s*([-+]?\d+)(?:\.(\d*))?(?:[eE]([-+]?\d+))?\s*", text)
     if match is None:
         return None

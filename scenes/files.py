@@ -1,5 +1,5 @@
-"""Files that are read: regular ones of a bounded size. All else is refused before it is opened: a pipe that nobody
-writes to would be waited for without end, a device read without end."""
+"""Input files: regular files of a bounded size. Anything else is refused before it is opened: reading a pipe without a
+writer would block for ever, and reading a device might never end."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def read_file(path: Path) -> bytes:
     """Return the content of a file.
 
     Raises:
-        InputError: there is none, it is no regular file, it is too large, or it cannot be read; without the path.
+        InputError: it is missing, not a regular file, too large, or unreadable; the message does not name the path.
     """
     check_file(path)
     try:
@@ -36,24 +36,24 @@ def read_file(path: Path) -> bytes:
 
 
 def check_file(path: Path) -> None:
-    """Refuse what `read_file` refuses before it reads."""
+    """Raise what `read_file` raises before it reads."""
     try:
         about = os.stat(path)
     except FileNotFoundError:
         raise InputError("no such file") from None
-    except (OSError, ValueError) as error:  # a name that no file can have is a ValueError
+    except (OSError, ValueError) as error:  # ValueError: a name that no file can have
         raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error})") from None
     if not stat.S_ISREG(about.st_mode):
         kind = _KINDS.get(stat.S_IFMT(about.st_mode), "something else")
-        raise InputError(f"is {kind}; a file is wanted")
+        raise InputError(f"is {kind}, not a file")
     if about.st_size > MOST_BYTES:
         raise InputError(f"is {about.st_size / 1e6:.0f} MB large; files of at most {MOST_BYTES / 1e6:.0f} MB are read")
 
 
 def stamps_of(files: Iterable[str | Path]) -> Stamps:
-    """Return when files were changed and how long they are; one that is gone has no stamp.
+    """Return time of change and size of files; a missing file has no stamp.
 
-    What is kept of files is kept by stamps taken *before* they are read: one that is changed meanwhile is read again.
+    Caches of files use stamps taken *before* the files are read: one that changes meanwhile is read again.
     """
     found = []
     for file in files:

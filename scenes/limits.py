@@ -1,4 +1,4 @@
-"""What the joints can do, beside what their URDF says: ranges of positions, limits of velocity, torque and others."""
+"""Limits of joints beside those of their URDF: on position, velocity, acceleration, jerk and torque."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from hdplan.scenes.values import Checked, Named, Number, Numbers, Row, describe
 
 FromUrdf = Literal["urdf"]
 JointValues = FromUrdf | float | tuple[float, ...] | Mapping[str, float]
-"""A value for each joint: the URDF's, the same for all, one each in the order of the planned joints, or by name (the
+"""A value for each joint: the URDF's, one for all, one each in the order of the planned joints, or by name (the
 others keep the URDF's)."""
 AnyJointValues = FromUrdf | float | Numbers | Mapping[str, float]
 
 
 def ranges(value: object) -> dict[str, tuple[float, float]]:
-    """Return ranges of joints, by name."""
+    """Return position ranges by joint name."""
     return Named(_range)(value)
 
 
@@ -88,11 +88,11 @@ QUANTITIES = {
 
 @dataclass(frozen=True, repr=False)
 class Limits(Checked):
-    """What the joints can do, beside what the URDF says of their positions; None: does not matter here."""
+    """Limits of the joints, beside the URDF's limits of position; None: not limited."""
 
     position: Annotated[Mapping[str, tuple[float, float]], ranges] = field(default_factory=dict)
     """Joint -> range within the URDF's [rad] or [m]."""
-    velocity: Annotated[JointValues | None, QUANTITIES["velocity"]] = None  # as soon as the motion is timed: the URDF's
+    velocity: Annotated[JointValues | None, QUANTITIES["velocity"]] = None  # of a motion with times: the URDF's
     acceleration: Annotated[JointValues | None, QUANTITIES["acceleration"]] = None
     jerk: Annotated[JointValues | None, QUANTITIES["jerk"]] = None
     torque: Annotated[JointValues | None, QUANTITIES["torque"]] = None

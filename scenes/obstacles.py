@@ -1,4 +1,4 @@
-"""What the robot keeps away from: obstacles, at rest or in motion, and itself."""
+"""What the robot must keep clear of: obstacles, static or moving, and itself."""
 
 from __future__ import annotations
 
@@ -17,22 +17,23 @@ Clearance = Annotated[float, Number(0.0, 1.0, unit="m")]
 
 
 def rising_times(value: object) -> tuple[float, ...]:
-    """Return two or more times [s] from 0 on, each later than the one before."""
+    """Return two or more times [s], the first at least 0, each later than the one before."""
     times = Row(Number(low=0.0, unit="s"), of="times")(value)
     if len(times) < 2:
         raise FieldError(f"must be two or more times [s], found {len(times)}")
     for before, after in itertools.pairwise(times):
         if not before < after:
-            raise FieldError(f"must rise from one to the next [s], found {before:g} before {after:g}")
+            raise FieldError(f"must increase [s], found {before:g} before {after:g}")
     return times
 
 
 @dataclass(frozen=True, repr=False)
 class SteadyMotion(Checked):
-    """A body moves and turns evenly, from its pose at time 0 on."""
+    """A body moves with `velocity` [m/s] and turns with `spin` [rad/s] about its origin, both constant and in the
+    world, from its pose at time 0 on."""
 
-    velocity: Annotated[Vector3, Row(Number(unit="m/s"), 3)] = (0.0, 0.0, 0.0)  # of its origin, in the world [m/s]
-    spin: Annotated[Vector3, Row(Number(unit="rad/s"), 3)] = (0.0, 0.0, 0.0)  # about its origin, in the world [rad/s]
+    velocity: Annotated[Vector3, Row(Number(unit="m/s"), 3)] = (0.0, 0.0, 0.0)
+    spin: Annotated[Vector3, Row(Number(unit="rad/s"), 3)] = (0.0, 0.0, 0.0)
 
     if TYPE_CHECKING:
 
@@ -41,9 +42,10 @@ class SteadyMotion(Checked):
 
 @dataclass(frozen=True, repr=False)
 class TimedPoses(Checked):
-    """A body passes through poses: evenly from one to the next, at rest before the first and after the last."""
+    """A body moves through `poses` in the world at `times` [s]: at constant velocities from each to the next, at rest
+    before the first and after the last."""
 
-    times: Annotated[tuple[float, ...], rising_times]  # rising, at least two [s]
+    times: Annotated[tuple[float, ...], rising_times]  # increasing, at least two [s]
     poses: tuple[Pose, ...]  # one at each time, in the world
 
     if TYPE_CHECKING:
@@ -57,12 +59,12 @@ class TimedPoses(Checked):
 
 @dataclass(frozen=True, repr=False)
 class Obstacle(Checked):
-    """A body in the world; it stands still unless it has a motion."""
+    """A body in the world; static unless it has a motion."""
 
     name: Name
     shape: Shape
-    pose: Placement = field(default_factory=Pose)  # at time 0, where it moves; of timed poses the first
-    clearance: Clearance | None = None  # to be proven free around it [m]; None: planner.clearance
+    pose: Placement = field(default_factory=Pose)  # at time 0, if it moves; with timed poses, the first of them
+    clearance: Clearance | None = None  # to be proven around it [m]; None: planner.clearance
     motion: SteadyMotion | TimedPoses | None = None
 
     if TYPE_CHECKING:
@@ -81,24 +83,24 @@ class Obstacle(Checked):
         if isinstance(self.motion, TimedPoses):
             first = self.motion.poses[0]
             if self.pose not in (Pose(), first):
-                raise FieldError("stands beside motion.poses, which say where the obstacle is: leave it out", "pose")
+                raise FieldError("is given twice: motion.poses say where the obstacle is, so leave it out", "pose")
             object.__setattr__(self, "pose", first)
 
 
 @dataclass(frozen=True, repr=False)
 class SelfCollision(Checked):
-    """What links and held objects are to keep from each other."""
+    """What links and held objects must keep from each other."""
 
     checked: bool = True
-    clearance: Clearance = 0.0  # to be proven free between them [m]
+    clearance: Clearance = 0.0  # to be proven between them [m]
 
     def _check_whole(self) -> None:
         if self.clearance and not self.checked:
-            raise FieldError("has no meaning where nothing is checked; leave it out", "clearance")
+            raise FieldError("has no meaning if nothing is checked; leave it out", "clearance")
 
 
 def obstacles_of(value: object) -> tuple[Obstacle, ...]:
-    """Return obstacles; a shape becomes one, with the name and pose that it says or those that a file would give it."""
+    """Return obstacles; a shape becomes an obstacle with its own name and pose, or the defaults of a file."""
     if not is_row(value):
         raise wrong("a list of obstacles", value)
     return tuple(checked(_obstacle_of(i), each, f"[{i}]") for i, each in enumerate(value))

@@ -1,4 +1,4 @@
-"""What is made once in a process and then shared: a cache in memory that threads may ask at the same time."""
+"""Values made once per process and then shared: a cache in memory that threads may use at the same time."""
 
 from __future__ import annotations
 
@@ -18,34 +18,33 @@ Number = TypeVar("Number", bound=np.generic)
 
 
 def read_only(array: NDArray[Number]) -> NDArray[Number]:
-    """Return an array's view that nobody can write to: what is shared through a cache or a module is the same for
-    all."""
+    """Return a read-only view of an array, which can safely be shared through a cache or a module."""
     view = array.view()
     view.setflags(write=False)
     return view
 
 
 def freeze(holder: Any) -> None:
-    """Make the arrays that an object holds read-only: a `__post_init__` of what caches share."""
+    """Make an object's arrays read-only: a `__post_init__` for objects that caches share."""
     for name, value in tuple(vars(holder).items()):
         if isinstance(value, np.ndarray):
             object.__setattr__(holder, name, read_only(value))
 
 
-class Turn:
-    """A lock that is open in the child of a fork: the thread that would have opened it is not there."""
+class ForkSafeLock:
+    """A lock that is released in the child of a fork, where the thread that held it does not exist."""
 
     def __init__(self) -> None:
-        """Make the lock, and again in each child."""
+        """Make the lock, and a new one in each child process."""
         self._lock = threading.Lock()
         os.register_at_fork(after_in_child=self._make)
 
     def __enter__(self) -> None:
-        """Wait for one's turn."""
+        """Acquire the lock."""
         self._lock.acquire()
 
     def __exit__(self, *_: object) -> None:
-        """Let the next one on."""
+        """Release the lock."""
         self._lock.release()
 
     def _make(self) -> None:
@@ -53,17 +52,17 @@ class Turn:
 
 
 def made_once(most: int) -> Callable[[Callable[Arguments, Made]], Callable[Arguments, Made]]:
-    """Keep the `most` values of a function that were asked for last, by its arguments, which must be hashable.
+    """Cache the `most` last used values of a function, by its arguments, which must be hashable.
 
-    As `functools.lru_cache`, but of threads that ask for the same value at once one makes it and the others wait for
-    it: for what takes seconds to make, and for what is to be one and the same object for all. A failure is kept by
-    nobody; the next one to ask tries again.
+    Like `functools.lru_cache`, but when several threads ask for the same value at once, one makes it and the others
+    wait: for values that take seconds to make, and for those that must be one and the same object for all. Errors are
+    not cached; the next caller tries again.
     """
 
     def decorate(make: Callable[Arguments, Made]) -> Callable[Arguments, Made]:
         made: OrderedDict[Hashable, Made] = OrderedDict()
         under_way: dict[Hashable, threading.Lock] = {}
-        changing = Turn()  # of the two above; never held while something is made
+        changing = ForkSafeLock()  # guards the two above; never held while a value is made
         os.register_at_fork(after_in_child=under_way.clear)
 
         @functools.wraps(make)
@@ -76,7 +75,7 @@ def made_once(most: int) -> Callable[[Callable[Arguments, Made]], Callable[Argum
                 turn = under_way.setdefault(key, threading.Lock())
             with turn:
                 with changing:
-                    if key in made:  # by the thread whose turn it was before
+                    if key in made:  # by the thread that had the lock before
                         return made[key]
                 try:
                     value = make(*args, **kwargs)

@@ -1,4 +1,4 @@
-"""Output files: refused before the work begins if they cannot be written, and there whole or not at all."""
+"""Output files: refused before the work begins if they cannot be written, and written whole or not at all."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from hdplan.scenes.errors import InputError
 
 
 def check_writable(path: Path, endings: tuple[str, ...]) -> None:
-    """Say early that an output file cannot be written, before the work whose result it is to hold.
+    """Raise early, before the work is done, if its output file cannot be written.
 
-    Tries it with an empty file beside it, which is taken away again. Raises InputError for another ending than
-    `endings`, a folder in the way or missing, or whatever the system says.
+    Tries to write an empty file beside it and removes it again. Raises InputError for an ending other than `endings`, a
+    folder of that name, a missing folder, or whatever error the system reports.
     """
     if ending_of(path, endings) is None:
         raise InputError(f"{path}: ending '{path.suffix}', allowed are {', '.join(endings)}")
@@ -31,13 +31,14 @@ def check_writable(path: Path, endings: tuple[str, ...]) -> None:
 
 
 def ending_of(path: Path, endings: Iterable[str]) -> str | None:
-    """Return which of some endings a file's name has, in small letters or large; None for another one."""
+    """Return which of some endings a file's name has, in lower or upper case; None if none of them."""
     name = path.name.lower()
     return next((ending for ending in endings if name.endswith(ending) and name != ending), None)
 
 
 def write_output(path: Path, data: bytes) -> None:
-    """Write beside the target and rename: no reader meets half a file. Raises InputError saying why not."""
+    """Write beside the target and rename, so that no reader sees half a file. Raises InputError if it cannot be
+    written."""
     with _beside(path) as temporary:
         temporary.write_bytes(data)
         os.replace(temporary, path)
@@ -45,7 +46,7 @@ def write_output(path: Path, data: bytes) -> None:
 
 @contextlib.contextmanager
 def _beside(path: Path) -> Iterator[Path]:
-    """Give an empty file in the folder of `path`, taken away at the end if it is still there."""
+    """Yield an empty file in the folder of `path`, removed at the end if it still exists."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         temporary.touch()

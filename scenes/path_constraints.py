@@ -1,4 +1,4 @@
-"""What must hold all along the path: a link upright, a point of a link within a box."""
+"""Path constraints, which hold along the whole motion: a link upright, a point of a link within a box."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ANYWHERE = (math.inf, math.inf, math.inf)
 
 
 def direction(value: object) -> tuple[float, ...]:
-    """Return an axis by its name, or a vector of any length but 0, as a vector of length 1."""
+    """Return a unit vector, given as the name of an axis or as a vector of any length but 0."""
     if isinstance(value, str):
         return AXES[Choice(AXES)(value)]
     if not is_row(value):
@@ -36,10 +36,10 @@ def direction(value: object) -> tuple[float, ...]:
 
 
 def extent(value: object) -> tuple[float, ...]:
-    """Return the edge lengths [m] of a box that may reach on without end, though not along all axes."""
+    """Return the edge lengths [m] of a box that may be infinite along some axes, but not along all."""
     size = Row(_edge, 3, "edge lengths")(value)
     if size == ANYWHERE:
-        raise FieldError("is infinite along all axes, so any place will do: leave the section out")
+        raise FieldError("is infinite along all axes, which constrains nothing: leave the section out")
     return size
 
 
@@ -53,11 +53,11 @@ def _edge(value: object) -> float:
 
 @dataclass(frozen=True, repr=False)
 class Upright(Checked):
-    """A link's axis stays close to the world's upward direction, all the way."""
+    """A link's axis stays close to the world's upward direction along the whole motion."""
 
     link: Name
-    axis: Annotated[Vector3, direction] = (0.0, 0.0, 1.0)  # in the link's frame, of length one
-    tolerance: Annotated[float, Number(high=math.pi, above=0.0, unit="rad")] = 0.1  # of its turn away [rad]
+    axis: Annotated[Vector3, direction] = (0.0, 0.0, 1.0)  # in the link's frame, of unit length
+    tolerance: Annotated[float, Number(high=math.pi, above=0.0, unit="rad")] = 0.1  # angle to the upward axis [rad]
 
     if TYPE_CHECKING:
 
@@ -66,10 +66,10 @@ class Upright(Checked):
 
 @dataclass(frozen=True, repr=False)
 class Within(Checked):
-    """A point of a link stays in a box, all the way."""
+    """A point of a link stays in a box along the whole motion."""
 
     link: Name
-    size: Annotated[Vector3, extent]  # full edge lengths of the box [m]; inf where any place will do
+    size: Annotated[Vector3, extent]  # full edge lengths of the box [m]; inf: unbounded along that axis
     pose: Pose = field(default_factory=Pose)  # of the box's centre, in the world
     point: Place = (0.0, 0.0, 0.0)  # in the link's frame [m]
 
@@ -80,7 +80,7 @@ class Within(Checked):
 
 @dataclass(frozen=True, repr=False)
 class PathConstraints(Checked):
-    """What must hold all along the way, between the waypoints too."""
+    """Constraints on the whole motion, between the waypoints too."""
 
     upright: Upright | None = None
     position: Within | None = None

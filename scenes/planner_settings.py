@@ -16,12 +16,12 @@ class PlannerSettings(Checked):
     """The `planner` section. Every value has a default; `hdplan explain` shows the ones in force."""
 
     waypoints: Annotated[int, Whole(3, 1000)] = 32  # number of rows of the trajectory, start and goal included
-    clearance: Annotated[float, Number(0.0, 1.0)] = 0.0  # what must be proven free around the robot [m]
-    activation: Annotated[float, Number(0.0, 1.0)] = 0.02  # beyond the clearance, where the penalty sets in [m]
-    gamma: Annotated[int, Whole(1, 32)] = 2  # order of differentiability of the distance
+    clearance: Annotated[float, Number(0.0, 1.0)] = 0.0  # to be proven around the robot [m]
+    activation: Annotated[float, Number(0.0, 1.0)] = 0.02  # beyond the clearance; where the penalty sets in [m]
+    gamma: Annotated[int, Whole(1, 32)] = 2  # order of smoothness of the distance
     shaping_length: Annotated[float, Number(1e-9, 1.0)] = 1e-3  # width of the distance's flat spot at contact [m]
-    distance: Annotated[str, Choice(DISTANCES)] = "hdsdf"  # of the obstacle penalty: fcl is the exact one
-    link_bodies: Annotated[str, Choice(LINK_BODIES)] = "fitted"  # what encloses a link
-    swept: bool = False  # hulls of link bodies at neighbouring waypoints in place of samples between them
+    distance: Annotated[str, Choice(DISTANCES)] = "hdsdf"  # used by the obstacle penalty; fcl is exact
+    link_bodies: Annotated[str, Choice(LINK_BODIES)] = "fitted"  # the bodies that enclose a link
+    swept: bool = False  # hulls of link bodies at neighbouring waypoints instead of samples between them
     normals: Annotated[str, Choice(("faces", "box", "sphere"))] = "box"
-    """Planes of an obstacle: faces (6 of a box), box (26) or sphere (122)."""
+    """Candidate normals of an obstacle: faces (6 for a box), box (26) or sphere (122)."""

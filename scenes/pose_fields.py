@@ -1,4 +1,4 @@
-"""Placements as files write them: position with a quaternion or roll-pitch-yaw angles."""
+"""Poses as files write them: a position with a quaternion or roll-pitch-yaw angles."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from hdplan.scenes.fields import Field
 from hdplan.scenes.poses import Pose, Quaternion, Vector3, from_rpy, rotation
 
-ROUNDING = 1e-6  # a quaternion this close to unit length is unit: decimals were cut
+ROUNDING = 1e-6  # a quaternion this close to unit length differs from it by its decimals only
 
 
 def read_pose(section: Field) -> Pose:
-    """Read ``{position, quaternion_xyzw | rpy}``; what is not said is zero. See `from_rpy` for the angles.
+    """Read ``{position, quaternion_xyzw | rpy}``; what is missing is zero. See `from_rpy` for the angles.
 
     Raises:
         InputError: both kinds of rotation, wrong lengths or types, or a quaternion that is not of unit length.
@@ -21,7 +21,7 @@ def read_pose(section: Field) -> Pose:
 
 
 def pose_of(section: Field, keys: Mapping[str, Field]) -> Pose:
-    """Read the same from the keys of a section that may hold others too."""
+    """Read a pose from the keys of a section that may have other keys too."""
     if "quaternion_xyzw" in keys and "rpy" in keys:
         raise section.error("has both 'quaternion_xyzw' and 'rpy'; give one of them")
     position = read_vector(keys["position"], unit="m") if "position" in keys else (0.0, 0.0, 0.0)
@@ -37,11 +37,11 @@ def read_vector(entry: Field, above: float = -math.inf, unit: str = "") -> Vecto
 
 
 def read_quaternion(entry: Field) -> Quaternion:
-    """Read a unit quaternion (x, y, z, w), normalized: in silence within `ROUNDING`, with a note within
+    """Read a unit quaternion (x, y, z, w), normalized: silently within `ROUNDING`, with a note within
     `poses.CLOSE`.
 
     Raises:
-        InputError: its length is farther from 1 than that.
+        InputError: its length differs from 1 by more than that.
     """
     given = entry.numbers(4)
     quaternion: Quaternion = entry.checked(rotation, given)

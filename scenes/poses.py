@@ -1,4 +1,4 @@
-"""Placements: a position and a rotation, in the one form that everything here uses."""
+"""Poses: a position and a rotation."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 Place = Annotated[Vector3, Row(Number(unit="m"), 3)]
 
-EXACT = 1e-12  # a length this close to one stays as it is, so that what was written reads back bit for bit
-CLOSE = 1e-2  # up to here a quaternion is normalized; beyond, it is a mistake
+EXACT = 1e-12  # a vector this close to unit length is kept as it is, so that what was written reads back bit for bit
+CLOSE = 1e-2  # of unit length: a quaternion up to here is normalized, beyond it is refused
 
 
 def rotation(value: object) -> tuple[float, ...]:
@@ -32,7 +32,8 @@ def rotation(value: object) -> tuple[float, ...]:
 
 
 def from_rpy(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    """Return the quaternion of R = Rz(yaw) Ry(pitch) Rx(roll) [rad], URDF's turns about the fixed axes x, y, z."""
+    """Return the quaternion of R = Rz(yaw) Ry(pitch) Rx(roll) [rad], URDF's rotations about the fixed axes x, y and
+    z."""
     (cr, sr), (cp, sp), (cy, sy) = ((math.cos(angle / 2), math.sin(angle / 2)) for angle in (roll, pitch, yaw))
     return (
         sr * cp * cy - cr * sp * sy,
@@ -44,10 +45,10 @@ def from_rpy(roll: float, pitch: float, yaw: float) -> tuple[float, float, float
 
 @dataclass(frozen=True, repr=False)
 class Pose(Checked):
-    """A placement: position [m] and unit quaternion (x, y, z, w); maps the object's frame into its parent's.
+    """A pose: position [m] and unit quaternion (x, y, z, w); it maps the object's frame into its parent's.
 
-    Raises InputError for a position that is not three finite numbers, and for a quaternion whose length is not 1 to a
-    hundredth; one nearer than that is normalized.
+    Raises InputError for a position that is not three finite numbers, and for a quaternion whose length differs from 1
+    by more than 0.01; one that is closer is normalized.
     """
 
     position: Place = (0.0, 0.0, 0.0)
@@ -61,13 +62,13 @@ class Pose(Checked):
 
     @classmethod
     def from_rpy(cls, position: Numbers, rpy: Numbers) -> Pose:
-        """Return the pose at `position` [m] that is turned by roll, pitch and yaw [rad], R = Rz(yaw) Ry(pitch)
-        Rx(roll), as URDF has it. Raises InputError for what is not three finite numbers."""
+        """Return the pose at `position` [m], rotated by roll, pitch and yaw [rad], R = Rz(yaw) Ry(pitch) Rx(roll), as
+        in URDF. Raises InputError for anything but three finite numbers each."""
         return cls(position, from_rpy(*checked(Row(Number(unit="rad"), 3), rpy, "rpy")))
 
     @cached_property
     def matrix(self) -> NDArray[np.float64]:
-        """The same as a homogeneous matrix (4, 4)."""
+        """The pose as a homogeneous matrix (4, 4)."""
         x, y, z, w = self.quaternion_xyzw
         transform = np.eye(4)
         transform[:3, :3] = [
@@ -81,7 +82,7 @@ class Pose(Checked):
 
 
 def placement(value: object) -> Pose:
-    """Return a pose given as one, or as its position alone."""
+    """Return a pose, given as a Pose or as its position alone."""
     if isinstance(value, Pose):
         return value
     if not is_row(value) or len(value) != 3:

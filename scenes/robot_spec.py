@@ -1,4 +1,4 @@
-"""Which robot a scene means, and what it fixes about it."""
+"""Which robot a scene uses, where it stands, and which of its joints are locked."""
 
 from __future__ import annotations
 
@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING, Annotated
 
 from hdplan.scenes.errors import FieldError
 from hdplan.scenes.poses import AnyPose, Placement, Pose
-from hdplan.scenes.values import Checked, FilePath, JointValue, Name, Named, Row, absolute_path, text, wrong
+from hdplan.scenes.values import (
+    Checked,
+    FilePath,
+    JointValue,
+    Name,
+    Named,
+    Row,
+    absolute_path,
+    is_row,
+    text,
+    wrong,
+)
 
 
 def pair(value: object) -> tuple[str, str]:
@@ -20,21 +31,35 @@ def pair(value: object) -> tuple[str, str]:
     return first, second
 
 
+def group_of(value: object) -> str | tuple[str, ...]:
+    """Return the name of a group, or the names of joints, each once."""
+    if not is_row(value):
+        return text(value)
+    names = Row(text, of="joint names")(value)
+    if not names:
+        raise FieldError("must not be empty")
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            raise FieldError(f"the joint {name!r} stands there twice", f"[{i}]")
+    return names
+
+
 @dataclass(frozen=True, repr=False)
 class RobotSpec(Checked):
-    """Which robot, where it stands, and what the scene fixes about it."""
+    """Which robot, where it stands, which joints are planned and which are locked."""
 
-    name: Name | None = None  # of example-robot-data; or else a URDF:
+    name: Name | None = None  # in example-robot-data; or else a URDF:
     urdf: Annotated[Path, absolute_path] | None = None
     srdf: Annotated[Path, absolute_path] | None = None
     package_dirs: Annotated[
         tuple[Path, ...], Row(absolute_path, of="folders")
-    ] = ()  # where package:// addresses of the URDF are looked up
-    group: Name | None = None  # of the SRDF: its joints are planned; None: those of its arm
+    ] = ()  # where package:// URIs of the URDF are looked up
+    group: Annotated[str | tuple[str, ...], group_of] | None = None
+    """Which joints are planned: those of a group of the SRDF, or these joints; None: those of the arm."""
     base: Placement = field(default_factory=Pose)  # of the URDF's root link
     locked: Annotated[Mapping[str, float], Named(JointValue)] = field(default_factory=dict)  # joint -> [rad] or [m]
     ignore_pairs: Annotated[tuple[tuple[str, str], ...], Row(pair, of="link pairs")] = ()  # not checked
-    source: str = field(default="", compare=False)  # for error messages: the file or option; empty: the scene's file
+    source: str = field(default="", compare=False)  # for error messages: file or option; empty: the scene's file
 
     if TYPE_CHECKING:
 
@@ -44,7 +69,7 @@ class RobotSpec(Checked):
             urdf: FilePath | None = None,
             srdf: FilePath | None = None,
             package_dirs: Sequence[FilePath] = (),
-            group: str | None = None,
+            group: str | Sequence[str] | None = None,
             base: AnyPose = Pose(),
             locked: Mapping[str, float] = {},
             ignore_pairs: Sequence[Sequence[str]] = (),
@@ -60,7 +85,7 @@ class RobotSpec(Checked):
 
 
 def robot_spec(value: object) -> RobotSpec:
-    """Return which robot is meant, given as a RobotSpec or by its name alone."""
+    """Return a robot, given as a RobotSpec or by its name alone."""
     if isinstance(value, str):
         return RobotSpec(name=value)
     if not isinstance(value, RobotSpec):

@@ -1,7 +1,7 @@
-"""A scene: one planning problem, whole. Frozen data, no files, no geometry code.
+"""A scene: one complete planning problem, as frozen data without files or geometry.
 
-Lengths in metres, angles in radians, frames: world unless said. Every value is checked when something is made of it,
-whoever makes it: a file's reader or a program (`values`); what is not allowed raises an `InputError`.
+Lengths in metres, angles in radians, poses in the world unless said otherwise. Every value is checked when an object is
+made, whether by a file's reader or by a program (`values`); one that is not allowed raises an `InputError`.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from hdplan.scenes.timing import Timing
 from hdplan.scenes.values import Checked, checked, path_of
 
 SCENE_FILES = (".yaml", ".yml")
-NEEDED: Any = None  # default of a field behind others that have one: its check finds nothing and says what it wants
+NEEDED: Any = None  # default of a required field after optional ones: its check refuses it and says what is needed
 
 
 @dataclass(frozen=True, repr=False)
 class Scene(Checked):
-    """One planning problem, whole. Scenes are equal that say the same, whatever file they come from, or none.
+    """One complete planning problem. Scenes with the same content are equal, whatever file they come from.
 
         scene = hdplan.Scene(
             robot="panda",
@@ -40,30 +40,30 @@ class Scene(Checked):
             goal=[0.6, -0.3, 0.0, -2.0, 0.0, 1.8, 0.785],
         )
 
-    Give arguments by their names. `robot` is a name of `hdplan robots`, or a RobotSpec. `obstacles` are Obstacles, or
-    shapes that say where they stand. `start` is a row of joint values in the robot's order [rad or m], a mapping from
-    joint names to values, or the name of a state of the SRDF. `goal` is one of these too, or a PoseTarget, or a list of
-    either: then any of them will do. All other sections are those of a scene file.
+    Pass arguments by name. `robot` is a name listed by `hdplan robots`, or a RobotSpec. `obstacles` are Obstacles, or
+    shapes with a pose. `start` is a row of joint values in the robot's order [rad or m], a mapping from joint names to
+    values, or the name of an SRDF state. `goal` is one of these too, or a PoseTarget, or a list of either, any of which
+    will do. The other arguments are the sections of a scene file.
 
-    Raises InputError for any value that a file is refused, in the same words. What joints, links, states and robots are
-    called, and what one section needs of another, is checked when the scene is planned.
+    Raises InputError for any value that would be refused in a file, with the same message. Names of joints, links,
+    states and robots, and what one section needs of another, are checked when the scene is planned.
     """
 
     name: str = field(default="scene", compare=False)
-    source: Path = field(default=Path(), compare=False, repr=False)  # the file it was read from; none: its name
+    source: Path = field(default=Path(), compare=False, repr=False)  # the file it was read from; without one, its name
     robot: Annotated[RobotSpec, robot_spec] = NEEDED
     obstacles: Annotated[tuple[Obstacle, ...], obstacles_of] = ()
     start: Annotated[JointTarget, Configuration("start")] = NEEDED
     goal: Annotated[JointTarget | Goals, goal_of] = NEEDED
     planner: PlannerSettings = field(default_factory=PlannerSettings)
-    from_request: bool = False  # ends as MoveIt requests have them: of whole robots, and a little beyond limits
-    attached: tuple[Attached, ...] = ()  # held objects
+    from_request: bool = False  # ends as in MoveIt requests: of whole robots, maybe a little beyond limits
+    attached: tuple[Attached, ...] = ()
     self_collision: SelfCollision = field(default_factory=SelfCollision)
     limits: Limits = field(default_factory=Limits)
     payload: Payload | None = None
     path: PathConstraints = field(default_factory=PathConstraints)
     timing: Timing | None = None
-    notes: tuple[str, ...] = field(default=(), compare=False)  # what the reader changed or left out, in words
+    notes: tuple[str, ...] = field(default=(), compare=False)  # what the reader changed or left out
 
     if TYPE_CHECKING:
 
@@ -99,20 +99,21 @@ class Scene(Checked):
             taken[name] = kind
 
     def with_start(self, start: AnyConfiguration | Goals) -> Scene:
-        """Return the same scene with another start, in any form that `Scene` takes; a goal will do if it leaves no
-        choice. Raises InputError as `Scene` does."""
+        """Return the same scene with another start, in any form that `Scene` takes, or a goal without a choice. Raises
+        InputError as `Scene` does."""
         return dataclasses.replace(self, start=start)  # type: ignore[arg-type]
 
     def with_goal(self, goal: AnyGoal) -> Scene:
-        """Return the same scene with another goal, in any form that `Scene` takes. Raises InputError as it does."""
+        """Return the same scene with another goal, in any form that `Scene` takes. Raises InputError as `Scene`
+        does."""
         return dataclasses.replace(self, goal=goal)  # type: ignore[arg-type]
 
     def save(self, path: str | Path) -> None:
         """Write the scene as a hdplan scene file, whole or not at all; `load_scene` gives an equal scene back.
 
-        `path` ends with .yaml or .yml. Files that the scene names are written with their whole paths, so it may be
-        saved anywhere. Raises InputError for another ending, a path that cannot be written, and what no file may say:
-        a section without another one that it needs, a text with half a character.
+        `path` ends with .yaml or .yml. Files that the scene names are written with absolute paths, so it may be
+        saved anywhere. Raises InputError for another ending, a path that cannot be written, and a scene that no file
+        can hold: with a section that needs another one, or a text with a lone surrogate.
         """
         import hdplan.scenes
 
@@ -122,45 +123,45 @@ class Scene(Checked):
         write_output(file, hdplan.scenes.scene_text(self).encode())
 
     def check_effects(self) -> None:
-        """Refuse what can only be planned beside a section that is missing: a payload without limits of torque, moving
-        obstacles without a duration, a motion in time with neither a duration nor limits of acceleration."""
+        """Refuse sections that need another one: a payload without torque limits, moving obstacles without a duration,
+        a timed motion with neither a duration nor acceleration limits. Raises InputError."""
         if self.payload is not None and self.limits.torque is None:
-            raise FieldError("counts where joint torques do: limits.torque is missing", "payload")
+            raise FieldError("only matters for joint torques, but limits.torque is missing", "payload")
         duration = self.timing.duration if self.timing else None
         for i, obstacle in enumerate(self.obstacles):
             if obstacle.motion is not None and duration is None:
-                raise FieldError("must be met at known times: timing.duration is missing", f"obstacles[{i}].motion")
+                raise FieldError("needs known times, but timing.duration is missing", f"obstacles[{i}].motion")
         if self.timed and duration is None and self.limits.acceleration is None:
             given = next((name for name in QUANTITIES if getattr(self.limits, name) is not None), None)
             raise FieldError(
-                "makes the motion timed, and a URDF holds no accelerations to time it by: timing.duration or "
+                "makes the motion timed, and a URDF has no acceleration limits to time it by: timing.duration or "
                 "limits.acceleration is missing",
                 "timing" if self.timing is not None or given is None else f"limits.{given}",
             )
 
     @property
     def timed(self) -> bool:
-        """Whether the result is to say when the motion is where: something in the scene depends on it."""
+        """Whether the motion gets times: something in the scene depends on them."""
         return self.timing is not None or any(getattr(self.limits, rate) is not None for rate in QUANTITIES)
 
     @property
     def standing(self) -> tuple[Obstacle, ...]:
-        """The obstacles that stand still."""
+        """The static obstacles."""
         return tuple(obstacle for obstacle in self.obstacles if obstacle.motion is None)
 
     @property
     def moving(self) -> tuple[Obstacle, ...]:
-        """The obstacles that move."""
+        """The moving obstacles."""
         return tuple(obstacle for obstacle in self.obstacles if obstacle.motion is not None)
 
     @property
     def end_time(self) -> float:
-        """When the motion ends [s], as far as anything in the scene depends on it; else 0."""
+        """The duration of the motion [s] if the scene fixes it, else 0."""
         return 0.0 if self.timing is None or self.timing.duration is None else self.timing.duration
 
     @property
     def clearances(self) -> dict[str, float]:
-        """What must be proven free around each obstacle [m]: its own clearance, or else planner.clearance."""
+        """The clearance to be proven around each obstacle [m]: its own, or else planner.clearance."""
         return {
             obstacle.name: self.planner.clearance if obstacle.clearance is None else obstacle.clearance
             for obstacle in self.obstacles

@@ -15,7 +15,7 @@ from hdplan.scenes.poses import AnyPose, Placement, Vector3
 from hdplan.scenes.values import Checked, FilePath, Name, Number, Numbers, Row, absolute_path, is_row
 
 Length = Annotated[float, Number(above=0.0, unit="m")]
-FLAT = 1e-9  # thickness over size below which points lie in one plane
+FLAT = 1e-9  # ratio of thickness to size below which points count as coplanar
 
 
 def volume(value: object) -> tuple[tuple[float, ...], ...]:
@@ -32,24 +32,24 @@ def volume(value: object) -> tuple[tuple[float, ...], ...]:
 
 
 def axis_factors(value: object) -> tuple[float, ...]:
-    """Return factors along three axes, given as such or as one for all."""
+    """Return factors along three axes, given as three numbers or as one for all axes."""
     factor = Number(above=0.0)
     return Row(factor, 3)(value) if is_row(value) else (factor(value),) * 3
 
 
 @dataclass(frozen=True, repr=False)
 class Solid(Checked):
-    """A shape. In a scene's list of obstacles it may say itself what it is called and where it stands."""
+    """A shape. In a scene's list of obstacles it may carry its own name and pose."""
 
-    name: Name | None = field(default=None, kw_only=True)  # None: obstacle0, obstacle1, … by its place in the list
-    pose: Placement | None = field(default=None, kw_only=True)  # in the world; None: at its origin
+    name: Name | None = field(default=None, kw_only=True)  # None: obstacle0, obstacle1, …, by its index in the list
+    pose: Placement | None = field(default=None, kw_only=True)  # in the world; None: the identity
 
 
 @dataclass(frozen=True, repr=False)
 class Box(Solid):
-    """A box centred in its frame."""
+    """A box with full edge lengths `size` [m], centred in its frame."""
 
-    size: Annotated[Vector3, Row(Number(above=0.0, unit="m"), 3)]  # full edge lengths [m]
+    size: Annotated[Vector3, Row(Number(above=0.0, unit="m"), 3)]
 
     if TYPE_CHECKING:
 
@@ -58,9 +58,9 @@ class Box(Solid):
 
 @dataclass(frozen=True, repr=False)
 class Sphere(Solid):
-    """A ball centred in its frame."""
+    """A sphere of `radius` [m], centred in its frame."""
 
-    radius: Length  # [m]
+    radius: Length
 
     if TYPE_CHECKING:
 
@@ -69,9 +69,9 @@ class Sphere(Solid):
 
 @dataclass(frozen=True, repr=False)
 class Ellipsoid(Solid):
-    """An ellipsoid centred in its frame, its axes along x, y and z."""
+    """An ellipsoid with half axes `radii` [m] along x, y and z, centred in its frame."""
 
-    radii: Annotated[Vector3, Row(Number(above=0.0, unit="m"), 3)]  # half axes [m]
+    radii: Annotated[Vector3, Row(Number(above=0.0, unit="m"), 3)]
 
     if TYPE_CHECKING:
 
@@ -80,10 +80,10 @@ class Ellipsoid(Solid):
 
 @dataclass(frozen=True, repr=False)
 class Cylinder(Solid):
-    """A right circular cylinder centred in its frame, axis z."""
+    """A cylinder of `radius` and `length` [m] along z, centred in its frame."""
 
-    radius: Length  # [m]
-    length: Length  # [m]
+    radius: Length
+    length: Length
 
     if TYPE_CHECKING:
 
@@ -94,10 +94,10 @@ class Cylinder(Solid):
 
 @dataclass(frozen=True, repr=False)
 class Capsule(Solid):
-    """A segment on the z axis, centred, swept by a ball."""
+    """A sphere of `radius` [m] swept along a segment of `length` [m] on the z axis, centred in its frame."""
 
-    radius: Length  # [m]
-    length: Annotated[float, Number(low=0.0, unit="m")]  # between the centres of the two end spheres [m]
+    radius: Length
+    length: Annotated[float, Number(low=0.0, unit="m")]
 
     if TYPE_CHECKING:
 
@@ -108,9 +108,9 @@ class Capsule(Solid):
 
 @dataclass(frozen=True, repr=False)
 class Points(Solid):
-    """The convex hull of points."""
+    """The convex hull of `points` [m], given in its frame."""
 
-    points: Annotated[tuple[Vector3, ...], volume]  # in the obstacle's frame [m]
+    points: Annotated[tuple[Vector3, ...], volume]
 
     if TYPE_CHECKING:
 
@@ -125,10 +125,11 @@ class Points(Solid):
 
 @dataclass(frozen=True, repr=False)
 class Mesh(Solid):
-    """A triangle mesh read from a file (anything that trimesh reads)."""
+    """A triangle mesh read from `file`, in any format that trimesh reads, with factors `scale` along the file's
+    axes."""
 
     file: Annotated[Path, absolute_path]
-    scale: Annotated[Vector3, axis_factors] = (1.0, 1.0, 1.0)  # factor along each axis of the file
+    scale: Annotated[Vector3, axis_factors] = (1.0, 1.0, 1.0)
 
     if TYPE_CHECKING:
 
@@ -146,7 +147,7 @@ Shape = Box | Sphere | Ellipsoid | Cylinder | Capsule | Points | Mesh
 
 
 def check_unplaced(shape: Shape, owner: str) -> None:
-    """Refuse a shape that says itself what only its owner may say."""
+    """Refuse a shape with its own name or pose where its owner has them."""
     for key in ("name", "pose"):
         if getattr(shape, key) is not None:
-            raise FieldError(f"is the {owner}'s to say: give it there, not to its shape", f"shape.{key}")
+            raise FieldError(f"belongs to the {owner}: give it there, not to its shape", f"shape.{key}")

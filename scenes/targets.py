@@ -1,4 +1,4 @@
-"""Starts and goals: configurations, poses of a link, and goals that leave a choice among them."""
+"""Starts and goals: configurations, poses of a link, and goals with several alternatives."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from hdplan.scenes.values import (
 )
 
 FREE_ROTATIONS = ("none", "x", "y", "z", "all")
-NO_TURN = "has no meaning with free_rotation: all, which lets the link turn as it likes; leave it out"
+NO_TURN = "has no meaning with free_rotation: all, which allows any orientation; leave it out"
 
 
 @dataclass(frozen=True, repr=False)
 class JointTarget(Checked):
-    """A configuration as the scene writes it: exactly one of the last three is given."""
+    """A configuration as the scene gives it: by exactly one of the last three fields."""
 
     field: str = dataclasses.field(
         compare=False, repr=False
@@ -51,15 +51,15 @@ class JointTarget(Checked):
 
 @dataclass(frozen=True, repr=False)
 class PoseTarget(Checked):
-    """Where a link is to be: origin within a ball, and turned by no more than an angle away."""
+    """A goal pose of a link: its origin within a ball, its orientation within an angle."""
 
     link: Name
     pose: Pose  # of the link's frame, in the world
     position_tolerance: Annotated[float, Number(high=1.0, above=0.0, unit="m")] = 1e-3  # of the link's origin [m]
     orientation_tolerance: Annotated[float, Number(high=math.pi, above=0.0, unit="rad")] = 1e-2
-    """How far it may be turned away, its free turns left out [rad]."""
+    """How far its orientation may deviate, beside its free rotation [rad]."""
     free_rotation: Annotated[str, Choice(FREE_ROTATIONS)] = "none"
-    """About which axis of the link it may turn freely: none, x, y, z, or all (any turn)."""
+    """The axis of the link about which it may rotate freely: none, x, y, z, or all (any orientation)."""
     field: str = dataclasses.field(
         default="goal", compare=False, repr=False
     )  # where it stands in the file: "goal.poses[1]"
@@ -82,7 +82,7 @@ def _choices(value: object) -> tuple[object, ...]:
 
 @dataclass(frozen=True, repr=False)
 class Goals(Checked):
-    """A goal that leaves a choice: any of these targets will do, and any configuration that reaches a pose."""
+    """A goal with a choice: any of these targets will do, and any configuration that reaches a pose."""
 
     targets: Annotated[tuple[JointTarget, ...] | tuple[PoseTarget, ...], _choices]  # configurations by values, or poses
     field: str = dataclasses.field(
@@ -92,7 +92,8 @@ class Goals(Checked):
 
 @dataclass(frozen=True)
 class Configuration:
-    """A configuration in any of its forms: values in the order of the joints, by their names, or a named state."""
+    """A configuration in any of its forms: values in the order of the joints, values by joint name, or a named
+    state."""
 
     field: str
     allowed: str = "a list of joint values, a mapping from joint names to values [rad or m], or the name of a state"
@@ -132,4 +133,4 @@ def goal_of(value: object) -> JointTarget | Goals:
     return Goals(targets)  # type: ignore[arg-type]
 
 
-_SEVERAL = (Mapping, JointTarget, PoseTarget)  # what is no joint value, and so one of several targets
+_SEVERAL = (Mapping, JointTarget, PoseTarget)  # not a joint value, and so one of several targets

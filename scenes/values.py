@@ -1,8 +1,8 @@
-"""What a value may be, said once: a file's reader and a scene made in Python ask the same checks.
+"""What a value may be, said once: files and scenes made in Python go through the same checks.
 
 A check takes a value and returns it in its one form (a float for a whole number, a tuple for a list or an array), or
-raises a `FieldError` that says what is allowed and what was found. A dataclass that is `Checked` finds the checks of
-its fields in their annotations, such as ``radius: Annotated[float, Number(above=0.0, unit="m")]``.
+raises a `FieldError` that says what is allowed and what was found. A `Checked` dataclass finds the checks of its fields
+in their annotations, such as ``radius: Annotated[float, Number(above=0.0, unit="m")]``.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ Check = Callable[[Any], Any]
 
 FilePath = str | os.PathLike[str]
 Numbers = Sequence[float] | NDArray[Any]
-"""What a program may give for a tuple of numbers. A class that is given more than its fields hold says so in an
-``__init__`` that only type checkers see; what is made checks the values, and holds the types of its fields."""
+"""What a program may pass for a tuple of numbers. A class that accepts more types than its fields hold declares them in
+an ``__init__`` that only type checkers see; the fields hold the types of their annotations."""
 
-LARGEST = 1e6  # in size, of any number [m, rad]: beyond it distances drown in rounding
-SMALLEST = 1e-100  # of a number above 0: squared, and as a divisor of LARGEST, it is still far from the floats' ends
+LARGEST = 1e6  # in size, of any number [m, rad]: beyond it distances are lost in rounding
+SMALLEST = 1e-100  # of a number above 0: its square, and LARGEST divided by it, stay well within the range of floats
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]")
-_SHOWN = 60  # characters of a found value that an error repeats
+_SHOWN = 60  # characters of a value that an error repeats
 
 
 def wrong(allowed: str, value: object, kind: str = "") -> FieldError:
-    """Return the error that a value is not what is allowed."""
+    """Return the error that a value is not `allowed`."""
     return FieldError(f"must be {allowed}, found {describe(value)}", value=value, kind=kind)
 
 
 @dataclass(frozen=True)
 class Number:
-    """A finite number, at most LARGEST in size, with low <= value <= high and value > above; no truth value.
+    """A finite number, at most LARGEST in size, with low <= value <= high and value > above; not a boolean.
 
-    One that must be above 0 is at least SMALLEST: it divides others.
+    A number that must be above 0 is at least SMALLEST, as it divides others.
     """
 
     low: float = -math.inf
@@ -100,7 +100,7 @@ class Whole:
 
 @dataclass(frozen=True)
 class Row:
-    """A list, a tuple or an array of values that a check allows; of a length, if one is given."""
+    """A list, a tuple or an array of values that a check allows, of a given length if there is one."""
 
     item: Check
     length: int | None = None
@@ -116,7 +116,7 @@ class Row:
 
 
 def is_row(value: object) -> TypeGuard[list[Any] | tuple[Any, ...]]:
-    """Tell what holds values in an order."""
+    """Tell whether a value is a list, a tuple or an array."""
     return isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim > 0)
 
 
@@ -127,7 +127,7 @@ class Named:
     item: Check
 
     def __call__(self, value: object) -> dict[str, Any]:
-        """Return it as a dictionary of its own."""
+        """Return it as a new dictionary."""
         if not isinstance(value, Mapping):
             raise wrong("a mapping", value)
         if strange := [name for name in value if not isinstance(name, str)]:
@@ -137,7 +137,7 @@ class Named:
 
 @dataclass(frozen=True)
 class Choice:
-    """One of some words."""
+    """One of several words."""
 
     allowed: Collection[str]
 
@@ -151,7 +151,7 @@ class Choice:
 
 
 def text(value: object) -> str:
-    """Return a text that is not empty and holds no control characters, such as ends of lines."""
+    """Return a text that is not empty and holds no control characters, such as line breaks."""
     if isinstance(value, str) and _CONTROL.search(value):
         raise FieldError(f"must be a text without control characters, found {shorten(repr(value))}", value=value)
     if not isinstance(value, str) or not value.strip():
@@ -163,14 +163,14 @@ Name = Annotated[str, text]
 
 
 def boolean(value: object) -> bool:
-    """Return a truth value."""
+    """Return a boolean."""
     if not isinstance(value, bool | np.bool_):
         raise wrong("true or false", value)
     return bool(value)
 
 
 def path_of(value: object) -> Path:
-    """Return a path given as one or as a text."""
+    """Return a path, given as a path or as a text."""
     if not isinstance(value, str | os.PathLike):
         raise wrong("a path", value)
     if "\0" in str(value):
@@ -179,7 +179,7 @@ def path_of(value: object) -> Path:
 
 
 def absolute_path(value: object) -> Path:
-    """Return a path by its whole name, so that it stays the same wherever the program goes."""
+    """Return an absolute path, which does not depend on the working directory."""
     return path_of(value).absolute()
 
 
@@ -189,10 +189,11 @@ _shown.maxstring, _shown.maxother = 100, 2000
 
 
 class Checked:
-    """Base of frozen dataclasses whose fields are checked, and brought to their one form, whenever one is made."""
+    """Base class of frozen dataclasses whose fields are checked, and brought to their one form, when an object is
+    made."""
 
     def __post_init__(self) -> None:
-        """Check every field by itself, then what they say together."""
+        """Check every field by itself, then all of them together."""
         try:
             for name, check in checks_of(type(self)).items():
                 object.__setattr__(self, name, checked(check, getattr(self, name), name))
@@ -201,10 +202,10 @@ class Checked:
             raise error.of(type(self).__name__) from None
 
     def _check_whole(self) -> None:
-        """Raise a FieldError for fields that do not go together."""
+        """Raise a FieldError for fields that contradict each other."""
 
     def __repr__(self) -> str:
-        """Say what differs from the defaults; what is long is cut. For classes made with ``repr=False``."""
+        """Show the fields that differ from their defaults; long values are cut. For dataclasses with ``repr=False``."""
         said = []
         for each in fields(self):  # type: ignore[arg-type]
             value = getattr(self, each.name)
@@ -215,7 +216,7 @@ class Checked:
 
 
 def checked(check: Check, value: object, where: str) -> Any:
-    """Return what a check makes of a value; its error says `where`."""
+    """Return what a check makes of a value; an error names the field `where`."""
     try:
         return check(value)
     except FieldError as error:
@@ -223,18 +224,18 @@ def checked(check: Check, value: object, where: str) -> Any:
 
 
 def instance(value: object, kind: type, where: str) -> None:
-    """Raise a FieldError unless a function was given what it is for."""
+    """Raise a FieldError unless an argument is of a class."""
     if not isinstance(value, kind):
         raise wrong(f"of the class {kind.__name__}", value).within(where)
 
 
 def shorten(text: str) -> str:
-    """Cut a long text for an error line."""
+    """Cut a long text for an error message."""
     return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
 
 
 def describe(value: object) -> str:
-    """Say in a few words, on one line, what a value is."""
+    """Describe a value in a few words, on one line."""
     match value:
         case None:
             return "nothing"
@@ -250,7 +251,7 @@ def describe(value: object) -> str:
             return f"an array of shape {value.shape}"
     try:
         return shorten(" ".join(str(value).split()))
-    except ValueError:  # more digits than Python writes
+    except ValueError:  # more digits than Python prints
         return "a number of thousands of digits"
 
 
@@ -282,7 +283,7 @@ _known: dict[Any, dict[str, Check]] = {}
 
 
 def checks_of(kind: Any) -> dict[str, Check]:
-    """Return the checks of a class's fields, found once."""
+    """Return the checks of a class's fields, which are found once."""
     if kind not in _known:
         hints = typing.get_type_hints(kind, include_extras=True)
         _known[kind] = {field.name: _check_of(hints[field.name]) for field in fields(kind) if field.init}
@@ -290,7 +291,7 @@ def checks_of(kind: Any) -> dict[str, Check]:
 
 
 def _check_of(hint: Any) -> Check:
-    """Return the check that an annotation means: the one it carries, or one of its type."""
+    """Return the check for an annotation: the one it carries, or else one for its type."""
     if typing.get_origin(hint) is Annotated:
         return typing.cast(Check, hint.__metadata__[0])
     if typing.get_origin(hint) in (typing.Union, types.UnionType):

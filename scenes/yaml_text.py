@@ -1,5 +1,5 @@
-"""Values as YAML's flow style, which is nearly JSON: texts in double quotes, numbers as the shortest that read back bit
-for bit, infinity as `.inf`."""
+"""Values in YAML's flow style, which is nearly JSON: texts in double quotes, numbers with the fewest digits that read
+back bit for bit, infinity as `.inf`."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from collections.abc import Mapping
 
 from hdplan.scenes.errors import InputError
 
-LONG_KEY = 1000  # characters; YAML's parsers look no farther than 1024 for the colon
+LONG_KEY = 1000  # characters; YAML parsers look for the colon within 1024
 _HALF = re.compile("[\ud800-\udfff]")
 
 
 def flow_style(value: object) -> str:
-    """Write a value in YAML 1.1's flow style, which takes 1e-05 for a text and 1.0e-05 for a number."""
+    """Return a value in YAML 1.1's flow style, which reads 1e-05 as a text and 1.0e-05 as a number."""
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{_key(str(key))}: {flow_style(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list):
@@ -35,14 +35,14 @@ def flow_style(value: object) -> str:
 
 
 def _key(name: str) -> str:
-    """Write a key; YAML wants to be told of long ones."""
+    """Return a key; YAML marks long ones with a question mark."""
     key = _text(name)
     return key if len(key) < LONG_KEY else f"? {key}"
 
 
 def _text(text: str) -> str:
-    """Write a text in double quotes, with what cannot be printed escaped as YAML has it: JSON's pairs of surrogates for
-    one character it does not know. Raises InputError for half of such a pair, which no file can hold."""
+    """Return a text in double quotes, with unprintable characters escaped as in YAML, which does not know JSON's
+    surrogate pairs. Raises InputError for a lone surrogate, which no file can hold."""
     if _HALF.search(text):
         raise InputError(f"the text {text!r} holds half a character (a lone surrogate), which no file can hold")
     return "".join(char if char.isprintable() else _escape(ord(char)) for char in json.dumps(text, ensure_ascii=False))

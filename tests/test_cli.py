@@ -266,7 +266,7 @@ def test_simulate_replays_what_plan_wrote(hdplan: Callable[..., Done], tmp_path:
     assert hdplan("plan", timed, "--quiet", "-o", "motion.json").code == 0
     kinematic = hdplan("simulate", timed, "motion.json")
     assert (kinematic.code, kinematic.err) == (0, "")
-    assert kinematic.out.startswith("replayed: kinematics alone")
+    assert kinematic.out.startswith("replayed: kinematics only")
     assert "torque" not in kinematic.out
     strong = arm_scene(tmp_path, "strong.yaml", limits={"velocity": 2.0, "acceleration": 4.0, "torque": 20.0})
     done = hdplan("simulate", strong, "motion.json")
@@ -448,7 +448,7 @@ BAD_ARGUMENTS = {
     "nothing like it": (["robots", "xyzzy"], ["'xyzzy'", "`hdplan robots` lists them"]),
     "robot misspelt": (["plan", "planar_arm", "--robot", "pandda"], ["--robot: ", "'pandda'", "'panda'"]),
     "no such robot file": (["plan", "planar_arm", "--robot", "no.yaml"], ["no.yaml: no such file"]),
-    "request without need": (["plan", "planar_arm", "--request", "r.yaml"], ["no MoveIt planning scene"]),
+    "request without need": (["plan", "planar_arm", "--request", "r.yaml"], ["not a MoveIt planning scene"]),
     "solver misspelt": (["plan", "planar_arm", "--solver", "ipop"], ["'ipop'", "'ipopt'"]),
     "seed negative": (["plan", "planar_arm", "--seed", "-1"], ["--seed", "at least 0", "'-1'"]),
     "seed broken": (["plan", "planar_arm", "--seed", "1.5"], ["--seed", "whole number", "'1.5'"]),
@@ -465,7 +465,7 @@ BAD_ARGUMENTS = {
     "picture ending": (["plan", "planar_arm", "--plot", "x.jpg"], ["x.jpg", "'.jpg'", ".png, .pdf, .svg"]),
     "no trajectory": (["check", "planar_arm", "no.json"], ["no.json: no such file"]),
     "trajectory ending": (["check", "planar_arm", "no.txt"], ["no.txt", "'.txt'", ".json, .csv, .npz"]),
-    "trajectory a folder": (["check", "planar_arm", "folder.json"], ["folder.json: is a directory; a file is wanted"]),
+    "trajectory a folder": (["check", "planar_arm", "folder.json"], ["folder.json: is a directory, not a file"]),
 }
 
 
@@ -550,7 +550,7 @@ BAD_TRAJECTORIES = {
         '{"hdplan_trajectory": 1, "joint_names": ["a"], "positions": [[0], [NaN]]}': "waypoint 1, joint 'a'",
         '{"hdplan_trajectory": 1, "joint_names": ["a"], "positions": [[0], [1]], "times": [0]}': "each of the 2",
         '{"hdplan_trajectory": 1, "joint_names": ["a"], "positions": [[0], [1]], "times": 3}': "each of the 2",
-        '{"hdplan_trajectory": 1, "joint_names": ["a"], "positions": [[0], [1]], "times": [1, 1]}': "times must rise",
+        '{"hdplan_trajectory": 1, "joint_names": ["a"], "positions": [[0], [1]], "times": [1, 1]}': "must increase",
     },
     "x.csv": {
         "": "empty",

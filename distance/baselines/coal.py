@@ -1,9 +1,9 @@
-"""The exact signed distance of two convex bodies, with witness points: coal for the bulk, checked every time.
+"""The exact signed distance of two convex bodies, with witness points: by coal, whose every answer is checked.
 
 In: two bodies and their poses (4, 4), world from body [m]. Out: ``Proximity``, or for many poses at once the distances
 alone; exact to about 1e-9 of the bodies' size, positive = separated. coal is fast, but wrong in about one of a thousand
-exactly parallel contacts; so its answer counts only if it proves itself, and otherwise ``ground_truth`` decides.
-``CoalPair`` is coal without that guard, for timing.
+exactly parallel contacts; so its answer is used only if it can be verified, otherwise ``ground_truth`` decides.
+``CoalPair`` is coal without the check, for timing.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ from hdplan.scenes.array_types import Array, Mask
 
 __all__ = ["CoalPair", "Proximity", "signed_distance", "signed_distances"]
 
-PLAUSIBLE = 1e-9  # by this much of the size may coal's answer miss its own proof
-BLOCK = 2**20  # numbers that the proof of overlaps holds at once, about 8 MB
+PLAUSIBLE = 1e-9  # of the size: tolerance of the check
+BLOCK = 2**20  # numbers that the check of overlaps holds at once, about 8 MB
 REQUEST = coal.DistanceRequest()
 REQUEST.enable_signed_distance = True
 REQUEST.gjk_tolerance = REQUEST.epa_tolerance = 1e-10
 
 
 class _Placements(NamedTuple):
-    """Poses scaled to bodies of about 1 m, B at the origin: so no digits are lost far from it or at odd scales."""
+    """Poses scaled to bodies of about 1 m, B at the origin, so that no digits are lost far away or at odd scales."""
 
     rotations_a: Array  # (N, 3, 3) world from A
     offsets: Array  # (N, 3) from B's origin to A's, in the world, scaled
     rotations_b: Array  # (N, 3, 3) world from B
-    exponent: int  # lengths are times 2^exponent: a power of two, so that nothing is rounded
+    exponent: int  # lengths are multiplied by 2^exponent: a power of two, so that nothing is rounded
 
 
 class _Answers(NamedTuple):
-    """What ``Proximity`` says, for N poses."""
+    """The contents of ``Proximity`` for N poses."""
 
     distances: Array  # (N,)
     points_a: Array  # (N, 3)
@@ -53,9 +53,8 @@ class _Answers(NamedTuple):
 def signed_distance(body_a: ConvexBody, pose_a: ArrayLike, body_b: ConvexBody, pose_b: ArrayLike) -> Proximity:
     """Return the exact signed distance of body_a and body_b [m], at pose_a and pose_b (4, 4), world from body.
 
-    d = max over unit n of min n·(a - b) - r_A - r_B (paper, section III, Theorem SDF): the radii
-    come off the signed distance of the polytopes. Raises InputError for poses of another shape, not finite or not
-    rigid.
+    d = max over unit n of min n·(a - b) - r_A - r_B (paper: Theorem III.1, eq. (2)): the radii are subtracted from the
+    signed distance of the polytopes. Raises InputError for poses of another shape, not finite or not rigid.
     """
     check_bodies(body_a, body_b)
     found = _exact(body_a, check_pose("pose_a", pose_a)[None], body_b, check_pose("pose_b", pose_b)[None])
@@ -67,8 +66,8 @@ def signed_distances(body_a: ConvexBody, poses_a: ArrayLike, body_b: ConvexBody,
 
     poses_a and poses_b: (N, 4, 4), world from body.
 
-    The same as ``signed_distance`` pose by pose, several times faster: only coal's own call is made one by one.
-    Overlaps take longest, as their proof looks across every pair of edges.
+    The same as ``signed_distance`` pose by pose, but several times faster: only coal itself is called one by one.
+    Overlaps take longest, as their check goes through every pair of edges.
 
     Raises InputError for poses of another shape, not finite or not rigid, and for lists of unequal length.
     """
@@ -81,14 +80,14 @@ def signed_distances(body_a: ConvexBody, poses_a: ArrayLike, body_b: ConvexBody,
 
 
 class CoalPair(threading.local):
-    """Two bodies for coal's own signed distance, as fast as Python reaches it and as coal answers: nothing is checked.
+    """Two bodies for coal's own signed distance, with as little overhead as possible and without any check.
 
-    For timing only: wrong without a word in about one of a thousand exactly parallel contacts. Threads may share it, as
-    each has its own of everything.
+    For timing only: silently wrong in about one of a thousand exactly parallel contacts. Threads may share it, as each
+    has its own copies.
     """
 
     def __init__(self, body_a: ConvexBody, body_b: ConvexBody) -> None:
-        """Build what coal needs once."""
+        """Build coal's objects once."""
         self._hulls = _hull(body_a, 0), _hull(body_b, 0)  # the functor below does not keep them alive
         compute, result = coal.ComputeDistance(*self._hulls), coal.DistanceResult()
         self._own = coal.Transform3s(), coal.Transform3s(), compute, result, body_a.radius + body_b.radius
@@ -105,7 +104,7 @@ class CoalPair(threading.local):
 
 
 def _exact(body_a: ConvexBody, poses_a: Array, body_b: ConvexBody, poses_b: Array) -> _Answers:
-    """Return the exact answers at poses (N, 4, 4): coal's where proven, else the ground truth."""
+    """Return the exact answers at poses (N, 4, 4): coal's where verified, else the ground truth."""
     exponent = -max(_exponent(body_a), _exponent(body_b))
     scale = 2.0**exponent
     origins = poses_b[:, :3, 3]
@@ -146,7 +145,7 @@ def _coal(body_a: ConvexBody, body_b: ConvexBody, places: _Placements) -> _Answe
 
 
 def _proven(body_a: ConvexBody, body_b: ConvexBody, places: _Placements, found: _Answers) -> Mask:
-    """Return which answers (N,) prove themselves.
+    """Return which answers (N,) are verified.
 
     The gap along any unit normal is a lower bound of the signed distance, and that along the answer's normal must equal
     its distance. Apart, the distance of two points of the bodies is an upper bound. Overlapping, no gap along the axes
@@ -156,7 +155,7 @@ def _proven(body_a: ConvexBody, body_b: ConvexBody, places: _Placements, found: 
     corners_b, normals_b, heights_b = _polytope(body_b, places.exponent)
     rotations_a, offsets, rotations_b, _ = places
     distances, points_a, points_b, normals = found
-    with np.errstate(invalid="ignore", over="ignore"):  # garbage may be infinite; a bounded tolerance refuses it
+    with np.errstate(invalid="ignore", over="ignore"):  # a wrong answer may be infinite: it is rejected
         tolerance = PLAUSIBLE * np.minimum(np.maximum(1.0, np.abs(distances)), 1e300)
         lowest_a = (_turned_back(normals, rotations_a) @ corners_a.T).min(1) + (normals * offsets).sum(1)
         highest_b = (_turned_back(normals, rotations_b) @ corners_b.T).max(1)

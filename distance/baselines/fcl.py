@@ -1,14 +1,14 @@
-"""The FCL baseline: its exact signed distance, in a process of its own because it may take that process down.
+"""The FCL baseline: its exact signed distance, in a process of its own because it may crash.
 
-In: two bodies and their poses, world from body [m]. Out: what python-fcl answers, positive = separated, nothing
-repaired. It is right to rounding at random poses. Where bodies just touch, it calls std::terminate in 0.1 % of poses
-(Platonic solids; 2 % with thin plates), which no Python can catch, and in 0.2 % it is wrong, by up to metres.
-``fcl_distances`` marks the former and goes on; ``FclPair`` is for timing. The package is optional (extra ``bench``)
+In: two bodies and their poses, world from body [m]. Out: the answers of python-fcl as they are, positive = separated.
+At random poses they are exact up to rounding. Where bodies just touch, FCL calls std::terminate in 0.1 % of poses
+(Platonic solids; 2 % with thin plates), which Python cannot catch, and in 0.2 % it is wrong, by up to metres.
+``fcl_distances`` marks the former and continues; ``FclPair`` is for timing. The package is optional (extra ``bench``)
 and loaded where it is used.
 
-Every body is a ``fcl.Convex`` of its vertices, and the radii come off the distance, as in ``signed_distance``. FCL's
-own round shapes are no match: with Sphere and Capsule its iteration stops up to 0.6 mm away from the distance. Nor is a
-box any faster as ``fcl.Box``.
+Every body is a ``fcl.Convex`` of its vertices, and the radii are subtracted from the distance, as in
+``signed_distance``. FCL's own round shapes are less accurate: with Sphere and Capsule its iteration stops up to 0.6 mm
+away from the distance. Nor is a box any faster as ``fcl.Box``.
 """
 
 from __future__ import annotations
@@ -35,27 +35,26 @@ from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.errors import InputError
 
 ANSWER = np.dtype([("done", "?"), ("distance", "f8"), ("point_a", "f8", 3), ("point_b", "f8", 3)])  # of the polytopes
-DEADLY = (signal.SIGABRT, signal.SIGSEGV)  # how FCL ends its process
+DEADLY = (signal.SIGABRT, signal.SIGSEGV)  # the signals by which FCL crashes
 CHILD = "import sys; from hdplan.distance.baselines.fcl import _answer_all; _answer_all(sys.argv[1])"
 
 
 @dataclass(frozen=True, eq=False)
 class FclAnswers:
-    """What FCL says of N poses; NaN where it says nothing."""
+    """FCL's answers at N poses; NaN where it gives none."""
 
     distances: Array  # (N,) [m] positive = separated, negative = penetration depth
     points_a: Array  # (N, 3) [m] closest points on A, in the world; for swept bodies NaN where the normal is
     points_b: Array  # (N, 3) [m] and on B
     normals: Array  # (N, 3) unit, from B to A; NaN also where FCL's two points on the polytopes are one
-    aborted: Mask  # (N,) FCL ended its process there
+    aborted: Mask  # (N,) FCL crashed there
 
 
 class FclPair(threading.local):
-    """Two bodies for FCL's signed distance in this process, as fast as Python reaches it. For timing only.
+    """Two bodies for FCL's signed distance in this process, with as little overhead as possible. For timing only.
 
-    Threads may share it, as each has FCL's objects of its own.
-    Beware: FCL ends the whole process, uncatchably, in some poses with a gap below about 1e-6 m.
-    Raises InputError if python-fcl is not installed.
+    Threads may share it, as each has its own FCL objects. Beware: FCL crashes the whole process in some poses with a
+    gap below about 1e-6 m. Raises InputError if python-fcl is not installed.
     """
 
     def __init__(self, body_a: ConvexBody, body_b: ConvexBody) -> None:
@@ -64,7 +63,7 @@ class FclPair(threading.local):
         self._placed = tuple(fcl.CollisionObject(_shape(body), fcl.Transform()) for body in (body_a, body_b))
         self._request = fcl.DistanceRequest(enable_nearest_points=True, enable_signed_distance=True)
         self._radii = body_a.radius + body_b.radius
-        self._unfilled = fcl.DistanceResult(-np.inf)  # a result that is nearer already: nothing is copied into it
+        self._unfilled = fcl.DistanceResult(-np.inf)  # a result that is already closer: nothing is copied into it
 
     def distance(self, pose_a: Array, pose_b: Array) -> float:
         """Return FCL's signed distance [m] at poses (4, 4), world from body [m]."""
@@ -92,11 +91,11 @@ def fcl_distances(body_a: ConvexBody, poses_a: ArrayLike, body_b: ConvexBody, po
 
     poses_a and poses_b: N poses (N, 4, 4) each, world from body.
 
-    They are computed in a process of its own. That one forks workers, each of which goes on after the pose that killed
-    the one before (so it needs os.fork: Linux, macOS).
+    They are computed in another process. It forks workers, each of which continues after the pose that crashed the one
+    before (so it needs os.fork: Linux, macOS).
 
     Raises InputError if python-fcl is not installed, for poses of another shape, not finite or not rigid, and for lists
-    of unequal length; RuntimeError if the process fails in another way than FCL's.
+    of unequal length; RuntimeError if the process fails in any other way.
     """
     _library()
     check_bodies(body_a, body_b)
@@ -111,13 +110,13 @@ def fcl_distances(body_a: ConvexBody, poses_a: ArrayLike, body_b: ConvexBody, po
         command = [sys.executable, "-P", "-c", CHILD, folder]
         child = subprocess.run(
             command, env=os.environ | one_thread, capture_output=True, text=True, check=False,
-            start_new_session=True,  # Ctrl-C is the caller's to hear: it may want to end with what it has
+            start_new_session=True,  # only the caller receives Ctrl-C: it may want to keep what it has
         )  # fmt: skip
         if child.returncode != 0:
             raise RuntimeError(f"FCL's process ended with {child.returncode}: {child.stderr.strip()}")
         answers = np.load(Path(folder, "answers.npy"))
     from_b = answers["point_a"] - answers["point_b"]
-    with np.errstate(invalid="ignore"):  # 0/0 where the points are one
+    with np.errstate(invalid="ignore"):  # 0/0 where the points coincide
         normals = from_b * np.sign(answers["distance"])[:, None] / np.linalg.norm(from_b, axis=1, keepdims=True)
     return FclAnswers(
         answers["distance"] - (body_a.radius + body_b.radius),
@@ -129,12 +128,12 @@ def fcl_distances(body_a: ConvexBody, poses_a: ArrayLike, body_b: ConvexBody, po
 
 
 def _answer_all(folder: str) -> None:
-    """Answer the task in ``folder``; every pose without an answer at the end killed a worker."""
-    import resource  # like fork, not everywhere
+    """Answer the task in ``folder``; every pose without an answer at the end crashed a worker."""
+    import resource  # like fork, not available everywhere
 
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # no file of memory for each that dies
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # no core dump for each crash
     task = pickle.loads(Path(folder, "task").read_bytes())
-    answers = np.load(Path(folder, "answers.npy"), mmap_mode="r+")  # what a worker wrote outlives it
+    answers = np.load(Path(folder, "answers.npy"), mmap_mode="r+")  # what a worker wrote survives it
     start = 0
     while start < len(answers):
         worker = os.fork()

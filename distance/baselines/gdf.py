@@ -1,17 +1,16 @@
 """The GDF baseline: the generalized distance function, smooth, unsigned and found by iteration.
 
-In: two solid polytopes and their poses (4, 4), world from body [m]. Out: ``GdfProximity``, 0 where the bodies meet.
-It is the differentiable metric that the paper compares with (its reference ``Goncalves2026``). Each body has a smooth
-function E of a point q, 0 in the body and growing away from it: with its planes' unit rows A_i, b_i, and the centre c
-and full size l of its bounding box, all in its own frame,
+In: two solid polytopes and their poses (4, 4), world from body [m]. Out: ``GdfProximity``, 0 where the bodies meet. It
+is the differentiable metric that the paper compares with (V. M. Gonçalves et al., 2026, cited there). Each body has a
+smooth function E of a point q, 0 in the body and growing away from it: with its planes' unit rows A_i, b_i, and the
+centre c and full size l of its bounding box, all in its own frame,
 
-    s(x) = x²/2 - h/(h-1) {h/(2h-1) [(1+x)^(2-1/h) - 1] - x}   for x > 0, else 0
-    G(q) = Σ_i s(A_i·q - b_i) / N                              N = 1 for a box, else half the number of faces, plus 1
-    F(q) = ε/2 (|q - c|² - 0.3 |l|²)                           ε bulges what would be flat
-    E(q) = F + √(F² + max(1-2ε, 0) G²)                         Π(q) = q - ∇E(q), a smooth projection
+    s(x) = x²/2 - h/(h-1) {h/(2h-1) [(1+x)^(2-1/h) - 1] - x} for x > 0, else 0 G(q) = Σ_i s(A_i·q - b_i) / N N = 1 for a
+    box, else half the number of faces, plus 1 F(q) = ε/2 (|q - c|² - 0.3 |l|²) ε makes flat parts bulge E(q) = F + √(F²
+    + max(1-2ε, 0) G²) Π(q) = q - ∇E(q), a smooth projection
 
-The pair a = Π_A(b), b = Π_B(a) is found by taking turns, and then (the derivative exact only where the pair is; as it
-ends at a tolerance, it is an approximation to first order in what is left, the value to second order)
+The pair a = Π_A(b), b = Π_B(a) is found by alternating projections, and then (as the iteration ends at a tolerance, the
+derivative has an error of first order in what remains, the value one of second order)
 
     D² = 2 E_A(b) + 2 E_B(a) - |a - b|²                        ∂D/∂(translation of A) = (a - b)/D
 
@@ -41,7 +40,7 @@ RIGHT_ANGLE = 1e-9  # the cosine of a box's right angles is this close to 0
 
 @dataclass(frozen=True, eq=False)
 class GdfProximity:
-    """What the iteration ends at."""
+    """The result of the iteration."""
 
     distance: float  # [m] D >= 0; 0 = the bodies meet
     point_a: Array  # (3,) [m] the pair's point of A, in the world
@@ -65,9 +64,9 @@ def gdf(
 ) -> GdfProximity:
     """Return the generalized distance of A and B.
 
-    An unsigned approximation, and not sign-safe: what is not converged may read anything. Defaults: the paper's h and
-    the middle of its ε (section IV), and the tolerance of its authors' package uaibot, with which D is
-    right to about 1 cm for solids of 1 m (uaibot also stops after 20 iterations, but starts from the closest points).
+    An unsigned approximation, and not sign-safe: before convergence D may be anything. Defaults: the paper's h and the
+    middle of its range of ε (section IV), and the tolerance of its authors' package uaibot, with which D is accurate to
+    about 1 cm for solids of 1 m (uaibot also stops after 20 iterations, but starts from the closest points).
 
     Args:
         body_a, body_b: solid polytopes without a radius, each in its own frame.
@@ -82,7 +81,7 @@ def gdf(
     parameters out of range.
     """
     if not (np.isfinite(h) and h > 0) or h in (0.5, 1.0):
-        raise InputError(f"h: found {h}, allowed is a positive number but 0.5 and 1, where the metric is singular")
+        raise InputError(f"h: found {h}, allowed are positive numbers but 0.5 and 1, where the metric is singular")
     for name, number in (("bulging", bulging), ("tolerance", tolerance)):
         if not (np.isfinite(number) and number >= 0):
             raise InputError(f"{name}: found {number}, allowed is a number >= 0")
@@ -107,7 +106,7 @@ def gdf(
 
 
 class _Solid(NamedTuple):
-    """A body's own constants."""
+    """Constants of a body."""
 
     rows: Array  # (K, 3) unit, A_i
     offsets: Array  # (K,) [m] b_i

@@ -1,7 +1,7 @@
 """The GDF of many pairs of boxes at once: the same iteration as ``gdf.gdf``, in NumPy over all pairs together.
 
 In: half sides and poses of boxes. Out: D (N,) and its wrench (N, 6). An unsigned approximation, not sign-safe: 0 where
-the boxes meet, and there without a derivative. See ``gdf`` for the equations; a box has N = 1 and |l|² = 4 |half|².
+the boxes meet, without a derivative there. See ``gdf`` for the equations; a box has N = 1 and |l|² = 4 |half|².
 """
 
 from __future__ import annotations
@@ -26,8 +26,9 @@ def gdf_boxes(
 ) -> tuple[Array, Array]:
     """Return D (N,) [m] and its derivative by a motion of A (N, 6), force and torque about the world's origin.
 
-    half_a, half_b: (N, 3) half sides [m]; turn_*: (N, 3, 3) world from box; origin_*: (N, 3) centres [m]. The others as
-    in ``gdf.gdf``, which this agrees with pair by pair; defaults are those of the paper's published experiment.
+    half_a, half_b: (N, 3) half sides [m]; turn_*: (N, 3, 3) world from box; origin_*: (N, 3) centres [m]. The other
+    arguments are those of ``gdf.gdf``, with which this agrees pair by pair; defaults are those of the paper's published
+    experiment.
     """
     point_a = origin_a.copy()
     point_b = np.empty_like(point_a)
@@ -53,7 +54,7 @@ def _energy(half: Array, turn: Array, origin: Array, point: Array, h: float, bul
     power, other = 1.0 - 1.0 / h, 2.0 - 1.0 / h
     kept = max(1.0 - 2.0 * bulging, 0.0)
     local = ((point - origin)[:, None] @ turn)[:, 0]
-    x = np.maximum(np.abs(local) - half, 0.0)  # of two opposite planes one at most is crossed
+    x = np.maximum(np.abs(local) - half, 0.0)  # of two opposite planes at most one is crossed
     grown = np.expm1(power * np.log1p(x))
     g = (0.5 * x * x - ((grown + x + x * grown) / other - x) / power).sum(axis=1)
     f = 0.5 * bulging * (np.einsum("ni,ni->n", local, local) - 1.2 * np.einsum("ni,ni->n", half, half))

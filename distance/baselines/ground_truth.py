@@ -1,4 +1,4 @@
-"""Ground truth for the signed distance of two polytopes: least squares apart, separating axes in contact.
+"""Ground truth for the signed distance of two polytopes: least squares if separated, separating axes if in contact.
 
 In: vertices of both in the world [m] and the axes N(A, B) of ``normals.separating_axes``. Out: ``Proximity``, exact to
 rounding, positive = separated.
@@ -13,8 +13,8 @@ import numpy as np
 
 from hdplan.scenes.array_types import Array
 
-ROUNDING = 1e-13  # of the size: where the closest points are this little beyond an axis' gap, that axis is their normal
-CONTACT = 1e-15  # of the size: closest points this near are one point
+ROUNDING = 1e-13  # of the size: where the closest points exceed an axis' gap by no more, that axis is their normal
+CONTACT = 1e-15  # of the size: closest points this close coincide
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,15 +24,15 @@ class Proximity:
     distance: float  # [m] positive = separated, negative = penetration depth
     point_a: Array  # (3,) [m] on A's surface, in the world
     point_b: Array  # (3,) [m] on B's surface, in the world
-    normal: Array  # (3,) unit, from B to A, right to about 1e-8: moving A by -distance * normal makes them touch
+    normal: Array  # (3,) unit, from B to A, accurate to about 1e-8: moving A by -distance * normal makes them touch
 
 
 def ground_truth(a: Array, b: Array, axes: Array) -> Proximity:
     """Return the signed distance of the hulls of ``a`` (m, 3) and ``b`` (k, 3), given the axes N(A, B) up to sign (K,
     3).
 
-    Apart: the closest points. In contact: the largest gap over the axes, which hold all face normals of A - B (paper:
-    eq. (3)); the witness points are where the bodies touch once A is moved out along that axis.
+    If separated: the closest points. In contact: the largest gap over the axes, which contain all face normals of A - B
+    (paper: eq. (3)); the witness points are where the bodies touch once A is moved out along that axis.
     """
     along_a, along_b = a @ axes.T, b @ axes.T
     forward, backward = along_a.min(0) - along_b.max(0), along_b.min(0) - along_a.max(0)
@@ -44,15 +44,16 @@ def ground_truth(a: Array, b: Array, axes: Array) -> Proximity:
         return Proximity(distance, point_a, point_b, difference / distance)
     normal = axes[best] if forward[best] >= backward[best] else -axes[best]
     point_a, point_b, _ = closest_points(a - gap * normal, b)
-    middle = 0.5 * (point_a + point_b)  # one point but for rounding
+    middle = 0.5 * (point_a + point_b)  # one point up to rounding
     return Proximity(gap, middle + gap * normal, middle, normal)
 
 
 def closest_points(a: Array, b: Array) -> tuple[Array, Array, Array]:
     """Return the closest points of the hulls of ``a`` (m, 3) and ``b`` (k, 3), and their difference (0 in contact).
 
-    The point of least norm in the hull of the differences c = a_i - b_j (Wolfe's method): of at most four of them the
-    nearest combination is kept, and the c farthest against it enters, until none brings it nearer.
+    The point of least norm in the hull of the differences c = a_i - b_j (Wolfe's method): the combination of at most
+    four of them that is nearest to 0 is kept, and the c that lies farthest in the opposite direction enters, until none
+    brings it closer.
     """
     size = _size(a, b)
     pairs, answer = [(0, 0)], (a[0], b[0], np.full(3, np.inf))
@@ -72,8 +73,8 @@ def closest_points(a: Array, b: Array) -> tuple[Array, Array, Array]:
 def _nearest_combination(points: Array) -> tuple[Array, Array]:
     """Return weights (n,) and place (3,) of the point nearest to 0 among the simplices with the last of ``points``.
 
-    The simplices have up to four corners; each is solved by least squares, and its point taken off its own plane once
-    more, so that its direction is exact also where its length is rounding.
+    The simplices have up to four corners; each is solved by least squares, and its point is projected off its own plane
+    once more, so that its direction is exact even where its length is all rounding.
     """
     last = len(points) - 1
     best, place = np.eye(last + 1)[last], points[last]
@@ -81,7 +82,7 @@ def _nearest_combination(points: Array) -> tuple[Array, Array]:
         edges = points[list(others)] - points[last]
         left, extents, plane = np.linalg.svd(edges, full_matrices=False)
         if extents[-1] <= CONTACT * extents[0]:
-            continue  # a flat simplex: its faces do
+            continue  # a flat simplex: its faces suffice
         inner = -left @ (plane @ points[last] / extents)
         off_plane = points[last] - plane.T @ (plane @ points[last])
         off_plane = off_plane - plane.T @ (plane @ off_plane)

@@ -1,4 +1,4 @@
-"""The surface of a polytope as triangles, for libraries that want them.
+"""The surface of a polytope as triangles, for libraries that need them.
 
 In: a body. Out: triples of indices of its vertices.
 """

@@ -1,7 +1,7 @@
-"""The axes of a pair in JAX: where they point at N poses, and how what they read changes as the bodies move.
+"""The axes of a pair in JAX: their directions at N poses, and the derivatives of the projections as the bodies move.
 
-Closed forms all: nothing is differentiated automatically. Every array has the poses last (N), so that one instruction
-works on many of them.
+All are closed forms: nothing is differentiated automatically. Every array has the poses last (N), so that one
+instruction works on many of them.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Axes(NamedTuple):
     levels: Array  # (L, n, N) [m]
     level_counts: Array  # (L, n, 1)
     directions: Array  # (3, n, N) in the other body's frame
-    base: Array  # (n, N) [m] the way between the origins
+    base: Array  # (n, N) [m] projected offset of the origins
     drop: Array  # (n, N) or () [m] r_A + r_B + f
     points: Array  # (V, 3, n, 1) [m] of the other body, in its frame
     point_counts: Array  # (V, n, 1)
@@ -63,7 +63,7 @@ def own_axes(own: OwnAxes, rotation: Array, position: Array, radii: Array, point
 def moving_axes(axes: MovingAxes, rotation: Array, position: Array, radii: Array) -> Axes:
     """Return the axes that turn with both bodies: x = w·d - f ψ_0, d = ψ_a - exp(ξ)ψ_b, w = e/√h, h = |e|² + softness².
 
-    e is linear in B's pose, f = c/h + const. What an axis that did not turn would give is as in ``own_axes``; the rest
+    e is linear in B's pose, f = c/h + const. The part of an axis that does not turn is as in ``own_axes``; the rest
     follows by the chain rule in e.
     """
     rows, position = rotation.swapaxes(0, 1)[:, :, None, None], position[:, None, None]
@@ -133,7 +133,7 @@ def _bend(normals: Array, psi: Array) -> Array:
 
 
 def sum_halves(terms: Array, axis: int) -> Array:
-    """Return the sum, by halves: XLA's own reduction on CPUs takes the lanes one by one."""
+    """Return the sum, by halves: XLA's own reduction on CPUs goes through the lanes one by one."""
     rest = []
     while (count := terms.shape[axis]) > 1:
         half = count // 2

@@ -27,38 +27,38 @@ Array = Any  # NumPy's or JAX's
 
 DTYPES = ("float64", "float32")
 MOST_WITNESSES = 1000  # with each pose
-SHORTEST = {"float64": 1e-290, "float32": 1e-30}  # [m] shaping that flattens to 0 what touches: the largest number < 0
-SIZES = (2, 2, 1, 2)  # axes of one rotation of A and of B, an offset, and witnesses
+SHORTEST = {"float64": 1e-290, "float32": 1e-30}  # [m] with it, Phi maps the largest number < 0 to 0
+SIZES = (2, 2, 1, 2)  # array axes of the rotations of A and of B, the offset, and the witnesses
 
-# How many poses are worked on at once, powers of two because every number is compiled for anew.
-FEWEST, MOST = 8, 8192  # in one call of the compiled function; fewer are filled up, more go block by block
+# How many poses are evaluated at once: powers of two, as every number needs its own compilation.
+FEWEST, MOST = 8, 8192  # in one call of the compiled function; fewer are padded, more go block by block
 CPU_LANES = 128  # in its innermost loops: enough to vectorize, ...
-CPU_NUMBERS = 2**16  # ... few enough that so many numbers stay in the cache
-GPU_NUMBERS = 2**25  # a GPU wants many; this takes about 1 GB
+CPU_NUMBERS = 2**16  # ... few enough that this many numbers stay in the cache
+GPU_NUMBERS = 2**25  # a GPU needs many; this takes about 1 GB
 
 
 @dataclass(frozen=True, eq=False)
 class BatchDistance(BodyDistance[Array]):
     """D of two bodies (Definition III.2) at poses (..., 4, 4); leading axes broadcast.
 
-    A lower bound of the signed distance in sign; ``separation`` D̃ (eq. (5)) is one in value, and has the sign
-    of D where D itself is too small for a number. Made by ``hdsdf_batch``.
+    A lower bound of the signed distance in sign; ``separation`` D̃ (eq. (5)) is one in value, and has the sign of D
+    even where D underflows. Made by ``hdsdf_batch``.
 
-    NumPy arrays in give NumPy arrays out; if a pose is a JAX array, JAX arrays that stay on the device come out. For
-    them to be of use in float64, JAX must be told to allow it (``jax.enable_x64``); in here it is told, and outside
-    nothing is changed. Positions are subtracted from each other before they are cast to ``dtype``: in float32 a touch
-    may read as a gap of up to 4 units in the last place of the bodies' extents and distance, wherever the origin is.
+    NumPy arrays give NumPy arrays; if a pose is a JAX array, the results are JAX arrays that stay on the device. To use
+    those in float64, enable it in JAX (``jax.enable_x64``); inside it is enabled anyway, and the setting outside is
+    left unchanged. Positions are subtracted from each other before they are cast to ``dtype``: in float32 a touch may
+    appear as a gap of up to 4 units in the last place of the bodies' extents and distance, wherever the origin is.
 
     Within JAX's transformations (``grad``, ``hessian``, ``jit``, ``vmap``, ``scan``, in any order) it is a function of
-    the poses with derivatives in closed form to the second order; a third is refused. They are right at every pose
-    along rigid motions, aligned and touching ones included. D̃ has kinks and its gradient is a mean of theirs; its
-    second derivatives are left out (0), and so are those by witnesses, which are held fixed. What comes out is then of
-    the poses' own precision, computed in ``dtype`` all the same; and as nothing can be refused there, poses that are
-    not rigid or not finite read NaN.
+    the poses with derivatives in closed form to the second order; a third is refused. They are correct along rigid
+    motions at every pose, aligned and touching ones included. D̃ has kinks, where its gradient is a mean of the
+    one-sided ones; its second derivatives are left out (0), and so are derivatives by witnesses, which are held fixed.
+    The results then have the precision of the poses, but are computed in ``dtype``; and as no error can be raised
+    there, poses that are not rigid or not finite give NaN.
 
-    The first call for an order of derivatives compiles for seconds, and so do the first ones for
-    numbers of poses within another power of two, up to 8192; distances of pairs with equal numbers of vertices and
-    normals share what is compiled, whatever their shaping lengths.
+    The first call for an order of derivatives takes seconds to compile, and so does the first one for a number of poses
+    within another power of two, up to 8192; pairs with equal numbers of vertices and normals share compiled code,
+    whatever their shaping lengths.
 
     Raises InputError for poses and witnesses of another shape or number, not finite or, of poses, not rigid.
     """
@@ -71,7 +71,7 @@ class BatchDistance(BodyDistance[Array]):
 
     @property
     def device(self) -> str:
-        """What the distance runs on, e.g. ``cpu`` or ``gpu: NVIDIA H100``."""
+        """The device that it runs on, e.g. ``cpu`` or ``gpu: NVIDIA H100``."""
         (device,) = self.pair.radii.devices()
         return device.platform if device.platform == "cpu" else f"{device.platform}: {device.device_kind}"
 
@@ -92,7 +92,7 @@ class BatchDistance(BodyDistance[Array]):
         numpy = jax.numpy if on_device else np
         with jax.enable_x64(True), np.errstate(over="ignore"):
             a, b = (_checked(*named) for named in (("pose_a", pose_a), ("pose_b", pose_b)))
-            offset = numpy.asarray(b[..., :3, 3]) - numpy.asarray(a[..., :3, 3])  # before digits are cut
+            offset = numpy.asarray(b[..., :3, 3]) - numpy.asarray(a[..., :3, 3])  # before rounding to fewer digits
             parts = [a[..., :3, :3], b[..., :3, :3], offset, units]
             parts = [numpy.asarray(part, dtype=self.dtype) for part in parts]
             near = bool((abs(offset) <= FARTHEST[self.dtype]).all())
@@ -115,7 +115,7 @@ class BatchDistance(BodyDistance[Array]):
             return [part.reshape(shape + part.shape[1:]) for part in results]
 
     def _lanes(self, backend: str) -> int:
-        """Return how many poses to work on at once, a power of two."""
+        """Return how many poses to evaluate at once, a power of two."""
         numbers = self.pair.numbers(self.witness_count)
         if backend == "cpu":
             return min(CPU_LANES, _power_of_two(CPU_NUMBERS // numbers))
@@ -169,9 +169,9 @@ def _checked(name: str, poses: ArrayLike) -> Array:
 
     if poses.dtype.kind == "c":
         return check_poses(name, np.asarray(poses))
-    array = poses.astype(np.float64)  # differences of narrower numbers round, those of small integers wrap around
+    array = poses.astype(np.float64)  # differences of narrower floats round, those of small integers wrap around
     if array.shape[-2:] != (4, 4) or not all_rigid(array):
-        check_poses(name, np.asarray(array))  # says what is wrong
+        check_poses(name, np.asarray(array))  # the message says what is wrong
     return array
 
 

@@ -1,8 +1,8 @@
-"""The HD-SDF in JAX: value, gradient and Hessian of a pair of bodies, at as many poses at once as an array has lanes.
+"""The HD-SDF in JAX: value, gradient and Hessian of a pair of bodies at many poses at once, one per lane of an array.
 
 Every array has the poses last (N), so that one instruction works on many of them. The derivatives are closed forms: the
 shaped Hölder minimum gives its derivatives as sums over the vertices (moments), and ``axes`` turns moments into
-wrenches. Automatic ones would come from branches not taken, where they are 0/0.
+wrenches. Automatic derivatives would include branches not taken, where they are 0/0.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Frame = tuple[Array, Array]  # rotation (3, 3, N) and position (3, N)
 
 
 class Places(NamedTuple):
-    """Where two bodies are, N times; their positions are subtracted before anything is rounded to fewer digits."""
+    """The poses of two bodies, N times; positions are subtracted before anything is rounded to fewer digits."""
 
     turn_a: Array  # (N, 3, 3) world from A
     turn_b: Array  # (N, 3, 3) world from B
@@ -36,7 +36,7 @@ class Sums(NamedTuple):
     """Sums over all pairs of vertices for each axis of a group."""
 
     least: Array  # (n, N) min x
-    bound: Array  # (n, N) what the axis adds to D̃, see ``normals``
+    bound: Array  # (n, N) the axis' contribution to D̃, see ``normals``
     total: Array  # (n, N) Σ w r^p
     moments: tuple[Array, ...]  # by order of derivatives: Σ pull ψ (m, n, N) and Σ sharp ψψᵀ (m, m, n, N)
 
@@ -55,7 +55,7 @@ class Shaped(NamedTuple):
 
 
 class Factors(NamedTuple):
-    """How every axis takes part, shapes (axes, N): dU = Σ slope du, U = ⊞ g; d²D has terms outer du² and sharp dx²."""
+    """The weights of all axes, shapes (axes, N): dU = Σ slope du, U = ⊞ g; d²D has terms outer du² and sharp dx²."""
 
     slope: Array
     outer: Array
@@ -68,8 +68,8 @@ def evaluate(
 ) -> tuple[Array, ...]:
     """Return D and D̃ (N,) [m]; from order 1 on the gradient (N, 12), for order 2 the Hessian (N, 12, 12).
 
-    Witnesses (N, W, 3), unit, in B's frame; N a multiple of ``lanes``. So many poses are worked on at a time: few
-    enough for the processor's cache, and memory does not grow with N.
+    Witnesses (N, W, 3), unit, in B's frame; N is a multiple of ``lanes``, the number of poses evaluated at a time: few
+    enough for the processor's cache, so that memory does not grow with N.
     """
     return _mapped(partial(_evaluate, pair, length, gamma=gamma, order=order), places, witnesses, lanes)
 
@@ -132,7 +132,7 @@ def _evaluate(
     sums = [_sums(axes, gamma, order) for axes in by_b + by_a]
     least = jnp.concatenate([s.least for s in sums])
     inner = _shaped(_not_zero(least), jnp.concatenate([s.total for s in sums]), gamma, length)
-    # the maximum is minus the minimum of the opposites
+    # the maximum is minus the minimum of the negatives
     m = _not_zero(-jnp.max(inner.value, axis=0))
     counts = jnp.concatenate([axes.counts for axes in by_b + by_a])
     total, pull, sharp = _weights(-inner.value, counts, m, gamma)
@@ -173,11 +173,11 @@ def _evaluate(
 
 
 class Along(NamedTuple):
-    """What a group of axes reads at the other body's points."""
+    """The projections of the other body's points on a group of axes."""
 
     along: Array  # (V, n, N) [m] x = level - along
     least: Array  # (n, N) [m] min x
-    bound: Array  # (n, N) [m] what the axis adds to D̃, see ``normals``
+    bound: Array  # (n, N) [m] the axis' contribution to D̃, see ``normals``
 
 
 def _along(axes: Axes) -> Along:
@@ -200,7 +200,7 @@ def _along(axes: Axes) -> Along:
 def _sums(axes: Axes, gamma: int, order: int) -> Sums:
     """Return the sums over all pairs of vertices, in a second loop over the other body's points.
 
-    Loops stay loops: they compile in no time, and what they work on stays in the processor's cache.
+    Loops stay loops: they compile quickly, and their data stay in the processor's cache.
     """
     along, least, bound = _along(axes)
     m = _not_zero(least)
@@ -241,7 +241,7 @@ def _sums(axes: Axes, gamma: int, order: int) -> Sums:
 
 
 def _powers(points: Array, axis: int) -> tuple[Array, Array]:
-    """Return ψ = (1, point) and the ten different products of its numbers, along the axis that the points have."""
+    """Return ψ = (1, point) and the ten distinct products of its components, along the points' axis."""
     one, x, y, z = jnp.ones_like(jnp.take(points, 0, axis)), *(jnp.take(points, k, axis) for k in range(3))
     psi = one, x, y, z
     products = [psi[i] * psi[j] for i in range(4) for j in range(i, 4)]
@@ -249,12 +249,12 @@ def _powers(points: Array, axis: int) -> tuple[Array, Array]:
 
 
 def _symmetric(entries: Array, rows: tuple[tuple[int, ...], ...]) -> Array:
-    """Return a symmetric matrix from its different entries, along the first axis."""
+    """Return a symmetric matrix from its distinct entries, along the first axis."""
     return jnp.stack([jnp.stack([entries[k] for k in row]) for row in rows])
 
 
 def _not_zero(least: Array) -> Array:
-    """Return the minimum m; one too small to divide by counts as the largest number below 0, of which Phi is 0."""
+    """Return the minimum m; one too small to divide by is replaced by the largest number below 0, where Phi is 0."""
     smallest = np.finfo(least.dtype).tiny
     return jnp.where(jnp.abs(least) <= smallest, -smallest, least)
 
@@ -268,7 +268,7 @@ def _weights(x: Array, counts: Array, m: Array, gamma: int) -> tuple[Array, Arra
         m < 0:  r_i = min(x_i, 0)/m,  u = m S^(1/p),   du/dx_i = w_i (r_i m/u)^(p-1),  sharp_i = w_i r_i^(p-2)
     """
     above = m > 0
-    x = jnp.maximum(x, m)  # where a compiler computes x again it may round it in another way
+    x = jnp.maximum(x, m)  # a compiler may compute x again with other rounding
     r = jnp.minimum(x, jnp.where(above, m, 0)) / jnp.where(above, x, m)
     low = counts * (_power(r, gamma - 1) if gamma > 1 else (r > 0).astype(x.dtype))
     more = jnp.where(above, r * r, 1)
@@ -281,7 +281,7 @@ def _shaped(m: Array, total: Array, gamma: int, length: Array) -> Shaped:
     """
     p = gamma + 1
     above = m > 0
-    inverse = jnp.exp(jnp.log(jnp.maximum(total, 1)) / -p)  # the least x alone counts 1
+    inverse = jnp.exp(jnp.log(jnp.maximum(total, 1)) / -p)  # the least x alone contributes 1
     square = inverse * inverse
     u = m * jnp.where(above, inverse, 1 / inverse)
     size = jnp.abs(u)

@@ -1,4 +1,4 @@
-"""A pair of bodies as arrays, for ``kernel``: what its axes are, and what is constant about them.
+"""A pair of bodies as arrays for ``kernel``: its axes, and all that is constant about them.
 
 Exact reductions: a body's projections on its own directions are constants, equal ones enter once with their count; and
 vertices that differ along an edge only have one projection across it.
@@ -18,16 +18,16 @@ from hdplan.distance.normals import CentreAxis, EdgeAxes, candidate_normals
 Floats = NDArray[np.float64]
 Array = Any  # NumPy's here, JAX's on the device
 
-# [m] what a body may extend, and be away from the other: the squares must be numbers of the type, and sums of them
+# [m] largest extent of a body, and distance from the other: sums of squares must not overflow
 FARTHEST = {"float64": 1e101, "float32": 1e15}
-SAME = 1e-14  # projections this close, relative to the largest, are one
+SAME = 1e-14  # projections this close, relative to the largest, are merged
 
 
 class OwnAxes(NamedTuple):
-    """n axes fixed in a body, their opposites among them."""
+    """n axes fixed in a body, including their opposites."""
 
     normals: Array  # (3, n, 1) in the body's frame
-    levels: Array  # (L, n, 1) [m] distinct projections of the body's vertices, filled up with copies
+    levels: Array  # (L, n, 1) [m] distinct projections of the body's vertices, padded with copies
     level_counts: Array  # (L, n, 1) how many vertices have each; 0 for copies
     counts: Array  # (n, 1) how often each axis counts in the maximum
 
@@ -44,14 +44,15 @@ class MovingAxes(NamedTuple):
     point: Array  # (n, 1) 1 where the lever is a point, 0 where it is a direction
     softness: Array  # (n, 1)
     fade: Array  # (n, 1) [m]
-    points_a: Array  # (3, L, n, 1) [m] A's vertices as far as they differ across the axis, filled up with copies
+    points_a: Array  # (3, L, n, 1) [m] A's vertices as far as they differ across the axis, padded with copies
     counts_a: Array  # (L, n, 1) how many vertices each stands for; 0 for copies
     points_b: Array  # (3, V, n, 1) [m] B's, in its frame
     counts_b: Array  # (V, n, 1)
 
 
 class Pair(NamedTuple):
-    """All there is to know of two bodies. Arguments of the compiled function, so pairs of equal shapes share it."""
+    """Everything about two bodies. It is an argument of the compiled function, so that pairs of equal array shapes
+    share it."""
 
     vertices_a: Array  # (V_A, 3, 1) [m]
     vertices_b: Array  # (V_B, 3, 1) [m]
@@ -146,7 +147,7 @@ def _seen_along(vertices: Floats, directions: Floats) -> tuple[Floats, Floats]:
 
 
 def _filled(rows: Sequence[tuple[Floats, Floats]]) -> tuple[Floats, Floats]:
-    """Return rows of entries and counts as arrays; shorter ones are filled up with their first entry, counted 0."""
+    """Return rows of entries and counts as arrays; shorter ones are padded with their first entry, counted 0."""
     width = max(len(entries) for entries, _ in rows)
     entries = np.array([[*row, *[row[0]] * (width - len(row))] for row, _ in rows])
     counts = np.array([[*row, *[0.0] * (width - len(row))] for _, row in rows])

@@ -1,8 +1,8 @@
 """The JAX batch inside JAX's own transformations: grad, hessian, jit, vmap and scan, in any order.
 
 Derivatives are the kernel's closed forms, handed to JAX order by order (``custom_jvp``): automatic ones would be wrong
-where vertices or axes tie. They are along rigid motions: a change of a pose's entries counts as the twist in it. Under
-``vmap`` the poses are laid side by side and go through the kernel at once.
+where vertices or axes tie. They are along rigid motions: of a change in a pose's entries only the twist in it counts.
+Under ``vmap`` the poses are stacked and go through the kernel at once.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ ORDERS = 2  # of derivatives in closed form
 
 
 class Settings(NamedTuple):
-    """What a function is traced for."""
+    """The settings that a function is traced for."""
 
     gamma: int
     dtype: str  # in which the kernel computes
@@ -39,9 +39,9 @@ class Settings(NamedTuple):
 def traced(
     pair: Pair, length: float, pose_a: Any, pose_b: Any, witnesses: Any, witness_count: int, settings: Settings
 ) -> list[Array]:
-    """Return D, D̃ (...,) and the derivatives of D by twists up to the order, of poses (..., 4, 4) being traced.
+    """Return D, D̃ (...,) and the derivatives of D by twists up to the order, for traced poses (..., 4, 4).
 
-    In the poses' own precision; NaN where a pose is not rigid. Raises InputError for other shapes.
+    In the precision of the poses; NaN where a pose is not rigid. Raises InputError for other shapes.
     """
     poses = [_pose(name, pose) for name, pose in (("pose_a", pose_a), ("pose_b", pose_b))]
     dtype = jnp.result_type(*poses)
@@ -82,7 +82,7 @@ def _change(
 
 @cache
 def _many(settings: Settings) -> Any:
-    """Return the kernel as a function of rows that puts all that ``vmap`` asks of it side by side."""
+    """Return the kernel as a function of rows that stacks whatever ``vmap`` asks of it."""
 
     @jax.custom_batching.custom_vmap
     def run(pair: Pair, length: Array, a: Array, b: Array, witnesses: Array) -> tuple[Array, ...]:
@@ -100,14 +100,14 @@ def _many(settings: Settings) -> Any:
 
 
 def _run(settings: Settings, pair: Pair, length: Array, a: Array, b: Array, witnesses: Array) -> tuple[Array, ...]:
-    """Return the kernel's results for rows of poses, filled up to whole blocks of lanes."""
+    """Return the kernel's results for rows of poses, padded to whole blocks of lanes."""
     given, count = a.dtype, len(a)
     lanes = max(1, min(settings.lanes, count))
     mark = jnp.where(_rigid(a) & _rigid(b), 0.0, jnp.nan).astype(given)
     missing = -count % lanes
     with jax.enable_x64(settings.dtype == "float64" or given == np.float64):
         a, b = (lax.convert_element_type(x, jnp.promote_types(given, settings.dtype)) for x in (a, b))
-        rows = [a[:, :3, :3], b[:, :3, :3], b[:, :3, 3] - a[:, :3, 3], witnesses]  # digits are cut afterwards
+        rows = [a[:, :3, :3], b[:, :3, :3], b[:, :3, 3] - a[:, :3, 3], witnesses]  # rounded to fewer digits afterwards
         rows = [jnp.concatenate([x, jnp.broadcast_to(x[:1], (missing, *x.shape[1:]))]) if missing else x for x in rows]
         mark += jnp.where(jnp.all(jnp.abs(rows[2][:count]) <= FARTHEST[settings.dtype], -1), 0, jnp.nan).astype(given)
         *places, units = (lax.convert_element_type(x, settings.dtype) for x in rows)
@@ -138,7 +138,7 @@ def _rigid(poses: Array) -> Array:
     amiss = jnp.maximum(amiss, jnp.max(jnp.abs(jnp.cross(x, y) - z), -1))
     amiss = jnp.maximum(amiss, jnp.max(jnp.abs(last - jnp.array([0, 0, 0, 1], poses.dtype)), -1))
     within = jnp.isfinite(far)
-    if poses.dtype == np.float64:  # the others hold nothing so far away
+    if poses.dtype == np.float64:  # other types cannot hold anything that far away
         within &= jnp.abs(far) <= FAR
     return (amiss <= RIGID) & jnp.all(within, -1)
 
@@ -147,7 +147,7 @@ def _pose(name: str, pose: Any) -> Array:
     try:
         array = jnp.asarray(pose)
     except (TypeError, ValueError):
-        raise InputError(f"{name}: found what is no array of numbers, allowed is an array (..., 4, 4)") from None
+        raise InputError(f"{name}: not an array of numbers, allowed is an array (..., 4, 4)") from None
     if array.shape[-2:] != (4, 4) or array.dtype.kind == "c":
         found = f"{array.dtype} array of shape {array.shape}"
         raise InputError(f"{name}: found a {found}, allowed is an array of real numbers (..., 4, 4)")
@@ -164,7 +164,7 @@ def _twist(pose: Array, change: Array) -> Array:
 
 
 def _bracket(gradient: Array, twists: Array) -> Array:
-    """Return what the gradient (N, 12) changes by beside the Hessian, as twists do not commute: ½ g·[η, ·]."""
+    """Return what the gradient (N, 12) changes by besides the Hessian, as twists do not commute: ½ g·[η, ·]."""
     parts = []
     for k in (0, 6):
         force, torque = gradient[:, k : k + 3], gradient[:, k + 3 : k + 6]

@@ -1,4 +1,4 @@
-"""The HD-SDF in NumPy, equation by equation: the witness that the fast versions are held against.
+"""The HD-SDF in NumPy, equation by equation: the reference that the fast versions are tested against.
 
 In: two bodies and their poses (world from body). Out: numbers in [m], positive = separated. ``hdsdf`` is a lower bound
 of the signed distance in sign, not in value; ``separation`` a lower bound in value; ``separating_axis_distance`` is
@@ -55,10 +55,11 @@ def hdsdf(
 
     D = Phi( ⊞_w Phi( ⊕_ij w·(a_i - b_j) - r_A - r_B - f_w ) )     (paper: Definition III.2)
 
-    with ⊕, ⊞ the Hölder minimum and maximum over the vertices and over the axes w and -w, Phi the shaping function,
-    f_w = 0 but for faded axes. A lower bound in sign: D > 0 proves that the bodies are apart. A clearance is asked for
-    by ``ConvexBody.inflated``. In floating point, to rounding: a touch may read as a gap of up to 4 units in the last
-    place of the size, that is the bodies' extents and their distance from the origin (2.8 is the most that was found).
+    with ⊕, ⊞ the Hölder minimum and maximum over the vertices and over the axes w and -w, Phi the shaping function, f_w
+    = 0 except for faded axes. A lower bound in sign: D > 0 proves that the bodies are separated. For a clearance see
+    ``ConvexBody.inflated``. In floating point this holds up to rounding: a touch may appear as a gap of up to 4 units
+    in the last place of the size, that is the bodies' extents and their distance from the origin (the most found was
+    2.8).
 
     Args:
         body_a, body_b: the bodies, each in its own frame.
@@ -67,8 +68,8 @@ def hdsdf(
         shaping_length: half-height of the shaping function [m]; near contact D is flat within it.
         epsilon: the paper's parameter, [m^gamma], instead of the shaping length: epsilon = shaping_length^gamma.
         normals: the name of a set, see ``normals.candidate_normals``.
-        witnesses: (..., W, 3) more axes, fixed in B's frame, of any length but zero: the normal of the exact distance
-            at a pose makes D tight there and smooth around it.
+        witnesses: (..., W, 3) additional axes, fixed in B's frame, of any nonzero length: the normal of the exact
+            distance at a pose makes D tight there and smooth around it.
 
     Returns: (...,).
 
@@ -94,9 +95,9 @@ def separation(
 ) -> Array:
     """Return D̃, the largest gap along the candidate normals [m] (paper: eq. (5)), shape (...,).
 
-    A lower bound of the signed distance for every set of normals, apart and in overlap (proof in ``normals``), to
-    rounding: 4 ulp of the size. Of the sign of D even where D is too small for a floating-point number.
-    Continuous in the pose, but for an axis across edges that are exactly parallel. Arguments and errors as ``hdsdf``.
+    A lower bound of the signed distance for every set of normals, separated and in overlap (proof in ``normals``), up
+    to rounding: 4 ulp of the size. It has the sign of D even where D underflows. Continuous in the pose, except for an
+    axis across edges that are exactly parallel. Arguments and errors as ``hdsdf``.
     """
     rows = _separations(body_a, pose_a, body_b, pose_b, normals, witnesses)
     return np.asarray(reduce(np.maximum, (along.bound for along in rows)))
@@ -116,7 +117,7 @@ def hdsdf_derivatives(
 ) -> Derivatives:
     """Return D, its gradient and its Hessian by the twists of both bodies, by the chain rule in closed form.
 
-    D is gamma times differentiable, so for gamma >= 2 both exist at every pose, also where vertices or axes tie and
+    D is gamma times differentiable, so for gamma >= 2 both exist at every pose, even where vertices or axes tie and
     where the bodies touch (all derivatives are 0 there). For gamma = 1 the Hessian jumps where D is 0 and, in overlap,
     where the separation of a pair of vertices or the minimum along an axis passes 0; it is one of its one-sided values
     there. Arguments and errors as ``hdsdf``.
@@ -134,10 +135,10 @@ def separating_axis_distance(body_a: ConvexBody, pose_a: ArrayLike, body_b: Conv
     """Return the separating-axis distance D of A and B at one pose each, (4, 4) [m] (paper: eq. (3)).
 
     D = max over n in N(A, B) of min n·(a - b) - r_A - r_B. Where the polytopes touch or overlap it is the exact signed
-    distance; where they are apart a lower bound of it, positive before the radii are taken off. pose_a and pose_b map
-    body_a and body_b into the world.
+    distance; where they are separated it is a lower bound, positive before the radii are subtracted. pose_a and pose_b
+    map body_a and body_b into the world.
 
-    Raises InputError for what is no body, and for poses of another shape, not finite or not rigid.
+    Raises InputError for arguments that are no bodies, and for poses of another shape, not finite or not rigid.
     """
     a, b = check_pose("pose_a", pose_a), check_pose("pose_b", pose_b)
     axes = separating_axes(body_a, a[:3, :3], body_b, b[:3, :3])

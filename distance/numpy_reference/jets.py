@@ -1,6 +1,6 @@
 """Arrays with their first and second derivatives by n parameters: exact derivatives of sums, products and powers.
 
-The reference's formulas are written once, in jets. Without parameters (n = 0) a jet is its value.
+The reference's formulas are written once, for jets. Without parameters (n = 0) a jet is just its value.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def fixed(pose: Array) -> Jet:
 def moving(pose: Array, start: int) -> Jet:
     """Return pose·exp(ξ) (..., 4, 4) by twelve twist parameters, of which this pose's six [v, ω] begin at ``start``.
 
-    The twist is in the body's own frame; exact to second order at ξ = 0, which is all that derivatives there need.
+    The twist is in the body's own frame. Exact to second order at ξ = 0, as the derivatives there need.
     """
     generators = np.zeros((TWISTS, 4, 4))
     generators[start : start + 3, :3, 3] = np.eye(3)

@@ -20,22 +20,22 @@ CROSS = read_only(CROSS)
 
 @dataclass(frozen=True, eq=False)
 class Along:
-    """What a pair of bodies reads along an axis."""
+    """The projections of a pair of bodies along an axis."""
 
     x: Jet  # (..., vertex pairs) [m] w·(a_i - b_j) - r_A - r_B - f
-    bound: Array  # (...,) [m] what the axis adds to D̃, see ``normals``
+    bound: Array  # (...,) [m] the axis' contribution to D̃, see ``normals``
     count: float  # how often it counts in the maximum
 
 
 def separations(
     normals: CandidateNormals, body_a: ConvexBody, pose_a: Jet, body_b: ConvexBody, pose_b: Jet, witnesses: Array
 ) -> Iterator[Along]:
-    """Yield what the bodies read along every axis w and -w.
+    """Yield the projections of the bodies along every axis w and -w.
 
-    Poses as jets (..., 4, 4), witnesses unit vectors (..., W, 3) in B's frame. What the axes are: ``normals``.
+    Poses are jets (..., 4, 4), witnesses unit vectors (..., W, 3) in B's frame. For the axes see ``normals``.
     """
     radii = body_a.radius + body_b.radius
-    offset = pose_a.part(slice(3), 3) - pose_b.part(slice(3), 3)  # positions count from B's origin
+    offset = pose_a.part(slice(3), 3) - pose_b.part(slice(3), 3)  # positions are relative to B's origin
     rotation_a, rotation_b = pose_a.part(slice(3), slice(3)), pose_b.part(slice(3), slice(3))
     vertices_a = product("xy,iy->ix", rotation_a, body_a.vertices) + offset.part(None, slice(None))
     vertices_b = product("xy,iy->ix", rotation_b, body_b.vertices)
@@ -58,7 +58,7 @@ def separations(
 def _axes(
     normals: CandidateNormals, rotation_a: Jet, rotation_b: Jet, offset: Jet, witnesses: Array
 ) -> Iterator[tuple[Jet, Jet | None, float]]:
-    """Yield every axis w (..., 3) in the world, what it is faded by (..., ), None for unit vectors, and its count."""
+    """Yield every axis w (..., 3) in the world, its fade (...,), None for unit vectors, and its count."""
     for direction, count in zip(normals.in_a, normals.counts_a, strict=True):
         yield product("xy,y->x", rotation_a, direction), None, count
     for direction, count in zip(normals.in_b, normals.counts_b, strict=True):

@@ -1,7 +1,7 @@
 """All axes of a pair in CasADi: from their projections to D, D̃ and the derivatives by a motion.
 
-The outer level of the HD-SDF: the shaped Hölder maximum over groups of like axes, each a mapped function. Everything is
-seen in one frame, A's, and the motion is that of B in it. What an axis adds to D̃ is said at ``normals.py``.
+The outer level of the HD-SDF: the shaped Hölder maximum over groups of similar axes, each a mapped function. Everything
+is in A's frame, and the motion is that of B in it. What an axis contributes to D̃: see ``normals.py``.
 """
 
 from __future__ import annotations
@@ -41,16 +41,16 @@ class Axes:
     points_b: ca.MX  # (3, m K) in A's frame; A's vertices where the axes are fixed in B
     points_a: ca.MX | None = None  # (3, L K) where both lists of projections move
     signs: tuple[int, ...] = (1, -1)  # the axes and their opposites, or one of them
-    placements: int = 1  # of B's points: each has an equal share of them and a motion of its own
+    placements: int = 1  # of B's points: each has an equal share of them and its own motion
     squares: ca.MX | None = None  # (1, K) |w|², of axes that are not unit vectors
     least: ca.MX = field(init=False)  # (s, K) the least separation along the axis, for each sign
-    bounds: ca.MX = field(init=False)  # (s, K) what the axis says of the signed distance: a lower bound of it
+    bounds: ca.MX = field(init=False)  # (s, K) the axis' lower bound of the signed distance
 
     def __post_init__(self) -> None:
         """Find the least separations."""
         low_a, high_a = _spans(self.levels)
         low_b, high_b = _spans(self.along)
-        # rounded as the axis function rounds each x: the least of them must be one of them
+        # rounded as in the axis function: the least x must be one of them exactly
         gaps = {1: (low_a - self.drop) - high_b, -1: (-high_a - self.drop) + low_b}
         least = ca.vertcat(*(gaps[sign] for sign in self.signs))
         object.__setattr__(self, "least", least)
@@ -64,7 +64,7 @@ class Axes:
         object.__setattr__(self, "bounds", ca.if_else(squares > 0, seen, -ca.inf))
 
     def shape(self, gamma: int, order: int) -> AxisShape:
-        """Return what this group's axis function is built for."""
+        """Return the shape that this group's axis function is built for."""
         sizes = self.levels.shape[0], self.along.shape[0]
         return AxisShape(*sizes, gamma, order, self.points_a is not None, self.signs, self.placements)
 
@@ -89,7 +89,8 @@ class Axes:
 
 
 def combined(groups: list[Axes], gamma: int, order: int, length: ca.MX) -> list[ca.MX]:
-    """Return D, D̃ and, by order, the gradient (6) and the Hessian (6, 6) of D by the motion, six for each placement."""
+    """Return D, D̃ and, by order, the gradient (6) and the Hessian (6, 6) of D by the motion, six for each
+    placement."""
     apart = ca.mmax(ca.horzcat(*(ca.vec(group.least).T for group in groups))) > TINY
     separation = ca.mmax(ca.horzcat(*(ca.vec(group.bounds).T for group in groups)))  # positive where the former is
     evaluated = []
@@ -119,7 +120,7 @@ def _maximum(g: ca.MX, counts: ca.DM, gamma: int, length: ca.MX) -> _Maximum:
     positive, negative = top > TINY, top < -TINY
     numerator = ca.if_else(positive, positive_part(g), negative * top)
     r = numerator / ca.if_else(positive, top, ca.if_else(negative, g, 1))
-    extra = ca.if_else(positive, 1, r * r)  # below contact the derivatives have two powers more
+    extra = ca.if_else(positive, 1, r * r)  # in contact the derivatives have two more powers
     low = integer_power(r, p - 2) if p > 2 else r > 0
     total = ca.dot(counts, low * r * r)
     mirrored = shaped(-top, total, length, gamma, negative)

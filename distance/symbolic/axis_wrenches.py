@@ -2,7 +2,7 @@
 
 Everything in A's frame; the motion is exp(η), η = (v, ω) the twist of B in A's frame [m, rad]. Each kind of axis gives
 x(η), linear in the moments ψ of a pair of vertices (see ``one_axis``) and exact to second order at η = 0; CasADi
-differentiates it there once, and what is left per axis is a handful of products with 4 or 7 rows.
+differentiates it there once, which leaves a few products with 4 or 7 rows per axis.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import casadi as ca
 
 from hdplan.distance.symbolic.one_axis import AxisShape
 
-# x(η, ψ, sign, parameters): the separation along the axis (sign 1) or its opposite (-1), up to what does not move
+# x(η, ψ, sign, parameters): the separation along the axis (sign 1) or its opposite (-1), up to a constant
 Motion = Callable[[ca.SX, ca.SX, float, list[ca.SX]], ca.SX]
 
 
@@ -57,7 +57,7 @@ def edge_axis(edge_a: ca.SX, edge_b: ca.SX, sine: ca.SX, fade: ca.SX) -> tuple[c
 
 @functools.cache
 def wrench_function(motion: Motion, sizes: tuple[int, ...], shape: AxisShape) -> ca.Function:
-    """Return how one axis takes part in D's derivatives, all its s signs.
+    """Return the function for one axis' part in D's derivatives, for all its s signs.
 
     Inputs: the motion's parameters, of ``sizes``; pull (n, s) of ``axis_function``; push (1, s) = dU/dg · dg/du, the
     axis' share in the maximum U. For order 2 also sharp (n, s n); slope = dD/dg · dg/du, and the factors of (Σ q dx)(Σ

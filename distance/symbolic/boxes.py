@@ -32,14 +32,14 @@ def axis_count(normals: str) -> int:
 def box_distance(gamma: int, shaping_length: float, normals: str) -> ca.Function:
     """Build D of two boxes as a CasADi function; ``normals`` is "paper" or "paper-multiset".
 
-    Inputs (flat, row-major): placement_a (12) and placement_b (12), each [R (9) | t (3)], world from what carries the
-    box [m]; box_a and box_b (15), each [R (9) | t (3)], the box's frame in what carries it, and half its sides (3);
-    margin (1) [m] that comes off every separation, a growth of the boxes by that radius.
+    Inputs (flat, row-major): placement_a (12) and placement_b (12), each [R (9) | t (3)], world from the frame that
+    carries the box [m]; box_a and box_b (15), each [R (9) | t (3)], the box's frame in that frame, and half its sides
+    (3); margin (1) [m] that is subtracted from every separation, as if the boxes were grown by that radius.
 
     Outputs: distance () [m]; wrench (6) = [F | T], the derivative of D under a motion of A: dD = F·v + T·ω for the
     velocity v of the point of A at the world's origin and angular velocity ω (B's wrench is the opposite); separation
-    () [m], D̃ of eq. Dtilde, never more than the true signed distance of the boxes less the margin. At placements that
-    are not rigid D and D̃ are NaN: a graph cannot refuse.
+    () [m], D̃ of eq. (5), never more than the true signed distance of the boxes less the margin. At placements that are
+    not rigid D and D̃ are NaN, as a graph cannot raise an error.
     """
     placements = [ca.MX.sym(f"placement_{name}", 12) for name in "ab"]
     boxes = [ca.MX.sym(f"box_{name}", 15) for name in "ab"]

@@ -1,4 +1,4 @@
-"""How long compiling took: a stopwatch that whoever wants to know holds around the work."""
+"""The time spent on compiling: a stopwatch around any piece of work."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 @dataclass
 class Stopwatch:
-    """Time that was spent."""
+    """The time spent so far."""
 
     seconds: float = 0.0
 
@@ -21,7 +21,7 @@ _running: ContextVar[tuple[Stopwatch, ...]] = ContextVar("running", default=()) 
 
 @contextlib.contextmanager
 def compile_time() -> Iterator[Stopwatch]:
-    """Give a stopwatch of what this thread spends on compiling within, or on finding what was compiled."""
+    """Give a stopwatch of the time that this thread spends within on compiling, or on loading what was compiled."""
     watch = Stopwatch()
     token = _running.set((*_running.get(), watch))
     try:
@@ -32,7 +32,7 @@ def compile_time() -> Iterator[Stopwatch]:
 
 @contextlib.contextmanager
 def compiling() -> Iterator[None]:
-    """Let the stopwatches that run take what is done within."""
+    """Count the time spent within on all running stopwatches."""
     began = time.perf_counter()
     try:
         yield

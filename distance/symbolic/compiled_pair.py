@@ -48,7 +48,7 @@ class CompiledDistance(BodyDistance[Array]):
         self._witness_count = witness_count
 
     def __getstate__(self) -> dict[str, Any]:
-        """What another process is sent: it compiles, or finds, functions of its own."""
+        """The state for another process, which compiles its own functions, or finds them in the cache."""
         return vars(self) | {"_functions": {}}
 
     def function(self, order: int) -> RowFunction:
@@ -94,7 +94,7 @@ def hdsdf_compiled(
     ``numpy_reference.hdsdf``. Another shaping length compiles nothing anew.
     """
     length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
-    candidate_normals(normals, body_a, body_b)  # says early that the name is unknown
+    candidate_normals(normals, body_a, body_b)  # an unknown name is refused now
     return CompiledDistance(body_a, body_b, int(gamma), length, normals, witness_count)
 
 

@@ -1,7 +1,8 @@
 """The HD-SDF of two bodies as one CasADi Function for graphs, its first and second derivatives in closed form.
 
-CasADi's own derivatives would be wrong where vertices or axes tie (boxes along each other): they differentiate the
-branch that was taken, and only the sum over all is smooth. So each order is a Function that brings the next one along.
+CasADi's own derivatives would be wrong where vertices or axes tie (aligned boxes): they differentiate the branch that
+was taken, while only the sum over all is smooth. So each order is a Function that supplies the next one as its
+Jacobian.
 """
 
 from __future__ import annotations
@@ -30,17 +31,17 @@ def hdsdf_function(
 ) -> ca.Function:
     """Return D of ``numpy_reference.hdsdf`` as a CasADi Function ``(pose_a (4,4), pose_b (4,4)) -> distance`` [m].
 
-    A lower bound of the signed distance in sign (paper: Definition III.2). Usable in any SX
-    or MX graph, and with ``factory``. Gradient and Hessian are closed forms, right at every pose, aligned and touching
-    ones included; for gamma = 1 the Hessian has jumps and is one of its one-sided values there. A third derivative does
-    not exist: CasADi says so. Derivatives mean something along rigid motions only: compose the Function with a
-    kinematics or another parametrization of the pose. A graph cannot refuse: at poses that are not rigid D is NaN.
+    A lower bound of the signed distance in sign (paper: Definition III.2). Usable in any SX or MX graph, and with
+    ``factory``. Gradient and Hessian are closed forms, correct at every pose, aligned and touching ones included; for
+    gamma = 1 the Hessian has jumps and is one of its one-sided values there. There is no third derivative, and CasADi
+    refuses it. Derivatives are meaningful only along rigid motions: compose the Function with a robot's kinematics or
+    another parametrization of the pose. At poses that are not rigid D is NaN, as a graph cannot raise an error.
 
     Arguments and errors as ``numpy_reference.hdsdf``.
     """
     length = resolve_shaping_length(check_gamma(gamma), shaping_length, epsilon)
     pose_a, pose_b = ca.MX.sym("pose_a", 4, 4), ca.MX.sym("pose_b", 4, 4)
-    ignored = ca.MX.sym("distance"), ca.MX.sym("by_a", 1, 16), ca.MX.sym("by_b", 1, 16)  # what is differentiated
+    ignored = ca.MX.sym("distance"), ca.MX.sym("by_a", 1, 16), ca.MX.sym("by_b", 1, 16)  # outputs, passed by CasADi
     lifts = [_lift()(pose, ca.MX.zeros(6)) for pose in (pose_a, pose_b)]
 
     def twisted(order: int) -> list[ca.MX]:
@@ -72,7 +73,8 @@ def hdsdf_function(
 
 
 def _lift() -> ca.Function:
-    """Return how a gradient (6) by a pose's own twist (v, ω) is one by the pose's entries, column by column.
+    """Return the function that turns a gradient (6) by a pose's own twist (v, ω) into one by the pose's entries,
+    columnwise.
 
     With dR = R[ω], dp = R v: f·v + t·ω is the product of (dR, dp) with (R[t]/2, R f). Outputs: those entries (16, 1),
     their derivatives by the gradient (16, 6) and by the pose (16, 16).
@@ -86,6 +88,6 @@ def _lift() -> ca.Function:
 
 
 def _bracket(gradient: ca.MX) -> ca.MX:
-    """Return what the gradient's change along a twist has beside the Hessian, as twists do not commute: ½ g·[η, ·]."""
+    """Return what the gradient changes by along a twist besides the Hessian, as twists do not commute: ½ g·[η, ·]."""
     force, torque = ca.skew(gradient[:3]), ca.skew(gradient[3:])
     return ca.blockcat([[ca.MX(3, 3), force], [force, torque]]) / 2

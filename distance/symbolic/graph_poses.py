@@ -1,6 +1,6 @@
-"""Poses in CasADi graphs: the relative one, and a mark for those that are not rigid.
+"""Poses in CasADi graphs: the relative pose, and NaN for poses that are not rigid.
 
-A graph cannot refuse a number with a word, as ``poses`` does for arrays; so what it reads at such a pose is NaN.
+A graph cannot raise an error, as ``poses`` does for arrays; so its results at such a pose are NaN.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ def relative_pose(pose_a: ca.MX, pose_b: ca.MX) -> tuple[ca.MX, ca.MX]:
 
 
 def rigid_or_nan(*matrices: ca.MX) -> ca.MX:
-    """Return 0 where all are rotations (3, 3) or rigid transforms (4, 4), last row and all, to ``poses.RIGID``, else
-    NaN: a summand of what they lead to."""
+    """Return 0 where all are rotations (3, 3) or rigid transforms (4, 4), including the last row, to ``poses.RIGID``,
+    else NaN: to be added to results."""
     return _mark(tuple(matrix.shape[0] for matrix in matrices))(*matrices)
 
 
 @functools.cache
 def _mark(sizes: tuple[int, ...]) -> ca.Function:
     matrices = [ca.SX.sym("matrix", size, size) for size in sizes]
-    amiss = ca.SX(0)  # the sum of squares is the cheapest to ask once
+    amiss = ca.SX(0)  # one sum of squares is the cheapest test
     for matrix in matrices:
         x, y, z = ca.horzsplit(matrix[:3, :3])
         amiss += (ca.dot(x, x) - 1) ** 2 + (ca.dot(y, y) - 1) ** 2 + ca.dot(x, y) ** 2

@@ -1,7 +1,7 @@
 """The HD-SDF between a swept body and a body given by its planes: the planner's distance.
 
 In: vertices of A (swept by a ball), unit normals n_k fixed in B's frame with B's exact support h_B(n_k) along each.
-Out: D and its derivative as a wrench. Equation (Definition III.5 of the paper, with the normals of B's side and B's
+Out: D and its derivative as a wrench. Equation (Definition III.2 of the paper, with the normals of B's side and B's
 minimum taken exactly):
 
     D = Phi( ⊞_k Phi( ⊕_i (n_k · a_i − r_A − h_B(n_k)) ) )
@@ -12,10 +12,10 @@ hull) enters without vertices.
 
 A lower bound in sign, an approximation in value. Sign safety: if A and B share a point y, then n_k·y ≤ h_B(n_k) and
 min_i n_k·a_i − r_A ≤ n_k·y for every k, so every inner minimum is ≤ 0; ⊕, ⊞ and Phi preserve signs, hence D ≤ 0.
-Positive D means separated; clearance c is asked for by enlarging h_B by c.
+Positive D means separated; a clearance c is required by enlarging h_B by c.
 
-A may also be swept: the hull of its vertices at two placements, D depending on both. Every law above holds for that
-hull; it holds A at the two placements and whatever moves between them in a straight line.
+A may also be swept: the hull of its vertices at two placements, D depending on both. All of the above holds for that
+hull, which contains A at the two placements and on the straight line between them.
 """
 
 from __future__ import annotations
@@ -54,12 +54,12 @@ def halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: f
 
     Outputs: distance () [m]; wrench (6) = [F | T], the derivative of D under a motion of A: dD = F·v + T·ω for the
     velocity v of the point of A at the world's origin and angular velocity ω (D depends on the relative pose only, so
-    B's wrench is −[F | T]); separation () [m], D̃ of eq. Dtilde with the plain minimum and maximum: of D's sign even
-    where D underflows, and never more than the true signed distance, which D in the negative may be. With order 2
-    also hessian (6, 6) of D by the twist ξ = (v, ω) of A in the world: D of exp(ξ)·A to second order.
+    B's wrench is −[F | T]); separation () [m], D̃ of eq. (5) with the plain minimum and maximum: it has D's sign even
+    where D underflows, and never exceeds the true signed distance, as a negative D may. With order 2 also hessian (6,
+    6) of D by the twist ξ = (v, ω) of A in the world: D of exp(ξ)·A to second order.
 
-    Wrench and Hessian are closed forms, right at every pose. CasADi's own derivatives of D and of the wrench are not,
-    where bodies that are apart have several least projections along a normal, as aligned boxes do.
+    Wrench and Hessian are closed forms, correct at every pose. CasADi's own derivatives of D and of the wrench are
+    wrong where separated bodies have several least projections along a normal, as aligned boxes do.
     """
     placement_a, placement_b = ca.MX.sym("placement_a", 12), ca.MX.sym("placement_b", 12)
     body, body_planes = ca.MX.sym("body", 4 * vertices + 1), ca.MX.sym("body_planes", 4 * planes)
@@ -115,7 +115,7 @@ def swept_halfspace_distance(vertices: int, planes: int, gamma: int, shaping_len
 
 
 def _axes(points: ca.MX, weights: ca.MX, radius: ca.MX, body_planes: ca.MX, placements: int = 1) -> Axes:
-    """The planes' normals as axes, for A's points (3, m) in B's frame, which stands still."""
+    """The planes' normals as axes, for A's points (3, m) in B's frame, which is fixed."""
     planes = body_planes.numel() // 4
     normals = ca.reshape(body_planes[: 3 * planes], 3, planes)
     return Axes(

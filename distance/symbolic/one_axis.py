@@ -1,11 +1,10 @@
 """One candidate normal of the HD-SDF in CasADi: the shaped Hölder minimum over two lists of projections.
 
-In, for one axis w: what A's and B's vertices project to, ``levels`` (equal ones once, with a count) and ``along``, and
-the drop r_A + r_B + f. Out, for the axis and for its opposite: g = Phi(⊕_ij x_ij) of x_ij = ±(level_i - along_j) - drop
-and its derivatives in the closed form of ``holder.shaped_minimum``. They are handed on as moments of the vertices: x_ij
-is linear in ψ_ij = (1, b_j), or (1, b_j, a_i) where both lists move, or two halves of which the other is 0 where b_j
-belongs to one of two placements, whatever the motion; so that sums of ψ and of ψψᵀ hold all there is to know of the
-vertex pairs.
+In, for one axis w: the projections of A's and B's vertices, ``levels`` (equal ones once, with a count) and ``along``,
+and the drop r_A + r_B + f. Out, for the axis and for its opposite: g = Phi(⊕_ij x_ij) of x_ij = ±(level_i - along_j) -
+drop and its derivatives in the closed form of ``holder.shaped_minimum``. They are returned as moments of the vertices:
+whatever the motion, x_ij is linear in ψ_ij = (1, b_j), or (1, b_j, a_i) where both lists move, or two halves, one of
+them 0, where b_j belongs to one of two placements. So sums of ψ and of ψψᵀ contain everything about the vertex pairs.
 
 An axis is computed in one of three cases, a real branch of the generated code: SKIPPED, where another axis separates
 the bodies and this one does not (it weighs exactly 0 in the maximum); APART, where it separates them, along one of its

@@ -1,9 +1,9 @@
 """The HD-SDF of two bodies as CasADi functions: value, and gradient and Hessian in closed form.
 
-The bodies' numbers are built in, the pose is the argument. Exact reductions: a body's projections on directions that
-are its own are constants, and equal ones enter once with their count; n and -n share the differences; vertices that
-differ along an edge have one projection across it; and where any axis separates the bodies, the others are not computed
-at all. Loops stay loops: one small function per kind of axis, mapped.
+The bodies are constants of the function, the pose is its argument. Exact reductions: a body's projections on its own
+directions are constants, and equal ones enter once with their count; n and -n share the differences; vertices that
+differ only along an edge have one projection across it; and where any axis separates the bodies, the others are not
+computed. Loops stay loops: one small function per kind of axis, mapped.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from hdplan.distance.symbolic.all_axes import Axes, combined
 from hdplan.distance.symbolic.axis_wrenches import across_edges, between_centres, edge_axis, fixed_in_a, fixed_in_b
 from hdplan.scenes.array_types import Array
 
-# Projections this close, relative to the largest, are one projection with a count.
+# Projections this close, relative to the largest, are merged into one with a count.
 SAME_PROJECTION = 1e-14
 
 

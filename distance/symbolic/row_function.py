@@ -1,5 +1,5 @@
-"""CasADi functions run over many rows at once: as generated C where a compiler is found, by CasADi's interpreter
-elsewhere.
+"""CasADi functions evaluated for many rows at once: as generated C where a compiler is found, else by CasADi's
+interpreter.
 
 In: a CasADi Function and, for every input, a table of values and the row of the table that each evaluation takes.
 Out: one row per evaluation. Both ways compute the same instructions; C is about six times faster. The rows are
@@ -10,40 +10,15 @@ from __future__ import annotations
 
 import ctypes
 import functools
-import importlib.util
-import os
-import platform
-import re
-import shutil
-import subprocess
-import sys
-import tempfile
 import threading
-import warnings
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from hdplan.distance.cache import cache_dir, content_key, write_whole
-from hdplan.distance.symbolic.compile_time import compiling
+from hdplan.distance.symbolic.c_library import c_library
 from hdplan.scenes.array_types import Array, Rows
-from hdplan.scenes.deadline import check_time, most_seconds
-
-# None of them changes a value: without the last, machines with a fused multiply-add would round differently. The second
-# and third let the smallest helpers of the generated code (fmin, a square) be inlined, which halves the time.
-FLAGS = (
-    "-O3",
-    "-std=gnu89",
-    "-fno-semantic-interposition",
-    "-fno-math-errno",
-    "-fno-trapping-math",
-    "-shared",
-    "-fPIC",
-    "-ffp-contract=off",
-)
 
 # Calls the generated function once per row; `rows[i][k]` is the row of table i that evaluation k takes.
 LOOP = """
@@ -62,10 +37,10 @@ void {name}_rows(long long count, const double** tables, const long long* widths
 
 
 class RowFunction:
-    """A CasADi function of dense inputs, evaluated for many rows, by as many threads at once as you like.
+    """A CasADi function of dense inputs, evaluated for many rows, by any number of threads at once.
 
-    Every thread works in memory of its own, so all get what one alone would get, bit for bit. Compiled, a call does not
-    hold Python's lock, and threads run side by side; CasADi's interpreter holds it.
+    Every thread has its own memory, so results are the same bit for bit as with one thread. A compiled function
+    releases Python's lock, so that threads run in parallel; CasADi's interpreter holds it.
 
     Parameters
     ----------
@@ -78,8 +53,7 @@ class RowFunction:
         self.function = function
         self.widths = [function.numel_in(i) for i in range(function.n_in())]
         self.result_widths = [function.numel_out(i) for i in range(function.n_out())]
-        with compiling():
-            library = _library(function)
+        library = _library(function)
         self.is_compiled = library is not None
         if library is not None:
             self._loop = getattr(library, f"{function.name()}_rows")
@@ -88,7 +62,7 @@ class RowFunction:
         self._workspace = _Workspace(function, library)
 
     def __reduce__(self) -> tuple[type[RowFunction], tuple[ca.Function]]:
-        """What another process is sent: it compiles the function itself, or finds it in the cache."""
+        """Pickle the function alone: another process compiles it itself, or finds it in the cache."""
         return RowFunction, (self.function,)
 
     def __call__(self, tables: Sequence[Array], rows: Sequence[Rows]) -> list[Array]:
@@ -110,7 +84,7 @@ class RowFunction:
                     f"{self.function.name()}: input {i} is {table.shape} with {row.shape} rows; "
                     f"expected (any, {self.widths[i]}) with ({count},)"
                 )
-            if count and row.view(np.uint64).max() >= len(table):  # negative ones are larger than any
+            if count and row.view(np.uint64).max() >= len(table):  # negative ones wrap around
                 raise ValueError(f"{self.function.name()}: input {i} has rows outside 0 … {len(table) - 1}")
         results = [np.empty((count, width)) for width in self.result_widths]
         if self.is_compiled:
@@ -128,7 +102,7 @@ class RowFunction:
         return results
 
     def once(self, *arguments: Array) -> list[Array]:
-        """Evaluate at one row of each input, flat arrays (width_i,): the same with the least overhead for one call."""
+        """Evaluate one row of each input, flat arrays (width_i,), with the least overhead."""
         bound, run, results = self._workspace.single
         for slot, argument in zip(bound, arguments, strict=True):
             slot[:] = argument
@@ -136,7 +110,7 @@ class RowFunction:
         return [result.copy() for result in results]
 
     def _interpret(self, tables: Sequence[Array], rows: Sequence[Rows], results: Sequence[Array]) -> None:
-        """The same through CasADi's virtual machine, by buffers: converting to CasADi's DM would cost more than the
+        """Evaluate in CasADi's virtual machine, through buffers: conversion to CasADi's DM would take longer than the
         work."""
         bound, run, outputs = self._workspace.single
         for k in range(len(rows[0])):
@@ -148,11 +122,11 @@ class RowFunction:
 
 
 class _Workspace(threading.local):
-    """The memory in which a function is evaluated: made anew for each thread that comes, and nobody else's.
+    """The memory in which a function is evaluated, one for each thread.
 
     Attributes:
-        memory: of a compiled function, what its C loop is to work in: arg, res, iw and w of CasADi's C interface.
-        single: for one evaluation: arrays for the inputs, what runs it, and arrays in which it leaves the outputs.
+        memory: of a compiled function, the work arrays of its C loop: arg, res, iw and w of CasADi's C interface.
+        single: for one evaluation: arrays for the inputs, a function that runs it, and arrays for the outputs.
     """
 
     def __init__(self, function: ca.Function, library: ctypes.CDLL | None) -> None:
@@ -184,69 +158,9 @@ def _addresses(arrays: Sequence[Array] | Sequence[Rows]) -> ctypes.Array[ctypes.
     return (ctypes.c_void_p * len(arrays))(*(array.__array_interface__["data"][0] for array in arrays))
 
 
-@functools.cache
-def compiler() -> tuple[str, ...] | None:
-    """The C compiler's command: $CC, cc, gcc, clang or the `ziglang` wheel; None (said once) if there is none."""
-    for name in (os.environ.get("CC"), "cc", "gcc", "clang"):
-        if name and shutil.which(name):
-            return (name,)
-    if importlib.util.find_spec("ziglang"):
-        return (sys.executable, "-m", "ziglang", "cc")
-    warnings.warn(
-        "no C compiler found (cc, gcc, clang or `pip install ziglang`): distances run in CasADi's interpreter, "
-        "with the same values but several times slower",
-        stacklevel=2,
-    )
-    return None
-
-
-@functools.cache
-def _instructions() -> tuple[str, ...]:
-    """Return the flags for vectors as wide as this processor's, where Linux tells: loops run up to half faster."""
-    try:
-        found = set(re.findall(r"\bavx2\b|\bavx512vl\b", Path("/proc/cpuinfo").read_text(encoding="utf-8")))
-    except OSError:
-        return ()
-    return tuple(f"-m{name}" for name in sorted(found))
-
-
 def _library(function: ca.Function) -> ctypes.CDLL | None:
-    """The loaded library of a function, from the disk cache (keyed by the C source and the compiler) or compiled now.
-
-    A file of the cache bears its own checksum in its name: loading a damaged one would end the process.
-    """
-    command = compiler()
-    if command is None:
-        return None
+    """The loaded library of a function, with its loop over rows; None without a compiler."""
     generator = ca.CodeGenerator(f"{function.name()}.c")
     generator.add(function)
-    source = generator.dump() + LOOP.format(name=function.name(), n_in=function.n_in(), n_out=function.n_out())
-    flags = (*FLAGS, *_instructions())
-    key = content_key(source, *command, *flags, platform.machine(), sys.platform)
-    home, stem = cache_dir() / "compiled", f"{function.name()}-{key}"
-    for found in home.glob(f"{stem}-*.so"):
-        try:
-            if found.stem.endswith(content_key(found.read_bytes())):
-                return ctypes.CDLL(str(found))
-        except OSError:  # unreadable, or where nothing may be run: as if it were not there
-            continue
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            text, built = Path(folder) / "function.c", Path(folder) / "function.so"
-            text.write_text(source)
-            build = [*command, *flags, str(text), "-o", str(built), "-lm"]
-            try:
-                outcome = subprocess.run(build, capture_output=True, text=True, timeout=most_seconds())
-            except subprocess.TimeoutExpired:
-                check_time("compiling the distance")
-                raise
-            if outcome.returncode:
-                said = outcome.stderr.strip().splitlines()[-1:]
-                warnings.warn(f"{command[0]} failed on {function.name()}: {said}; interpreting", stacklevel=2)
-                return None
-            data = built.read_bytes()
-            write_whole(home / f"{stem}-{content_key(data)}.so", data)
-            return ctypes.CDLL(str(built))  # stays loaded when its file is gone
-    except OSError as error:  # a disk that is full, a folder from which nothing may be run
-        warnings.warn(f"nowhere to compile {function.name()} ({error}); interpreting", stacklevel=2)
-        return None
+    loop = LOOP.format(name=function.name(), n_in=function.n_in(), n_out=function.n_out())
+    return c_library(function.name(), generator.dump() + loop)

@@ -1,21 +1,21 @@
-"""Whether a motion keeps what its scene asks of the whole way, proven between the rows too: the certificate's word.
+"""The certificate's check of path constraints: whether a motion keeps them all along, proven between the rows too.
 
-On a part of the motion q(s) = q_m + s δ + e(s), |s| ≤ 1, |e_j(s)| ≤ ε_j (`Curve.part`), everything taken at q_m:
+On a part of the motion q(s) = q_m + s δ + e(s), |s| ≤ 1, |e_j(s)| ≤ ε_j (`Curve.part`), everything evaluated at q_m:
 
-*Upright.* The link's axis a is turned by the revolute joints that carry it. With a' = Σ_j δ_j z_j × a and ‖∂²a/∂q_i
+*Upright.* The link's axis a is rotated by the revolute joints that carry it. With a' = Σ_j δ_j z_j × a and ‖∂²a/∂q_i
 ∂q_j‖ ≤ 1, the chord to the upward direction z is at most
 
     ‖a(s) − z‖ ≤ max_{s = ±1} ‖a − z + s a'‖ + ½ (Σ_j |δ_j|)² + Σ_j ε_j,    angle = 2 arcsin(chord/2),
 
-as the norm is convex in s, and a joint that is off by ε_j turns the axis by no more than that. Coarser: the angle grows
+as the norm is convex in s, and a joint deviation of ε_j rotates the axis by no more than that. Coarser: the angle grows
 by Σ_j |δ_j| + ε_j at most.
 
-*Within.* The point's place u in the axes of the box is, with p' and R of `motion_bounds`, in each axis at most
+*Within.* Along each axis of the box, the point's coordinate u is bounded, with v' and R of `motion_bounds`, by
 
     |u(s)| ≤ max_{s = ±1} |u + s u'| + R,    or    |u| + Σ_j (|δ_j| + ε_j) ρ_j.
 
-A part whose bound does not suffice is halved; what is found at a midpoint is a fact. Angles in [rad], excursions in
-[m]: by how much the point is beyond the nearest side of the box, negative inside. Placements are Pinocchio's.
+A part whose bound does not suffice is halved; a violation found at a midpoint is a fact. Angles in [rad], excursions in
+[m]: how far the point is beyond the nearest face of the box, negative inside. Placements are Pinocchio's.
 """
 
 from __future__ import annotations
@@ -35,37 +35,37 @@ from hdplan.scenes.once import read_only
 from hdplan.scenes.path_constraints import Upright, Within
 
 UP = read_only(np.array([0.0, 0.0, 1.0]))  # in the world
-GRANTED = 1e-9  # [rad] or [m] beyond what is allowed that rounding may cost
-ROUNDING = 1e-9  # [rad] or [m] put on every bound
-SLACK = 0.02  # share of what is allowed by which a proven worst value may lie above the worst that was met
+GRANTED = 1e-9  # [rad] or [m] beyond the tolerance that is accepted, for rounding errors
+ROUNDING = 1e-9  # [rad] or [m] added to every bound
+SLACK = 0.02  # share of the tolerance by which the proven worst value may exceed the worst one found
 SHORTEST = 2.0**-17  # of an interval: below it, the answer is "not proven"
 
 
 @dataclass(frozen=True)
 class Departure:
-    """A place where a constraint is not kept, or not proven to be: the worst that was met in its interval."""
+    """A place where a constraint is violated or not proven to be kept: the worst one found in its interval."""
 
     field: str  # "path.upright" or "path.position"
     link: str
     interval: int  # between rows `interval` and `interval` + 1
     fraction: float  # of that interval, 0 to 1
     parameter: float  # of the whole motion, 0 to 1
-    found: float  # there: the angle [rad], or how far beyond the box [m]
+    found: float  # the angle [rad], or how far beyond the box [m]
     allowed: float  # the tolerance [rad], or 0 [m]
 
     @property
     def excess(self) -> float:
-        """By how much it is more than allowed [rad] or [m]; negative where it only could not be proven."""
+        """By how much it exceeds what is allowed [rad] or [m]; negative where it only could not be proven."""
         return self.found - self.allowed
 
     @property
     def violated(self) -> bool:
-        """Whether the constraint is broken there; else it only could not be proven."""
+        """Whether the constraint is violated there; otherwise it only could not be proven."""
         return self.found > self.allowed + GRANTED
 
     @property
     def words(self) -> str:
-        """What was found, such as "path.upright: panda_hand is tilted by 0.2 rad, 0.1 are allowed"."""
+        """A message such as "path.upright: panda_hand is tilted by 0.2 rad, 0.1 are allowed"."""
         if self.field == "path.upright":
             return f"{self.field}: {self.link} is tilted by {self.found:.3g} rad, {self.allowed:g} are allowed"
         side = "outside" if self.found > 0.0 else "inside"
@@ -78,13 +78,13 @@ class Kept:
 
     field: str
     link: str
-    worst: float  # proven for the whole motion: no greater angle [rad] or excursion [m]
-    met: float  # the worst that was met
+    worst: float  # proven upper bound over the whole motion: angle [rad] or excursion [m]
+    met: float  # the worst one found
     allowed: float
 
     @property
     def words(self) -> str:
-        """What is proven, such as "panda_hand upright within 0.083 of 0.1 rad"."""
+        """A message on what is proven, such as "panda_hand upright within 0.083 of 0.1 rad"."""
         if self.field == "path.upright":
             return f"{self.link} upright within {self.worst:.3g} of {self.allowed:g} rad"
         return f"the point of {self.link} at least {max(0.0, -self.worst) * 1e3:.3g} mm inside its box"
@@ -92,18 +92,18 @@ class Kept:
 
 @dataclass(frozen=True)
 class PathProof:
-    """What was found out about a motion."""
+    """What was found about a motion."""
 
     kept: tuple[Kept, ...]  # one for each constraint of the scene
-    departures: tuple[Departure, ...]  # for every constraint and interval without proof
-    configurations: int  # looked at
+    departures: tuple[Departure, ...]  # one for every constraint and interval without proof
+    configurations: int  # evaluated
 
 
 class PathCheck:
-    """The path constraints of one scene, made ready for many motions."""
+    """The path constraints of one scene, prepared for many motions."""
 
     def __init__(self, setup: Setup, chain: Chain) -> None:
-        """Look up the links. Raises InputError for one that the robot lacks or that does not move."""
+        """Look up the links. Raises InputError for one that the robot does not have or that does not move."""
         scene, robot = setup.scene, setup.robot
         self.robot, self.chain = robot, chain
         with naming(scene.source):
@@ -111,7 +111,7 @@ class PathCheck:
             self.constraints = tuple(_constraint(asked, robot) for asked in given if asked is not None)
 
     def at(self, q: Array) -> tuple[Departure, ...]:
-        """Return the constraints that configuration q (n,) breaks; exact to rounding."""
+        """Return the constraints that configuration q (n,) violates; exact up to rounding."""
         frames = self.chain.frames(self.robot.pin_q(q[None]))
         found = [(each, float(each.found(*frames)[0])) for each in self.constraints]
         departures = (Departure(each.field, each.link, 0, 0.0, 0.0, value, each.allowed) for each, value in found)
@@ -131,7 +131,7 @@ class PathCheck:
         interval, start, width = np.arange(intervals), np.zeros(intervals), np.ones(intervals)
         travel = _travel(*curve.part(interval, start, width))
         failed, broken = np.zeros(intervals, dtype=bool), np.zeros(intervals, dtype=bool)
-        worst, place = np.full(intervals, -np.inf), np.zeros(intervals)  # met on each interval, and where
+        worst, place = np.full(intervals, -np.inf), np.zeros(intervals)  # found on each interval, and where
         proven, slack = -np.inf, max(SLACK * held.scale, GRANTED)
         while len(interval):
             middle, delta, off = curve.part(interval, start, width)
@@ -171,7 +171,7 @@ class _Upright:
     """A link's axis, to be kept upright."""
 
     link: str
-    joint: int  # of the model, that carries the link
+    joint: int  # the model's joint that carries the link
     axis: Array  # (3,) unit, in the joint's frame
     allowed: float  # [rad]
     field: str = "path.upright"
@@ -181,7 +181,7 @@ class _Upright:
         return self.allowed
 
     def found(self, rotations: Array, _: Array) -> Array:
-        """The angle (k,) to the upward direction, exact: Kahan's formula, as good near 0 and π as elsewhere."""
+        """Return the angle (k,) to the upward direction, exact: Kahan's formula, accurate near 0 and π too."""
         axis = rotations[:, self.joint] @ self.axis
         chord, other = np.linalg.norm(axis - UP, axis=1), np.linalg.norm(axis + UP, axis=1)
         return np.asarray(2.0 * np.arctan2(chord, other))
@@ -189,7 +189,7 @@ class _Upright:
     def bound(
         self, chain: Chain, rotations: Array, _: Array, delta: Array, off: Array, travel: Array, found: Array
     ) -> Array:
-        """No greater angle (k,) on the parts."""
+        """Return an upper bound of the angle (k,) on the parts."""
         turning = chain.carried_by[self.joint] & chain.revolute
         axis, delta, off = rotations[:, self.joint] @ self.axis, delta * turning, (off * turning).sum(axis=1)
         axes = np.einsum("knij,nj->kni", rotations[:, 1:], chain.axes)
@@ -207,7 +207,7 @@ class _Within:
     joint: int
     point: Array  # (3,) in the joint's frame
     box: Array  # (4, 4) the box in the world
-    half: Array  # (3,) half its edges; inf where any place will do
+    half: Array  # (3,) half its edges; inf where it is unbounded
     allowed: float = 0.0  # [m]
     field: str = "path.position"
 
@@ -216,14 +216,14 @@ class _Within:
         return float(self.half.min())
 
     def found(self, rotations: Array, origins: Array) -> Array:
-        """How far beyond the box (k,), exact along its axes."""
+        """Return how far the point is beyond the box (k,), exact along its axes."""
         place = rotations[:, self.joint] @ self.point + origins[:, self.joint]
         return np.asarray((np.abs(self._in_box(place - self.box[:3, 3])) - self.half).max(axis=1))
 
     def bound(
         self, chain: Chain, rotations: Array, origins: Array, delta: Array, off: Array, travel: Array, found: Array
     ) -> Array:
-        """No greater excursion (k,) on the parts."""
+        """Return an upper bound of the excursion (k,) on the parts."""
         carried = chain.carried_by[self.joint]
         place = rotations[:, self.joint] @ self.point + origins[:, self.joint]
         axes, points = np.einsum("knij,nj->kni", rotations[:, 1:], chain.axes), origins[:, 1:]
@@ -253,6 +253,6 @@ def _constraint(asked: Upright | Within, robot: Robot) -> _Upright | _Within:
 
 
 def _travel(middle: Array, delta: Array, off: Array) -> Array:
-    """The range (n, 2) of each coordinate over all parts."""
+    """Return the range (n, 2) of each joint coordinate over all parts."""
     reach = np.abs(delta) + off
     return np.stack([(middle - reach).min(axis=0), (middle + reach).max(axis=0)], axis=1)

@@ -28,7 +28,9 @@ MOST_MEMORY = 8 * 2**30  # [bytes] of address space: several times what is used
 
 def convex_pieces(mesh: TriangleMesh, seconds: float = MOST_SECONDS) -> tuple[Array, ...] | None:
     """Return point sets (m, 3) whose convex hulls together represent `mesh`: exactly, if its connected parts are
-    convex. None where it cannot be split, or not within `seconds`.
+    convex.
+
+    None where it cannot be split, or not within `seconds`.
     """
     parts = mesh.components()
     if all(part.convex and part.volume > 0 for part in parts):

@@ -1,11 +1,11 @@
 """A few tight outer bodies for each link of a robot, which the planner uses instead of the link's mesh.
 
-Robot -> `LinkBody`s whose union contains the link's collision geometry. The geometry, as triangles, is cut into slabs
-along an axis of its oriented bounding box; the corners of a slab's triangles lie within a sphere-swept polytope, which
-is convex and so contains the slab. They are fitted once and cached on disk by the content of the link's geometry; those
-of well-known arms come with the package. In the joint's frame, [m]. The setting `link_bodies` chooses the bodies: "fitted" takes the cheapest that fit well. The others
-are for comparison: one capsule, one box, polytopes of a fixed number of vertices in all, or the link's convex hull
-itself.
+Robot -> `LinkBody`s whose union contains the link's collision geometry, in the joint's frame, [m]. They are fitted
+(`link_fit`) once and cached on disk by the content of the link's geometry; those of well-known arms come with the
+package.
+
+The setting `link_bodies` chooses the bodies: "fitted" takes the cheapest that fit well. The others are for comparison:
+one capsule, one box, polytopes of a fixed number of vertices in all, or the link's convex hull itself.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from hdplan.planner.geometry.shapes import operations, shape_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.once import Turn
+from hdplan.scenes.once import ForkSafeLock
 from hdplan.scenes.progress import tell
 
 FIT_VERSION = "8"  # to be changed with anything that changes a fit, so that old cache entries are not used
 FIXED = {"capsule": (1, 2), "outer-4": (1, 4), "outer-12": (3, 4)}  # the one candidate of each of these settings
 
-_fitting = Turn()  # the number of BLAS threads is set for the whole process
+_fitting = ForkSafeLock()  # the number of BLAS threads is set for the whole process
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""`hdplan explain`: say what the problem of a scene will hold."""
+"""`hdplan explain`: explain the planning problem that a scene makes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hdplan.scenes.yaml_format.reader import load_scene
 
 
 def run_explain(scene: str, request: Path | None, robot: str | None, *, as_json: bool) -> int:
-    """Build the problem and lay it out. Returns the exit code: 0."""
+    """Build the problem and print what it is made of. Returns the exit code: 0."""
     problem = load_scene(scene, request=request, robot=robot)
     with waiting("building the problem"):
         sections = explain(build(problem))

@@ -21,7 +21,7 @@ from hdplan.scenes.yaml_format.reader import load_scene
 def run_follow(
     scene: str, trajectory: Path, request: Path | None, robot: str | None, *, output: Path | None, as_json: bool
 ) -> int:
-    """Follow a motion. Returns the exit code: 0 if the robot arrives and is proven free all the way, else 1."""
+    """Follow a motion. Returns the exit code: 0 if the robot arrives and its motion is certified, else 1."""
     if output is not None:
         check_output(output)
     problem = load_scene(scene, request=request, robot=robot)

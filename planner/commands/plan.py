@@ -37,7 +37,7 @@ def run_plan(
     as_json: bool,
     quiet: bool,
 ) -> int:
-    """Plan; without a `time_limit` [s] for all of it, solving and certifying take SEARCH seconds at most.
+    """Plan within a `time_limit` [s] for everything; without one, solving and certifying take at most SEARCH seconds.
 
     Returns the exit code: 0 if the motion is certified, else 1.
     """

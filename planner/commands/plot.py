@@ -1,4 +1,4 @@
-"""`hdplan plot`: draw a motion in one sheet."""
+"""`hdplan plot`: draw a motion on one sheet."""
 
 from __future__ import annotations
 

@@ -42,14 +42,14 @@ def run_planning_study(folder: Path, *, quick: bool, problems: Path | None, ever
 
 
 def run_figure(name: str, folder: Path, *, quick: bool) -> int:
-    """Make one of FIGURES again. Returns the exit code: 0, or 1 if it was interrupted."""
+    """Reproduce one of FIGURES. Returns the exit code: 0, or 1 if it was interrupted."""
     with measuring() as (report, stop):
         found = FIGURES[name](folder, quick, report, stop)
     return _shown(found)
 
 
 def run_kinks(folder: Path) -> int:
-    """Follow two squares past each other. Returns the exit code: 0."""
+    """Follow the distances of two squares that pass each other. Returns the exit code: 0."""
     with waiting("following the squares"):
         found = reproduce_kinks(folder)
     return _shown(found)
@@ -71,7 +71,7 @@ def problems_below(folder: Path, every: int) -> list[Scene]:
         robots = [above / "robot.yaml" for above in file.parents if above.is_relative_to(folder)]
         robot = next((robot for robot in robots if robot.is_file()), None)
         if robot is None:
-            raise InputError(f"{file}: there is no robot.yaml in its folder or in one above it, up to {folder}")
+            raise InputError(f"{file}: no robot.yaml in its folder or in a folder above it, up to {folder}")
         scene = load_scene(file, request=request, robot=robot)
         scenes.append(replace(scene, name=str(file.relative_to(folder).with_suffix(""))))
     if not scenes:
@@ -80,11 +80,11 @@ def problems_below(folder: Path, every: int) -> list[Scene]:
 
 
 def _shown(report: Report) -> int:
-    """Print what was measured; exit code 1 if it was interrupted."""
+    """Print what was measured. Returns the exit code: 0, or 1 if it was interrupted."""
     with printing() as show:
         for title, rows in report.tables.items():
             show(Text(title, style="bold"))
             show(columns(rows))
-        partial = [] if report.complete else [("partial", "interrupted: tables and files hold what was found so far")]
+        partial = [] if report.complete else [("partial", "interrupted: tables and files hold the results so far")]
         show(table([*partial, *report.notes, *(("written", str(file)) for file in report.files)]))
     return 0 if report.complete else 1

@@ -23,7 +23,7 @@ import trimesh
 
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError, nearest
-from hdplan.scenes.once import Turn
+from hdplan.scenes.once import ForkSafeLock
 
 Triangles = tuple[Array, Rows]  # vertices (m, 3) in the file's unit, corners (F, 3): rows of vertices
 
@@ -31,7 +31,7 @@ MOST_BYTES = 100_000_000
 MOST_TRIANGLES = 1_000_000  # more would take minutes to prepare for a proof
 FAN = 6  # mode of a glTF primitive that trimesh skips
 
-_reading = Turn()  # warnings and trimesh's log belong to the whole process
+_reading = ForkSafeLock()  # warnings and trimesh's log belong to the whole process
 
 
 def read_mesh_file(path: Path) -> Triangles:

@@ -9,10 +9,11 @@ triangles joined by edges that exactly two of them share. A point x counts as in
 consistently oriented shells together, or for a doubtful shell by itself, after its triangles have been oriented
 consistently. A shell is doubtful
 
-    if it is open (w is a fraction then: ½ and more is inside), if its triangles were not oriented consistently, or came
-    twice, once each way: cavities cannot be identified then, if it crosses a shell of the opposite orientation: the two
-    would cancel where they overlap, and neither is a cavity. A one-sided shell (such as a Klein bottle) contains all of
-    its bounding box. Doubt only ever adds to the inside.
+    if it is open (w is a fraction then: ½ and more is inside),
+    if its triangles were not oriented consistently, or came twice, once each way: cavities cannot be identified then,
+    if it crosses a shell of the opposite orientation: the two would cancel where they overlap, and neither is a cavity.
+
+A one-sided shell (such as a Klein bottle) contains all of its bounding box. Doubt only ever adds to the inside.
 """
 
 from __future__ import annotations

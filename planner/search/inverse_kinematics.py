@@ -55,11 +55,14 @@ def inverse_kinematics(
     differ by more than 0.6 rad (or m) in some joint.
 
     Args:
-        robot: what load_robot returns. link: a link that moves, with or without geometry. pose: of the link's frame, in
-        the world. position_tolerance: how far the link's origin may be away [m]. orientation_tolerance: how far it may
-        be rotated away, apart from free rotations [rad]. free_rotation: "none", the axis of the link about which it may
-        rotate freely ("x", "y", "z"), or "all". near: a configuration (n,); by default the middle of the joint limits,
-        0 for a joint without limits. seed: of the random starts; the same seed gives the same configurations.
+        robot: what load_robot returns.
+        link: a link that moves, with or without geometry.
+        pose: of the link's frame, in the world.
+        position_tolerance: how far the link's origin may be away [m].
+        orientation_tolerance: how far it may be rotated away, apart from free rotations [rad].
+        free_rotation: "none", the axis of the link about which it may rotate freely ("x", "y", "z"), or "all".
+        near: a configuration (n,); by default the middle of the joint limits, 0 for a joint without limits.
+        seed: of the random starts; the same seed gives the same configurations.
 
     Raises:
         InputError: an unknown link or one that is fixed to the world, or a value that is refused in a scene's goal too.

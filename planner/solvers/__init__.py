@@ -40,8 +40,10 @@ def solve(
     """Solve a problem once, from a first guess (N, n) or the straight line; certify the result before you trust it.
 
     Args:
-        problem: what build returns. solver: "gauss_newton", "chomp" or "ipopt". guess: the waypoints to begin with (N,
-        n) [rad or m], in the order of the robot's joints. budget: what the solver may spend, and where it reports.
+        problem: what build returns.
+        solver: "gauss_newton", "chomp" or "ipopt".
+        guess: the waypoints to begin with (N, n) [rad or m], in the order of the robot's joints.
+        budget: what the solver may spend, and where it reports.
 
     Raises InputError for an unknown solver, for a problem that it cannot solve, and for a guess of another shape or
     with values beyond LARGEST.

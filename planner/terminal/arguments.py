@@ -1,4 +1,4 @@
-"""Arguments of commands: what their help says of them, and how their values are read."""
+"""Arguments of the commands: their help, and how their values are read."""
 
 from __future__ import annotations
 
@@ -34,14 +34,17 @@ def _seconds(text: str) -> float:
     raise typer.BadParameter(f"must be a finite number of seconds greater than 0, found '{text}'")
 
 
-# what nearly all commands take
+# of nearly all commands
 SceneFile = Annotated[
     str,
     typer.Argument(metavar="SCENE", help="A hdplan scene (YAML), a shipped scene's name, or a MoveIt planning scene."),
 ]
 Motion = Annotated[
     Path,
-    typer.Argument(metavar="TRAJECTORY", help="JSON, CSV (joint names in its header) or NPZ, from any planner."),
+    typer.Argument(
+        metavar="TRAJECTORY",
+        help="JSON, CSV (joint names in its header), NPZ or a ROS message (.yaml, .mcap), from any planner.",
+    ),
 ]
 Request = Annotated[
     Path | None,
@@ -52,8 +55,8 @@ RobotFile = Annotated[
     typer.Option(
         "--robot",
         metavar="NAME|FILE",
-        help="Robot that supplies or replaces the scene's: a name from `hdplan robots`, or a YAML file with a `robot` "
-        "section.",
+        help="Robot to use instead of the scene's: a name of `hdplan robots`, a robot description, or a YAML "
+        "file with a `robot` section.",
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
@@ -81,7 +84,7 @@ Distance = Annotated[
     str | None,
     typer.Option(
         metavar="NAME",
-        help="Distance that the penalty takes: hdsdf, or fcl (exact, Euclidean); by default what the scene says.",
+        help="Distance used by the penalty: hdsdf, or fcl (exact, Euclidean); by default the scene's.",
     ),
 ]
 Seed = Annotated[int, typer.Option(metavar="N", help="Seed of the random first guesses.", parser=_whole_number)]
@@ -89,8 +92,8 @@ TimeLimit = Annotated[
     float | None,
     typer.Option(
         metavar="SECONDS",
-        help="Time for all of it, reading and building included. Without it solving and certifying take at most "
-        f"{SEARCH:g} s, all attempts together.",
+        help="Time for everything, reading and building included. By default solving and certifying take at most "
+        f"{SEARCH:g} s over all attempts.",
         parser=_seconds,
     ),
 ]
@@ -116,24 +119,37 @@ Picture = Annotated[
 # view
 Motions = Annotated[
     list[Path] | None,
-    typer.Argument(metavar="TRAJECTORY", help="Motions to show, several at once to compare them."),
+    typer.Argument(metavar="TRAJECTORY", help="Motions to show; give several to compare them."),
 ]
 Page = Annotated[
     Path | None,
-    typer.Option("--record", metavar="FILE.html", help="Write the motion as one page that needs no server, and end."),
+    typer.Option("--record", metavar="FILE.html", help="Write the motion as one page that needs no server, and exit."),
 ]
 Host = Annotated[str, typer.Option(metavar="ADDRESS", help="Address to serve on; 0.0.0.0 lets other machines in.")]
 Port = Annotated[int, typer.Option(metavar="N", help="Port to serve on, or the next free one.", parser=_port)]
 
 # robots
-RobotName = Annotated[str | None, typer.Argument(metavar="NAME", help="Show this robot's joints and bodies.")]
+RobotName = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="NAME|FILE", help="Show this robot's joints, groups and bodies; FILE as for --robot elsewhere."
+    ),
+]
+SrdfFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--srdf",
+        metavar="OUT",
+        help="Write an SRDF for a robot that has none: the link pairs that always or never touch, or are neighbours.",
+    ),
+]
 
 # study, reproduce
 Folder = Annotated[
     Path,
-    typer.Option("--output", "-o", metavar="FOLDER", help="Where the files go; made if it is not there."),
+    typer.Option("--output", "-o", metavar="FOLDER", help="Where the files go; created if it does not exist."),
 ]
-Quick = Annotated[bool, typer.Option("--quick", help="Measure less of it, in about a minute.")]
+Quick = Annotated[bool, typer.Option("--quick", help="Measure less, in about a minute.")]
 Problems = Annotated[
     Path | None,
     typer.Option(
@@ -142,4 +158,4 @@ Problems = Annotated[
         "robot.yaml in the nearest folder above it.",
     ),
 ]
-Every = Annotated[int, typer.Option(metavar="K", help="Take every K-th of the problems.", parser=_whole_number)]
+Every = Annotated[int, typer.Option(metavar="K", help="Take every K-th problem.", parser=_whole_number)]

@@ -1,11 +1,13 @@
-"""The terminal: results go to the output stream; errors, one line each, and progress go to the error stream."""
+"""The terminal: results go to standard output; errors (one line each) and progress go to standard error."""
 
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from typing import IO, TYPE_CHECKING, Any
 
@@ -16,32 +18,36 @@ from rich.text import Text
 
 from hdplan.planner.terminal.interrupts import noting
 from hdplan.scenes.errors import InputError, one_line
+from hdplan.scenes.progress import listening
 
 if TYPE_CHECKING:
     from hdplan.planner.search.search import Event
     from hdplan.scenes.planner_settings import PlannerSettings
 
-LONG = 1.0  # [s] after which a command is one for which people wait
+LONG = 1.0  # [s] after which a command says what it is doing
 
 
 def say(text: str, style: str) -> None:
-    """Print one line, whatever names and values it repeats."""
+    """Print one line to standard error, whatever names and values it repeats."""
     line = one_line(f"hdplan: {text}".replace("\n", " "))
     PlainConsole(sys.stderr).print(Text(line, style=style), soft_wrap=True)
 
 
 class Steps:
-    """What a command is doing, for those who wait; this one tells nobody."""
+    """The steps of a command, shown to whoever waits for it; this base class shows nothing."""
 
     def begin(self, step: str) -> None:
-        """Go on to the next step."""
+        """Begin the next step."""
 
     def detail(self, text: str) -> None:
-        """Say how the step is getting on."""
+        """Report the progress of the current step."""
+
+    def at(self, doing: str) -> None:
+        """Name what the current step is at, one of many short things."""
 
 
 class _OneLine(Steps):
-    """On a terminal: one line that changes."""
+    """On a terminal: one line, updated in place."""
 
     def __init__(self, status: Status) -> None:
         self.status = status
@@ -52,12 +58,15 @@ class _OneLine(Steps):
     def detail(self, text: str) -> None:
         self.status.update(Text(text))
 
+    at = detail
+
 
 class _Lines(Steps):
-    """Off a terminal: a line for each step as it begins, once the command has taken LONG; quick ones say nothing."""
+    """Off a terminal: a line for each step as it begins, once the command has run for LONG; a quick one is silent."""
 
     def __init__(self, step: str) -> None:
         self._step, self._long, self._lock = step, False, threading.Lock()
+        self._said = -math.inf  # when the last line was printed: time.monotonic()
         self._timer = threading.Timer(LONG, self._begin_to_say)
         self._timer.daemon = True
         self._timer.start()
@@ -67,45 +76,54 @@ class _Lines(Steps):
             self._step = step
             self._say()
 
+    def at(self, doing: str) -> None:
+        with self._lock:
+            if time.monotonic() - self._said >= LONG:  # a line for each would be too many
+                self._step = doing
+                self._say()
+
     def close(self) -> None:
-        """Say nothing more."""
+        """Print no further lines."""
         with self._lock:
             self._timer.cancel()
 
     def _begin_to_say(self) -> None:
         with self._lock:
-            if not self._timer.finished.is_set():  # it was not too late
+            if not self._timer.finished.is_set():  # not closed in the meantime
                 self._long = True
                 self._say()
 
     def _say(self) -> None:
         if self._long:
-            with contextlib.suppress(OSError):  # nobody reads it
+            self._said = time.monotonic()
+            with contextlib.suppress(OSError):  # the stream is closed
                 say(f"{self._step} ...", "dim")
 
 
 @contextlib.contextmanager
 def waiting(step: str, shown: bool = True) -> Iterator[Steps]:
-    """Say what takes its time, from `step` on; gives the object that takes the further steps."""
+    """Show what takes time, beginning with `step`; yields the object that takes the further steps."""
     if not shown:
         yield Steps()
     elif sys.stderr.isatty():
         with PlainConsole(sys.stderr).status(Text(step)) as status:
-            yield _OneLine(status)
+            line = _OneLine(status)
+            with listening(line.at):
+                yield line
     else:
-        with contextlib.closing(_Lines(step)) as lines:
+        with contextlib.closing(_Lines(step)) as lines, listening(lines.at):
             yield lines
 
 
 @contextlib.contextmanager
 def progress(settings: PlannerSettings, shown: bool) -> Iterator[Any]:
-    """Follow the solver; gives the function that takes the events, and one that says whether to stop.
+    """Show the solver's progress; yields the function that takes its events, and one that tells whether to stop.
 
-    From the first step on, Ctrl-C is noted and ends the search with the best motion so far.
+    From the first event on, Ctrl-C is noted and ends the search with the best motion so far.
     """
     verdict, searching = "", False
     margin = settings.clearance + settings.activation
-    building = "building the problem (the first time with a robot takes minutes)"
+    building = "building the problem (the first time with a robot takes some seconds)"
     with waiting(building, shown) as steps, noting() as note:
 
         def report(event: Event) -> None:
@@ -129,8 +147,8 @@ def progress(settings: PlannerSettings, shown: bool) -> Iterator[Any]:
 
 @contextlib.contextmanager
 def measuring() -> Iterator[Any]:
-    """Show how far a measurement has come: a bar on a terminal, else a line for each tenth of it. Gives the function
-    that takes the steps, and one that says whether to stop. Ctrl-C is noted as in `progress`."""
+    """Show how far a measurement has come: a bar on a terminal, else a line for each tenth of it. Yields the function
+    that takes the steps, and one that tells whether to stop. Ctrl-C is noted as in `progress`."""
     with noting() as note, _bar() if sys.stderr.isatty() else _tenths() as show:
 
         def report(done: int, of: int, what: str) -> None:
@@ -164,24 +182,24 @@ def _tenths() -> Iterator[Callable[[int, int, str], None]]:
 
 @contextlib.contextmanager
 def printing() -> Iterator[Any]:
-    """Give a function that prints. A reader who leaves early, as `| head` does, is no failure; a full disk is."""
+    """Yield a function that prints. A reader that closes early, as `| head` does, is no error; a full disk is."""
     console = PlainConsole(sys.stdout)
     try:
         yield lambda text: console.print(text, soft_wrap=True)
         sys.stdout.flush()
     except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left unwritten must not fail again
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is still buffered must not fail again
         if not isinstance(error, BrokenPipeError):
             raise InputError(f"the output cannot be written ({error.strerror})") from None
 
 
 class PlainConsole(Console):
-    """Prints texts as they are, whatever names they hold."""
+    """Prints text as it is, without markup or highlighting."""
 
     def __init__(self, stream: IO[str]) -> None:
         """Print to a stream."""
         super().__init__(file=stream, highlight=False, markup=False, emoji=False)
 
     def on_broken_pipe(self) -> None:
-        """Leave it to the caller, called while the error is handled; Rich would end with exit code 1."""
+        """Re-raise the error being handled, for the caller; Rich would end with exit code 1."""
         raise

@@ -1,8 +1,8 @@
-"""Ctrl-C and `kill`: a command ends soon, and in order, wherever they meet it.
+"""Ctrl-C and `kill`: a command ends promptly and cleanly, whatever it is doing.
 
-Python drops an exception that is raised in a destructor or in a callback of a C library, and the command would go on
-as if nothing had been asked. So the wish to end is raised again and again until it is on its way up; a command that
-has something to show by then notes Ctrl-C instead, and ends at its next step.
+Python drops an exception that is raised in a destructor or in a callback of a C library, and the command would continue
+as if nothing had happened. So the exception is raised again until it propagates; a command that already has something
+to show notes Ctrl-C instead, and ends at its next step.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import threading
 from collections.abc import Callable, Iterator
 from typing import Any
 
-INTERRUPTED, TERMINATED = 130, 143  # what shells say of a command ended by Ctrl-C, or by `kill`
-AGAIN = 0.1  # [s] until a wish that was lost is raised again
-WISHES: dict[int, Callable[[], BaseException]] = {
+INTERRUPTED, TERMINATED = 130, 143  # exit codes after Ctrl-C and after `kill`, as shells have them
+AGAIN = 0.1  # [s] until an exception that was dropped is raised again
+EXCEPTIONS: dict[int, Callable[[], BaseException]] = {
     signal.SIGINT: KeyboardInterrupt,
     signal.SIGTERM: lambda: SystemExit(TERMINATED),
 }
@@ -24,37 +24,37 @@ WISHES: dict[int, Callable[[], BaseException]] = {
 
 @contextlib.contextmanager
 def ended_by_signals() -> Iterator[None]:
-    """Let Ctrl-C (KeyboardInterrupt) and `kill` (SystemExit) end what is within, even where one of them gets lost.
+    """Let Ctrl-C (KeyboardInterrupt) and `kill` (SystemExit) end the block, even where the exception is dropped.
 
-    An error that a library makes of Ctrl-C in its callback counts as Ctrl-C. Signals that are ignored stay so.
+    An error that a library makes of Ctrl-C in its callback counts as Ctrl-C. Ignored signals stay ignored.
     """
-    wish: Callable[[], BaseException] | None = None
+    ending: Callable[[], BaseException] | None = None
 
     def asked(number: int, _: object) -> None:
-        nonlocal wish
-        wish = WISHES[number]
+        nonlocal ending
+        ending = EXCEPTIONS[number]
         signal.setitimer(signal.ITIMER_REAL, AGAIN, AGAIN)
-        raise wish()
+        raise ending()
 
     def again(*_: object) -> None:
-        if wish is not None and not _on_its_way():
-            raise wish()
+        if ending is not None and not _propagating():
+            raise ending()
 
     def unraisable(lost: Any) -> None:
-        if not issubclass(lost.exc_type, KeyboardInterrupt | SystemExit):  # these come again
+        if not issubclass(lost.exc_type, KeyboardInterrupt | SystemExit):  # these are raised again
             hook(lost)
 
     hook = sys.unraisablehook
     handlers: dict[int, Callable[..., None]] = {signal.SIGALRM: again}
-    handlers |= {number: asked for number in WISHES if signal.getsignal(number) is not signal.SIG_IGN}
+    handlers |= {number: asked for number in EXCEPTIONS if signal.getsignal(number) is not signal.SIG_IGN}
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     sys.unraisablehook = unraisable
     try:
         yield
     except Exception as error:
-        if wish is None:
+        if ending is None:
             raise
-        raise wish() from error
+        raise ending() from error
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         sys.unraisablehook = hook
@@ -64,15 +64,15 @@ def ended_by_signals() -> Iterator[None]:
 
 @contextlib.contextmanager
 def until_ctrl_c() -> Iterator[None]:
-    """Take Ctrl-C for the proper end of what is within."""
+    """Treat Ctrl-C as the regular end of the block."""
     try:
         yield
     except KeyboardInterrupt:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)  # heard
+        signal.setitimer(signal.ITIMER_REAL, 0.0)  # handled
 
 
-def _on_its_way() -> bool:
-    """Whether the wish to end is being handled: what runs now tidies up."""
+def _propagating() -> bool:
+    """Whether the exception is propagating already: what runs now is cleaning up."""
     error = sys.exception()
     while error is not None and not isinstance(error, KeyboardInterrupt | SystemExit):
         error = error.__context__
@@ -80,16 +80,16 @@ def _on_its_way() -> bool:
 
 
 class Note:
-    """Notes Ctrl-C from the first call on; a second one ends at once."""
+    """Notes Ctrl-C from the first call on; a second Ctrl-C ends the command at once."""
 
     def __init__(self) -> None:
-        """Leave the signal as it is until the first call."""
+        """Leave the signal's handler as it is until the first call."""
         self._event = threading.Event()
         self.pressed = self._event.is_set
         self.before = signal.getsignal(signal.SIGINT) or signal.SIG_DFL
 
     def __call__(self) -> None:
-        """Begin to note, or begin again where a library has taken the signal for itself."""
+        """Begin to note, or begin again after a library has restored the handler."""
         if not self._event.is_set() and signal.getsignal(signal.SIGINT) is self.before:
             signal.signal(signal.SIGINT, self._note)
 
@@ -100,7 +100,7 @@ class Note:
 
 @contextlib.contextmanager
 def noting() -> Iterator[Note]:
-    """Note Ctrl-C, and leave the signal as it was."""
+    """Note Ctrl-C within the block, and restore the signal's handler after it."""
     note = Note()
     try:
         yield note

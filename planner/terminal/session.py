@@ -1,7 +1,7 @@
-"""One run of the command line: streams and signals made ready, and every error turned into one line and an exit code.
+"""One run of the command line: it prepares streams and signals, and turns every error into one line and an exit code.
 
-Exit codes: 0 certified, 1 nothing certified was found, 2 bad input, 3 a fault of hdplan itself, 130 interrupted before
-there was anything to show, 143 terminated.
+Exit codes: 0 certified, 1 no certified motion was found, 2 bad input, 3 internal error, 130 interrupted before there
+was anything to show, 143 terminated.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ TyperError: type[Exception] = typer.BadParameter.__mro__[2]  # ClickException, w
 
 
 def run(app: typer.Typer) -> NoReturn:
-    """Run the command line; every error becomes one line: exit code 2 for what a user can cause, else 3."""
+    """Run the command line. Every error becomes one line, with exit code 2 if a user can cause it, else 3."""
     for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:  # closed, as with `>&-`
+        if getattr(sys, name) is None:  # closed, as by `>&-`
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # names of files and obstacles hold any character
@@ -46,7 +46,7 @@ def run(app: typer.Typer) -> NoReturn:
         code = complain(f"{error.format_message().rstrip('.')} (see {command} --help)")  # type: ignore[attr-defined]
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
-    except OSError as error:  # of a help text; what hdplan prints itself looks after itself
+    except OSError as error:  # while printing help; hdplan's own output handles its errors
         if error.errno not in (errno.EPIPE, errno.ENOSPC):
             code = _internal(error)
         else:
@@ -54,7 +54,7 @@ def run(app: typer.Typer) -> NoReturn:
             code = 0 if error.errno == errno.EPIPE else complain(f"the output cannot be written ({error.strerror})")
     except Exception as error:
         code = _internal(error)
-    if code == INTERRUPTED:  # Typer may have made it of KeyboardInterrupt
+    if code == INTERRUPTED:  # from Typer, or from KeyboardInterrupt above
         complain("interrupted before anything was found")
     sys.exit(code)
 
@@ -66,14 +66,12 @@ def complain(text: str, code: int = BAD_INPUT) -> int:
 
 
 def _internal(error: Exception) -> int:
-    """Print one line about an error that should not be and return its exit code."""
-    return complain(
-        f"internal error, please report it to the project with scene and command: {_fault(error)}", INTERNAL
-    )
+    """Print one line about an internal error and return its exit code."""
+    return complain(f"internal error, please report it with the scene and the command: {_fault(error)}", INTERNAL)
 
 
 def _fault(error: Exception) -> str:
-    """Name an error that should not be, and the line of hdplan from which it came."""
+    """Name an internal error, and the line of hdplan from which it came."""
     below = traceback.extract_tb(error.__traceback__)[1:]  # the first is `run`
     own = [frame for frame in below if {"planner", "distance", "scenes"} & set(Path(frame.filename).parts)]
     place = next((f" ({Path(frame.filename).stem}, line {frame.lineno})" for frame in reversed(own)), "")

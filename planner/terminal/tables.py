@@ -1,4 +1,4 @@
-"""Results as they are printed: rows of names and values, and tables, within the terminal's width."""
+"""Results as printed: rows of names and values, and tables, within the terminal's width."""
 
 from __future__ import annotations
 
@@ -19,18 +19,19 @@ if TYPE_CHECKING:
     from hdplan.planner.result import PlanResult
     from hdplan.scenes.scene import Scene
 
-STANDS = 1e-6  # [rad/s and the like] below which a joint does not move, but for rounding
-BAR = 14  # [columns] of a torque at its limit
-WIDTH = 80  # [columns] of tables where the output is no terminal
+STANDS = 1e-6  # [rad/s etc.] below which a joint stands still, up to rounding
+BAR = 14  # [columns] width of the bar for a torque at its limit
+WIDTH = 80  # [columns] of tables where the output is not a terminal
 
 
 def verdict_text(certificate: Certificate) -> Text:
-    """Colour what a certificate says."""
+    """Return a certificate's text, green or red."""
     return Text(certificate.text, style="green" if certificate.certified else "red")
 
 
 def result_rows(result: PlanResult, files: list[str]) -> list[tuple[str, str]]:
-    """Say how a motion was found, how close it comes, what it takes of the limits, and where it was written."""
+    """Return rows that say how a motion was found, how close it comes, how much of its limits it uses, and where it was
+    written."""
     attempts = f"{result.attempts} attempt" + "s" * (result.attempts != 1)
     return [
         ("scene", f"{result.scene} with {result.robot}"),
@@ -47,7 +48,7 @@ def result_rows(result: PlanResult, files: list[str]) -> list[tuple[str, str]]:
 
 
 def closest_rows(certificate: Certificate) -> list[tuple[str, str]]:
-    """Say where a motion comes closest: to an obstacle, and between links."""
+    """Return rows that say where a motion comes closest: to an obstacle, and between links."""
     places = {"closest": certificate.worst, "own links": certificate.self_worst}
     return [(name, _place(place)) for name, place in places.items() if place is not None]
 
@@ -59,7 +60,7 @@ def _place(place: Place) -> str:
 
 
 def limit_rows(certificate: Certificate) -> list[tuple[str, str]]:
-    """How much of each limit the motion takes at most, and the joint that takes it."""
+    """Return rows that say how much of each limit the motion uses at most, and by which joint."""
     return [
         (
             use.quantity,
@@ -72,7 +73,7 @@ def limit_rows(certificate: Certificate) -> list[tuple[str, str]]:
 
 
 def simulation_rows(simulation: Simulation, scene: Scene, robot: str) -> list[tuple[str, str]]:
-    """Say what was replayed, and how close it came."""
+    """Return rows that say what was replayed, and how close it came."""
     if simulation.duration is None:
         motion, when = "a path without times", "at {:.3f} of 1"
     else:
@@ -85,13 +86,13 @@ def simulation_rows(simulation: Simulation, scene: Scene, robot: str) -> list[tu
             for name, close in places.items()
             if close is not None
         ),
-        ("looked at", f"{simulation.looks} configurations, by exact distances"),
+        ("sampled", f"{simulation.samples} configurations, with exact distances"),
         ("units", "rad, Nm and s; m and N where a joint slides"),
     ]
 
 
 def rates_table(joints: Sequence[JointUse]) -> Table:
-    """Lay out how far and how fast each joint moved, and how much of its limits that takes."""
+    """Tabulate how far and how fast each joint moved, and how much of its limits that uses."""
     rates = [what for what in joints[0].peaks if what != "torque"]
     table = _joint_table("travel", *rates)
     for joint in joints:
@@ -100,7 +101,7 @@ def rates_table(joints: Sequence[JointUse]) -> Table:
 
 
 def torques_table(joints: Sequence[JointUse]) -> Table:
-    """Lay out what drove each joint, what is left of its limit, and how well it followed."""
+    """Tabulate the torque of each joint, what is left of its limit, and how well the joint tracked."""
     table = _joint_table("torque", "", "left", "at [s]", "error", "rms")
     table.columns[2].justify = "left"
     for joint in joints:
@@ -120,7 +121,7 @@ def _joint_table(*columns: str) -> Table:
 
 
 def _peak(peak: Peak) -> Text:
-    """Write a largest value with its share of the limit, if there is one."""
+    """Return a peak value with its share of the limit, if there is one."""
     value = f"{peak.value if peak.value > STANDS else 0:.4g}"
     if peak.share is None:
         return Text(value)
@@ -134,12 +135,12 @@ def _style(peak: Peak) -> str:
 
 
 def table(rows: Sequence[tuple[str, str]]) -> str:
-    """Lay out names and values; the values wrap within the terminal's width."""
+    """Return names and values in two columns; the values wrap within the terminal's width."""
     return _grid([("", *row) for row in rows], (False, False, False))
 
 
 def columns(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Lay out rows that have the same keys, under these; a single column goes without."""
+    """Return rows that share their keys as a table with the keys as head; a single column has no head."""
     cells = [[f"{value:.4g}" if isinstance(value, float) else str(value) for value in row.values()] for row in rows]
     head = [[key.replace("_", " ") for key in rows[0]]] if len(rows[0]) > 1 else []
     numeric = [all(isinstance(row[key], int | float) for row in rows) for key in rows[0]]

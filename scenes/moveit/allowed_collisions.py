@@ -1,6 +1,7 @@
-"""The allowed collision matrix of a MoveIt scene: where it asks for something else than hdplan checks, a note says so.
+"""The allowed collision matrix of a MoveIt scene: where it differs from what hdplan checks, a note says so.
 
-Links are kept apart as the robot's SRDF says, and from every object but those that they hold or may touch.
+Pairs of links are checked as the robot's SRDF says, and links against all objects but those that they hold or may
+touch.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ SHOWN = 3  # pairs that a note names
 
 
 def note_allowed(section: Field, objects: Collection[str], disabled: Iterable[LinkPair]) -> None:
-    """Leave a note where a link may touch an object, and where a pair of links is to be checked that the SRDF disables.
+    """Add a note where a link may touch an object, and where a pair of links should be checked that the SRDF disables.
 
     Raises:
-        InputError: rows and columns that are not as many as the names.
+        InputError: the number of rows or columns is not that of the names.
     """
     keys = section.mapping(MESSAGES["AllowedCollisionMatrix"])
     names, defaults = _texts(keys.get("entry_names")), _defaults(section, keys)
@@ -29,7 +30,7 @@ def note_allowed(section: Field, objects: Collection[str], disabled: Iterable[Li
     for name, row in zip(names, rows, strict=True):
         # In ROS 2 messages a row is a mapping {enabled: [...]}.
         values = row.mapping(("enabled",), ["enabled"])["enabled"] if isinstance(row.value, Mapping) else row
-        for other, entry in zip(names, values.items(len(names), "truth values"), strict=True):
+        for other, entry in zip(names, values.items(len(names), "booleans"), strict=True):
             pair = link_pair(name, other)
             allowed[pair] = entry.boolean() and allowed.get(pair, True)
     whole = {name.partition("/")[0] for name in objects}
@@ -40,10 +41,10 @@ def note_allowed(section: Field, objects: Collection[str], disabled: Iterable[Li
         if free and (a in whole) != (b in whole)
     ]
     if touching:
-        section.note(f"allows contact of {_few(touching)}; hdplan still keeps them apart")
+        section.note(f"allows contact of {_few(touching)}; hdplan still avoids it")
     checked = [f"{a}-{b}" for a, b in sorted(disabled) if _says(a, b, allowed, defaults) is False]
     if checked:
-        section.note(f"wants {_few(checked)} checked, which the robot's SRDF leaves out; hdplan does not check them")
+        section.note(f"asks to check {_few(checked)}, which the robot's SRDF disables; hdplan does not check them")
 
 
 def _texts(entries: Field | None) -> list[str]:
@@ -61,7 +62,7 @@ def _defaults(section: Field, keys: Mapping[str, Field]) -> dict[str, bool]:
 
 
 def _says(a: str, b: str, allowed: Mapping[LinkPair, bool], defaults: Mapping[str, bool]) -> bool | None:
-    """Return whether two links may touch: by their entry, or else by their defaults; None where nothing is said."""
+    """Return whether two links may touch: by their entry, or else by their defaults; None if there is neither."""
     if (pair := link_pair(a, b)) in allowed:
         return allowed[pair]
     given = [defaults[link] for link in (a, b) if link in defaults]

@@ -1,13 +1,14 @@
-"""Constraints of a MoveIt motion plan request: the goal, by joints or by a link's pose, and what holds along the way.
+"""Constraints of a MoveIt motion plan request: the goal, by joints or by a link's pose, and path constraints.
 
-The keys are the fields of moveit_msgs/Constraints and its parts. What MoveIt allows is seldom quite what a `Scene` can
-say; then the scene says less, so that what it allows MoveIt allows too, and a note says so:
+The keys are the fields of moveit_msgs/Constraints and its parts. A `Scene` cannot express all that MoveIt allows; it is
+then narrower, so that whatever it allows MoveIt allows too, and a note says so:
 
-* An orientation's tolerances bound the intrinsic angles a, b, c about x, y, z of the turn R = Rx(a) Ry(b) Rz(c) from
-  the desired to the link's orientation. A turn by an angle t < π/2 has none above t. With z free (tolerance π or more)
-  the link's z axis is off by θ, cos θ = cos a cos b, and with x free its x axis by cos θ = cos b cos c: θ ≤ t again
-  keeps both angles below t. With y free there is no such cone, nor for the parameterization by rotation vectors.
-* A position's region may be a ball, or a box, of which a goal takes the ball inside.
+* An orientation's tolerances bound the intrinsic angles a, b, c about x, y, z of the rotation R = Rx(a) Ry(b) Rz(c)
+  from the desired to the link's orientation. A rotation by an angle t < π/2 has none above t. With z free (tolerance
+  π or more) the link's z axis is off by θ, cos θ = cos a cos b, and with x free its x axis by cos θ = cos b cos c:
+  θ ≤ t again keeps both angles below t. With y free there is no such cone, nor for the parameterization by rotation
+  vectors.
+* A position's region may be a sphere, or a box, whose inscribed sphere a goal takes.
 """
 
 from __future__ import annotations
@@ -29,25 +30,25 @@ from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 KINDS = ("joint_constraints", "position_constraints", "orientation_constraints")
 AXES = ("x", "y", "z")
 TOLERANCES = tuple(f"absolute_{axis}_axis_tolerance" for axis in AXES)
-FREE = 3.14  # [rad] a tolerance from here on leaves the axis free: π as it is written by hand
-WIDEST = 1.5  # [rad] below π/2, so that the cones of the module's head hold
+FREE = 3.14  # [rad] a tolerance of this or more leaves the axis free: π as people type it
+WIDEST = 1.5  # [rad] below π/2, so that the argument above holds
 LARGEST_BALL = 1.0  # [m] tolerance of a goal's position
-SLANT = 1e-2  # [rad] by which an axis that is to be upright may be off; it is taken from the tolerance
+SLANT = 1e-2  # [rad] by which an upright axis may be off; it is subtracted from the tolerance
 
 
 def read_goal_constraints(section: Field, name: str, frames: Frames) -> JointTarget | Goals:
-    """Read the one goal: joint values, whose tolerances are not used as they are met exactly, or a link's pose.
+    """Read the single goal: joint values, which are met exactly whatever their tolerances, or a link's pose.
 
     Raises:
-        InputError: several goals, none, both kinds in one, or a pose that has no counterpart in a scene.
+        InputError: several goals, none, both kinds in one, or a pose that a scene cannot express.
     """
     goals = section.items()
     if len(goals) != 1:
-        raise section.error(f"must hold one goal, found {len(goals)}; a choice of goals is not supported yet")
+        raise section.error(f"must hold one goal, found {len(goals)}; alternative goals are not supported yet")
     given = _given(goals[0])
     placed = [given[kind] for kind in ("position_constraints", "orientation_constraints") if kind in given]
     if placed and "joint_constraints" in given:
-        raise placed[0].error("stands beside joint_constraints; a goal is given by joints or by a pose, not by both")
+        raise placed[0].error("is given beside joint_constraints; a goal is given by joints or by a pose, not by both")
     if placed:
         return Goals((_pose_goal(goals[0], given, name, frames),))
     if "joint_constraints" not in given:
@@ -56,15 +57,15 @@ def read_goal_constraints(section: Field, name: str, frames: Frames) -> JointTar
 
 
 def read_path_constraints(section: Field, frames: Frames) -> PathConstraints:
-    """Read what holds along the way: one link's axis upright, and one point of a link in a box.
+    """Read path constraints: one link's axis upright, and one point of a link in a box.
 
     Raises:
-        InputError: joint constraints, several of a kind, or one that has no counterpart in a scene.
+        InputError: joint constraints, several of a kind, or one that a scene cannot express.
     """
     given = _given(section)
     if "joint_constraints" in given:
         raise given["joint_constraints"].error(
-            "is not supported along the way: narrow the joints' ranges with limits.position"
+            "is not supported along the path: narrow the joints' ranges with limits.position"
         )
     orientation, position = given.get("orientation_constraints"), given.get("position_constraints")
     return PathConstraints(
@@ -74,7 +75,7 @@ def read_path_constraints(section: Field, frames: Frames) -> PathConstraints:
 
 
 def _given(constraints: Field) -> dict[str, Field]:
-    """Return the kinds of constraints that are there."""
+    """Return the constraints that are given, by kind."""
     keys = constraints.mapping(MESSAGES["Constraints"])
     return {kind: keys[kind] for kind in KINDS if kind in keys and is_filled(keys[kind].value)}
 
@@ -101,7 +102,7 @@ def _joints(section: Field) -> dict[str, float]:
 
 
 class _Region(NamedTuple):
-    """Where a point of a link is to be."""
+    """The region for a point of a link."""
 
     link: str
     point: Vector3  # in the link's frame [m]
@@ -125,12 +126,12 @@ def _region(entry: Field, frames: Frames) -> _Region:
 
 
 class _Orientation(NamedTuple):
-    """How a link is to be turned."""
+    """The orientation of a link."""
 
     link: str
     quaternion: Quaternion  # of the link, in the world
-    tolerance: float  # [rad] of the angle in between, free turns left out
-    free: str  # the axis about which it may turn: none, x, y, z, or all
+    tolerance: float  # [rad] of the angle to it, beside the free rotation
+    free: str  # the axis of free rotation: none, x, y, z, or all
 
 
 def _orientation(entry: Field, frames: Frames) -> _Orientation:
@@ -144,37 +145,39 @@ def _orientation(entry: Field, frames: Frames) -> _Orientation:
         raise entry.error(
             f"leaves {' and '.join(turning)} free by {how}, which is no cone of directions: x or z alone may be free"
         )
-    tolerance = min([WIDEST, *bounded]) if bounded else PoseTarget.orientation_tolerance  # of no meaning if all is free
+    tolerance = (
+        min([WIDEST, *bounded]) if bounded else PoseTarget.orientation_tolerance
+    )  # has no meaning if all are free
     if any(other > tolerance for other in bounded):
-        entry.note(f"allows up to {max(bounded):g} rad about one axis; {tolerance:g} rad is kept to about all")
+        entry.note(f"allows up to {max(bounded):g} rad about one axis; {tolerance:g} rad is used about all")
     free = "all" if len(turning) == 3 else "".join(turning) or "none"
     wanted = compose(frames.of_header(keys.get("header")), Pose(quaternion_xyzw=read_orientation(keys["orientation"])))
-    quaternion = Pose().quaternion_xyzw if free == "all" else wanted.quaternion_xyzw  # of no meaning if all is free
+    quaternion = Pose().quaternion_xyzw if free == "all" else wanted.quaternion_xyzw  # has no meaning if all are free
     return _Orientation(keys["link_name"].text(), quaternion, tolerance, free)
 
 
 def _pose_goal(goal: Field, given: dict[str, Field], name: str, frames: Frames) -> PoseTarget:
     if "position_constraints" not in given:
-        raise given["orientation_constraints"].error("stands without position_constraints; a goal has a place too")
+        raise given["orientation_constraints"].error("has no position_constraints beside it; a goal needs both")
     entry = _only(given["position_constraints"])
     region = _region(entry, frames)
     if any(region.point):
-        raise entry.error("has a target_point_offset, which is not supported in a goal: its pose is the link's own")
+        raise entry.error("has a target_point_offset, which is not supported in a goal: its pose is the link's")
     match region.shape:
         case Sphere(radius):
             tolerance = radius
         case Box(size):
             tolerance = min(size) / 2
-            entry.note(f"allows a box; a ball of radius {tolerance:g} m in it is kept to")
+            entry.note(f"allows a box; its inscribed sphere of radius {tolerance:g} m is used")
         case _:
-            raise entry.error("has a region that is no box and no sphere, which is not supported in a goal")
+            raise entry.error("has a region that is neither a box nor a sphere, which is not supported in a goal")
     turn = _Orientation(region.link, Pose().quaternion_xyzw, PoseTarget.orientation_tolerance, "all")
     if "orientation_constraints" in given:
         turn = _orientation(_only(given["orientation_constraints"]), frames)
     if turn.link != region.link:
-        raise goal.error(f"speaks of two links, {region.link!r} and {turn.link!r}; a goal is the pose of one")
+        raise goal.error(f"names two links, {region.link!r} and {turn.link!r}; a goal is the pose of one")
     if tolerance > LARGEST_BALL:
-        entry.note(f"allows a ball of radius {tolerance:g} m; one of {LARGEST_BALL:g} m is kept to")
+        entry.note(f"allows a sphere of radius {tolerance:g} m; one of {LARGEST_BALL:g} m is used")
     pose = Pose(region.pose.position, turn.quaternion)
     return PoseTarget(region.link, pose, min(tolerance, LARGEST_BALL), turn.tolerance, turn.free, field=name)
 
@@ -198,5 +201,5 @@ def _upright(entry: Field, frames: Frames) -> Upright:
 def _within(entry: Field, frames: Frames) -> Within:
     region = _region(entry, frames)
     if not isinstance(region.shape, Box):
-        raise entry.error("has a region that is no box, which is not supported along the way")
+        raise entry.error("has a region that is not a box, which is not supported along the path")
     return Within(region.link, region.shape.size, region.pose, region.point)

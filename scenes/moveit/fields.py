@@ -1,7 +1,7 @@
 """What is done with every field of MoveIt's messages: understood, noted because it is not used, or refused by name.
 
-The table follows moveit_msgs/PlanningScene and MotionPlanRequest with all that they hold, in ROS 1 and ROS 2. A field
-that is not in it is misspelt, and refused too.
+The table follows moveit_msgs/PlanningScene and MotionPlanRequest with all their parts, in ROS 1 and ROS 2. A field that
+is not in it is misspelt, and refused too.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from hdplan.scenes.fields import Field
 
 @dataclass(frozen=True)
 class Noted:
-    """The field says nothing that counts here, or nothing that can be kept to; a note says so where it is filled."""
+    """The field has no effect here, or cannot be honoured; where it is filled, a note says so."""
 
     why: str
-    besides: float = 0.0  # a value, beside 0, that asks for nothing
+    besides: float = 0.0  # a value, beside 0, that means nothing is asked for
 
 
 @dataclass(frozen=True)
 class Refused:
-    """The field would change the problem and cannot be honoured: an error where it is filled."""
+    """The field would change the problem and cannot be honoured: where it is filled, it is an error."""
 
     why: str
 
@@ -31,11 +31,11 @@ class Refused:
 UNDERSTOOD: Final = ""  # a field without fields of its own; one that has some is understood by the name of its message
 Use = str | Noted | Refused
 
-PLANNERS = Noted("says how MoveIt's planners are to go about it, and is not used")
-SPEED = Noted("is not used: a path has no times; `timing` and `limits` in a hdplan scene give it some", besides=1.0)
-AT_REST = Noted("is not used: a motion begins at rest")
-ASIDE = Noted("says nothing of where bodies are, and is not used")
-SIZES = "is not applied: links keep their size, and only that they keep planner.clearance is proven"
+PLANNERS = Noted("configures MoveIt's planners, and is not used")
+SPEED = Noted("is not used: a path has no times; `timing` and `limits` in a hdplan scene add them", besides=1.0)
+AT_REST = Noted("is not used: motions begin at rest")
+ASIDE = Noted("does not affect where bodies are, and is not used")
+SIZES = "is not applied: links keep their size, and what is proven is planner.clearance"
 SHAPES = "in MoveIt scenes are not supported yet (box, cylinder and sphere are)"
 REGIONS = Refused("meshes are not supported (a box or a sphere is)")
 
@@ -51,7 +51,7 @@ MESSAGES: Mapping[str, Mapping[str, Use]] = {
         "object_colors": ASIDE,
         "world": "PlanningSceneWorld",
         "is_diff": Refused(
-            "true: says only what differs from another scene, which is not in the file; a whole scene is wanted"
+            "true: it holds only the differences from another scene, which is not in the file; a whole scene is needed"
         ),
     },
     "PlanningSceneWorld": {"collision_objects": "CollisionObject", "octomap": "OctomapWithPose"},
@@ -117,15 +117,15 @@ MESSAGES: Mapping[str, Mapping[str, Use]] = {
         "object": "CollisionObject",
         "touch_links": UNDERSTOOD,
         "detach_posture": ASIDE,
-        "weight": Noted("is not used, as its unit is not said: attached[].mass in a hdplan scene [kg] is, for torques"),
+        "weight": Noted("is not used, as its unit is unknown: use attached[].mass [kg] in a hdplan scene"),
     },
     "MotionPlanRequest": {
-        "workspace_parameters": Noted("bounds where mobile bases may go, and is not used: the base stands"),
+        "workspace_parameters": Noted("bounds the motion of mobile bases, and is not used: the base is fixed"),
         "start_state": "RobotState",
         "goal_constraints": "Constraints",
         "path_constraints": "Constraints",
-        "trajectory_constraints": Refused("is not supported: a motion is bound by path_constraints alone"),
-        "reference_trajectories": Refused("is not supported: a motion is bound by path_constraints alone"),
+        "trajectory_constraints": Refused("is not supported: only path_constraints are"),
+        "reference_trajectories": Refused("is not supported: only path_constraints are"),
         "pipeline_id": PLANNERS,
         "planner_id": PLANNERS,
         "group_name": UNDERSTOOD,
@@ -188,7 +188,7 @@ SHOWN = 4  # fields that one note names
 
 
 def check_message(top: Field, kind: str) -> None:
-    """Go through a message of the kind named: leave a note for each reason not to use what is filled in.
+    """Go through a message of the kind named, and add a note for each reason not to use what is filled in.
 
     Raises:
         InputError: a field that the message does not have, or one that is filled in and refused.
@@ -218,7 +218,7 @@ def _walk(entry: Field, kind: str, noted: dict[str, list[str]]) -> None:
 
 
 def is_filled(value: object) -> bool:
-    """Tell whether a message says something: a text, a number but 0, or a list with entries, at any depth."""
+    """Tell whether a message has content: a text, a number other than 0, or a list with entries, at any depth."""
     if isinstance(value, Mapping):
         return any(is_filled(entry) for entry in value.values())
     return bool(value)

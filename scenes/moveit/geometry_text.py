@@ -1,11 +1,11 @@
-"""MoveIt's `.scene` text files, which RViz exports and imports: what stands around, as a planning scene's messages.
+"""MoveIt's `.scene` text files, which RViz exports and imports: obstacles, read as a planning scene's messages.
 
 A line with the scene's name; then for each object a line `* ID`, its pose (x y z, then a quaternion x y z w), the count
 of its shapes, and each shape: its kind, its sizes, its pose in the object, its colour; then the count of its subframes,
-each with its name and pose; a line `.` ends the file. Older files have no pose and no subframes of objects: all shapes
-stand in the planning frame. Line ends count nowhere but in the name and in ids.
+each with its name and pose; a line `.` ends the file. Older files have no poses or subframes of objects: all shapes
+are given in the planning frame. Line ends matter only after the name and after ids.
 
-The planning frame is taken for the world. Source: planning_scene.cpp of MoveIt, saveGeometryToStream and
+The planning frame is taken to be the world. Source: planning_scene.cpp of MoveIt, saveGeometryToStream and
 loadGeometryFromStream; shape_operations.cpp of geometric_shapes, saveAsText.
 """
 
@@ -42,8 +42,8 @@ class _Words:
 
     def __init__(self, text: str) -> None:
         self.lines = text.split("\n")
-        self.row = 0  # of the line that is read, the first of which is the name
-        self.words: list[str] = []  # that are left of it
+        self.row = 0  # index of the current line; the first holds the name
+        self.words: list[str] = []  # left in the current line
 
     def scene(self) -> dict[str, Any]:
         name, objects, posed = self.lines[0].strip(), list[dict[str, Any]](), self._poses_objects()
@@ -52,11 +52,11 @@ class _Words:
                 raise self._error(f"found {shorten(repr(marker))}, but an object (*) or the end (.) is expected here")
             objects.append(self._object(posed))
         if self.words or any(line.strip() for line in self.lines[self.row + 1 :]):
-            raise self._error("the file goes on behind its end (.)")
+            raise self._error("the file continues after its end (.)")
         return {"name": name, "world": {"collision_objects": objects}}
 
     def _poses_objects(self) -> bool:
-        """Tell files whose objects have poses, as MoveIt does: by the line behind the first object's."""
+        """Tell whether objects have poses, as MoveIt does: by the line after that of the first object."""
         first = next((i for i, line in enumerate(self.lines) if i and line.startswith("*")), len(self.lines))
         return " " in "".join(self.lines[first + 1 : first + 2]).strip()
 
@@ -114,7 +114,7 @@ class _Words:
             self.row += 1
             if self.row >= len(self.lines):
                 self.row -= 1
-                raise self._error(f"the file ends where {of} is expected: it was cut off, its last line is '.'")
+                raise self._error(f"the file ends where {of} is expected: it was cut off; a whole file ends with '.'")
             self.words = self.lines[self.row].split()
         return self.words.pop(0)
 

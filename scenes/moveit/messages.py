@@ -1,4 +1,4 @@
-"""Parts that MoveIt's messages share: poses, transforms, primitives.
+"""Parts that MoveIt's messages share: poses, transforms and primitives.
 
 The keys are those of geometry_msgs/Pose and Transform and shape_msgs/SolidPrimitive; vectors and quaternions are lists,
 as in MotionBenchMaker's files, or mappings with the keys x, y, z and w, as ROS prints them.
@@ -19,13 +19,13 @@ PRIMITIVES = {1: "box", 2: "sphere", 3: "cylinder", 4: "cone", 5: "prism"}  # nu
 
 
 def read_message_pose(entry: Field | None) -> Pose:
-    """Read ``{position, orientation}``; what is not said is zero."""
+    """Read ``{position, orientation}``; what is missing is zero."""
     keys = entry.mapping(MESSAGES["Pose"]) if entry else {}
     return _pose(keys.get("position"), keys.get("orientation"))
 
 
 def read_transform(entry: Field | None) -> Pose:
-    """Read ``{translation, rotation}``; what is not said is zero."""
+    """Read ``{translation, rotation}``; what is missing is zero."""
     keys = entry.mapping(MESSAGES["Transform"]) if entry else {}
     return _pose(keys.get("translation"), keys.get("rotation"))
 
@@ -48,7 +48,7 @@ def read_orientation(entry: Field) -> Quaternion:
 
 
 def _as_list(entry: Field, names: tuple[str, ...]) -> Field:
-    """Return a vector that is written as a mapping as a list."""
+    """Return a vector as a list if it is written as a mapping."""
     if not isinstance(entry.value, Mapping):
         return entry
     keys = entry.mapping(names, required=names)

@@ -1,4 +1,4 @@
-"""MoveIt files: a planning scene (what stands around) and a motion plan request (from where to where) become a `Scene`.
+"""MoveIt files: a planning scene (obstacles, robot state) and a motion plan request (start, goal) become a `Scene`.
 
 The keys are the fields of the ROS messages moveit_msgs/PlanningScene and MotionPlanRequest; `fields` says what
 is done with each. Whatever would change the problem and is not supported is refused by name.
@@ -29,12 +29,12 @@ from hdplan.scenes.targets import JointTarget
 
 
 def is_moveit_scene(keys: Collection[str]) -> bool:
-    """Tell a planning scene by its top-level keys."""
+    """Tell whether top-level keys are those of a planning scene."""
     return not {"world", "robot_model_name", "allowed_collision_matrix", "fixed_frame_transforms"}.isdisjoint(keys)
 
 
 def is_moveit_request(keys: Collection[str]) -> bool:
-    """Tell a motion plan request by its top-level keys."""
+    """Tell whether top-level keys are those of a motion plan request."""
     return not {"goal_constraints", "start_state", "group_name"}.isdisjoint(keys)
 
 
@@ -43,19 +43,19 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
 
     The robot is planned for the group that the request names. Obstacles are the scene's collision objects, given in the
     world or in the frame of the robot's root link, of a link fixed to it or of `fixed_frame_transforms`; the primitives
-    of an object after its first are called ``id/1``, ``id/2`` and so on. The start is the request's start state over
-    the scene's robot state; the goal is the request's, by joints or by a link's pose. Start and goal hold every joint
-    that the files name: which of them the robot has is known when it is loaded.
-    Objects attached in the scene's robot state or the request's start state are held, a later one in place of an
-    earlier one of the same name.
+    of an object after its first are called ``id/1``, ``id/2`` and so on. The start is the scene's robot state,
+    overridden by the request's start state; the goal is the request's, by joints or by a link's pose. Start and goal
+    hold every joint that the files name; which of them the robot has is checked when it is loaded. Objects attached in
+    the scene's robot state or the request's start state are attached, a later one replacing an earlier one of the same
+    name.
 
     Raises:
         InputError: a bad file or field, an unknown group, or something that hdplan cannot plan for: see `fields`
-            and `constraints`; objects attached in another frame than their link's, moved bases, several goals.
+            and `constraints`; objects attached in a frame other than their link's, moved bases, several goals.
     """
     scene, request = scene.with_text_numbers(), read_document(request_file).with_text_numbers()
     if is_moveit_scene(request.mapping()):
-        raise request.error("is a MoveIt planning scene, but a motion plan request is wanted here (--request)")
+        raise request.error("is a MoveIt planning scene, but a motion plan request is needed here (--request)")
     check_message(scene, "PlanningScene")
     check_message(request, "MotionPlanRequest")
     scene_keys = scene.mapping(MESSAGES["PlanningScene"])
@@ -66,7 +66,7 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
         semantics = Semantics() if srdf is None else read_semantics(srdf, tree)
     model = scene_keys.get("robot_model_name")
     if model and model.value != "" and model.text() not in (name, tree.name):
-        model.note(f"speaks of the robot {model.value!r}, not {name}")
+        model.note(f"names the robot {model.value!r}, not {name}")
     if "group_name" in request_keys:
         robot = _of_group(robot, request_keys["group_name"], semantics, (name, tree.name))
     transforms = scene_keys["fixed_frame_transforms"].items() if "fixed_frame_transforms" in scene_keys else ()
@@ -99,13 +99,13 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
 
 
 def _of_group(robot: RobotSpec, asked: Field, semantics: Semantics, names: Collection[str]) -> RobotSpec:
-    """Return the robot planned for the group that the request names; as it is, if that is none."""
+    """Return the robot planned for the group that the request names; unchanged if it names none."""
     if asked.value == "":
         return robot
     group, own = asked.text(), robot.group
-    if semantics.groups:  # without any there is nothing to look it up in; loading the robot says so
+    if semantics.groups:  # without any, loading the robot reports it
         with naming(f"{robot.source}: robot.group"):
-            own = own and semantics.group(own, names)
+            own = semantics.group(own, names) if isinstance(own, str) else own
         with naming(f"{asked.document.file}: {asked.key}"):
             group = semantics.group(group, names)
     if own not in (None, group):
@@ -130,7 +130,7 @@ def _world(section: Field, frames: Frames) -> dict[str, Obstacle]:
 
 
 def _collision_object(entry: Field, keys: Mapping[str, Field], frame: Pose, default_name: str) -> list[Obstacle]:
-    """Return an object's primitives, each by a name of its own, where its frame is at `frame`."""
+    """Return an object's primitives as obstacles, each with its own name; the object is given in `frame`."""
     if "operation" in keys and keys["operation"].value != 0:
         raise keys["operation"].wrong("0 (ADD)")
     name = keys["id"].text() if "id" in keys and keys["id"].value != "" else default_name
@@ -150,13 +150,13 @@ def _collision_object(entry: Field, keys: Mapping[str, Field], frame: Pose, defa
 
 
 def _all_attached(state: Field | None, start: Field | None, standing: Collection[str]) -> tuple[Attached, ...]:
-    """Return what the robot holds: by the scene's state, and over it by the request's, each object whole."""
+    """Return the attached objects: the scene's, each replaced by the request's of the same name."""
     held, more = (_attached(each, standing) for each in (state, start))
     whole = start is not None and not _is_diff(start)
     if state is not None and _is_diff(state):
-        state.note("is_diff is true: what it does not name, joints and held objects, is not known and left as it is")
+        state.note("is_diff is true: joints and attached objects that it leaves out are unknown, and not changed")
     if start is not None and whole and held.keys() - more.keys():
-        start.note("is_diff is not true, but what the scene's state attaches is still held")
+        start.note("is_diff is not true, but objects attached in the scene's state stay attached")
     return tuple(part for parts in (held | more).values() for part in parts)
 
 
@@ -166,7 +166,7 @@ def _is_diff(state: Field) -> bool:
 
 
 def _attached(state: Field | None, standing: Collection[str]) -> dict[str, list[Attached]]:
-    """Return what a robot state attaches to its links: object -> its primitives, each by a name of its own."""
+    """Return what a robot state attaches to its links: object -> its primitives, each with its own name."""
     keys = state.mapping(MESSAGES["RobotState"]) if state is not None else {}
     attached: dict[str, list[Attached]] = {}
     taken = set(standing)
@@ -189,11 +189,11 @@ def _attached(state: Field | None, standing: Collection[str]) -> dict[str, list[
     return attached
 
 
-# From where to where
+# Start
 
 
 def _state(section: Field, frames: Frames, base: Pose) -> dict[str, float]:
-    """Return joint name -> value [rad or m] of a robot state whose base stands where the world is, or at `base`."""
+    """Return joint name -> value [rad or m] of a robot state whose base is at the world's origin, or at `base`."""
     keys = section.mapping(MESSAGES["RobotState"])
     if "multi_dof_joint_state" in keys:
         multi = keys["multi_dof_joint_state"].mapping(MESSAGES["MultiDOFJointState"])

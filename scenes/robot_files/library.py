@@ -1,6 +1,6 @@
-"""Where the files of a robot lie: those that a scene names, or those of a name of the package example-robot-data.
+"""Paths of a robot's files: those that a scene names, or those of a robot in the package example-robot-data.
 
-The package is data only. Its files are asked for at its installed distribution, so no path is assumed.
+The package holds only data. Its files are found through its installed distribution, so no path is assumed.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ DISTRIBUTION = "example-robot-data"
 
 @dataclass(frozen=True)
 class RobotFiles:
-    """Where a robot's description lies."""
+    """Paths of a robot's description."""
 
     urdf: Path
     srdf: Path | None
@@ -28,11 +28,11 @@ class RobotFiles:
 
 @cache
 def data_folder() -> Path:
-    """Return the folder that holds a folder per robot. Raises InputError if the package is not installed."""
+    """Return the folder that contains one folder per robot. Raises InputError if the package is not installed."""
     try:
         files = metadata.files(DISTRIBUTION) or []
     except metadata.PackageNotFoundError:
-        raise InputError(f"robots by name come with the package '{DISTRIBUTION}', which is not installed") from None
+        raise InputError(f"robot names need the package '{DISTRIBUTION}', which is not installed") from None
     for file in files:
         if file.suffix == ".urdf":
             location = Path(str(file.locate()))
@@ -43,13 +43,13 @@ def data_folder() -> Path:
 
 
 def library_package_dirs() -> tuple[Path, ...]:
-    """Return the folders in which the library's package:// addresses are looked up."""
+    """Return the folders in which package:// URIs of the library are looked up."""
     robots = data_folder()
     return (robots.parent.parent, robots)
 
 
 def _srdf_of(urdf: Path, name: str) -> Path | None:
-    """Return the SRDF beside a URDF: of the same name, or else the one whose name begins the robot's name furthest."""
+    """Return the SRDF for a URDF: of the same name, or else the one whose name is the longest prefix of the robot's."""
     found = {path.stem: path for path in sorted((urdf.parent.parent / "srdf").glob("*.srdf"))}
     prefixes = [stem for stem in found if name.startswith(stem)]
     best = next((stem for stem in (urdf.stem, name) if stem in found), max(prefixes, key=len, default=None))
@@ -58,10 +58,10 @@ def _srdf_of(urdf: Path, name: str) -> Path | None:
 
 @cache
 def robot_names() -> dict[str, RobotFiles]:
-    """Return name -> files of every URDF in the library, sorted by name; some may turn out not to load.
+    """Return name -> files of every URDF in the library, sorted by name; some may not load.
 
-    A name is the file's stem without `_robot`; where two folders hold the same file, the folder's name without
-    `_description` stands instead; where one folder holds both `x.urdf` and `x_robot.urdf`, the larger file is x.
+    A name is the file's stem without `_robot`. If two folders hold files of that name, the name is the folder's without
+    `_description`; if one folder holds both `x.urdf` and `x_robot.urdf`, the larger file is x.
     """
     urdfs = sorted(path for folder in ("urdf", "robots") for path in data_folder().glob(f"*/{folder}/*.urdf"))
     by_name: dict[str, list[Path]] = {}
@@ -92,7 +92,7 @@ def find_robot(name: str) -> RobotFiles:
 
 
 def description_of(spec: RobotSpec) -> tuple[str, Path, Path | None, tuple[Path, ...]]:
-    """Return name, URDF, SRDF and the folders for package:// addresses."""
+    """Return name, URDF, SRDF and the folders for package:// URIs."""
     if spec.name is not None:
         files = find_robot(spec.name)
         return spec.name, files.urdf, spec.srdf or files.srdf, (*spec.package_dirs, *library_package_dirs())

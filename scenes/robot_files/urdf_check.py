@@ -1,7 +1,7 @@
-"""Faults of a URDF that its reader passes over in silence, each of which would make a proof about another robot.
+"""Errors in a URDF that its reader silently ignores, each of which would make a proof about a different robot.
 
-urdfdom drops a geometry with a broken number (the link would collide with nothing), takes negative sizes, and leaves
-out links that are not connected to the root. A parsed URDF goes in; the first fault found is raised.
+urdfdom drops a geometry with a malformed number (the link would collide with nothing), accepts negative sizes, and
+omits links that are not connected to the root. The input is a parsed URDF; the first error found is raised.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.poses import Pose, from_rpy
 
-SIZES = {  # attributes of each shape and how many numbers they hold; all must be positive
+SIZES = {  # attributes of each shape with their number of values, all of which must be positive
     "box": {"size": 3},
     "sphere": {"radius": 1},
     "cylinder": {"radius": 1, "length": 1},
@@ -21,7 +21,7 @@ SIZES = {  # attributes of each shape and how many numbers they hold; all must b
     "mesh": {},
 }
 BOUNDED = ("revolute", "prismatic")
-LARGEST = 1e6  # [m, rad] in size, of any number of a geometry: beyond it distances drown in rounding
+LARGEST = 1e6  # [m, rad] in size, of any number of a geometry: beyond it distances are lost in rounding
 
 
 def check_urdf(root: ElementTree.Element) -> None:
@@ -61,7 +61,7 @@ def _check_collision(collision: ElementTree.Element, where: str) -> None:
 
 
 def read_origin(element: ElementTree.Element, where: str) -> Pose:
-    """Return the placement that an element's `origin` says. Raises InputError for what are no numbers."""
+    """Return the pose in an element's `origin`. Raises InputError for values that are not numbers."""
     origin = element.find("origin")
     if origin is None:
         return Pose()
@@ -79,7 +79,7 @@ def _check_joint(joint: ElementTree.Element, where: str, joints: Mapping[str, El
         ends = [limit.get(key) for key in ("lower", "upper")]
         lower, upper = (_numbers(limit, key, 1, f"{where}: limit", "0", math.inf)[0] for key in ("lower", "upper"))
         if joint.get("type") == "prismatic" and max(abs(lower), abs(upper)) > LARGEST:
-            raise InputError(f"{where}: limit: a joint that slides has limits of at most {LARGEST:g} m, found {ends}")
+            raise InputError(f"{where}: limit: a prismatic joint has limits of at most {LARGEST:g} m, found {ends}")
         if lower > upper:
             raise InputError(f"{where}: limit: lower must not exceed upper, found {ends[0]} and {ends[1]}")
     seen: list[str] = []
@@ -94,7 +94,7 @@ def _check_joint(joint: ElementTree.Element, where: str, joints: Mapping[str, El
 
 
 def _check_connected(links: list[str], joints: Mapping[str, ElementTree.Element]) -> None:
-    """Check that joints join links that exist, and that every link hangs on one root."""
+    """Check that joints connect links that exist, and that every link is connected to one root."""
     below: dict[str, list[str]] = {}
     children = set()
     for name, joint in joints.items():
@@ -113,7 +113,7 @@ def _check_connected(links: list[str], joints: Mapping[str, ElementTree.Element]
         waiting.extend(child for child in below.get(link, []) if child not in reached)
     if lost := [link for link in links if link not in reached]:
         raise InputError(
-            f"link '{lost[0]}' is not connected to the root link '{root}': joints run in a circle, or one is missing"
+            f"link '{lost[0]}' is not connected to the root link '{root}': joints form a loop, or one is missing"
         )
 
 

@@ -1,21 +1,21 @@
-"""Words of a URDF or SRDF that are none of the format's, or name nothing that is there.
+"""Words of a URDF or SRDF that are not part of the format, or name nothing that exists.
 
-Readers of URDF pass over what they do not know: `<collisionx>` is a link shape that is never looked at. A word that is
-nearly one of the format's is taken for a slip of the pen and refused; any other (contact parameters, filters and
-the like, which many robots carry) is named in a note. At top level vendors write what they like.
+URDF readers ignore what they do not know: a shape in `<collisionx>` would never be checked. A word that is close to one
+of the format's is taken for a misspelling and refused; any other (contact parameters, filters and the like, which many
+robots have) is named in a note. At the top level, vendors add elements of their own.
 """
 
 from __future__ import annotations
 
 import difflib
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 
-from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.errors import InputError, listed, nearest
 
-# Each element that says where and what a robot's bodies are: what it may hold, and its attributes.
+# The elements that define a robot's bodies: what each may contain, and its attributes.
 ELEMENTS = {
-    "link": ("inertial", "visual", "collision", "collision_checking"),  # the last one is Pinocchio's: capsules
+    "link": ("inertial", "visual", "collision", "collision_checking"),  # the last is Pinocchio's, for capsules
     "inertial": ("origin", "mass", "inertia"),
     "collision": ("origin", "geometry", "material", "verbose"),
     "geometry": ("box", "cylinder", "sphere", "capsule", "mesh"),
@@ -43,14 +43,17 @@ ATTRIBUTES = {
 ONCE = ("inertial", "origin", "mass", "inertia", "geometry", "parent", "child", "axis", "limit", "mimic")
 SRDF = ("group", "group_state", "end_effector", "virtual_joint", "passive_joint", "disable_collisions")
 FLOATING = "root_joint"  # what Pinocchio calls the joint of a floating base
-NEARLY, NEARLY_SHORT = 0.7, 0.6  # likeness from which a word is taken for a misspelt one; of at most four letters
-MOST = 4  # names in a note; of more it says how many there are
+NEARLY, NEARLY_SHORT = (
+    0.7,
+    0.6,
+)  # similarity from which a word is a misspelling; of at most four letters
+MOST = 4  # names in a note; further ones are counted
 
 
 def check_urdf_words(root: ElementTree.Element) -> tuple[str, ...]:
-    """Return a note on what a URDF's links and joints hold that is not URDF.
+    """Return a note on parts of links and joints that are not URDF.
 
-    Raises InputError for a word that is nearly one of URDF's, and for elements that may stand but once.
+    Raises InputError for a word that is close to one of URDF's, and for duplicates of elements that may occur once.
     """
     for element in root:
         if (tag := _name(element)) not in ("link", "joint"):
@@ -59,15 +62,15 @@ def check_urdf_words(root: ElementTree.Element) -> tuple[str, ...]:
     for element in root:
         if element.tag in ("link", "joint"):
             _walk(element, f"{element.tag} '{element.get('name')}'", unknown)
-    return (f"not part of URDF, passed over: {_listed(list(unknown)[:MOST], len(unknown))}",) if unknown else ()
+    return (f"not part of URDF, ignored: {listed(unknown, MOST)}",) if unknown else ()
 
 
 def check_srdf_words(root: ElementTree.Element, links: Collection[str], joints: Collection[str]) -> tuple[str, ...]:
-    """Return notes on what an SRDF says of links and joints (..) that the robot does not have.
+    """Return notes on links and joints that an SRDF names and the robot does not have, and groups that nothing defines.
 
-    Raises InputError for a word that is nearly one of SRDF's.
+    Raises InputError for a word that is close to one of SRDF's.
     """
-    named: dict[str, list[str]] = {"link": [], "joint": []}
+    named: dict[str, list[str]] = {"link": [], "joint": [], "group": []}
     for element in root:
         tag = _name(element)
         if tag not in SRDF:
@@ -79,6 +82,7 @@ def check_srdf_words(root: ElementTree.Element, links: Collection[str], joints: 
             named["link"] += [element.get("link1", ""), element.get("link2", "")]
         if tag == "end_effector":
             named["link"].append(element.get("parent_link", ""))
+            named["group"] += [element.get(key, "") for key in ("group", "parent_group") if element.get(key)]
         if tag == "group":
             for entry in element:
                 if entry.tag in named:
@@ -89,26 +93,28 @@ def check_srdf_words(root: ElementTree.Element, links: Collection[str], joints: 
             named["joint"] += [joint.get("name", "") for joint in element.findall("joint")]
     virtual = [element.get("name", "") for element in root.findall("virtual_joint")]
     notes = []
-    for kind, there in (("link", {*links}), ("joint", {*joints, *virtual, FLOATING})):
+    groups = {group.get("name", "") for group in root.findall("group")}
+    for kind, there in (("link", {*links}), ("joint", {*joints, *virtual, FLOATING}), ("group", groups)):
         if unknown := [name for name in dict.fromkeys(named[kind]) if name not in there]:
-            shown = [f"'{name}'{nearest(name, there, 'none is like it')}" for name in unknown[:MOST]]
-            notes.append(f"the SRDF names {kind}s that the robot does not have: {_listed(shown, len(unknown))}")
+            shown = [f"'{name}'{nearest(name, there, 'none is like it')}" for name in unknown]
+            lacking = "that nothing defines" if kind == "group" else "that the robot does not have"
+            notes.append(f"the SRDF names {kind}s {lacking}: {listed(shown, MOST)}")
     return tuple(notes)
 
 
 def check_shapes(root: ElementTree.Element) -> tuple[str, ...]:
-    """Return a note on links that are seen, but have no collision geometry, unless no link has any."""
+    """Return a note on links that are visible but have no collision geometry, unless no link has any."""
     links = root.findall("link")
     seen = [
         f"{link.get('name')}" for link in links if link.find("visual") is not None and not link.findall("collision")
     ]
     if not seen or not root.findall("link/collision"):
         return ()
-    return (f"links without collision geometry, never checked: {_listed(seen[:MOST], len(seen))}",)
+    return (f"links without collision geometry, never checked: {listed(seen, MOST)}",)
 
 
 def _walk(element: ElementTree.Element, where: str, unknown: dict[str, None]) -> None:
-    """Check an element and what it holds; gather what is not known and looks like nothing known."""
+    """Check an element and its children; collect unknown words that resemble no known one."""
     tag = _name(element)
     for attribute in element.attrib if tag in ATTRIBUTES else ():
         if attribute not in ATTRIBUTES[tag]:
@@ -120,18 +126,18 @@ def _walk(element: ElementTree.Element, where: str, unknown: dict[str, None]) ->
     for child in element:
         name = _name(child)
         if name not in ELEMENTS[tag]:
-            if tag != "geometry":  # which holds one shape that is known: checked with its sizes
+            if tag != "geometry":  # which contains one known shape, checked with its sizes
                 _check_spelling(name, ELEMENTS[tag], f"{where}: element")
                 unknown[f"{name} in {tag}"] = None
         elif name in seen and name in ONCE:
-            raise InputError(f"{where}: <{name}> stands twice in <{tag}>; one is allowed")
+            raise InputError(f"{where}: <{name}> occurs twice in <{tag}>; only one is allowed")
         seen.add(name)
-        if name != "visual":  # which nothing is proven of
+        if name != "visual":  # nothing is proven about it
             _walk(child, where, unknown)
 
 
 def _check_spelling(word: str, known: Iterable[str], where: str) -> None:
-    """Raise InputError for a word that is nearly a known one, unless it is put together with that (gear_velocity)."""
+    """Raise InputError for a word that is close to a known one, unless it is a compound of it (gear_velocity)."""
     for right in known:
         likeness = difflib.SequenceMatcher(None, word.lower(), right).ratio()
         if likeness >= (NEARLY if len(right) > 4 else NEARLY_SHORT) and (
@@ -143,8 +149,3 @@ def _check_spelling(word: str, known: Iterable[str], where: str) -> None:
 def _name(element: ElementTree.Element) -> str:
     """Return an element's name without its namespace; empty for a comment."""
     return element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""
-
-
-def _listed(names: Sequence[str], count: int) -> str:
-    more = f" and {count - len(names)} more" if count > len(names) else ""
-    return ", ".join(names) + more

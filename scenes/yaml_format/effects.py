@@ -1,7 +1,7 @@
 """The sections that switch an effect on: motions of obstacles, self_collision, limits, payload, path, timing.
 
-A section that is there says something: an empty one is refused. What joints and links are called is checked when the
-robot is loaded; what the values may be, and what one section needs of another, `Scene` and its parts check.
+An empty section is refused. Names of joints and links are checked when the robot is loaded; `Scene` and its parts check
+values, and what one section needs of another.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def read_self_collision(section: Field) -> SelfCollision:
 
 
 def read_limits(section: Field) -> Limits:
-    """Read what the joints can do: ranges of positions by name, and ``velocity``, ``acceleration``, ``jerk`` and
+    """Read limits of joints: position ranges by joint name, and ``velocity``, ``acceleration``, ``jerk`` and
     ``torque``, each in one of the forms of `JointValues`."""
     keys = _filled(section, ("position", *QUANTITIES))
     if "position" in keys:
@@ -45,13 +45,13 @@ def read_limits(section: Field) -> Limits:
 
 
 def read_payload(section: Field) -> Payload:
-    """Read a mass that a link carries: ``{link, mass, com, inertia}``."""
+    """Read a payload: ``{link, mass, com, inertia}``."""
     keys = section.mapping(("link", "mass", "com", "inertia"), required=["link", "mass"])
     return section.make(Payload, **keys)
 
 
 def read_path(section: Field) -> PathConstraints:
-    """Read what must hold all along the way: ``upright`` and ``position``."""
+    """Read path constraints: ``upright`` and ``position``."""
     keys = _filled(section, ("upright", "position"))
     return PathConstraints(
         _upright(keys["upright"]) if "upright" in keys else None,
@@ -71,15 +71,15 @@ def _within(section: Field) -> Within:
 
 
 def read_timing(section: Field) -> Timing:
-    """Read when the motion is where: ``duration`` or ``scale``, and the ``rate`` of the result."""
+    """Read the timing: ``duration`` or ``scale``, and the sampling ``rate`` of the result."""
     keys = _filled(section, ("duration", "scale", "rate"))
     if "duration" in keys and "scale" in keys:
-        raise section.error("has both 'duration' and 'scale'; a duration leaves nothing to scale: give one of them")
+        raise section.error("has both 'duration' and 'scale', which contradict each other: give one of them")
     return section.make(Timing, **keys)
 
 
 def _filled(section: Field, allowed: tuple[str, ...] | None = None) -> dict[str, Field]:
-    """Return the fields of a mapping that says something."""
+    """Return the fields of a mapping that is not empty."""
     keys = section.mapping(allowed)
     if not keys:
         expected = f"some of {', '.join(allowed)}" if allowed else "joints with their ranges"

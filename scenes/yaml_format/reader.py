@@ -50,6 +50,7 @@ SECTIONS = (
     "timing",
     "planner",
 )
+DESCRIPTIONS = (".urdf",)  # endings of files that hold a robot
 ROBOT_KEYS = ("name", "urdf", "srdf", "package_dirs", "group", "base", "locked", "ignore_pairs")
 
 
@@ -59,13 +60,13 @@ def load_scene(path: FilePath, request: FilePath | None = None, robot: FilePath 
     Args:
         path: a hdplan scene, the bare name of a shipped one (``panda_corridor``), or a MoveIt planning scene: the
             message as YAML, or the text that RViz exports (``.scene``).
-        request: the MoveIt motion plan request that goes with a MoveIt planning scene.
-        robot: the name of a robot, or a YAML file with a `robot` section; replaces the scene's robot whole.
-            A MoveIt scene needs it.
+        request: the MoveIt motion plan request for a MoveIt planning scene.
+        robot: the name of a robot, or a YAML file with a `robot` section; it replaces the whole robot section of the
+            scene. A MoveIt scene needs it.
 
     Raises:
-        InputError: anything wrong with these files, in one line: file, field, what was found, what is allowed.
-            Names of joints, links and states are checked when the robot is loaded.
+        InputError: any error in these files, in one line: file, field, what was found, what is allowed. Names of
+            joints, links and states are checked when the robot is loaded.
     """
     for name, given in (("path", path), ("request", request), ("robot", robot)):
         if given is not None or name == "path":
@@ -88,12 +89,12 @@ def load_scene(path: FilePath, request: FilePath | None = None, robot: FilePath 
             f"{wanted_too}"
         )
     if request is not None:
-        raise top.error("is no MoveIt planning scene, so no request goes with it (--request)")
+        raise top.error("is not a MoveIt planning scene, so it takes no request (--request)")
     return _with_notes(_read_hdplan(top, spec), notes)
 
 
 def shipped_scenes() -> dict[str, Path]:
-    """Return the scenes that come with hdplan, by their bare names."""
+    """Return the scenes shipped with hdplan, by their bare names."""
     return {file.stem: file for file in sorted((Path(__file__).parents[1] / "shipped").glob("*.yaml"))}
 
 
@@ -101,7 +102,7 @@ def find_scene(path: FilePath) -> Path:
     """Return the file that `path` names: itself if it exists, else the shipped scene of that bare name.
 
     Raises:
-        InputError: there is neither; the nearest shipped scene is offered.
+        InputError: neither exists; the nearest shipped scene is suggested.
     """
     file = Path(path)
     if os.path.exists(file):  # unlike Path.exists, no error for names that are too long
@@ -115,18 +116,23 @@ def find_scene(path: FilePath) -> Path:
 
 
 def read_robot(robot: FilePath) -> tuple[RobotSpec, tuple[str, ...]]:
-    """Read a robot given beside the scene: a name of example-robot-data, or a YAML file with a `robot` section.
+    """Read a robot given beside the scene: a name in example-robot-data, a YAML file with a `robot` section, or the
+    robot's description itself.
 
     Returns:
-        The robot, and words for the user about what was changed.
+        The robot, and notes for the user on what was changed.
 
     Raises:
-        InputError: bad file or section. Whether a robot of that name exists is known when it is loaded.
+        InputError: bad file or section. Whether a robot of that name exists is checked when it is loaded.
     """
     file = Path(robot)
     is_name = len(file.parts) == 1 and not file.suffix
     if is_name and not os.path.isfile(file):
         return RobotSpec(name=str(robot), source="--robot"), ()
+    if file.suffix.lower() in DESCRIPTIONS:
+        if not os.path.isfile(file):
+            raise InputError(f"{file}: no such file")
+        return RobotSpec(urdf=file, source=str(file)), ()
     top = read_document(file)
     spec = _robot(top.mapping(SECTIONS, required=["robot"])["robot"])
     spec = dataclasses.replace(spec, source=str(file))
@@ -140,12 +146,12 @@ def _with_notes(scene: Scene, notes: tuple[str, ...]) -> Scene:
 def _read_hdplan(top: Field, robot: RobotSpec | None) -> Scene:
     keys = top.mapping(SECTIONS)
     if "hdplan" not in keys:
-        raise top.error(f"is no scene: the line 'hdplan: {VERSION}' is missing")
+        raise top.error(f"is not a hdplan scene: the line 'hdplan: {VERSION}' is missing")
     version = keys["hdplan"]
     if not isinstance(version.value, int) or isinstance(version.value, bool) or version.value != VERSION:
         raise version.wrong(f"{VERSION}, the version of the scene format that this hdplan reads")
     top.mapping(SECTIONS, required=["start", "goal"])
-    written = _robot(keys["robot"]) if "robot" in keys else None  # read even when replaced: a mistake in it is one
+    written = _robot(keys["robot"]) if "robot" in keys else None  # read even if replaced: an error in it is an error
     spec = robot or written
     if spec is None:
         raise top.error("the key 'robot' is missing; write the section, or name a robot with --robot")
@@ -189,7 +195,7 @@ def _obstacles(section: Field) -> tuple[Obstacle, ...]:
         values: dict[str, object] = {"name": f"obstacle{i}", **keys, "shape": read_shape(keys["shape"])}
         values |= {key: read(keys[key]) for key, read in readers if key in keys}
         if "pose" in keys and isinstance(values.get("motion"), TimedPoses):
-            raise keys["pose"].error("stands beside motion.poses, which say where the obstacle is: leave it out")
+            raise keys["pose"].error("is given twice: motion.poses say where the obstacle is, so leave it out")
         obstacles.append(entry.make(Obstacle, **values))
     return tuple(obstacles)
 

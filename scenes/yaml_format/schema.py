@@ -1,9 +1,9 @@
-"""The scene format as a JSON Schema (draft 7), for editors: made of the classes and checks that the reader asks.
+"""The scene format as a JSON Schema (draft 7), for editors: derived from the classes and checks that the reader uses.
 
-The keys of a section are the fields of its class, but for the few that the tables here name; what a value may be, its
-field's check says (`scenes/values.py`). The schema and the reader agree about unknown and missing keys, types and
-ranges. What a schema cannot say the reader alone checks: what values mean together, what files hold, that 40.0 is no
-whole number and .nan no number.
+The keys of a section are the fields of its class, with the few exceptions below; what a value may be follows from its
+field's check (`scenes/values.py`). The schema and the reader agree about unknown and missing keys, types and ranges.
+Only the reader checks what a schema cannot express: how values fit together, the content of files, that 40.0 is not an
+integer and .nan not a number.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, Timed
 from hdplan.scenes.path_constraints import AXES, Upright, Within, direction, extent
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.poses import rotation
-from hdplan.scenes.robot_spec import RobotSpec, pair
+from hdplan.scenes.robot_spec import RobotSpec, group_of, pair
 from hdplan.scenes.shapes import axis_factors, volume
 from hdplan.scenes.targets import PoseTarget
 from hdplan.scenes.timing import Timing
@@ -46,7 +46,7 @@ from hdplan.scenes.yaml_format.shapes import CLASSES, SHAPE_KEYS
 Schema = dict[str, Any]
 
 TEXT: Schema = {"type": "string", "pattern": r"\S", "not": {"pattern": r"[\x00-\x1f\x7f-\x9f\u2028\u2029]"}}
-FORMS: Mapping[Check, Check | tuple[Check, ...]] = {  # of checks that ask more than a schema can: one of these
+FORMS: Mapping[Check, Check | tuple[Check, ...]] = {  # of checks that a schema cannot express in full: one of these
     rotation: Row(Number(), 4),
     direction: (Choice(AXES), Row(Number(), 3)),
     volume: Row(Row(Number(unit="m"), 3)),
@@ -55,9 +55,10 @@ FORMS: Mapping[Check, Check | tuple[Check, ...]] = {  # of checks that ask more 
     rising_times: Row(Number(low=0.0, unit="s")),
     ranges: Named(Row(JointValue, 2)),
     pair: Row(text, 2),
+    group_of: (text, Row(text)),
 }
-LEAST = {volume: 4, rising_times: 2}  # values in a list that mean something
-BEYOND = 1e308  # only infinity is
+LEAST = {volume: 4, rising_times: 2}  # fewest values in a list
+BEYOND = 1e308  # only infinity is greater
 PLAIN: Mapping[Check, Schema] = {
     text: TEXT,
     boolean: {"type": "boolean"},
@@ -77,7 +78,7 @@ def scene_schema() -> Schema:
         "title": "hdplan scene",
         **_object(
             {
-                **{key: {} for key in SECTIONS},  # in their order; a section that is not below would allow anything
+                **{key: {} for key in SECTIONS},  # in their order; a section not listed below would allow anything
                 "hdplan": {"const": VERSION},
                 "robot": _nullable(_robot()),
                 "obstacles": _nullable(_list(_section(Obstacle, pose=_pose(), shape=_shape(), motion=_motion()))),
@@ -104,7 +105,7 @@ def scene_schema() -> Schema:
 
 
 def _section(kind: Any, without: Collection[str] = (), **instead: Schema) -> Schema:
-    """Return an object whose keys are the fields of a class, but for some; some of its own schemas instead."""
+    """Return an object whose keys are the fields of a class, without some of them; some with other schemas."""
     keys, required = {}, []
     for field in dataclasses.fields(kind):
         if not field.init or field.name in without:
@@ -112,13 +113,13 @@ def _section(kind: Any, without: Collection[str] = (), **instead: Schema) -> Sch
         keys[field.name] = _field(field, instead.get(field.name) or _value(checks_of(kind)[field.name]))
         if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             required.append(field.name)
-    if "name" in required:  # obstacles and held objects are numbered where they have none
+    if "name" in required:  # obstacles and held objects without one are numbered
         required.remove("name")
     return _object(keys, required, kind.__doc__ or "")
 
 
 def _field(field: dataclasses.Field[Any], schema: Schema) -> Schema:
-    """Return the schema of a field with its default; it may stand there with nothing behind it if it has one."""
+    """Return the schema of a field with its default; a field with a default may be null."""
     if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING and field.name != "name":
         return schema
     shown = isinstance(field.default, bool | int | float | str)
@@ -126,21 +127,21 @@ def _field(field: dataclasses.Field[Any], schema: Schema) -> Schema:
 
 
 def _filled(kind: Any, without: Collection[str] = (), **instead: Schema) -> Schema:
-    """Return a section that must say something: an empty one is refused, and so is a key with nothing behind it."""
+    """Return a section that must not be empty, and whose keys must not be null."""
     schema = _section(kind, without, **instead)
     found = {name: instead.get(name) or _value(checks_of(kind)[name]) for name in schema["properties"]}
     return _some({**schema, "properties": found})
 
 
 def _placed(kind: Any) -> Schema:
-    """Return a section in which the keys of a pose stand beside its own."""
+    """Return a section with the keys of a pose beside its own."""
     own, pose = _section(kind, without=("pose", "field")), _pose()
     return {**own, "properties": {**own["properties"], **pose["properties"]}, "not": pose["not"]}
 
 
 def _robot() -> Schema:
     robot = _section(RobotSpec, without=("source",), base=_pose())
-    plain = {"name": TEXT, "urdf": TEXT}  # one of them must be there, so neither with nothing behind it
+    plain = {"name": TEXT, "urdf": TEXT}  # one of them is required, so neither may be null
     return {
         **robot,
         "properties": {**robot["properties"], **plain},
@@ -152,7 +153,7 @@ def _robot() -> Schema:
 def _pose() -> Schema:
     turns = {"quaternion_xyzw": _value(rotation), "rpy": _value(Row(Number(unit="rad"), 3))}
     keys = {"position": _value(Row(Number(unit="m"), 3)), **turns}
-    about = "A placement: position, and a unit quaternion (x, y, z, w) or the angles of URDF."
+    about = "A pose: position, and a unit quaternion (x, y, z, w) or roll, pitch and yaw as in URDF."
     return {**_object({name: _nullable(key) for name, key in keys.items()}, (), about), "not": {"required": [*turns]}}
 
 
@@ -192,7 +193,7 @@ def _goal() -> dict[str, Schema]:
 
 
 def _value(check: Check) -> Schema:
-    """Return what a check allows, as far as a schema can say it."""
+    """Return what a check allows, as far as a schema can express it."""
     match check:
         case Maybe(item):
             return _value(item)
@@ -232,7 +233,7 @@ def _number(check: Number) -> Schema:
 
 
 def _edge() -> Schema:
-    """Return an edge of a box: a length, or .inf, for which JSON has no word."""
+    """Return an edge of a box: a length, or .inf, which JSON cannot write."""
     return {
         "anyOf": [_number(Number(above=0.0, unit="m")), {"type": "number", "minimum": BEYOND, "description": ".inf"}]
     }
@@ -257,7 +258,7 @@ def _list(item: Schema) -> Schema:
 
 
 def _nullable(schema: Schema) -> Schema:
-    """Return the schema of a known key that may be left out: with nothing behind it, it counts as left out."""
+    """Return the schema of a key that may be left out or null, which is the same."""
     if "anyOf" in schema:
         return {**schema, "anyOf": [*schema["anyOf"], {"type": "null"}]}
     if "enum" in schema:

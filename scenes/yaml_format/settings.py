@@ -1,4 +1,4 @@
-"""The `planner` section: its keys are the fields of `PlannerSettings`, which says what they may be."""
+"""The `planner` section: its keys are the fields of `PlannerSettings`, which checks them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from hdplan.scenes.planner_settings import PlannerSettings
 
 
 def read_settings(section: Field) -> PlannerSettings:
-    """Read a `planner` section; what it does not say keeps its default.
+    """Read a `planner` section; missing keys keep their defaults.
 
     Raises:
         InputError: unknown key, wrong type, or a value out of its range.

@@ -13,11 +13,11 @@ from hdplan.scenes.fields import Field
 from hdplan.scenes.shapes import Shape
 
 CLASSES: Mapping[str, type[Any]] = MappingProxyType({kind.__name__.lower(): kind for kind in get_args(Shape)})
-"""The word of each shape and its class."""
+"""Word -> class of each shape."""
 
 
 def _keys(kind: Any) -> list[dataclasses.Field[Any]]:
-    """Return the fields that a file writes: in a program a shape may also say its name and pose, by keyword."""
+    """Return the fields that files hold: in a program, a shape may also have a name and a pose, by keyword."""
     return [key for key in fields(kind) if not key.kw_only]
 
 
@@ -27,11 +27,11 @@ SHAPE_KEYS: Mapping[str, Mapping[str, bool]] = MappingProxyType(
         for word, kind in CLASSES.items()
     }
 )
-"""Keys of each shape beside its type, and whether they must be there."""
+"""Keys of each shape beside its type, and whether they are required."""
 
 
 def read_shape(section: Field) -> Shape:
-    """Read a shape. Raises InputError: unknown type or key, a size that is not above 0, points in one plane."""
+    """Read a shape. Raises InputError for an unknown type or key, a size that is not above 0, or coplanar points."""
     every_key = {"type", *(key for keys in SHAPE_KEYS.values() for key in keys)}
     word = section.mapping(every_key, required=["type"])["type"].choice(SHAPE_KEYS)
     required = [key for key, needed in SHAPE_KEYS[word].items() if needed]
@@ -44,7 +44,7 @@ def read_shape(section: Field) -> Shape:
 
 
 def shape_entry(shape: Shape, write_path: Any) -> dict[str, Any]:
-    """Return what `read_shape` reads back; `write_path` says how the name of a file is written."""
+    """Return what `read_shape` reads back; `write_path` turns a path into text."""
     entry: dict[str, Any] = {"type": type(shape).__name__.lower()}
     for key in _keys(shape):
         value = getattr(shape, key.name)

@@ -1,7 +1,7 @@
-"""Where a motion begins and ends: the `start` and `goal` sections.
+"""The `start` and `goal` sections.
 
-A goal may leave a choice: several configurations, a link's pose, or several poses. What joints, links and states are
-called is checked when the robot is loaded.
+A goal may leave a choice: several configurations, a link's pose, or several poses. Names of joints, links and states
+are checked when the robot is loaded.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def _joints(joints: Field, name: str) -> JointTarget:
 
 
 def read_goal(section: Field) -> JointTarget | Goals:
-    """Read one configuration, or what leaves a choice: several of them, a link's pose, or several poses."""
+    """Read one configuration, or a goal with a choice: several configurations, a link's pose, or several poses."""
     keys = section.mapping(GOAL_KEYS)
     if len(keys) != 1:
         found = " and ".join(f"'{key}'" for key in keys) or "none of them"

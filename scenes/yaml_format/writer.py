@@ -1,4 +1,4 @@
-"""A `Scene` becomes a hdplan scene file, one obstacle or held object a line, that `load_scene` reads back the same.
+"""A `Scene` becomes a hdplan scene file, one line per obstacle or held object, that `load_scene` reads back equal.
 
 Every value is written in YAML's flow style (`yaml_text`).
 """
@@ -24,14 +24,14 @@ VERSION = 1
 
 
 def scene_text(scene: Scene) -> str:
-    """Return the scene as YAML. Files that it names are written with their whole paths, so it may be saved anywhere."""
+    """Return the scene as YAML. Files that it names are written with absolute paths, so it may be saved anywhere."""
     spec = scene.robot
     robot = {
         "name": spec.name,
         "urdf": spec.urdf and _path(spec.urdf),
         "srdf": spec.srdf and _path(spec.srdf),
         "package_dirs": [_path(folder) for folder in spec.package_dirs],
-        "group": spec.group,
+        "group": list(spec.group) if isinstance(spec.group, tuple) else spec.group,
         "base": _pose(spec.base),
         "locked": dict(spec.locked),
         "ignore_pairs": [list(pair) for pair in spec.ignore_pairs],
@@ -79,7 +79,7 @@ def _attached(held: Attached) -> dict[str, Any]:
 
 
 def _effects(scene: Scene) -> dict[str, Any]:
-    """Return the sections that switch an effect on, by name; those that say nothing are not there."""
+    """Return the sections that switch an effect on, by name, without those at their defaults."""
     own, limits, payload, path, timing = scene.self_collision, scene.limits, scene.payload, scene.path, scene.timing
     sections: dict[str, Any] = {}
     if own != SelfCollision():
@@ -136,4 +136,4 @@ def _pose_target(target: PoseTarget) -> dict[str, Any]:
 
 
 def _path(path: Path) -> str:
-    return str(path.absolute())  # a link's own name says of what kind the file is
+    return str(path.absolute())  # not resolved: the name of a symbolic link tells the kind of file

@@ -82,7 +82,7 @@ WRONG = {
     "infinite": (_with(2, 3, np.inf), "found inf in row 2, column 3"),
     "huge": (_with(2, 3, 1e200), "allowed is up to 1e"),
     "transposed": (_place(0.9, 0.2, 0.1).T, "last row"),
-    "complex": (np.eye(4) + 0j, "no array of numbers"),
+    "complex": (np.eye(4) + 0j, "not an array of numbers"),
 }
 WRONG = {
     name: (np.block([[pose, np.zeros((3, 1))], [np.zeros((1, 3)), 1.0]]) if len(pose) == 3 else pose, message)
@@ -158,7 +158,7 @@ def test_rounding_passes():
         poses[:, :3, :3] = rotations
         check_poses("poses", poses)
         check_poses("poses", poses[3])
-    with pytest.raises(InputError, match="no array of numbers"):
+    with pytest.raises(InputError, match="not an array of numbers"):
         check_poses("poses", "a pose")
 
 

@@ -129,7 +129,7 @@ def test_steps_are_as_alone(distance: str) -> None:
     settings = ControlSettings(BarrierSettings(distance, normals=normals), as_published=True)
     shared = Controller.of(scene, settings, robot)
     start, task = Setup.of(scene, robot).query.start, standing(Setup.of(scene, robot).query.goal)
-    count = 5 if distance == "gdf" else 20
+    count = 2 if distance == "gdf" else 8
     places = np.clip(start + np.random.default_rng(6).normal(0.0, 0.1, (count, robot.n)), robot.lower, robot.upper)
     alone = [shared.step(q, task) for q in places]
 
@@ -232,7 +232,7 @@ def test_meshes_are_read_as_alone_and_warnings_stay(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_bodies_are_fitted_as_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    robots = [load_scene_robot(load_scene(name)) for name in ("ur5_table", "planar_arm")]
+    robots = [load_robot(RobotSpec(name=name)) for name in ("panda_collision", "quadruped")]
     monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "alone"))
     alone = [link_bodies.link_bodies(robot) for robot in robots]
     monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "together"))

@@ -268,7 +268,7 @@ def test_missing_file(tmp_path: Path) -> None:
 
 
 def test_directory(tmp_path: Path) -> None:
-    assert error(tmp_path) == f"{tmp_path}: is a directory; a file is wanted"
+    assert error(tmp_path) == f"{tmp_path}: is a directory, not a file"
 
 
 def test_not_utf8(tmp_path: Path) -> None:
@@ -287,7 +287,7 @@ def test_unreadable(tmp_path: Path) -> None:
 def test_request_goes_with_moveit_scenes_only(tmp_path: Path) -> None:
     file = tmp_path / "scene.yaml"
     file.write_text(HEAD + ENDS, encoding="utf-8")
-    assert "no MoveIt planning scene" in error(file, request=file)
+    assert "not a MoveIt planning scene" in error(file, request=file)
 
 
 @pytest.mark.parametrize(

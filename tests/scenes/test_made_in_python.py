@@ -310,7 +310,7 @@ def test_what_is_saved_is_read_back_the_same(tmp_path: Path, name: str) -> None:
 
 def test_what_no_file_may_say_is_not_saved(tmp_path: Path) -> None:
     for scene, words in (
-        (scene_of(payload=Payload("panda_hand", 1.0)), "payload: counts where joint torques do"),
+        (scene_of(payload=Payload("panda_hand", 1.0)), "payload: only matters for joint torques"),
         (scene_of(timing=Timing()), "timing: makes the motion timed"),
         (scene_of(goal={"\ud800": 0.0}), "half a character"),
     ):
@@ -384,10 +384,10 @@ def test_what_is_harmless_becomes_what_the_reader_makes() -> None:
         (lambda: scene_of(goal=[[0.0], PoseTarget("hand", Pose())]), "Scene.goal.targets: must be a list of one or"),
         (lambda: scene_of(obstacles=Obstacle("a", BOX_MADE)), "Scene.obstacles: must be a list"),
         (lambda: scene_of(obstacles=[3]), r"Scene.obstacles\[0\]: must be an Obstacle, or one of the shapes Box, Sph"),
-        (lambda: Obstacle("a", Box([1, 1, 1], name="b")), "Obstacle.shape.name: is the obstacle's to say"),
+        (lambda: Obstacle("a", Box([1, 1, 1], name="b")), "Obstacle.shape.name: belongs to the obstacle"),
         (
             lambda: Attached("a", "b", Box([1, 1, 1], pose=[0, 0, 1])),
-            "Attached.shape.pose: is the held object's to say",
+            "Attached.shape.pose: belongs to the held object",
         ),
         (lambda: Box([1, 1, 1], pose=[0, 0]), "Box.pose: must be a Pose, or a position of three numbers"),
         (lambda: Box([1, 1, 1], pose=[0, 0, NAN]), r"Box.pose.position\[2\]: must be a finite number"),
@@ -406,7 +406,7 @@ def test_what_is_harmless_becomes_what_the_reader_makes() -> None:
         (lambda: Obstacle("a", BOX_MADE, pose=np.eye(4)), r"Obstacle.pose: .* an array of shape \(4, 4\)"),
         (
             lambda: Obstacle("a", BOX_MADE, Pose((1, 2, 3)), motion=TimedPoses((0, 1), (Pose(), Pose()))),
-            "Obstacle.pose: stands beside motion.poses",
+            "Obstacle.pose: is given twice: motion.poses",
         ),
         (lambda: TimedPoses((0, 1), (Pose(),)), "TimedPoses.poses: must be as many as the 2 times, found 1"),
         (
@@ -439,9 +439,9 @@ def test_a_program_that_plans_is_refused_what_a_file_is(tmp_path: Path) -> None:
     for scene, words in (
         (
             scene_of(obstacles=(moving,)),
-            r"obstacles\[0\].motion: must be met at known times: timing.duration is missing",
+            r"obstacles\[0\].motion: needs known times, but timing.duration is missing",
         ),
-        (scene_of(payload=Payload("panda_hand", 1.0)), "payload: counts where joint torques do"),
+        (scene_of(payload=Payload("panda_hand", 1.0)), "payload: only matters for joint torques"),
         (scene_of(timing=Timing()), "timing: makes the motion timed"),
         (scene_of(limits=Limits(velocity="urdf")), "limits.velocity: makes the motion timed"),
     ):
@@ -459,7 +459,7 @@ def test_what_would_have_no_meaning_is_refused() -> None:
         PoseTarget("hand", Pose(), orientation_tolerance=0.5, free_rotation="all")
     with pytest.raises(InputError, match=r"pose.quaternion_xyzw: has no meaning with free_rotation: all"):
         PoseTarget("hand", Pose(quaternion_xyzw=(0, 0, 1, 0)), free_rotation="all")
-    with pytest.raises(InputError, match=r"clearance: has no meaning where nothing is checked"):
+    with pytest.raises(InputError, match=r"clearance: has no meaning if nothing is checked"):
         SelfCollision(False, 0.01)
 
 

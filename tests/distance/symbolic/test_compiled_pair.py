@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import casadi as ca
 import numpy as np
 import pytest
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.numpy_reference.hdsdf import hdsdf, hdsdf_derivatives, separation
-from hdplan.distance.symbolic import compiled_pair, row_function
+from hdplan.distance.symbolic import c_library, compiled_pair
 from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled, twist_function
 from hdplan.distance.symbolic.graph_distance import hdsdf_function
 from hdplan.distance.symbolic.row_function import RowFunction
@@ -111,10 +113,16 @@ def test_derivatives_are_those_of_the_reference(bodies, gamma, random_poses, tol
                 np.testing.assert_allclose(hessian[:3, :3].T, columns, atol=50 * tolerance["difference"] * scale)
 
 
+@cache
+def _of_hard(body_a, body_b, gamma):
+    """Return a pair's value and derivatives, built once for all of its poses."""
+    return _along_twists(hdsdf_function(body_a, body_b, gamma=gamma))
+
+
 def test_finite_and_right_at_hard_poses(hard, tolerance):
     """Touching, parallel, identical, deep, tiny gaps, extreme scales: value as the reference, derivatives finite."""
     for gamma in (1, 2, 4):
-        evaluate = _along_twists(hdsdf_function(hard.body_a, hard.body_b, gamma=gamma))
+        evaluate = _of_hard(hard.body_a, hard.body_b, gamma)
         value, gradient, hessian = evaluate(hard.pose_a, hard.pose_b)
         truth = hdsdf(hard.body_a, hard.pose_a, hard.body_b, hard.pose_b, gamma=gamma)
         np.testing.assert_allclose(
@@ -193,7 +201,7 @@ def test_the_interpreter_says_the_same(random_poses, monkeypatch, tolerance):
 
 def _interpreted(*key):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(row_function, "compiler", lambda: None)
+        patch.setattr(c_library, "compiler", lambda: None)
         function = RowFunction(twist_function(*key))
     assert not function.is_compiled
     return function

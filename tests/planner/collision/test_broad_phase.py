@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,6 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.symbolic.c_library import compiler
+from hdplan.planner.collision import close_pairs
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_link_body, from_shape
 from hdplan.planner.collision.hdsdf import HdsdfPairs
@@ -81,11 +84,21 @@ def assert_nothing_dropped(pairs: BodyPairs, kinematics: KinematicsBatch) -> int
     return len(quick.sample)
 
 
+@pytest.fixture(params=["compiled", "without a compiler"])
+def loops(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The broad phase in both its forms."""
+    if request.param == "compiled":
+        assert close_pairs.library() or not compiler()
+    else:
+        monkeypatch.setattr(close_pairs, "library", lambda: None)
+
+
 @pytest.fixture(scope="module")
 def panda() -> Robot:
     return load_robot(load_scene("panda_corridor").robot)
 
 
+@pytest.mark.usefixtures("loops")
 def test_nothing_dropped_among_clutter(panda: Robot) -> None:
     """A Panda among 40 bodies of all shapes, at random configurations."""
     bodies, planes = link_bodies(panda), clutter(40, 11)
@@ -98,6 +111,7 @@ def test_nothing_dropped_among_clutter(panda: Robot) -> None:
     assert 100 < inside <= len(sample) < 0.5 * 40 * len(every)  # and it does leave much out
 
 
+@pytest.mark.usefixtures("loops")
 def test_nothing_dropped_between_links(panda: Robot) -> None:
     """Moving bodies on both sides; base and tip included."""
     bodies = link_bodies(panda)
@@ -113,22 +127,14 @@ def still(count: int) -> KinematicsBatch:
     return KinematicsBatch(np.tile(np.append(np.eye(3), np.zeros(3)), (count, 1, 1)), np.zeros((count, 1, 6)))
 
 
-def small_bodies(places: Array, radius: float) -> list[LinkBody]:
-    return [LinkBody("probe", 0, ConvexBody.from_points([place], radius)) for place in places]
+HALF = np.array([0.2, 0.1, 0.3])  # of a box, which stands somewhere
+STANDING = random_pose(np.random.default_rng(14), 0.5).matrix
 
 
-def assert_probes_kept(bodies: Sequence[LinkBody], plane: HalfspaceBody, margin: float) -> int:
-    every = [(a, 0) for a in range(len(bodies))]
-    return assert_nothing_dropped(body_pairs(bodies, [plane], every, margin, np.zeros((1, 1), np.bool_)), still(1))
-
-
-@pytest.mark.parametrize("normals", ["faces", "box", "sphere"])
-@pytest.mark.parametrize(("radius", "margin"), [(1e-4, 0.0), (1e-4, 0.02), (0.01, 0.0), (0.3, 0.02)])
-def test_nothing_dropped_near_corners_and_edges(radius: float, margin: float, normals: str) -> None:
-    """Small balls around a box at the distance where D changes its sign: in the directions farthest from all planes."""
-    half = np.array([0.2, 0.1, 0.3])
-    placement = random_pose(np.random.default_rng(14), 0.5).matrix
-    plane = from_shape("box", Box(tuple((2 * half).tolist())), placement, normals)
+@functools.cache
+def probes(radius: float, margin: float) -> tuple[LinkBody, ...]:
+    """Small balls around the box at the distance where D changes its sign: in the directions farthest from all
+    planes."""
     between = np.array([1, np.sqrt(2) - 1, np.sqrt(3) - np.sqrt(2)])  # equally far from face, edge and corner: 27.6°
     directions = np.array(
         [np.roll(between[list(order)], shift) for order in ([0, 1, 2], [0, 2, 1]) for shift in range(3)]
@@ -139,15 +145,29 @@ def test_nothing_dropped_near_corners_and_edges(radius: float, margin: float, no
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     edges = np.array([1 / np.cos(np.radians(27.6)), np.sqrt(3)])[:, None]  # where box and faces alone begin to separate
-    shares = np.concatenate([np.linspace(0.8, 1.8, 61), (edges + np.linspace(-1e-3, 1e-3, 21)).ravel()])
+    shares = np.concatenate([np.linspace(0.8, 1.8, 41), (edges + np.linspace(-1e-3, 1e-3, 11)).ravel()])
     reach = (radius + margin) * shares
-    corners = half * signs[:, None, None] + signs[:, None, None] * directions[:, None] * reach[:, None]
+    corners = HALF * signs[:, None, None] + signs[:, None, None] * directions[:, None] * reach[:, None]
     middles = corners.copy()
     middles[..., 2] *= 0.3  # beside edges and faces
-    places = np.concatenate([corners.reshape(-1, 3), middles.reshape(-1, 3)])
-    places = places @ plane.box[:3, :3].T + plane.box[:3, 3]
-    inside = assert_probes_kept(small_bodies(places, radius), plane, margin)
-    assert 0 < inside < len(places)
+    places = np.concatenate([corners.reshape(-1, 3), middles.reshape(-1, 3)]) @ STANDING[:3, :3].T + STANDING[:3, 3]
+    return tuple(LinkBody("probe", 0, ConvexBody.from_points([place], radius)) for place in places)
+
+
+def assert_probes_kept(bodies: Sequence[LinkBody], plane: HalfspaceBody, margin: float) -> int:
+    every = [(a, 0) for a in range(len(bodies))]
+    return assert_nothing_dropped(body_pairs(bodies, [plane], every, margin, np.zeros((1, 1), np.bool_)), still(1))
+
+
+@pytest.mark.usefixtures("loops")
+@pytest.mark.parametrize("normals", ["faces", "box", "sphere"])
+@pytest.mark.parametrize(("radius", "margin"), [(1e-4, 0.0), (1e-4, 0.02), (0.01, 0.0), (0.3, 0.02)])
+def test_nothing_dropped_near_corners_and_edges(radius: float, margin: float, normals: str) -> None:
+    """At small balls around a box, where D changes its sign."""
+    plane = from_shape("box", Box(tuple((2 * HALF).tolist())), STANDING, normals)
+    bodies = probes(radius, margin)
+    inside = assert_probes_kept(bodies, plane, margin)
+    assert 0 < inside < len(bodies)
 
 
 @pytest.mark.parametrize("normals", ["faces", "box", "sphere"])
@@ -164,6 +184,24 @@ def test_nothing_dropped_around_any_shape(seed: int, normals: str) -> None:
         ]
         found += assert_probes_kept(bodies, plane, 0.005)
     assert found > 100
+
+
+@pytest.mark.skipif(not compiler(), reason="needs a C compiler")
+def test_what_the_compiled_loops_leave_is_inside_its_margin(panda: Robot) -> None:
+    """Planes decide as the distance's sign does: but for rounding, nothing is evaluated that does not count."""
+    bodies = link_bodies(panda)
+    planes = [*clutter(30, 17), *(from_link_body(body.link, body.joint, body.body) for body in bodies)]
+    kinematics = Kinematics(panda.model)
+    every = [
+        (a, b) for a in range(len(bodies)) for b in range(len(planes)) if b < 30 or planes[b].joint != bodies[a].joint
+    ]
+    pairs = body_pairs(bodies, planes, every, MARGIN, kinematics.supports)
+    batch = kinematics.evaluate(configurations(panda, 60, 18))
+    sample, pair = pairs.close(batch)
+    distance, _, separation = hdsdf(pairs)(batch, sample, pair)
+    assert len(sample) > 1000
+    assert (separation < 2e-9).all()
+    assert (distance < 2e-9).all()
 
 
 def test_tables_say_what_the_pairs_are(panda: Robot) -> None:

@@ -110,12 +110,12 @@ def test_every_effect_has_its_line(tmp_path: Path) -> None:
     assert dict(explain(every)["obstacles"])["cart"] == "sphere, radius 0.1 m; moves at 0.3 m/s; 11 pairs"
 
 
-def test_pairs_told_apart_and_why_add_up() -> None:
+def test_pairs_excluded_and_why_add_up() -> None:
     for name in ("panda_carry", "ur5_table", "kinova_shelf"):
         problem = build(load_scene(name))
         said = rows(problem, "pairs")
         links = next(value for key, value in said.items() if key.startswith("links"))
-        checked, total, told = re.fullmatch(r"(\d+) of (\d+) pairs checked; told apart: (.*)", links).groups()
+        checked, total, told = re.fullmatch(r"(\d+) of (\d+) pairs checked; excluded: (.*)", links).groups()
         assert int(checked) == len(problem.robot.self_pairs)
         assert int(checked) + sum(int(part.split()[0]) for part in told.split(", ")) == int(total)
         own = problem.terms.self_collision
@@ -158,7 +158,7 @@ def test_pairs_kept_and_pruned_add_up() -> None:
     of_ball, of_prism = (int(by_obstacle[name].split("; ")[1].split(" of ")[0]) for name in ("ball", "prism"))
     assert of_ball + of_prism == kept
     own = len(problem.terms.self_collision.pairs)
-    assert rows(problem, "pairs")["links"] == "1 of 3 pairs checked; told apart: 2 neighbours"
+    assert rows(problem, "pairs")["links"] == "1 of 3 pairs checked; excluded: 2 neighbours"
     assert rows(problem, "pairs")["bodies of links"] == f"{own} of {own} pairs kept"
 
 
@@ -173,7 +173,7 @@ def test_link_pairs_left_to_the_certificate_are_named() -> None:
 def test_size_counts_the_unknowns(planar: Problem) -> None:
     size = rows(planar, "size")
     assert size["unknowns"].startswith(f"{(planar.waypoints - 2) * planar.robot.n}: ")
-    assert size["looked at"].startswith(f"{len(planar.samples.weight)} configurations")
+    assert size["sampled"].startswith(f"{len(planar.samples.weight)} configurations")
     assert size["distance"].startswith(("HD-SDF, compiled C", "HD-SDF, by CasADi’s interpreter"))
     assert rows(build(arm(ignore=True)), "size")["distance"] == "not needed"
 

@@ -99,8 +99,8 @@ def test_a_free_axis_and_a_box_are_taken_with_a_note(tmp_path: Path) -> None:
     target = pose_goal(scene)
     assert (target.position_tolerance, target.orientation_tolerance, target.free_rotation) == (0.1, 0.1, "z")
     ball, smaller = sorted(scene.notes)
-    assert "a ball of radius 0.1 m in it is kept to" in smaller
-    assert "allows up to 0.3 rad about one axis; 0.1 rad is kept to about all" in ball
+    assert "its inscribed sphere of radius 0.1 m is used" in smaller
+    assert "allows up to 0.3 rad about one axis; 0.1 rad is used about all" in ball
 
 
 def test_what_comes_of_a_request_is_written_and_read(tmp_path: Path) -> None:
@@ -192,10 +192,14 @@ GOAL, PATH = "goal_constraints[0]", "path_constraints"
 AWAY = {"header": {"frame_id": "camera"}}
 
 REFUSED: list[tuple[str, dict[str, Any], list[str]]] = [
-    (GOAL, {"orientation_constraints": [UP]}, ["stands without position_constraints"]),
+    (GOAL, {"orientation_constraints": [UP]}, ["has no position_constraints beside it"]),
     (GOAL, {"position_constraints": [BALL, BALL]}, ["position_constraints: ", "one constraint, found 2"]),
-    (GOAL, {"position_constraints": [BOX]}, ["position_constraints[0]: ", "target_point_offset", "link's own"]),
-    (GOAL, {"position_constraints": [{**BALL, "constraint_region": CYLINDER}]}, ["no box and no sphere"]),
+    (
+        GOAL,
+        {"position_constraints": [BOX]},
+        ["position_constraints[0]: ", "target_point_offset", "its pose is the link's"],
+    ),
+    (GOAL, {"position_constraints": [{**BALL, "constraint_region": CYLINDER}]}, ["neither a box nor a sphere"]),
     (GOAL, {"position_constraints": [{**BALL, "constraint_region": TWO}]}, ["constraint_region: ", "one primitive"]),
     (GOAL, {"position_constraints": [{"link_name": "a"}]}, ["'constraint_region' is missing"]),
     (GOAL, {"position_constraints": [{**BALL, **AWAY}]}, ["frame_id: unknown frame", "'camera'"]),
@@ -223,7 +227,7 @@ REFUSED: list[tuple[str, dict[str, Any], list[str]]] = [
         ["keeps the link's z axis along (0, -1, 0)", "only up or down"],
     ),
     (PATH, {"orientation_constraints": [{**UP, **AWAY}]}, ["frame_id: unknown frame 'camera'"]),
-    (PATH, {"position_constraints": [BALL]}, ["position_constraints[0]: ", "no box"]),
+    (PATH, {"position_constraints": [BALL]}, ["position_constraints[0]: ", "not a box"]),
     (PATH, {"visibility_constraints": [{"weight": 1}]}, ["visibility_constraints: is not supported"]),
     (PATH, {"orientation_constraint": [UP]}, ["unknown key 'orientation_constraint'", "'orientation_constraints'"]),
 ]

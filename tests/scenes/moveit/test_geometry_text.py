@@ -173,7 +173,7 @@ def test_a_file_that_was_cut_off_is_refused_wherever(tmp_path: Path, text: str) 
         ("* ball", "ball", "line 20: found 'ball', but an object"),
         ("* ball", "*", "line 20: the object has no name"),
         ("* ball", "* table top", "the name 'table top' is taken"),
-        ("\n.\n", "\n.\n* more\n", "goes on behind its end"),
+        ("\n.\n", "\n.\n* more\n", "continues after its end"),
     ],
 )
 def test_what_is_wrong_is_named_with_its_line(tmp_path: Path, old: str, new: str, words: str) -> None:

@@ -161,7 +161,7 @@ def test_a_link_that_may_touch_an_object_is_told(files: Files) -> None:
     matrix = {"entry_names": ["link0", "can"], "entry_values": [[True, True], [True, True]]}
     (note,) = files.edit("scene", "allowed_collision_matrix", matrix).load().notes
     assert "link0-can" in note
-    assert "still keeps them apart" in note
+    assert "still avoids it" in note
     matrix["entry_values"] = [[True, False], [False, True]]
     assert files.edit("scene", "allowed_collision_matrix", matrix).load().notes == ()
     ros2 = {"entry_names": ["link0", "can"], "entry_values": [{"enabled": [True, True]}, {"enabled": [True, True]}]}
@@ -178,7 +178,7 @@ def test_a_pair_that_the_srdf_leaves_out_and_the_matrix_checks_is_told(files: Fi
         notes = (
             files.edit("scene", "allowed_collision_matrix", {"entry_names": names, "entry_values": rows}).load().notes
         )
-        assert [note for note in notes if "wants panda_link0-panda_link1 checked" in note] == list(notes)
+        assert [note for note in notes if "asks to check panda_link0-panda_link1," in note] == list(notes)
         assert bool(notes) == told
     uneven = [[True, False, False], [True, True, False], [False, False, True]]
     files.edit("scene", "allowed_collision_matrix", {"entry_names": names, "entry_values": uneven})
@@ -192,7 +192,7 @@ def test_a_pair_that_the_srdf_leaves_out_and_the_matrix_checks_is_told(files: Fi
 
 def test_another_robots_name_is_told(files: Files) -> None:
     (note,) = files.edit("scene", "robot_model_name", "fr3").load().notes
-    assert note == "scene.yaml: robot_model_name: speaks of the robot 'fr3', not panda"
+    assert note == "scene.yaml: robot_model_name: names the robot 'fr3', not panda"
     assert files.edit("scene", "robot_model_name", "").load().notes == ()
 
 
@@ -201,7 +201,7 @@ def test_what_differs_from_an_unknown_state_is_told(files: Files) -> None:
     assert "robot_state: is_diff is true" in note
     files.edit("scene", "robot_state.is_diff", False).edit("scene", HELD, [{**held("cup"), "weight": 0.0}])
     (note,) = files.load().notes
-    assert "start_state: is_diff is not true, but what the scene's state attaches is still held" in note
+    assert "start_state: is_diff is not true, but objects attached in the scene's state stay attached" in note
     assert files.edit("request", "start_state.is_diff", True).load().notes == ()
 
 
@@ -297,7 +297,7 @@ REFUSED = [
         "scene",
         "fixed_frame_transforms",
         [{"child_frame_id": "panda_link0", "transform": MOVED}],
-        ["fixed_frame_transforms[0].transform: ", "'panda_link0' stands elsewhere"],
+        ["fixed_frame_transforms[0].transform: ", "'panda_link0' has another pose"],
     ),
     (
         "scene",
@@ -383,7 +383,7 @@ def test_swapped_files_are_told(files: Files) -> None:
     files.load()
     with pytest.raises(InputError, match="is a MoveIt motion plan request; name the planning scene first"):
         load_scene(files.request_file, files.scene_file, "panda")
-    with pytest.raises(InputError, match="a motion plan request is wanted"):
+    with pytest.raises(InputError, match="a motion plan request is needed"):
         load_scene(files.scene_file, files.scene_file, "panda")
     with pytest.raises(InputError, match="no such file"):
         load_scene(files.scene_file, files.scene_file.with_name("none.yaml"), "panda")
@@ -401,5 +401,5 @@ def test_every_benchmark_problem_loads(arm: str, group: str) -> None:
         scene = load_scene(file, file.with_name(file.name.replace("scene", "request")), MBM / arm / "robot.yaml")
         assert scene.obstacles
         assert scene.robot.group == group
-        assert sum("speaks of the robot 'ur5_robotiq85', not ur5" in note for note in scene.notes) == (arm == "ur5")
+        assert sum("names the robot 'ur5_robotiq85', not ur5" in note for note in scene.notes) == (arm == "ur5")
         assert set(scene.goal.by_name or {}) <= set(scene.start.by_name or {})

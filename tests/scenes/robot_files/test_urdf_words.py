@@ -72,7 +72,7 @@ def test_slips_of_the_pen_are_refused_or_named(tmp_path: Path) -> None:
         ),
         ("<axis", "<axes", r"joint 'turn': element 'axes' is not known \(did you mean 'axis'\?\)"),
         (' rpy="', ' ryp="', r"link 'base': origin: attribute 'ryp' is not known \(did you mean 'rpy'\?\)"),
-        ("<axis", '<axis xyz="1 0 0"/><axis', "joint 'turn': <axis> stands twice in <joint>"),
+        ("<axis", '<axis xyz="1 0 0"/><axis', "joint 'turn': <axis> occurs twice in <joint>"),
         ("<link ", "<Link ", r"element 'Link' is not known \(did you mean 'link'\?\)"),
     ],
 )
@@ -88,7 +88,7 @@ def test_what_vendors_add_is_named_once_or_free_at_top_level(tmp_path: Path) -> 
     inside = "<contact/><x:proximity xmlns:x='urn:x'/><self_collision_checking/></link>"
     (note,) = tree(tmp_path, ARM.replace("</link>", inside).replace('upper="1"', 'upper="1" current="3"'))
     assert note == (
-        "not part of URDF, passed over: contact in link, proximity in link, self_collision_checking in link, "
+        "not part of URDF, ignored: contact in link, proximity in link, self_collision_checking in link, "
         "current of limit"
     )
 

@@ -138,7 +138,7 @@ CASES = {
     "velocity of two": (moving("velocity: [0, 0]"), "motion.velocity: ", "list of 3", "list of 2"),
     "spin a text": (moving("spin: [0, 0, fast]"), "motion.spin[2]: ", "number [rad/s]", "'fast'"),
     "one time": (moving("times: [0], poses: [{}]"), "motion.times: ", "two or more", "found 1"),
-    "times that fall": (moving("times: [0, 2, 1], poses: [{}, {}, {}]"), "motion.times: ", "rise", "2 before 1"),
+    "times that fall": (moving("times: [0, 2, 1], poses: [{}, {}, {}]"), "motion.times: ", "increase", "2 before 1"),
     "times that stand": (moving("times: [1, 1], poses: [{}, {}]"), "motion.times: ", "1 before 1"),
     "time before 0": (moving("times: [-1, 1], poses: [{}, {}]"), "motion.times[0]: ", "at least 0", "found -1"),
     "a pose too few": (moving("times: [0, 1, 2], poses: [{}, {}]"), "motion.poses: ", "as many as the 3", "found 2"),
@@ -183,7 +183,7 @@ CASES = {
     "jerk a mapping of nothing": (limits("jerk: {}"), "limits.jerk: must be a number, a list", "mapping"),
     "torque negative": (limits("torque: {j1: -3}"), "limits.torque.j1: ", "greater than 0 [Nm or N]", "found -3"),
     # payload
-    "payload without torque": (f"payload: {{link: a, mass: 1}}\n{TIMED}", "payload: counts where joint torques do"),
+    "payload without torque": (f"payload: {{link: a, mass: 1}}\n{TIMED}", "payload: only matters for joint torques"),
     "payload empty": (f"payload: {{}}\n{TIMED}", "payload: the key 'link' is missing"),
     "payload without mass": (payload("com: [0, 0, 0]"), "payload: the key 'mass' is missing"),
     "payload weightless": (payload("mass: 0"), "payload.mass: ", "greater than 0 [kg]", "found 0"),

@@ -23,7 +23,7 @@ FILE = SHIPPED["empty"].parents[1] / "scene.schema.json"
 VALIDATOR = Draft7Validator(scene_schema())
 
 ABOUT_MEANING = re.compile(  # what the reader refuses and a schema cannot say: numbers and sections together, files
-    r"must be a unit quaternion|must be points that span|belongs to no body|must rise|with low < high|is taken by an"
+    r"must be a unit quaternion|must be points that span|is not physical|must increase|with low < high|is taken by an"
     r"|(torque|duration|acceleration) is missing|must be a (file|directory), but|must be as many as|has no meaning"
     r"|stands beside|has no orientation|rows at a rate of|must name two different links|is infinite along"
     r"|which has a length above 0|a whole number .* found -?[0-9]+\.0"
