@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.array_types import Array, Mask, Rows
 
 FIRST_STEP = 0.01  # how far the first step goes
 PATIENCE, LEAST_GAIN = 5, 0.02  # a descent that gains less in so many rounds ends
@@ -20,10 +20,13 @@ def minimized(objective: Callable[[Array, Rows], tuple[Array, Array]], start: Ar
     round each function is evaluated once; it goes on from there where it fell (Armijo), or else tries a shorter step. A
     function that hardly falls any more is left alone.
     """
-    ends, left, one = start.copy(), np.arange(len(start)), np.eye(start.shape[1])
+    left: Rows = np.arange(len(start))
+    ends, one = start.copy(), np.eye(start.shape[1])
     x, (value, slope) = start, objective(start, left)
     inverse = (FIRST_STEP / (np.linalg.norm(slope, axis=1) + TINY))[:, None, None] * one
-    length, before, fresh = np.ones(len(x)), np.full(len(x), np.inf), np.ones(len(x), dtype=np.bool_)
+    length: Array = np.ones(len(x))
+    before: Array = np.full(len(x), np.inf)
+    fresh: Mask = np.ones(len(x), dtype=np.bool_)
     for count in range(1, rounds + 1):
         step = -length[:, None] * (inverse @ slope[:, :, None])[:, :, 0]
         reached, new_slope = objective(x + step, left)
@@ -50,8 +53,7 @@ def minimized(objective: Callable[[Array, Rows], tuple[Array, Array]], start: Ar
             on = value < (1.0 - LEAST_GAIN) * before
             if not on.any():
                 break
-            left, x, value, slope, inverse, length, fresh = (
-                part[on] for part in (left, x, value, slope, inverse, length, fresh)
-            )
+            left, x, value, slope = left[on], x[on], value[on], slope[on]
+            inverse, length, fresh = inverse[on], length[on], fresh[on]
             before = value
     return ends

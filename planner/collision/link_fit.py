@@ -50,9 +50,9 @@ def fitted(triangles: Array, candidates: tuple[tuple[int, int], ...] = CANDIDATE
     scored: list[tuple[float, tuple[Swept, ...]]] = []
     along: tuple[int, ...] = (0, 1, 2)  # axes; those that do worse with bodies of some vertices are given up
     for slabs, vertices in candidates:
-        last = (slabs, vertices) == candidates[-1]
-        if best is not None and best.vertices >= TELLING and not last:
-            if best.excess * best.vertices > limit * slabs * vertices:
+        if best is not None and best.vertices >= TELLING and (slabs, vertices) != candidates[-1]:
+            least = best.excess * best.vertices / (slabs * vertices)
+            if least > limit:
                 continue
         trials = link.roughly(slabs, vertices, along if slabs > 1 else (0,))
         best = trials[0] if best is None else min(best, trials[0], key=lambda each: each.excess)

@@ -17,7 +17,7 @@ from scipy.spatial import ConvexHull
 
 from hdplan.planner.collision.descent import minimized
 from hdplan.planner.collision.hull_distance import distance_to_hull
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.deadline import check_time
 
 MARGIN = 1e-6  # added to every radius [m], above rounding
@@ -120,13 +120,12 @@ def _descend(targets: Sequence[Target], vertices: Array, stage: int) -> list[Swe
         faces = slice(len(target.reference.weights))
         normals[row, faces], offsets[row, faces] = target.reference.normals, target.reference.offsets
         weights[row, faces] = target.reference.weights
-    ends = minimized(
-        lambda x, rows: _objective(
-            *(part[rows] for part in (points, normals, offsets, weights)), x.reshape(-1, *vertices.shape[1:]), exponent, softness
-        ),
-        vertices.reshape(len(vertices), -1),
-        rounds,
-    ).reshape(vertices.shape)
+
+    def objective(flat: Array, rows: Rows) -> tuple[Array, Array]:
+        cores = flat.reshape(-1, *vertices.shape[1:])
+        return _objective(points[rows], normals[rows], offsets[rows], weights[rows], cores, exponent, softness)
+
+    ends = minimized(objective, vertices.reshape(len(vertices), -1), rounds).reshape(vertices.shape)
     return [target.enclosed(core) for target, core in zip(targets, ends, strict=True)]
 
 

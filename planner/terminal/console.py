@@ -58,7 +58,8 @@ class _OneLine(Steps):
     def detail(self, text: str) -> None:
         self.status.update(Text(text))
 
-    at = detail
+    def at(self, doing: str) -> None:
+        self.detail(doing)
 
 
 class _Lines(Steps):

@@ -24,10 +24,11 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot import scene_robot
-from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.roadmap import seeds
+from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.shapes import Mesh
 from hdplan.scenes.yaml_format.reader import load_scene
 from tests.threads import THREADS, together
