@@ -17,7 +17,7 @@ from typing import Any
 from hdplan.scenes.attached import Attached, Payload, body_inertia
 from hdplan.scenes.limits import JointQuantity, Limits, ranges
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses, rising_times
-from hdplan.scenes.path_constraints import AXES, Upright, Within, direction, extent
+from hdplan.scenes.path_constraints import AXES, Relative, Upright, Within, direction, extent
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.poses import rotation
 from hdplan.scenes.robot_spec import RobotSpec, pair
@@ -90,7 +90,7 @@ def scene_schema() -> Schema:
                 },
                 "limits": _nullable(_filled(Limits, position=_some(_value(ranges)))),
                 "payload": _nullable(_section(Payload)),
-                "path": _nullable(_some(_object({"upright": _section(Upright), "position": _placed(Within)}))),
+                "path": _nullable(_some(_path())),
                 "timing": _nullable({**_filled(Timing), "not": {"required": ["duration", "scale"]}}),
                 "planner": _nullable(_section(PlannerSettings)),
             },
@@ -138,6 +138,11 @@ def _placed(kind: Any) -> Schema:
     return {**own, "properties": {**own["properties"], **pose["properties"]}, "not": pose["not"]}
 
 
+def _path() -> Schema:
+    relative = _section(Relative, pose=_pose())
+    return _object({"upright": _section(Upright), "position": _placed(Within), "relative": relative})
+
+
 def _robot() -> Schema:
     robot = _section(RobotSpec, without=("source",), base=_pose())
     plain = {"name": TEXT, "urdf": TEXT}  # one of them is required, so neither may be null
@@ -178,13 +183,14 @@ def _joints() -> Schema:
 
 def _goal() -> dict[str, Schema]:
     pose = _placed(PoseTarget)
-    pose["required"] = ["link", "position"]
+    pose["required"] = ["position"]
     pose["properties"]["position"] = _value(Row(Number(unit="m"), 3))
     return {
         "joints": {"anyOf": [*_joints()["anyOf"], {**_list(_joints()), "minItems": 1}]},
         "state": TEXT,
         "pose": pose,
         "poses": {**_list(pose), "minItems": 1},
+        "all": {**_list(_object({"pose": {**pose, "required": ["link", "position"]}}, ["pose"])), "minItems": 2},
     }
 
 
