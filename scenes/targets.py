@@ -163,7 +163,7 @@ def goal_of(value: object) -> JointTarget | Goals:
     if isinstance(value, Goals):
         return value
     if isinstance(value, PoseTarget | AllOf):
-        return Goals((value,))
+        return Goals((value,))  # type: ignore[arg-type]
     if not is_row(value) or not any(is_row(each) or isinstance(each, _SEVERAL) for each in value):
         return Configuration("goal", f"{Configuration.allowed}, a PoseTarget, a list of any one of these, or an AllOf")(
             value

@@ -61,7 +61,7 @@ class Part(NamedTuple):
     @property
     def axes(self) -> Array:
         """The joints' axes (k, n, 3) in the world."""
-        return np.einsum("knij,nj->kni", self.rotations[:, 1:], self.chain.axes)
+        return np.asarray(np.einsum("knij,nj->kni", self.rotations[:, 1:], self.chain.axes))
 
     def moved(self, joint: int, point: Array, moves: Mask) -> tuple[Array, Motion]:
         """Return where a point (3,) of a joint's frame is (k, 3), and what the joints `moves` (n,) do to it."""
@@ -76,9 +76,20 @@ class Part(NamedTuple):
 class Held(Protocol):
     """One thing that is to hold all along the way."""
 
-    field: str  # of the scene
-    link: str
-    allowed: float  # [rad] or [m]
+    @property
+    def field(self) -> str:
+        """Of the scene."""
+        ...
+
+    @property
+    def link(self) -> str:
+        """Whose it is."""
+        ...
+
+    @property
+    def allowed(self) -> float:
+        """How much is allowed [rad] or [m]."""
+        ...
 
     @property
     def scale(self) -> float:
@@ -258,14 +269,14 @@ class HeldTurn:
     def bound(self, part: Part, found: Array) -> Array:
         """No greater angle (k,) on the parts."""
         one, other = self._both(part.rotations)
-        chord, slope, bent, turned = one - other, 0.0, 0.0, 0.0
+        slope, bent, turned = np.zeros_like(one), np.zeros(len(one)), np.zeros(len(one))
         for rotation, moves, sign in zip((one, other), _apart(part.chain, self.joints), (1.0, -1.0), strict=True):
             delta, off = (values * (moves & part.chain.revolute) for values in (part.delta, part.off))
             omega, turn = np.einsum("kn,knc->kc", delta, part.axes), np.abs(delta).sum(axis=1)
             columns = cross(omega[:, None], rotation.transpose(0, 2, 1))
             slope = slope + sign * columns.transpose(0, 2, 1)
             bent, turned = bent + 0.5 * turn**2 + off.sum(axis=1), turned + turn + off.sum(axis=1)
-        ends = np.maximum(*(np.linalg.norm(chord + sign * slope, axis=(1, 2)) for sign in (1.0, -1.0)))
+        ends = np.maximum(*(np.linalg.norm(one - other + sign * slope, axis=(1, 2)) for sign in (1.0, -1.0)))
         return _no_greater_angle(ends / np.sqrt(2.0) + bent, found + turned)
 
     def broken(self, found: float) -> str:

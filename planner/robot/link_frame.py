@@ -18,9 +18,11 @@ Array = NDArray[np.float64]
 AXES = ("x", "y", "z")
 
 
-def link_frame(robot: Robot, link: str, field: str) -> int:
+def link_frame(robot: Robot, link: str | None, field: str) -> int:
     """Return the index of a link among the model's frames. Raises InputError, naming the scene's `field`, for a link
     that the robot does not have, or that does not move."""
+    if link is None:
+        raise InputError(f"{field}.link: is missing")
     index = _frame(robot, link, f"{field}.link")
     if robot.model.frames[index].parentJoint == 0:
         raise InputError(f"{field}.link: '{link}' is fixed to the world, so no motion brings it anywhere")
