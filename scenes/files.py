@@ -45,7 +45,7 @@ def check_file(path: Path) -> None:
         raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error})") from None
     if not stat.S_ISREG(about.st_mode):
         kind = _KINDS.get(stat.S_IFMT(about.st_mode), "something else")
-        raise InputError(f"is {kind}; a file is wanted")
+        raise InputError(f"is {kind}, not a file")
     if about.st_size > MOST_BYTES:
         raise InputError(f"is {about.st_size / 1e6:.0f} MB large; files of at most {MOST_BYTES / 1e6:.0f} MB are read")
 

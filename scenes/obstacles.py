@@ -29,10 +29,11 @@ def rising_times(value: object) -> tuple[float, ...]:
 
 @dataclass(frozen=True, repr=False)
 class SteadyMotion(Checked):
-    """A body moves and turns at constant velocities, from its pose at time 0 on."""
+    """A body moves with `velocity` [m/s] and turns with `spin` [rad/s] about its origin, both constant and in the
+    world, from its pose at time 0 on."""
 
-    velocity: Annotated[Vector3, Row(Number(unit="m/s"), 3)] = (0.0, 0.0, 0.0)  # of its origin, in the world [m/s]
-    spin: Annotated[Vector3, Row(Number(unit="rad/s"), 3)] = (0.0, 0.0, 0.0)  # about its origin, in the world [rad/s]
+    velocity: Annotated[Vector3, Row(Number(unit="m/s"), 3)] = (0.0, 0.0, 0.0)
+    spin: Annotated[Vector3, Row(Number(unit="rad/s"), 3)] = (0.0, 0.0, 0.0)
 
     if TYPE_CHECKING:
 
@@ -41,8 +42,8 @@ class SteadyMotion(Checked):
 
 @dataclass(frozen=True, repr=False)
 class TimedPoses(Checked):
-    """A body moves through poses: at constant velocities from each to the next, at rest before the first and after the
-    last."""
+    """A body moves through `poses` in the world at `times` [s]: at constant velocities from each to the next, at rest
+    before the first and after the last."""
 
     times: Annotated[tuple[float, ...], rising_times]  # increasing, at least two [s]
     poses: tuple[Pose, ...]  # one at each time, in the world

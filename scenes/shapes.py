@@ -47,9 +47,9 @@ class Solid(Checked):
 
 @dataclass(frozen=True, repr=False)
 class Box(Solid):
-    """A box centred in its frame."""
+    """A box with full edge lengths `size` [m], centred in its frame."""
 
-    size: Annotated[Vector3, Row(Number(above=0.0, unit="m"), 3)]  # full edge lengths [m]
+    size: Annotated[Vector3, Row(Number(above=0.0, unit="m"), 3)]
 
     if TYPE_CHECKING:
 
@@ -58,9 +58,9 @@ class Box(Solid):
 
 @dataclass(frozen=True, repr=False)
 class Sphere(Solid):
-    """A sphere centred in its frame."""
+    """A sphere of `radius` [m], centred in its frame."""
 
-    radius: Length  # [m]
+    radius: Length
 
     if TYPE_CHECKING:
 
@@ -69,9 +69,9 @@ class Sphere(Solid):
 
 @dataclass(frozen=True, repr=False)
 class Ellipsoid(Solid):
-    """An ellipsoid centred in its frame, its axes along x, y and z."""
+    """An ellipsoid with half axes `radii` [m] along x, y and z, centred in its frame."""
 
-    radii: Annotated[Vector3, Row(Number(above=0.0, unit="m"), 3)]  # half axes [m]
+    radii: Annotated[Vector3, Row(Number(above=0.0, unit="m"), 3)]
 
     if TYPE_CHECKING:
 
@@ -80,10 +80,10 @@ class Ellipsoid(Solid):
 
 @dataclass(frozen=True, repr=False)
 class Cylinder(Solid):
-    """A right circular cylinder centred in its frame, axis z."""
+    """A cylinder of `radius` and `length` [m] along z, centred in its frame."""
 
-    radius: Length  # [m]
-    length: Length  # [m]
+    radius: Length
+    length: Length
 
     if TYPE_CHECKING:
 
@@ -94,10 +94,10 @@ class Cylinder(Solid):
 
 @dataclass(frozen=True, repr=False)
 class Capsule(Solid):
-    """A sphere swept along a segment on the z axis, centred in its frame."""
+    """A sphere of `radius` [m] swept along a segment of `length` [m] on the z axis, centred in its frame."""
 
-    radius: Length  # [m]
-    length: Annotated[float, Number(low=0.0, unit="m")]  # between the centres of the two end spheres [m]
+    radius: Length
+    length: Annotated[float, Number(low=0.0, unit="m")]
 
     if TYPE_CHECKING:
 
@@ -108,9 +108,9 @@ class Capsule(Solid):
 
 @dataclass(frozen=True, repr=False)
 class Points(Solid):
-    """The convex hull of points."""
+    """The convex hull of `points` [m], given in its frame."""
 
-    points: Annotated[tuple[Vector3, ...], volume]  # in the obstacle's frame [m]
+    points: Annotated[tuple[Vector3, ...], volume]
 
     if TYPE_CHECKING:
 
@@ -125,10 +125,11 @@ class Points(Solid):
 
 @dataclass(frozen=True, repr=False)
 class Mesh(Solid):
-    """A triangle mesh read from a file, in any format that trimesh reads."""
+    """A triangle mesh read from `file`, in any format that trimesh reads, with factors `scale` along the file's
+    axes."""
 
     file: Annotated[Path, absolute_path]
-    scale: Annotated[Vector3, axis_factors] = (1.0, 1.0, 1.0)  # factor along each axis of the file's frame
+    scale: Annotated[Vector3, axis_factors] = (1.0, 1.0, 1.0)
 
     if TYPE_CHECKING:
 

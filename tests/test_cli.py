@@ -465,7 +465,7 @@ BAD_ARGUMENTS = {
     "picture ending": (["plan", "planar_arm", "--plot", "x.jpg"], ["x.jpg", "'.jpg'", ".png, .pdf, .svg"]),
     "no trajectory": (["check", "planar_arm", "no.json"], ["no.json: no such file"]),
     "trajectory ending": (["check", "planar_arm", "no.txt"], ["no.txt", "'.txt'", ".json, .csv, .npz"]),
-    "trajectory a folder": (["check", "planar_arm", "folder.json"], ["folder.json: is a directory; a file is wanted"]),
+    "trajectory a folder": (["check", "planar_arm", "folder.json"], ["folder.json: is a directory, not a file"]),
 }
 
 

@@ -245,10 +245,10 @@ def test_what_is_no_file_is_refused_at_once(
     import hdplan
 
     path = no_files[kind]
-    assert refusal(lambda: load_scene(path)) == f"{path}: is {kind}; a file is wanted"
+    assert refusal(lambda: load_scene(path)) == f"{path}: is {kind}, not a file"
     for ending in (".json", ".csv", ".npz"):
         motion = path.rename(path.with_name(f"m{ending}"))
-        assert refusal(lambda motion=motion: Trajectory.load(motion)) == f"{motion}: is {kind}; a file is wanted"  # type: ignore[misc]
+        assert refusal(lambda motion=motion: Trajectory.load(motion)) == f"{motion}: is {kind}, not a file"  # type: ignore[misc]
         path = motion
     assert f"is {kind}" in refusal(lambda: hdplan.load_robot(RobotSpec(urdf=path)))
     assert f"is {kind}" in refusal(lambda: hdplan.load_robot(RobotSpec(urdf=ARM.with_suffix(".urdf"), srdf=path)))

@@ -42,15 +42,15 @@ class CollisionModel:
 
 
 @made_once(8)
-def collision_model_of(robot: Robot, geometry: str, normals: str) -> CollisionModel:
-    """Return the collision model of a robot with the bodies and normals of these settings: one object for equal
+def collision_model_of(robot: Robot, geometry: str, planes: str) -> CollisionModel:
+    """Return the collision model of a robot with the bodies and planes of these settings: one object for equal
     arguments."""
     kinematics, bodies = kinematics_of(robot), link_bodies(robot, geometry)
-    planes = tuple(from_link_body(body.link, body.joint, body.body, normals) for body in bodies)
+    enclosed = tuple(from_link_body(body.link, body.joint, body.body, planes) for body in bodies)
     reach = tuple(reach_of(robot, body.joint, body.body) for body in bodies)
-    pairs, unresolved = _separable_pairs(robot, kinematics, bodies, planes)
-    kept = _distances_kept(robot, kinematics, bodies, planes, pairs)
-    return CollisionModel(kinematics, bodies, planes, reach, pairs, kept, unresolved)
+    pairs, unresolved = _separable_pairs(robot, kinematics, bodies, enclosed)
+    kept = _distances_kept(robot, kinematics, bodies, enclosed, pairs)
+    return CollisionModel(kinematics, bodies, enclosed, reach, pairs, kept, unresolved)
 
 
 def _distances_kept(

@@ -4,8 +4,8 @@ In: scene shapes or outer link bodies. Out: HalfspaceBody: unit normals n_k and 
 exact for the shape itself (a true cylinder, not a polygon). What the planes enclose is slightly more than the shape
 (an outer body).
 
-The setting `normals` chooses the planes: "box" gives a box or a link the 26 directions of its box, and any other shape
-50; "faces" gives a box or a link only its 6 faces; "sphere" adds 96 directions to each, spread evenly.
+The setting `planner.normals` chooses the planes: "box" gives a box or a link the 26 directions of its box, and any
+other shape 50; "faces" gives a box or a link only its 6 faces; "sphere" adds 96 directions to each, spread evenly.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from hdplan.scenes.once import freeze
 from hdplan.scenes.shapes import Mesh, Points, Shape
 
 FEW, MANY = 26, 50  # planes of box-like bodies and of all others; one compiled kernel each
-SPREAD = 96  # additional ones for normals "sphere"
+SPREAD = 96  # additional ones for "sphere"
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class HalfspaceBody:
 
 
 def from_obstacle(
-    obstacle: Obstacle, normals: str = "box", seconds: float = MOST_SECONDS
+    obstacle: Obstacle, planes: str = "box", seconds: float = MOST_SECONDS
 ) -> tuple[tuple[HalfspaceBody, ...], tuple[str, ...]]:
     """Enclose an obstacle: one body, or one for each convex piece of its mesh; and notes on how it was split.
 
@@ -66,11 +66,11 @@ def from_obstacle(
     check_time("building the problem")
     placement = obstacle.pose.matrix
     if not isinstance(obstacle.shape, Mesh):
-        return (from_shape(obstacle.name, obstacle.shape, placement, normals),), ()
+        return (from_shape(obstacle.name, obstacle.shape, placement, planes),), ()
     mesh = load_mesh(obstacle.shape, f"obstacles.{obstacle.name}")
     split = convex_pieces(mesh, seconds)
     pieces = (mesh.vertices,) if split is None else split
-    bodies = tuple(from_points(obstacle.name, piece, placement, normals) for piece in pieces)
+    bodies = tuple(from_points(obstacle.name, piece, placement, planes) for piece in pieces)
     about = f"obstacle '{obstacle.name}': mesh {obstacle.shape.file.name}"
     if split is None:
         limit = f"{min(max(seconds, 0.0), MOST_SECONDS):.3g} s"
@@ -78,61 +78,61 @@ def from_obstacle(
     return bodies, (f"{about} split into {len(pieces)} convex pieces",) if len(pieces) > 1 else ()
 
 
-def from_shape(name: str, shape: Shape, placement: Array, normals: str = "box") -> HalfspaceBody:
+def from_shape(name: str, shape: Shape, placement: Array, planes: str = "box") -> HalfspaceBody:
     """Enclose a scene shape that stands at `placement` in the world. A mesh is given as the convex Points of its
     pieces."""
     if isinstance(shape, Points):
-        return from_points(name, np.array(shape.points), placement, normals)
+        return from_points(name, np.array(shape.points), placement, planes)
     outline = operations(shape).outline
     if outline is None:
         raise TypeError(f"{name}: a {type(shape).__name__} has to be split into convex pieces first")
     half = outline.half_size(shape)
     match outline.round_about:
         case "nothing":
-            directions = _few(normals)
+            directions = _few(planes)
         case "axis":
-            directions = _many(_round_directions(), normals)
+            directions = _many(_round_directions(), planes)
         case "centre":
-            directions = _many(_ball_directions(half), normals)
+            directions = _many(_ball_directions(half), planes)
     return _placed(name, 0, placement, shape, directions, outline.support(shape, directions), half)
 
 
-def from_points(name: str, points: Array, placement: Array, normals: str = "box") -> HalfspaceBody:
+def from_points(name: str, points: Array, placement: Array, planes: str = "box") -> HalfspaceBody:
     """Enclose the hull of points (m, 3), flat ones too, that stands at `placement` in the world."""
     frame = _box_frame(points)
     local = (points - frame[:3, 3]) @ frame[:3, :3]
     faces = _face_normals(local)
-    directions = _many(np.vstack([box_directions(), faces]), normals) if len(faces) else _few(normals)
+    directions = _many(np.vstack([box_directions(), faces]), planes) if len(faces) else _few(planes)
     spare = MANY - FEW - len(faces) if len(faces) else 0
     directions, supports = _fill(directions, (directions @ local.T).max(axis=1), spare)
     half = np.abs(local).max(axis=0)
     return _placed(name, 0, placement, ConvexBody.from_points(points), directions, supports, half, frame)
 
 
-def from_link_body(link: str, joint: int, body: ConvexBody, normals: str = "box") -> HalfspaceBody:
+def from_link_body(link: str, joint: int, body: ConvexBody, planes: str = "box") -> HalfspaceBody:
     """Enclose an outer link body by the directions of its box; it moves with `joint`."""
-    frame, directions = _box_frame(body.vertices), _few(normals)
+    frame, directions = _box_frame(body.vertices), _few(planes)
     local = (body.vertices - frame[:3, 3]) @ frame[:3, :3]
     supports = (directions @ local.T).max(axis=1) + body.radius
     half = np.abs(local).max(axis=0) + body.radius
     return _placed(link, joint, np.eye(4), body, directions, supports, half, frame)
 
 
-def plane_counts(normals: str) -> tuple[int, int]:
+def plane_counts(planes: str) -> tuple[int, int]:
     """The numbers of planes that an obstacle may have: box-like, or of any other shape."""
-    return len(_few(normals)), len(_many(_round_directions(), normals))
+    return len(_few(planes)), len(_many(_round_directions(), planes))
 
 
-def _few(normals: str) -> Array:
+def _few(planes: str) -> Array:
     """The directions for a box-like body."""
-    if normals == "faces":
+    if planes == "faces":
         return np.vstack([np.eye(3), -np.eye(3)])
-    return _many(box_directions(), normals)
+    return _many(box_directions(), planes)
 
 
-def _many(directions: Array, normals: str) -> Array:
-    """These directions, and additional ones for normals "sphere"."""
-    return np.vstack([directions, _fibonacci(SPREAD)]) if normals == "sphere" else directions
+def _many(directions: Array, planes: str) -> Array:
+    """These directions, and additional ones for "sphere"."""
+    return np.vstack([directions, _fibonacci(SPREAD)]) if planes == "sphere" else directions
 
 
 def _placed(

@@ -1,4 +1,4 @@
-"""`hdplan schema`: the scene format as editors read it."""
+"""`hdplan schema`: print the scene format for editors."""
 
 from __future__ import annotations
 

@@ -99,8 +99,8 @@ class Barriers:
         # links that stand are in no pair: if a moving obstacle meets one, no motion of the robot prevents it
         outer = [(a, b) for a, body in enumerate(bodies) if body.joint > 0 for b in range(len(others))]
         extra = np.array([(clearances or {}).get(body.name, 0.0) for body in others])
-        normals = settings.normals if settings.distance == "hdsdf" else "box"
-        links = [from_link_body(body.link, body.joint, body.body, normals) for body in bodies]
+        chosen_planes = settings.normals if settings.distance == "hdsdf" else "box"
+        links = [from_link_body(body.link, body.joint, body.body, chosen_planes) for body in bodies]
         supports = np.vstack([kinematics.supports, np.zeros((len(movers), kinematics.n), dtype=np.bool_)])
         hull_of = {hull.link: index for index, hull in enumerate(hulls)}
         hull_planes = [from_link_body(hull.link, hull.joint, hull.body) for hull in hulls]

@@ -20,7 +20,8 @@ The step names the pairs whose barrier its command does not meet (`Step.gave`).
 What it guarantees is derived in `barrier_safety`. The barrier's inequality is linear in u and holds at one instant;
 over a period the distance bends. So each command is looked at once more at its end: it is taken only if every Δ_k(q + u
 T) stays at or above δ_k, or at least does not fall where it is below already; otherwise the program is solved again
-with the rows that fell as they are at that end, and at last the robot is stopped. Then Δ_k ≥ δ_k at every sample for
+with the rows that fell as they are at that end, then with the joints held that move those pairs, and at last the robot
+is stopped. Then Δ_k ≥ δ_k at every sample for
 all time once it holds at the first, whatever the distance's kinks, against obstacles that stand; standing still is
 always allowed. Below its margin Δ says too little, as outer bodies may overlap where the links do not: there the exact
 distance of the links' hulls is kept from falling below NEAR as well, by a barrier and by the same look. And there the
@@ -233,9 +234,12 @@ class Controller:
 
         Where a pair ends below its floor, the program is solved again with that pair's row as it is at that end u₀ T,
 
-            Δ(q + u₀ T) + T ∂Δ/∂q(q + u₀ T) · (u − u₀) ≥ floor.
+            Δ(q + u₀ T) + T ∂Δ/∂q(q + u₀ T) · (u − u₀) ≥ floor,
+
+        or, where that has no solution, with the joints held that move it.
         """
         period, seconds = self.settings.period, 0.0
+        box, asked = self._box(now.q), wishes
         floors = np.concatenate([np.minimum(now.rows.value, self._margins), np.minimum(now.near.value, NEAR)])
         best: tuple[float, Array] | None = None
         for look in range(LOOKS):
@@ -259,7 +263,11 @@ class Controller:
             wish = gradient @ velocity + (SPARE - over[fallen]) / period
             hold = np.where(coming[fallen], -np.inf, wish)
             wishes = wishes.with_rows(Wishes(gradient, wish, hold, np.full(len(wish), COMING)))
-            corrected = best_velocity(hessian, linear, *self._box(now.q), wishes)
+            corrected = best_velocity(hessian, linear, *box, wishes)
+            if corrected is None:  # a crest, from where every way leads down: the joints that move these pairs stand
+                moving = (gradient != 0.0).any(axis=0)
+                box, wishes = (np.where(moving, 0.0, box[0]), np.where(moving, 0.0, box[1])), asked
+                corrected = best_velocity(hessian, linear, *box, wishes)
             if corrected is None:
                 break
             velocity = corrected

@@ -1,4 +1,4 @@
-"""The picture of the false positives: how many of them there are beyond every gap, for each set of normals."""
+"""The picture of the false positives: how many there are above every gap, for each set of normals."""
 
 from __future__ import annotations
 

@@ -1,11 +1,10 @@
 """The paper's robot experiment: a Panda of boxes enters a corridor of three boxes, under three distances.
 
-Section IV-C of the paper, with what it leaves open filled in from its published code: the corridor,
-the nine boxes of the links, start and target, K = 0.4, regularization 0.01, η = 0.5, T = 0.01 s, 35 s, link pairs at
-least two joints apart. Text and code differ in ε (1e-4; 9e-4), in how far the obstacles are grown (5e-2 "in all
-directions"; 5e-2 in total, half of it on each side), and in how often an edge counts among the normals (once; four
-times): `VARIANTS` has them all. The paper's task function is kept as it is. Nothing here looks ahead: the controller is
-the published one.
+Section IV-C of the paper, with details from its published code: the corridor, the nine boxes of the links, start and
+target, K = 0.4, regularization 0.01, η = 0.5, T = 0.01 s, 35 s, link pairs at least two joints apart. Text and code
+differ in ε (1e-4; 9e-4), in how far the obstacles are grown (5e-2 "in all directions"; 5e-2 in total, half of it on
+each side), and in how often an edge counts among the normals (once; four times): `VARIANTS` has them all. The paper's
+task function is used unchanged. The controller is the published one, without any look-ahead.
 """
 
 from __future__ import annotations
@@ -52,9 +51,9 @@ TOOL = 0.177  # [m] of the tool's frame along the last joint's axis, turned by �
 DURATION = 60.0  # [s]; the published run ends after 35 s
 CRITICAL = 5.0  # [s] the phase that the paper plots
 REACHED = 0.02, 0.175  # [m] and [rad] within which the target counts as reached: the task creeps towards its end
-JUMP = 0.02  # [m] in one period: a point of application that moves farther jumps
+JUMP = 0.02  # [m] in one period: a point of application that moves farther has jumped
 SWEPT = 20.0  # [s] of the runs in which one setting is changed
-EXACT_EVERY, MESH_EVERY = 0.02, 0.1  # [s] between looks at the exact distance of the boxes, and of the real meshes
+EXACT_EVERY, MESH_EVERY = 0.02, 0.1  # [s] between exact distances of the boxes, and of the real meshes
 
 
 @dataclass(frozen=True)
@@ -94,7 +93,7 @@ def published(barriers: BarrierSettings, margin: float, self_margin: float) -> C
     return ControlSettings(barriers, margin, self_margin, 0.5, 0.01, look_ahead=False, as_published=True)
 
 
-AS_SAFE = "HD-SDF, as safe"  # grown until it keeps the clearance that the Euclidean run keeps
+AS_SAFE = "HD-SDF, as safe"  # grown until it keeps the same clearance as the Euclidean run
 VARIANTS = (
     Variant("Euclidean", published(BarrierSettings("euclidean", growth=0.0, self_growth=0.0), 0.03, 1e-4)),
     Variant("GDF", published(BarrierSettings("gdf", growth=0.0, self_growth=0.0), 2e-3, 1e-4)),
@@ -110,7 +109,7 @@ NAMES = tuple(variant.name for variant in VARIANTS)
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What one variant did."""
+    """The outcome of one variant."""
 
     variant: Variant
     run: Run
@@ -140,7 +139,7 @@ class Outcome:
 
 
 def sweep() -> tuple[tuple[str, Variant], ...]:
-    """Return what is changed, one setting at a time, with its variant; the first is the one they start from."""
+    """Return the variants with one setting changed, by name; the first is the one that they are changed from."""
     base = VARIANTS[NAMES.index("HD-SDF, ε 1e-4, 2.5 cm")]
     exact = VARIANTS[0]
     found = [("HD-SDF: η 0.5, δ −5 mm, shaping 1 cm, 100 Hz", base)]
@@ -244,7 +243,7 @@ def run_variant(variant: Variant, duration: float = DURATION) -> Outcome:
 
 @dataclass
 class _Watch:
-    """Looks at the periods of a run."""
+    """Observes the periods of a run."""
 
     barriers: Barriers
     exact: Barriers
@@ -257,7 +256,7 @@ class _Watch:
     last: tuple[int, Array] | None = None  # the nearest pair, and where its barrier acts
 
     def __call__(self, time: float, q: Array, step: Step) -> None:
-        """Take one period in."""
+        """Observe one period."""
         outer, period = self.exact.obstacle_pairs, len(self.jumps)
         if period % max(1, round(EXACT_EVERY / self.period)) == 0:
             true = self.exact.evaluate(q).value
@@ -305,7 +304,7 @@ def link_boxes() -> tuple[LinkBody, ...]:
 
 
 def link_box_pairs() -> Sequence[tuple[int, int]]:
-    """Return the pairs of the boxes that are kept apart: those two joints or more apart."""
+    """Return the pairs of boxes that must not collide: those at least two joints apart."""
     bodies = link_boxes()
     return [(a, b) for a in range(len(bodies)) for b in range(len(bodies)) if bodies[b].joint >= bodies[a].joint + 2]
 

@@ -1,4 +1,4 @@
-"""The picture of the corridor: the last joint's command in the critical phase, the clearance, and what it costs."""
+"""The picture of the corridor: the last joint's command in the critical phase, the clearance, and its cost."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from hdplan.planner.pictures.style import CONTACT, CURVES, FIXED, GREY, RC
 from hdplan.planner.studies.corridor_experiment import AS_SAFE, CRITICAL, EXACT_EVERY, Outcome
 
-SHOWN = ("Euclidean", "GDF", "HD-SDF, code", AS_SAFE)  # in panels of their own
+SHOWN = ("Euclidean", "GDF", "HD-SDF, code", AS_SAFE)  # each in a panel of its own
 
 
 def corridor_sheet(outcomes: Sequence[Outcome]) -> Figure:

@@ -1,4 +1,4 @@
-"""The study of accuracy against time: measured, written as CSV, Markdown and PNG, and summed up in a few lines."""
+"""The study of accuracy against time: measured, written as CSV, Markdown and PNG, and summarized in a few lines."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 FILES = ("distance_study.csv", "distance_study.md", "distance_study.png")
 GAP = 1e-2  # [m] at which settings are compared
-GAMMA = 2  # to take: the least with second derivatives, which the optimizer wants
+GAMMA = 2  # to take: the least with second derivatives, which the optimizer needs
 DEFAULTS = PlannerSettings()
 LEGEND = """\
 Times are per query [µs], on {block} poses at once, half of them near contact; the geometric mean over the pairs of
@@ -66,7 +66,7 @@ def study_distance(folder: Path, quick: bool, report: Reporter, stop: Stopper) -
     title = "# What accuracy of the distance costs in time\n"
     told = "".join(f"- **{what}**: {words}\n" for what, words in notes)
     took = f"{perf_counter() - begin:.0f} s on {os.cpu_count()} processors"
-    measured = f"- **measured** in {took}{'' if found.complete else ', interrupted: what there was till then'}\n"
+    measured = f"- **measured** in {took}{'' if found.complete else ', interrupted: what there was until then'}\n"
     markdown = "\n".join(
         [title, told + measured, LEGEND.format(block=BLOCK), markdown_text([_short_row(e) for e in means])]
     )
@@ -87,7 +87,7 @@ def _about(found: Study) -> list[tuple[str, str]]:
 
 
 def _advice(means: Sequence[Entry], choice: Entry) -> list[tuple[str, str]]:
-    """Say in words what the numbers say."""
+    """Put the numbers into words."""
     double = [e for e in means if e.setting.precision == "float64"]
     paper = [e for e in double if (e.setting.gamma, e.setting.normals) == (GAMMA, "paper")]
     others = [e for e in double if e.setting.normals == choice.setting.normals]
@@ -126,7 +126,7 @@ def _near(entry: Entry, what: str) -> str:
 
 
 def describe(entry: Entry) -> str:
-    """Return a setting in words."""
+    """Describe a setting."""
     s = entry.setting
     return f"{s.normals}, gamma {s.gamma}, {_length(s.shaping_length)}, {s.precision}"
 

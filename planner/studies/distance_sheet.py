@@ -1,4 +1,4 @@
-"""The picture of accuracy against time: one look says which setting to take.
+"""The picture of accuracy against time: it shows at a glance which setting to take.
 
 Above, both questions of a user over the time of value and gradient: how often is a gap taken for contact, and how far
 off is the distance near contact. Below, what each of the three knobs does by itself.
@@ -66,7 +66,7 @@ def _title(figure: Figure, found: Study, choice: Entry) -> None:
     figure.text(0.02, 0.932, take, color=GOOD, fontsize=10, weight="bold", va="center")
     pairs = len(found.bodies)
     about = f"mean of {pairs} pairs of bodies" if pairs > 1 else found.bodies[0]
-    part = "" if found.complete else ", interrupted: what was measured till then"
+    part = "" if found.complete else ", interrupted: what was measured until then"
     figure.text(0.985, 0.968, about + part, ha="right", va="center", color=FIXED)
 
 
@@ -102,7 +102,7 @@ def _against_time(
             axis.step(*zip(*map(place, front), strict=True), where="post", color=GOOD, zorder=1, **style)
     axis.set_xscale("log")
     axis.set_yscale("log")
-    low, high = axis.get_ylim()  # room for words
+    low, high = axis.get_ylim()  # room for labels
     axis.set_ylim(low * (low / high) ** 0.16, high * (high / low) ** 0.16)
     left, right = axis.get_xlim()
     axis.set_xlim(left * (left / right) ** 0.12)

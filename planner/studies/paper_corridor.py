@@ -1,4 +1,4 @@
-"""The paper's robot experiment, measured: CSV, PNG and what is to be read, as `paper_figures` has the other figures."""
+"""The paper's robot experiment, measured: CSV, PNG and a report, as `paper_figures` does for the other figures."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""The paper's figures made again: measured, written as CSV and PNG, and set beside what the paper says.
+"""The paper's figures reproduced: measured, written as CSV and PNG, and compared with the paper.
 
-Each function writes its files into ``folder`` and returns what was found for reading. All raise InputError for a folder
-that cannot be written and a missing matplotlib, and KeyboardInterrupt if they are stopped before there is anything to
-show. ``report`` and ``stop`` are those of ``report.Reporter`` and ``Stopper``.
+Each function writes its files into ``folder`` and returns a report. All raise InputError for a folder that cannot be
+written and a missing matplotlib, and KeyboardInterrupt if they are stopped before there is anything to show. ``report``
+and ``stop`` are those of ``report.Reporter`` and ``Stopper``.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The study of what accuracy costs in time, for planning: written as CSV, Markdown and PNG, and summed up in words.
+"""The study of what accuracy costs in time, for planning: written as CSV, Markdown and PNG, and summarized in words.
 
 In: scenes. Out: files in a folder, and a `Report` with one line for each variant of the settings.
 """
@@ -32,7 +32,7 @@ from hdplan.scenes.scene import Scene
 if TYPE_CHECKING:
     from hdplan.planner.studies.planning_runs import Run, Runs, Variant
 
-LITTLE = 1.0  # [rad, rad²] less path or acceleration counts as this: a motion in a straight line has no ratio
+LITTLE = 1.0  # [rad, rad²] the least path or acceleration in a ratio: that of a straight line would be 0
 FILES = ("planning_study.csv", "planning_study.md", "planning_study.png")
 LEGEND = """\
 Each line changes one setting; all others stand at their defaults. Certified: proven within {limit:g} s; first guess:
@@ -69,7 +69,7 @@ class Summary:
 
 
 def summaries(found: Runs) -> tuple[Summary, ...]:
-    """Sum up each variant that was measured, the defaults first."""
+    """Summarize each variant that was measured, the defaults first."""
     default = found.of(found.variants[0])
     return tuple(_summary(found.of(variant), default) for variant in found.variants)
 
@@ -94,7 +94,7 @@ def study_planning(folder: Path, scenes: Sequence[Scene], quick: bool, report: R
     rows = summaries(found)
     notes = [*_about(found), *_advice(rows)]
     took = f"{perf_counter() - begin:.0f} s on {os.cpu_count()} processors"
-    notes.append(("measured", f"in {took}{'' if found.complete else ', interrupted: what there was till then'}"))
+    notes.append(("measured", f"in {took}{'' if found.complete else ', interrupted: what there was until then'}"))
     told = "".join(f"- **{what}**: {words}\n" for what, words in notes)
     near = sum(len(run.lost) for run in found.of(found.variants[0]))
     legend = LEGEND.format(limit=TIME_LIMIT, near=near, reach=100 * NEAR, little=LITTLE)
@@ -106,7 +106,7 @@ def study_planning(folder: Path, scenes: Sequence[Scene], quick: bool, report: R
 
 
 def label(variant: Variant) -> str:
-    """Return a variant in a few words."""
+    """Return a short name of a variant."""
     value, factor = variant.value, variant.factor
     match factor:
         case "":
@@ -162,7 +162,7 @@ def _about(found: Runs) -> list[tuple[str, str]]:
 
 
 def _advice(rows: Sequence[Summary]) -> list[tuple[str, str]]:
-    """Say in words what the numbers say: of the defaults, and of whatever beats them in one thing."""
+    """Put the numbers into words: those of the defaults, and of variants that beat them in one respect."""
     default, *others = rows
     advice = [("defaults", _words(default))]
     good = [row for row in others if row.certified >= default.certified]

@@ -1,12 +1,12 @@
-"""What a planner setting gives and costs, measured: every setting by itself, changed from the defaults, on some scenes.
+"""The benefit and the cost of each planner setting, measured: one setting at a time is changed from the defaults.
 
-In: scenes. Out: one `Run` for each variant and scene. A variant changes one thing; all else that can be varied stands
-at its default, whatever the scene says, so that variants compare.
+In: scenes. Out: one `Run` for each variant and scene. A variant changes one setting; all others that can be varied are
+at their defaults, whatever the scene says, so that variants can be compared.
 
-Clearance lost to conservativeness: at configurations near contact, the same ones for all variants, the exact distance
-d from the robot's real meshes to the obstacles (the certificate's) less the nearest body pair's D̃, the lower bound
-that the planner has of it: by so much a passage seems narrower than it is. The penalty itself takes D, which is smooth,
-and differs from D̃ by what gamma and shaping length make of it.
+Clearance lost to conservativeness: at configurations near contact, the same ones for all variants, the exact distance d
+from the robot's real meshes to the obstacles (the certificate's) less the nearest body pair's D̃, the lower bound that
+the planner has of it: a passage seems narrower by that much. The penalty itself uses D, which is smooth, and differs
+from D̃ depending on gamma and shaping length.
 """
 
 from __future__ import annotations
@@ -58,14 +58,14 @@ QUICK_VALUES: Mapping[str, tuple[Value, ...]] = {
     "shaping_length": (1e-4, 1e-3, 1e-2),
     "waypoints": (16, 32, 64),
     "swept": (False, True),
-    "solver": ("gauss_newton", "chomp"),  # ipopt spends minutes
+    "solver": ("gauss_newton", "chomp"),  # ipopt takes minutes
 }
-NEAR = 0.05  # [m] how close to contact the configurations are at which clearance is lost
+NEAR = 0.05  # [m] largest distance of the configurations at which lost clearance is measured
 SCATTER = 0.3  # [rad] standard deviation of these about the straight line from start to goal
 TRIED, WANTED, QUICK_WANTED = 500, 100, 50  # configurations drawn for that, and kept, of a scene
 TIME_LIMIT = 10.0  # [s] for a plan
 REPEATED = 1.0  # [s] plans faster than this are timed again,
-TIMES, QUICK_TIMES = 4, 2  # so often in all, and the fastest counts
+TIMES, QUICK_TIMES = 4, 2  # this often in all, and the fastest counts
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class Runs:
     """What was measured."""
 
     scenes: tuple[str, ...]
-    runs: tuple[Run, ...]  # by variant, those of the defaults first; each variant has all scenes
+    runs: tuple[Run, ...]  # by variant, the defaults first; each variant has all scenes
     refused: tuple[str, ...]  # scenes left out, and why
     complete: bool  # False after an interruption
 
@@ -144,7 +144,7 @@ def measure(
     report: Callable[[int, int, str], None] = lambda *_: None,
     stop: Callable[[], bool] = lambda: False,
 ) -> Runs:
-    """Plan every scene with every variant; ends with the whole variants that there are, once ``stop`` says so."""
+    """Plan every scene with every variant; ends with the complete variants so far once ``stop`` says so."""
     chosen = variants(QUICK_VALUES if quick else VALUES)
     total = len(scenes) * (len(chosen) + 1)
     situations: list[_Situation] = []
@@ -184,7 +184,7 @@ class _Situation:
 
 
 def _situation(scene: Scene, wanted: int, stop: Callable[[], bool]) -> _Situation:
-    """Draw configurations about the straight line and keep those that are free and near contact.
+    """Draw configurations around the straight line and keep those that are free and near contact.
 
     Raises InputError for a scene that cannot be planned.
     """
@@ -209,7 +209,7 @@ def _situation(scene: Scene, wanted: int, stop: Callable[[], bool]) -> _Situatio
 
 def _run(variant: Variant, situation: _Situation, times: int, stop: Callable[[], bool]) -> Run:
     scene = variant.applied(situation.scene)
-    lost, kernel = _lost(scene, situation)  # this compiles what the plan needs
+    lost, kernel = _lost(scene, situation)  # this also compiles what the plan needs
     off = _off(build(scene, situation.robot), situation)
     plans = [_timed_plan(scene, variant, situation, stop)]
     while len(plans) < times and plans[0][0] < REPEATED and not stop():
@@ -243,7 +243,8 @@ def _timed_plan(
 
 
 def _lost(scene: Scene, situation: _Situation) -> tuple[Array, float | None]:
-    """Return d − D̃ (K,) and the time of one pair's D and derivative, from a problem that sees as far as NEAR."""
+    """Return d − D̃ (K,) and the time of one pair's D and derivative, from a problem whose penalty reaches as far as
+    NEAR."""
     settings = replace(scene.planner, clearance=NEAR)
     problem = build(replace(scene, planner=settings), situation.robot)
     term = problem.terms.obstacles

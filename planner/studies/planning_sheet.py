@@ -1,7 +1,7 @@
-"""The picture of what accuracy costs a plan in time: which settings pay, and what each of them does by itself.
+"""The picture of what accuracy costs a plan in time: which settings pay off, and what each of them does by itself.
 
-Above, what a user pays for, over the time of a plan: clearance lost to conservativeness and smoothness, with the Pareto
-fronts. Below, one column for each setting: its time, and what it is there for.
+Above, the benefits over the time of a plan: clearance lost to conservativeness and smoothness, with the Pareto fronts.
+Below, one column for each setting: its time, and its purpose.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def _acceleration(row: Summary) -> float:
     return 100 * row.acceleration if row.acceleration else np.nan
 
 
-GIVES: dict[str, tuple[str, Measure]] = {  # what a setting is there for: words and numbers
+GIVES: dict[str, tuple[str, Measure]] = {  # the purpose of a setting: label and measure
     "link_bodies": ("clearance lost [mm]", lambda row: 1e3 * row.lost[0]),
     "normals": ("clearance lost [mm]", lambda row: 1e3 * row.lost[0]),
     "gamma": ("D off from D̃ [mm]", lambda row: 1e3 * row.off),
@@ -87,7 +87,7 @@ def planning_sheet(rows: Sequence[Summary], complete: bool = True) -> Figure:
 
 def _title(figure: Figure, default: Summary, complete: bool) -> None:
     figure.text(0.02, 0.974, "What accuracy costs in time, for planning", fontsize=15, weight="bold", va="center")
-    part = "" if complete else ", interrupted: what was measured till then"
+    part = "" if complete else ", interrupted: what was measured until then"
     about = f"{default.scenes} scenes, one setting changed at a time{part}"
     figure.text(0.985, 0.974, about, ha="right", va="center", color=FIXED)
     words = (

@@ -1,4 +1,4 @@
-"""The picture of the times: every way to a distance over the paper's measure of a pair's complexity."""
+"""The picture of the query times: every method over the paper's measure of a pair's complexity."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def time_sheet(found: QueryTimes) -> Figure:
 
 
 def _beside(axis: Any, ends: list[tuple[float, str, str]]) -> None:
-    """Write words at the right edge, near the ends of their curves and clear of each other."""
+    """Write labels at the right edge, near the ends of their curves and without overlap."""
     to_axis = axis.transData + axis.transAxes.inverted()
     wanted = sorted((float(to_axis.transform((1.0, value))[1]), words, color) for value, words, color in ends)
     heights = [height for height, _, _ in wanted]

@@ -1,6 +1,6 @@
 """Reports: rows as CSV and Markdown and a picture as PNG in one folder, every file whole or not at all.
 
-In: rows, one mapping per line with the same keys in all; the keys bear the units. Out: files.
+In: rows, one mapping per line, all with the same keys; the keys include units. Out: files.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from hdplan.scenes.output import check_writable, write_output
 Cell = str | int | float | None  # None: not measured
 Rows = Sequence[Mapping[str, Cell]]
 Reporter = Callable[[int, int, str], None]  # is called with (steps done, all of them, what comes next)
-Stopper = Callable[[], bool]  # says whether to end with what there is
+Stopper = Callable[[], bool]  # says whether to stop with the results so far
 
 
 @dataclass(frozen=True)
 class Report:
-    """What was found, for reading."""
+    """The results, to be read."""
 
     tables: Mapping[str, Rows]  # by title
-    notes: Sequence[tuple[str, str]]  # what it is about, and what is to be said of it
+    notes: Sequence[tuple[str, str]]  # topic and text
     files: Sequence[Path]  # written
     complete: bool  # False after an interruption: tables and files hold what there was
 
@@ -38,8 +38,8 @@ ENDINGS = (".csv", ".md", ".png")
 def check_report(folder: Path, names: Sequence[str]) -> list[Path]:
     """Return the paths of the files ``names`` in ``folder``, which is made if it is not there.
 
-    Says early what would fail late. Raises InputError for a folder that cannot be made, files that cannot be written,
-    and a missing matplotlib.
+    It fails early rather than after the measurement. Raises InputError for a folder that cannot be made, files that
+    cannot be written, and a missing matplotlib.
     """
     try:
         folder.mkdir(exist_ok=True)

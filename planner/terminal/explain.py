@@ -26,7 +26,7 @@ Rows = list[tuple[str, str]]
 
 MOST_OBSTACLES = 30  # rows; a page is to be read
 MOST_NAMED = 3  # pairs of links named in one row
-REASONS = {reason: reason for reason in (ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS)}  # others tell apart "by" something
+REASONS = {reason: reason for reason in (ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS)}  # others are "by" something
 UNITS = {"clearance": " m", "activation": " m", "shaping_length": " m"}
 
 
@@ -149,7 +149,7 @@ def _attached(problem: Problem) -> Rows:
 
 
 def _pairs(problem: Problem) -> Rows:
-    """How many pairs there are of how many, and what tells the others apart."""
+    """How many pairs are kept of how many, and why the others are excluded."""
     robot = problem.robot
     rows: Rows = []
     moving = sum(body.joint > 0 for body in problem.bodies)

@@ -1,4 +1,4 @@
-"""What is checked before the viewer starts, and before viser, which is optional, is loaded."""
+"""Checks before the viewer starts, and before viser, which is optional, is loaded."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ def check_installed() -> None:
 
 
 def check_recording(page: Path, trajectories: Sequence[Path]) -> None:
-    """Say early that no page can be written. Raises InputError for a bad path, or if there is no motion to record."""
+    """Check early that the page can be written. Raises InputError for a bad path, or if there is no motion to
+    record."""
     check_writable(page, PAGES)
     if not trajectories:
         raise InputError(f"{page}: no trajectory was given, so there is no motion to record")

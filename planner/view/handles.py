@@ -1,9 +1,8 @@
 """Dragging: a handle on one obstacle, or on the goal, whose configuration follows by inverse kinematics.
 
-An obstacle that moves is dragged to where it is at time 0; its motion from there is kept.
-
-While it is dragged, the body, the current clearance and what start and goal touch follow; certificates and curves of
-the motions follow when it is let go.
+Dragging a moving obstacle changes where it is at time 0; its motion from there stays the same. While something is
+dragged, the body, the current clearance and the contacts of start and goal are updated; certificates and curves of the
+motions are updated when it is released.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
 NOTHING, GOAL = "nothing", "the goal"
-REACHED = 1e-3  # [m] by which the tip may miss its handle without a word
+REACHED = 1e-3  # [m] by which the tip may miss its handle without a message
 SIZE = 0.18  # [m] of the handle
 
 
@@ -44,7 +43,7 @@ class Handles:
         self.choice.on_update(lambda _: viewer.worker.ask("handle", self._place))
 
     def drag(self, pose: Pose) -> None:
-        """Put what has the handle at `pose`, as dragging does. By the worker's thread."""
+        """Move what has the handle to `pose`, as dragging does. Called by the worker's thread."""
         viewer = self._viewer
         if self.choice.value == GOAL:
             target = pin.SE3(pose.matrix)
@@ -56,12 +55,12 @@ class Handles:
             viewer.move(_with(viewer.scene, index, moved(viewer.scene.obstacles[index], pose)))
 
     def let_go(self) -> None:
-        """Take stock after dragging. By the worker's thread."""
+        """Update everything after dragging. Called by the worker's thread."""
         self._viewer.measure()
         self._place()
 
     def _place(self) -> None:
-        """Put the handle where the thing is that was chosen."""
+        """Put the handle where the chosen thing is."""
         if self._handle is not None:
             self._handle.remove()
             self._handle = None
@@ -87,7 +86,7 @@ class Handles:
         self._handle = handle
 
     def _dragged(self, event: Any) -> None:
-        """Hear from a browser."""
+        """Handle a browser's event."""
         self._viewer.worker.ask("drag", lambda: self.drag(pose_of(event.target)))
         if event.phase == "end":
             self._viewer.worker.ask("let go", self.let_go)

@@ -1,6 +1,6 @@
-"""The layers that can be switched: what is drawn of the scene, and the bodies that planner and certificate work with.
+"""The layers that can be switched on and off: the scene, and the bodies that planner and certificate work with.
 
-Outer bodies and collision meshes are made when they are first asked for: fitting takes its time.
+Outer bodies and collision meshes are made when they are first shown, as fitting takes time.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 OPACITY = 0.45
-LAYERS = {  # name: on from the start, what it is
+LAYERS = {  # name: initially on, description
     "robot": (True, "visual meshes, as the URDF names them"),
     "obstacles": (True, "in their true shapes"),
     "start and goal": (True, "as ghosts, in their collision meshes; what touches is dark red"),
@@ -29,7 +29,7 @@ LAYERS = {  # name: on from the start, what it is
 
 
 class Layers:
-    """Check boxes, and the two robots that are shown only when asked for."""
+    """Check boxes, and the two robots that are shown only on request."""
 
     def __init__(self, viewer: Viewer) -> None:
         """Build the boxes in the container at hand."""
@@ -37,7 +37,7 @@ class Layers:
         self._boxes = {name: viewer.server.gui.add_checkbox(name, on, hint=hint) for name, (on, hint) in LAYERS.items()}
         for box in self._boxes.values():
             box.on_update(lambda _: viewer.worker.ask("layers", self._switch))
-        self.bodies: dict[str, RobotNodes] = {}  # those that were asked for
+        self.bodies: dict[str, RobotNodes] = {}  # those that were requested
 
     def on(self, name: str) -> bool:
         """Whether a layer is on."""
@@ -67,7 +67,7 @@ class Layers:
                 self.bodies[name] = self._made(name)
             if name in self.bodies:
                 self.bodies[name].visible = self.on(name)
-        viewer.player.draw()  # ghosts, and what has just been switched on, are placed there
+        viewer.player.draw()  # ghosts and newly shown layers are placed there
 
     def _made(self, name: str) -> RobotNodes:
         viewer = self._viewer

@@ -1,7 +1,7 @@
-"""Planning from the browser: Plan and Stop, the optimizer's motions as they come, the verdict, and what is saved.
+"""Planning from the browser: Plan and Stop, the optimizer's motions as they come, the verdict, and saving.
 
-What is saved says what holds at that moment: a motion is certified once more, in the scene that is saved with it. Files
-are handed to the browser that asked for them, as downloads: a browser can write nothing on the server's machine.
+A saved file is valid at that moment: a motion is certified once more, in the scene that is saved with it. Files are
+sent to the browser that requested them, as downloads: a browser cannot write anything on the server's machine.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ if TYPE_CHECKING:
 
 NAME = "planned"  # of the motion that Plan finds
 TIME_LIMIT = 30.0  # [s] for planning
-LOOK, LOOK_IN_ALL = 0.05, 4.0  # [s] for which an iteration is shown, and all of them together at most
-SETTLED = 10.0  # [s] for which a new run waits at most until the last one's motion is shown
+LOOK, LOOK_IN_ALL = 0.05, 4.0  # [s] for which an iteration is shown, and at most all of them together
+SETTLED = 10.0  # [s] that a new run waits at most until the last one's motion is shown
 WATCHED = [name for name, solver in SOLVERS.items() if solver.live]
 
 
@@ -68,7 +68,7 @@ class Planning:
         self.iteration.on_update(lambda event: viewer.worker.ask("iterate", self._look_back) if event.client else None)
         self._save_scene.on_click(lambda event: self._asked_for(event, f"{viewer.scene.name}.yaml", self.scene_file))
         self._save_motion.on_click(lambda event: self._asked_for(event, f"{NAME}.json", self.motion_file))
-        self._starting = threading.Lock()  # browsers may press at once
+        self._starting = threading.Lock()  # several browsers may press at once
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
         self.iterates: list[tuple[str, Array]] = []  # words and waypoints (N, n) of every iteration
@@ -87,7 +87,7 @@ class Planning:
         return str(self._said.content)
 
     def start(self) -> None:
-        """Begin to plan for the scene as it is shown, once what was planned before is shown."""
+        """Start planning in the scene as it is shown, once the previous result is shown."""
         with self._starting:
             self.end()
             self._viewer.worker.settle(SETTLED)
@@ -100,7 +100,7 @@ class Planning:
             self._thread.start()
 
     def stop(self) -> None:
-        """End with the best motion so far."""
+        """Stop with the best motion so far."""
         self._stop.set()
 
     def end(self) -> None:
@@ -164,7 +164,7 @@ class Planning:
         except HdplanError as error:  # among them ends in collision
             text = str(error).removeprefix(f"{scene.source}: ")
             worker.ask("planned", lambda: self._finish(scene, None, text))
-        except Exception as error:  # of a library: the viewer goes on
+        except Exception as error:  # of a library: the viewer continues
             failure = f"{type(error).__name__}: {error}"
             worker.ask("planned", lambda: self._finish(scene, None, failure))
         else:
@@ -188,7 +188,7 @@ class Planning:
     # --- drawing, by the worker's thread -------------------------------------------------------------------------
 
     def outdate(self) -> None:
-        """Take back what was said of a motion, as the scene is another now."""
+        """Withdraw what was said about a motion, as the scene has changed."""
         if not self.running:
             self._say("")
 
@@ -231,7 +231,7 @@ class Planning:
         self._said.content = f'<div style="padding:0 0.9em;font-size:0.8em">{html.escape(text)}</div>'
 
     def _asked_for(self, event: Any, name: str, content: Callable[[], bytes]) -> None:
-        """Hear from a browser that wants a file: the worker makes it, so that nothing moves meanwhile."""
+        """Handle a browser's request for a file: the worker makes it, so that nothing moves meanwhile."""
         self._viewer.worker.ask(f"{name} for {event.client_id}", lambda: self._hand_over(event, name, content))
 
     def _hand_over(self, event: Any, name: str, content: Callable[[], bytes]) -> None:

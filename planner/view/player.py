@@ -1,6 +1,7 @@
-"""The time slider, play and pause: they set the moment that is shown, on the timeline of the motions.
+"""The time slider, play and pause: they set the moment that is shown on the motions' timeline.
 
-Playing moves the slider itself, so every browser sees the same time; a frame waits until the one before is drawn.
+Playing moves the slider itself, so that every browser shows the same time; a frame waits until the previous one is
+drawn.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ class Player:
         return float(self.slider.value)
 
     def run_over(self, timeline: Timeline) -> None:
-        """Let the slider run over a timeline, from its beginning if it is another than before."""
+        """Let the slider run over a timeline, from its beginning if it differs from the previous one."""
         if timeline == self.timeline:
             return
         self.timeline, slider = timeline, self.slider
@@ -62,13 +63,13 @@ class Player:
         return self._playing.is_set()
 
     def enable(self, on: bool) -> None:
-        """Allow the controls, or not, as there is nothing to play."""
+        """Enable the controls, or disable them where there is nothing to play."""
         for control in (self.slider, self.button, self.speed):
             if control.disabled == on:
                 control.disabled = not on
 
     def draw(self) -> None:
-        """Have the moment drawn at which the slider stands."""
+        """Request a drawing of the slider's moment."""
         self._worker.ask("time", lambda: self._show(self.time))
 
     def go_to(self, when: float) -> None:
@@ -105,7 +106,7 @@ class Player:
             if self._playing.is_set():
                 timeline = self.timeline
                 speed = float(self.speed.value) if self.speed.value in SPEEDS else 1.0  # a browser may send anything
-                pace = speed * (timeline.end - timeline.begin) / timeline.duration
-                self.go_to(min(self.time + pace * (time.perf_counter() - before), timeline.end))
+                rate = speed * (timeline.end - timeline.begin) / timeline.duration
+                self.go_to(min(self.time + rate * (time.perf_counter() - before), timeline.end))
                 if self.time >= timeline.end:
                     self.pause()

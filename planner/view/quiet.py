@@ -1,4 +1,4 @@
-"""Keeping viser's own words off the output stream, which belongs to the command's results."""
+"""Keeps viser's own messages out of the output stream, which belongs to the command's results."""
 
 from __future__ import annotations
 

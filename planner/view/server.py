@@ -1,6 +1,6 @@
-"""Serving a scene to browsers, on this machine alone unless asked otherwise, until Ctrl-C.
+"""Serving a scene to browsers, by default on this machine only, until Ctrl-C.
 
-The port that was asked for, or the next one that is free.
+On the requested port, or the next free one.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def open_viewer(
         server = viser.ViserServer(host=host, port=chosen, verbose=False, label=scene.name)
     try:
         server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
-        server.gui.main_panel.dock_right()  # beside the scene, not over it
+        server.gui.main_panel.dock_right()  # next to the scene, not over it
         return Viewer(server, setup, trajectories, complain)
     except BaseException:
         with quiet():

@@ -1,6 +1,6 @@
 """The viewer: one scene, its robot and its motions, the same in every browser that looks at it.
 
-Everything is drawn by one thread (`Worker`); browsers only ask. What each part looks like is in the modules beside.
+Everything is drawn by one thread (`Worker`); browsers only send requests. The other modules here hold the parts.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ OUTDATED = "the scene is being changed: nothing is known of this motion in it ye
 
 @dataclass(eq=False)
 class Shown:
-    """A motion with what stands for it in the scene."""
+    """A motion with its nodes in the scene."""
 
     motion: ShownMotion
     robot: RobotNodes
@@ -76,7 +76,7 @@ class Viewer:
 
         Raises InputError for start, goal, obstacles or trajectories that do not fit the robot.
         """
-        setup = settled(setup, trajectories[0][1] if trajectories else None)  # drags and plans to one place
+        setup = settled(setup, trajectories[0][1] if trajectories else None)  # dragging and planning share one goal
         scene, robot = setup.scene, setup.robot
         self.server, self.scene, self.robot = server, scene, robot
         self.query, self.certifier = setup.query, Certifier(setup)

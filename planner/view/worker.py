@@ -1,7 +1,7 @@
-"""One thread that does what the browsers ask, so that nothing of the viewer is touched by two threads at once.
+"""One thread that does what the browsers request, so that no two threads touch the viewer at once.
 
-Requests come faster than they can be done (a slider sends one for every pixel), so of each kind only the newest one
-waits; kinds take turns in the order in which they were first asked for.
+Requests come faster than they can be handled (a slider sends one for every pixel), so only the newest of each kind
+waits; kinds take turns in the order of their first request.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ Job = Callable[[], None]
 
 
 class Worker:
-    """Does jobs one after the other; of jobs of one kind that wait, only the newest is done."""
+    """Does jobs one after the other; of waiting jobs of one kind only the newest is done."""
 
     def __init__(self, complain: Callable[[Exception], None]) -> None:
         """Start the thread; `complain` is told of a job that failed, and the next one is done."""

@@ -268,7 +268,7 @@ def test_missing_file(tmp_path: Path) -> None:
 
 
 def test_directory(tmp_path: Path) -> None:
-    assert error(tmp_path) == f"{tmp_path}: is a directory; a file is wanted"
+    assert error(tmp_path) == f"{tmp_path}: is a directory, not a file"
 
 
 def test_not_utf8(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ LINKS: Color = (204, 121, 167)  # between links
 ITERATE: Color = (130, 130, 130)  # a path that the optimizer still works on
 OTHERS: tuple[Color, ...] = ((86, 180, 233), (204, 121, 167), (240, 228, 66), (0, 158, 115))  # further robots
 
-FAR = 0.1  # [m] clearance from which on the colour stays the same
+FAR = 0.1  # [m] clearance above which the colour stays the same
 SCALE = read_only(  # from contact to FAR, at equal steps
     np.array(
         [[165, 0, 38], [215, 48, 39], [244, 109, 67], [245, 164, 70], [235, 205, 110], [130, 180, 212], [69, 117, 180]]

@@ -1,7 +1,7 @@
 """Inverse kinematics for dragging: the goal's configuration follows the tip's handle.
 
-Damped least squares on the tip's placement (`search.goals`), from the goal as it was, within the joint limits. It
-follows the handle from where the arm is; it does not search for another posture.
+Damped least squares on the tip's placement (`kinematics.inverse`), from the previous goal, within the joint limits. It
+follows the handle from the current posture and does not search for another one.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from hdplan.planner.view.drawing.motion import Tip
 from hdplan.scenes.array_types import Array
 
 STEPS = 60  # at most
-CLOSE = 1e-5  # [m] and [rad] at which it has arrived
+CLOSE = 1e-5  # [m] and [rad] at which it has converged
 LONGEST = 0.3  # [rad] or [m] of one step of a joint
 
 

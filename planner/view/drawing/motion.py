@@ -1,7 +1,7 @@
 """One motion as the viewer shows it: joint values, clearance and the hand's path, sampled along it.
 
-Trajectory -> `ShownMotion`. Path parameters run from 0 to 1; distances are exact ones of the robot's real meshes at the
-samples [m], so they are no lower bound between the samples: that is the certificate's.
+Trajectory -> `ShownMotion`. Path parameters run from 0 to 1; distances are exact for the robot's real meshes at the
+samples [m], but no lower bound between them: that is for the certificate.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ TIP = 0.01  # [m] depth of the part of the last link whose middle is its tip
 
 @dataclass(frozen=True, eq=False)
 class ShownMotion:
-    """A trajectory with what the panels and the path need of it."""
+    """A trajectory with the data for the panels and the path."""
 
     name: str
     trajectory: Trajectory

@@ -1,4 +1,4 @@
-"""What stands in the browser's scene: robots, obstacles, paths and the closest pair, each a few nodes that are moved.
+"""The nodes in the browser's scene: robots, obstacles, paths and the closest pair, each a few nodes that are moved.
 
 Meshes are sent once; after that only placements travel. Everything here is called by the viewer's one thread.
 """
@@ -25,12 +25,12 @@ from hdplan.scenes.path_constraints import Within
 from hdplan.scenes.poses import Pose
 
 PATH_WIDTH, SEGMENT_WIDTH = 0.006, 0.004  # [m]
-ENDLESS = 3.0  # [m] to which an endless box is drawn
+ENDLESS = 3.0  # [m] length to which an unbounded box is drawn
 BESIDE = 0.05  # [m] by which the label stands above the segment
 
 
 class RobotNodes:
-    """A robot in one configuration, in one of its skins."""
+    """A robot in one configuration, drawn with one of its skins."""
 
     def __init__(
         self,
@@ -111,7 +111,7 @@ class ObstacleNode:
         self.take(obstacle)
 
     def take(self, obstacle: Obstacle) -> None:
-        """Stand for an obstacle of the same shape elsewhere."""
+        """Show an obstacle of the same shape in another place."""
         self.obstacle = obstacle
         self.motion = None if obstacle.motion is None else ObstacleMotion.of(obstacle)
         x, y, z, w = obstacle.pose.quaternion_xyzw
@@ -158,7 +158,7 @@ class ClosestNodes:
     """The closest pairs as segments between the points where they are closest, with the distance written beside."""
 
     def __init__(self, server: viser.ViserServer) -> None:
-        """Begin with nothing to show."""
+        """Start without anything to show."""
         self.server = server
         self.root = server.scene.add_frame("/closest", show_axes=False)
         self.lines = [

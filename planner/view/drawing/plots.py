@@ -31,7 +31,7 @@ LINES: tuple[Color, ...] = (  # Okabe & Ito
     (86, 180, 233),
     INK,
 )
-SHOWN = 0.3  # [m] of clearance that the plot shows at most: what is farther away matters little
+SHOWN = 0.3  # [m] largest clearance that the plot shows: what is farther away matters little
 
 
 class Plot:
@@ -78,7 +78,7 @@ class Plot:
         self.follow(now)
 
     def remark(self, words: str) -> None:
-        """Say something more in the title, until other curves are set."""
+        """Add a remark to the title, until other curves are set."""
         if self._remark != words:
             self._remark = words
             self.handle.title = self._words

@@ -1,10 +1,10 @@
-"""What is drawn of robots and obstacles: coloured triangles, each set in the frame of the joint that carries it.
+"""How robots and obstacles are drawn: coloured triangles in the frames of the joints that carry them.
 
 Robot -> `Skin`s of three kinds: the visual meshes of its URDF, the collision geometry that the certificate works with,
 and the outer bodies that the planner works with. Files are read once in a process. Lengths in [m].
 
-Pinocchio's own viser visualizer is not used: it reads every mesh anew for every robot that is shown, and gives a .dae
-mesh the colours of its file whatever is asked, so it has no ghosts and no second robot of another colour.
+Pinocchio's own viser visualizer is not used: it reads every mesh again for every robot shown, and always gives a .dae
+mesh the colours of its file, so that ghosts and robots of other colours are impossible.
 """
 
 from __future__ import annotations
@@ -172,7 +172,7 @@ def _read(path: Path, stamps: Stamps) -> tuple[_Part, ...]:
         raise InputError(f"holds coordinates that are not finite, or beyond {LARGEST:g}")
     try:
         scene = read_scene(path.read_bytes(), path)
-    except Exception as error:  # each format's reader has its own failures; none is the user's language
+    except Exception as error:  # each reader fails in its own way, none in words for the user
         raise InputError(f"cannot be read ({type(error).__name__}: {error})") from error
     meshes: Iterable[Any] = scene.dump()
     return tuple(

@@ -1,7 +1,7 @@
-"""What the slider runs over: seconds where anything that is shown has times, or else the path parameter of the motions.
+"""The range of the slider: seconds where anything that is shown has times, or else the path parameter of the motions.
 
-Motions that take different times share it: at any second each is where it is then, waits at its start before its first
-row and at its goal after its last. A path without times beside them is spread over the whole.
+Motions of different durations share it: each waits at its start before its first row, and at its goal after its last. A
+path without times is spread over the whole range.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Timeline:
 
     @classmethod
     def of(cls, scene: Scene, curves: Sequence[Curve]) -> Timeline:
-        """Return the one that holds all these motions; without any, that of the scene's moving obstacles."""
+        """Return the timeline that contains all these motions; without any, that of the scene's moving obstacles."""
         times = [curve.times for curve in curves if curve.times is not None]
         if times:
             return cls(float(min(rows[0] for rows in times)), float(max(rows[-1] for rows in times)), True)

@@ -56,7 +56,9 @@ def _truth(bodies, poses, witnesses=None, normals="paper", **settings):
     return right.value, separation(bodies[0], a, bodies[1], b, **more), right.gradient, right.hessian
 
 
-@pytest.mark.parametrize(("dtype", "derivatives"), [("float64", "hessian"), ("float32", "gradient")])
+@pytest.mark.parametrize(
+    ("dtype", "derivatives"), [("float64", "hessian"), pytest.param("float32", "gradient", marks=pytest.mark.slow)]
+)
 def test_equals_the_reference_with_every_kind_of_axis(dtype, derivatives, poses):
     """All at once: both bodies' own, counted, more directions, line of centres, edges across, witness normals."""
     witnesses = np.random.default_rng(63).normal(size=(COUNT, 2, 3))
@@ -73,7 +75,7 @@ def test_every_rung_equals_the_reference(normals, poses):
     _check(found, _truth((CAPSULE, BOX), poses, normals=normals)[:2], 2)
 
 
-@pytest.mark.parametrize("gamma", [1, 3, 4, 7, 8, 32])
+@pytest.mark.parametrize("gamma", [1, 3, 7, *(pytest.param(gamma, marks=pytest.mark.slow) for gamma in (4, 8, 32))])
 def test_every_gamma_equals_the_reference(gamma, poses):
     settings = {"gamma": gamma, "shaping_length": 0.05}
     found = hdsdf_batch(BOX, POINT, **settings).gradient(*poses)
@@ -283,13 +285,17 @@ def _at_rest(shift):
     return jax.numpy.eye(4, dtype=shift.dtype).at[:3, 3].set(shift)
 
 
-@pytest.mark.parametrize(  # float64 is in ``test_aligned`` too; each compiles for long
-    "allowed",
-    [pytest.param(True, id="float64 allowed", marks=pytest.mark.slow), pytest.param(False, id="float32 alone")],
+@pytest.mark.parametrize(  # float64 is in ``test_aligned`` too; without jit, JAX compiles hundreds of single operations
+    ("allowed", "bodies", "whole"),
+    [
+        pytest.param(False, (POINT, POINT), jax.jit, id="float32 alone"),
+        pytest.param(False, (BOX, CAPSULE), lambda f: f, id="float32 alone, without jit", marks=pytest.mark.slow),
+        pytest.param(True, (BOX, CAPSULE), lambda f: f, id="float64 allowed, without jit", marks=pytest.mark.slow),
+    ],
 )
-def test_it_composes_with_the_transformations_of_jax(allowed):
+def test_it_composes_with_the_transformations_of_jax(allowed, bodies, whole):
     """grad, hessian, jit, vmap and scan, in any order, aligned as the bodies are: what the closed forms say."""
-    distance, place = hdsdf_batch(BOX, CAPSULE), np.eye(4)
+    distance, place = hdsdf_batch(*bodies), np.eye(4)
     place[:3, 3] = [0.75, 0.1, 0.1]
     value, _, gradient, hessian = distance.hessian(np.eye(4), place)
     with jax.enable_x64(allowed):
@@ -305,13 +311,13 @@ def test_it_composes_with_the_transformations_of_jax(allowed):
             (jax.jit(loss)(shift), value),
             (jax.vmap(jax.jit(loss))(rows)[2], value),
             (jax.jit(jax.grad(loss))(shift), gradient[6:9]),
-            (jax.vmap(jax.hessian(loss))(rows)[1], hessian[6:9, 6:9]),
+            (whole(jax.vmap(jax.hessian(loss)))(rows)[1], hessian[6:9, 6:9]),
             (jax.lax.scan(lambda total, x: (total + loss(x), jax.grad(loss)(x)), shift[0] * 0, rows)[0], 3 * value),
         ):
             assert found.dtype == shift.dtype
             np.testing.assert_allclose(found, right, **close)
         with pytest.raises(InputError, match="asked for a third derivative"):
-            jax.jacfwd(jax.hessian(loss))(shift)
+            whole(jax.jacfwd(jax.hessian(loss)))(shift)
         scaled = jax.jit(lambda factor: distance.value(numpy.eye(4), factor * numpy.eye(4)))(numpy.asarray(2.0))
         assert all(np.isnan(part) for part in scaled), "a graph cannot refuse"
 

@@ -13,7 +13,6 @@ from hdplan.distance.studies.accuracy import (
     BANDS,
     BLOCK,
     GAPS,
-    ORDERS,
     Entry,
     Plan,
     Setting,
@@ -104,7 +103,7 @@ def test_stopped_it_keeps_whole_steps() -> None:
 
 def test_hessians_give_the_bend_which_grows_with_gamma() -> None:
     kernels = (("paper", 1, "float64"), ("paper", 8, "float64"))
-    found = study(replace(TINY, bodies=TINY.bodies[:1], kernels=kernels, shaping_lengths=(1e-2,), orders=ORDERS))
+    found = study(replace(TINY, bodies=TINY.bodies[:1], kernels=kernels, shaping_lengths=(1e-2,), orders=("hessian",)))
     low, high = (e.bend for e in found.entries)
     assert low is not None
     assert high is not None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -111,10 +113,16 @@ def test_derivatives_are_those_of_the_reference(bodies, gamma, random_poses, tol
                 np.testing.assert_allclose(hessian[:3, :3].T, columns, atol=50 * tolerance["difference"] * scale)
 
 
+@cache
+def _of_hard(body_a, body_b, gamma):
+    """Return a pair's value and derivatives, built once for all of its poses."""
+    return _along_twists(hdsdf_function(body_a, body_b, gamma=gamma))
+
+
 def test_finite_and_right_at_hard_poses(hard, tolerance):
     """Touching, parallel, identical, deep, tiny gaps, extreme scales: value as the reference, derivatives finite."""
     for gamma in (1, 2, 4):
-        evaluate = _along_twists(hdsdf_function(hard.body_a, hard.body_b, gamma=gamma))
+        evaluate = _of_hard(hard.body_a, hard.body_b, gamma)
         value, gradient, hessian = evaluate(hard.pose_a, hard.pose_b)
         truth = hdsdf(hard.body_a, hard.pose_a, hard.body_b, hard.pose_b, gamma=gamma)
         np.testing.assert_allclose(

@@ -16,7 +16,7 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.control import follow as following
 from hdplan.planner.control.controller import Mode
-from hdplan.planner.control.follow import ARRIVED, follow, paced
+from hdplan.planner.control.follow import ARRIVED, Followed, follow, paced
 from hdplan.planner.kinematics.forward import kinematics_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
@@ -51,6 +51,12 @@ def room(sweep: Trajectory) -> Scene:
     return between(hdplan.load_scene("empty"), sweep)
 
 
+@pytest.fixture(scope="module")
+def free(room: Scene, sweep: Trajectory, robot: Robot) -> Followed:
+    """The sweep as it is followed in the empty room."""
+    return follow(Setup.of(room, robot), sweep)
+
+
 def between(scene: Scene, motion: Trajectory) -> Scene:
     """The scene with the motion's own ends."""
     start, goal = (tuple(motion.positions[row].tolist()) for row in (0, -1))
@@ -65,14 +71,13 @@ def ball_that_comes(robot: Robot, sweep: Trajectory, velocity: tuple[float, floa
     return Obstacle("ball", Sphere(0.07), Pose(tuple(start.tolist())), motion=SteadyMotion(velocity))
 
 
-def test_a_free_robot_arrives_about_on_time(room: Scene, robot: Robot, sweep: Trajectory) -> None:
-    found = follow(Setup.of(room, robot), sweep)
-    assert found.succeeded
-    assert found.arrived is not None
-    assert found.duration - 0.5 <= found.arrived < found.duration + 1.5
-    assert np.abs(found.trajectory.positions[-1] - sweep.positions[-1]).max() <= ARRIVED
-    assert set(found.run.modes) == {Mode.MOVING}
-    assert np.abs(found.run.velocities).max() <= robot.model.velocityLimit.max()
+def test_a_free_robot_arrives_about_on_time(free: Followed, robot: Robot, sweep: Trajectory) -> None:
+    assert free.succeeded
+    assert free.arrived is not None
+    assert free.duration - 0.5 <= free.arrived < free.duration + 1.5
+    assert np.abs(free.trajectory.positions[-1] - sweep.positions[-1]).max() <= ARRIVED
+    assert set(free.run.modes) == {Mode.MOVING}
+    assert np.abs(free.run.velocities).max() <= robot.model.velocityLimit.max()
 
 
 def test_times_of_the_file_are_kept_to(room: Scene, robot: Robot, sweep: Trajectory) -> None:
@@ -87,8 +92,7 @@ def test_times_of_the_file_are_kept_to(room: Scene, robot: Robot, sweep: Traject
     np.testing.assert_allclose(middle, sweep.at(0.5), atol=0.15)
 
 
-def test_it_yields_and_recovers(room: Scene, robot: Robot, sweep: Trajectory) -> None:
-    free = follow(Setup.of(room, robot), sweep)
+def test_it_yields_and_recovers(free: Followed, room: Scene, robot: Robot, sweep: Trajectory) -> None:
     assert free.arrived is not None
     for velocity in ((-0.25, 0.0, 0.0), (0.0, -0.25, 0.0)):
         obstacle = ball_that_comes(robot, sweep, velocity, 0.5 * free.arrived)
@@ -153,10 +157,9 @@ def test_check_says_of_the_written_motion_what_follow_said(
         assert (again.status, again.text) == (found.certificate.status, found.certificate.text)
 
 
-def test_what_is_executed_follows_the_commands(room: Scene, robot: Robot, sweep: Trajectory) -> None:
+def test_what_is_executed_follows_the_commands(free: Followed) -> None:
     """Within the hull of the last four commanded places, no faster than them, and a spline to the second derivative."""
-    found = follow(Setup.of(room, robot), sweep)
-    curve, places, period = found.trajectory.curve, found.run.positions, found.run.period
+    curve, places, period = free.trajectory.curve, free.run.positions, free.run.period
     np.testing.assert_array_equal(curve.rows[[0, -1]], places[[0, -1]])
     padded = np.concatenate([places[:1], places[:1], places, places[-1:], places[-1:]])
     times = np.linspace(0.0, 1.0, 9)
@@ -165,11 +168,11 @@ def test_what_is_executed_follows_the_commands(room: Scene, robot: Robot, sweep:
         hull = padded[k : k + 4]
         assert (part >= hull.min(axis=0) - 1e-12).all()
         assert (part <= hull.max(axis=0) + 1e-12).all()
-    speeds, fastest = curve.over_time(1), np.abs(found.run.velocities).max(axis=0)
+    speeds, fastest = curve.over_time(1), np.abs(free.run.velocities).max(axis=0)
     assert (speeds.largest() <= fastest * (1 + 1e-6) + 1e-9).all()
     assert curve.over_time(1).jumps().max() < 1e-9
     assert curve.over_time(2).jumps().max() < 1e-6
-    steps = np.abs(np.diff(found.run.velocities, axis=0, prepend=0.0, append=0.0)).max(axis=0) / period
+    steps = np.abs(np.diff(free.run.velocities, axis=0, prepend=0.0, append=0.0)).max(axis=0) / period
     assert (curve.over_time(2).largest() <= steps + 1e-6).all()
 
 

@@ -152,7 +152,7 @@ def term(name: str, what: str) -> Problem:
 def in_contact(problem: Problem, count: int) -> list[Array]:
     """The worst of some random motions: contacts of centimetres."""
     rng = np.random.default_rng(1)
-    drawn = [problem.clip(problem.robot.draw(rng, problem.waypoints)) for _ in range(60)]
+    drawn = [problem.clip(problem.robot.draw(rng, problem.waypoints)) for _ in range(150)]
     worst = sorted(drawn, key=lambda q: -problem.evaluate(q, 1.0).penalty)[:count]
     assert problem.evaluate(worst[-1], 1.0).penalty > 1e-5
     return worst

@@ -29,45 +29,81 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium found: apt
 
 SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 SIZE = {"width": 760, "height": 360}  # small: every pixel is drawn by the processor
+SELDOM = "const frame = requestAnimationFrame; requestAnimationFrame = (draw) => setTimeout(frame, 200, draw)"  # 5 Hz
 SCENE = 340  # [px] of its width, where the panel is not
 PATIENCE = 180_000  # [ms] for what comes in seconds where the processor has nothing else to do
 
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
+    """One whose pages share what was loaded once, and draw a few pictures a second: each is the processor's work."""
     with playwright.sync_playwright() as running:
         found = running.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
-        yield found
+        pages = found.new_context(viewport=SIZE)
+        pages.add_init_script(SELDOM)
+        yield pages
         found.close()
+
+
+def plainly(scene: Scene, *motions: tuple[str, Trajectory]) -> Viewer:
+    """A viewer without reflections and shadows, which cost the processor seconds a page."""
+    viewer = open_viewer(scene, motions, port=8280)
+    viewer.server.scene.configure_environment_map(None)
+    viewer.server.scene.configure_default_lights(cast_shadow=False)
+    return viewer
 
 
 @pytest.fixture(scope="module")
 def viewer(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
-    found = open_viewer(scene, [("found", trajectory)], port=8280)
+    found = plainly(scene, ("found", trajectory))
     yield found
     found.close()
 
 
-@pytest.fixture
-def tab(browser: Any) -> Iterator[Callable[[str], Any]]:
-    """Opens pages, and fails if one of them has complained in its console."""
-    complaints: list[str] = []
-    pages: list[Any] = []
+class Tabs:
+    """Opens pages, and keeps what they complain of in their consoles."""
 
-    def tab(address: str) -> Any:
-        page = browser.new_page(viewport=SIZE)
-        pages.append(page)
+    def __init__(self, browser: Any) -> None:
+        self.browser = browser
+        self.complaints: list[str] = []
+        self.pages: list[Any] = []
+
+    def __call__(self, address: str) -> Any:
+        page = self.browser.new_page()
+        self.pages.append(page)
         page.set_default_timeout(PATIENCE)
-        page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
-        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.on("console", lambda message: self.complaints.append(message.text) if message.type == "error" else None)
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
         page.goto(address)
         page.wait_for_selector("canvas")
         return page
 
-    yield tab
-    for page in pages:
-        page.close()
-    assert not complaints
+    def close(self) -> None:
+        for page in self.pages:
+            page.close()
+        assert not self.complaints
+
+
+@pytest.fixture
+def tab(browser: Any) -> Iterator[Tabs]:
+    tabs = Tabs(browser)
+    yield tabs
+    tabs.close()
+
+
+@pytest.fixture(scope="module")
+def kept(browser: Any, viewer: Viewer) -> Iterator[Tabs]:
+    """The page of the viewer that all tests share: the first pictures of each cost the processor seconds."""
+    tabs = Tabs(browser)
+    tabs(address(viewer))
+    yield tabs
+    tabs.close()
+
+
+@pytest.fixture
+def page(kept: Tabs) -> Iterator[Any]:
+    yield kept.pages[0]
+    assert not kept.complaints
 
 
 def address(viewer: Viewer) -> str:
@@ -108,9 +144,8 @@ def set_time(page: Any, value: float) -> None:
     time_field(page).press("Enter")
 
 
-def test_the_page_shows_the_scene_and_the_slider_moves_the_robot(tab: Callable[[str], Any], viewer: Viewer) -> None:
+def test_the_page_shows_the_scene_and_the_slider_moves_the_robot(page: Any, viewer: Viewer) -> None:
     viewer.show(0.0)
-    page = tab(address(viewer))
     page.get_by_text("certified: at least").wait_for()
     until(lambda: coloured(picture(page)) > 500, "the canvas stays empty")
     before = picture(page)
@@ -120,18 +155,17 @@ def test_the_page_shows_the_scene_and_the_slider_moves_the_robot(tab: Callable[[
     page.get_by_text("clearance at 0.600").wait_for()
 
 
-def test_a_second_tab_sees_the_same(tab: Callable[[str], Any], viewer: Viewer) -> None:
-    first, second = tab(address(viewer)), tab(address(viewer))
-    set_time(first, 0.35)
-    second.get_by_text("clearance at 0.350").wait_for()
-    until(lambda: time_field(second).input_value() == "0.35", "the second slider stays where it was")
-    first.close()  # in the middle of things
+def test_a_second_tab_sees_the_same(tab: Tabs, page: Any, viewer: Viewer) -> None:
+    other = tab(address(viewer))
+    set_time(other, 0.35)
+    page.get_by_text("clearance at 0.350").wait_for()
+    until(lambda: time_field(page).input_value() == "0.35", "the second slider stays where it was")
+    other.close()  # in the middle of things
     viewer.show(0.7)
-    second.get_by_text("clearance at 0.700").wait_for()
+    page.get_by_text("clearance at 0.700").wait_for()
 
 
-def test_plan_works(tab: Callable[[str], Any], viewer: Viewer) -> None:
-    page = tab(address(viewer))
+def test_plan_works(page: Any, viewer: Viewer) -> None:
     page.get_by_role("tab", name="Plan").click()
     page.get_by_role("button", name="Plan", exact=True).click()
     page.get_by_text("iterations,").wait_for()
@@ -144,9 +178,9 @@ def test_plan_works(tab: Callable[[str], Any], viewer: Viewer) -> None:
     np.testing.assert_array_equal(found.positions, viewer.active.motion.trajectory.positions)
 
 
-def test_what_is_dragged_by_the_mouse_takes_the_verdict_with_it(tab: Callable[[str], Any], scene: Scene) -> None:
+def test_what_is_dragged_by_the_mouse_takes_the_verdict_with_it(tab: Tabs, scene: Scene) -> None:
     """While the button is still pressed: nothing on the page says certified, and the file says what holds."""
-    viewer = open_viewer(scene, port=8280)
+    viewer = plainly(scene)
     try:
         page = tab(address(viewer))
         page.get_by_role("tab", name="Plan").click()
@@ -202,7 +236,7 @@ def _named(download: Any, name: str) -> Path:
     return path.rename(path.with_name(name))
 
 
-def test_a_recorded_page_plays_without_a_server(tab: Callable[[str], Any], viewer: Viewer, tmp_path: Path) -> None:
+def test_a_recorded_page_plays_without_a_server(tab: Tabs, viewer: Viewer, tmp_path: Path) -> None:
     viewer.record(tmp_path / "page.html")
     page = tab((tmp_path / "page.html").as_uri())
     until(lambda: coloured(picture(page)) > 500, "the canvas stays empty")

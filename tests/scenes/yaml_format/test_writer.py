@@ -119,7 +119,7 @@ def test_moveit_problems_read_back_the_same_with_their_fingers_and_limits(tmp_pa
     assert robot.lower[3] == BEYOND[3]
     again = back(scene, tmp_path)
     assert verdicts(again, np.random.default_rng(5)) == verdicts(scene, np.random.default_rng(5))
-    assert Setup.of(again, robot).query.notes == Setup.of(scene).query.notes != ()
+    assert Setup.of(again, robot).left_out == Setup.of(scene).left_out != ()
 
 
 def test_moveit_goals_by_pose_and_constraints_read_back_the_same(tmp_path: Path) -> None:
