@@ -268,4 +268,6 @@ def _nullable(schema: Schema) -> Schema:
         return {**schema, "anyOf": [*schema["anyOf"], {"type": "null"}]}
     if "enum" in schema:
         return {**schema, "enum": [*schema["enum"], None]}
+    if "not" in schema:  # nothing meets what is asked of texts or mappings alone, and so what must not be
+        return {"anyOf": [schema, {"type": "null"}]}
     return {**schema, "type": [schema["type"], "null"]}
