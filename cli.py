@@ -229,16 +229,17 @@ def explain(
 @app.command()
 def robots(
     name: given.RobotName = None,
+    srdf: given.SrdfFile = None,
     as_json: given.AsJson = False,
 ) -> None:
-    """List the robots that are known by name, or show one of them.
+    """List the robots known by name, or show one of them.
 
-    For one robot: its joints with limits, joints held fixed, named states, and how tightly its outer bodies fit. The
-    bodies are fitted once and kept; the first time this takes up to a few minutes.
+    For one robot: its joints with limits, joints held fixed, groups, end effectors, named states, and how tightly its
+    outer bodies fit. The bodies are fitted once and kept; the first time this takes up to a few minutes.
     """
     from hdplan.planner.commands.robots import run_robots
 
-    raise typer.Exit(run_robots(name, as_json=as_json))
+    raise typer.Exit(run_robots(name, srdf=srdf, as_json=as_json))
 
 
 @app.command()

@@ -1,4 +1,4 @@
-"""Build: from a scene to the problem that a solver takes. The goal is settled first, then all is laid out."""
+"""Build: from a scene to the problem for a solver. The goal is chosen first, then the problem is laid out."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from hdplan.scenes.values import instance
 
 
 def build(scene: Scene, robot: Robot | None = None, deadline: float = math.inf) -> Problem:
-    """Return the problem of a scene. Where its goal leaves a choice, the likely best configuration is taken, which
-    inverse kinematics and the certificate's look at it decide. Raises InputError for what the scene or its robot gets
-    wrong.
+    """Return the problem of a scene. If its goal leaves a choice, the most promising configuration is taken: inverse
+    kinematics finds the candidates, and the certificate checks them. Raises InputError for errors in the scene or its
+    robot.
 
-    What can be done without waits no longer than `deadline` (time.perf_counter()): meshes that are not split into
-    convex pieces by then are planned around as their hulls, with a note.
+    Optional steps end at `deadline` (time.perf_counter()): for meshes that are not split into convex pieces by then,
+    their hulls are planned around, with a note.
     """
     instance(scene, Scene, "scene")
     with naming(scene.source):

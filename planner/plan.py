@@ -1,4 +1,4 @@
-"""Planning, whole: from a scene to the best motion found and its certificate. The attempts are `search`'s."""
+"""Planning: from a scene to the best motion found and its certificate. The attempts are made by `search`."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import Goals, JointTarget
 from hdplan.scenes.values import Number, Whole, checked, instance
 
-FOR_MESHES = 0.5  # share of what is left of a limit to all, for taking meshes apart
-RESERVED, MOST_RESERVED = 0.2, 1.0  # share of what is left, at most [s], that is kept for the certificate
+FOR_MESHES = 0.5  # share of the time left before the deadline, for splitting meshes
+RESERVED, MOST_RESERVED = 0.2, 1.0  # share of the time left, and most [s], that is reserved for the certificate
 
 if TYPE_CHECKING:
     from hdplan.planner.timing.retiming import Retimer
@@ -47,29 +47,29 @@ def plan(
 ) -> PlanResult:
     """Find a certified motion from the scene's start to its goal.
 
-    Where the goal leaves a choice, the likely best configurations get a few guesses each in turn; of those certified by
-    then the one with the least smoothness cost wins.
+    If the goal leaves a choice, the most promising configurations get a few guesses each in turn; of those certified by
+    then, the one with the least smoothness cost wins.
 
     Args:
-        scene: what load_scene returns, or a Scene of one's own.
+        scene: from load_scene, or a Scene made in Python.
         solver: "gauss_newton", "chomp" or "ipopt".
-        seed: of the random first guesses; the same seed gives the same result, as far as the time limit allows.
-        time_limit: [s] for solving and certifying; the best motion found by then is given back, its status saying
-            what it is. Within `deadline.time_limit` building counts too, and the certificate ends with it.
-        robot: the scene's robot, if it is loaded already.
-        guess: a motion of this robot from which the solver begins (a warm start), such as the last plan's trajectory
-            after the scene has changed a little. Its ends are moved to the scene's, which is noted. Nothing is taken
-            from it on trust: what is given back is certified as any other motion is, and where nothing comes of it,
-            the search goes on as without it. Of several goals the one nearest to its end begins with it.
+        seed: of the random initial guesses; the same seed gives the same result, as far as the time limit allows.
+        time_limit: [s] for solving and certifying; the best motion found by then is returned, and its status says how
+            good it is. Within `deadline.time_limit` building counts too, and the certificate ends with it.
+        robot: the scene's robot, if it is already loaded.
+        guess: a motion of this robot from which the solver starts (a warm start), such as the last plan's trajectory
+            after a small change of the scene. Its ends are moved to the scene's, which is noted. It is not trusted: the
+            result is certified like any other motion, and if the guess leads to none, the search continues as without
+            it. Of several goals, the one nearest to its end starts with it.
         report: called with every step and every certificate.
-        stop: asked at every step; once it says True, the best motion so far is certified and given back. A
-            KeyboardInterrupt does the same, except in the moments in which a C++ library swallows it.
+        stop: called at every step; once it returns True, the best motion so far is certified and returned. A
+            KeyboardInterrupt does the same, except at moments in which a C++ library swallows it.
 
     Raises:
         OutOfTime: a `deadline.time_limit` passed before there was a motion.
-        InputError: for what scene or robot get wrong, among it a start or goal in collision or off a path constraint,
-            and for ipopt with the distance fcl, swept bodies or path constraints; for a guess whose joints are not the
-            robot's, or leave their limits.
+        InputError: for errors in the scene or robot, including a start or goal in collision or off a path constraint;
+            for ipopt with the distance fcl, swept bodies or path constraints; and for a guess whose joints are not the
+            robot's, or beyond their limits.
     """
     instance(scene, Scene, "scene")
     seed = checked(Whole(0, 2**63 - 1), seed, "seed")
@@ -89,7 +89,7 @@ def plan(
     rows = None if guess is None else rows_of(guess, robot)
     goals, found = _goals(certifier, seed)
     aims = [setup.aiming_at(goal) for goal in goals]
-    clearances = [reachable_clearance(aim, certifier) for aim in aims]  # ends in collision: before all fitting
+    clearances = [reachable_clearance(aim, certifier) for aim in aims]  # refuses ends in collision before any fitting
     retimer = _retimer(setup)
     with compile_time() as stopwatch:
         problems = [lay_out(aim, aim.query, began + min(time_limit, FOR_MESHES * seconds_left())) for aim in aims]
@@ -100,7 +100,7 @@ def plan(
     built = time.perf_counter()
 
     check_time("building the problem")
-    left = seconds_left()  # of what bounds more than this search
+    left = seconds_left()  # of the deadline, which covers more than this search
     deadline = built + min(time_limit, left - min(RESERVED * left, MOST_RESERVED) if left < math.inf else left)
     searches = [
         Search(problem, certifier, retimer, run, required, deadline, report, stop)
@@ -122,12 +122,12 @@ def plan(
     certified = sum(search.certify_seconds for search in searches)
     solved = time.perf_counter() - built - certified  # guesses included
     load, build_ = loaded - began, built - loaded - stopwatch.seconds
-    words = (*found, *clearances[taken][1])
+    notes = (*found, *clearances[taken][1])
     if seconds_left() == 0.0 and not best.certificate.certified:
-        words = (*words, "the time limit passed: what is not proven may only not have been looked at closely enough")
+        notes = (*notes, "the time limit passed: what is not proven may only not have been checked finely enough")
     several = isinstance(scene.goal, Goals)
     if several:
-        words = (*words, _taken(searches, taken, goals))
+        notes = (*notes, _taken(searches, taken, goals))
     return PlanResult(
         scene=scene.name,
         robot=robot.name,
@@ -139,14 +139,14 @@ def plan(
         iterations=sum(search.iterations for search in searches),
         steps=best.steps,
         times=Times(load, build_, stopwatch.seconds, solved, certified),
-        notes=(*problems[taken].notes, *best.certificate.notes, *words),
+        notes=(*problems[taken].notes, *best.certificate.notes, *notes),
         goal=goals[taken] if several else None,
         asked=scene,
     )
 
 
 def _goals(certifier: Certifier, seed: int) -> tuple[tuple[JointTarget, ...], tuple[str, ...]]:
-    """Return the configurations to plan to, and words on how they were found, where the scene leaves a choice."""
+    """Return the configurations to plan to, and notes on how they were found if the scene leaves a choice."""
     goal = certifier.scene.goal
     if isinstance(goal, JointTarget):
         return (goal,), ()
@@ -156,7 +156,7 @@ def _goals(certifier: Certifier, seed: int) -> tuple[tuple[JointTarget, ...], tu
 
 
 def _retimer(setup: Setup) -> Retimer | None:
-    """Return what gives motions their times, where the scene asks for them."""
+    """Return the retimer, if the scene asks for times."""
     if not setup.scene.timed:
         return None
     from hdplan.planner.timing.retiming import Retimer
@@ -165,11 +165,11 @@ def _retimer(setup: Setup) -> Retimer | None:
 
 
 def _taken(searches: Sequence[Search], taken: int, goals: Sequence[JointTarget]) -> str:
-    """Say which goal was taken, of how many."""
+    """Say which goal was chosen, out of how many."""
     tried = sum(search.attempts > 0 for search in searches)
     found = sum(search.certified for search in searches)
     joints = zip(searches[taken].problem.robot.joint_names, goals[taken].positions or (), strict=True)
     return (
-        f"goal taken of {tried} tried, {found} certified, by least smoothness cost: {goals[taken].field} at "
+        f"goal chosen of {tried} tried, {found} certified, by least smoothness cost: {goals[taken].field} at "
         + ", ".join(f"{joint} {value:.4g}" for joint, value in joints)
     )

@@ -1,4 +1,4 @@
-"""What planning gives back: the trajectory, its certificate, and how they were found."""
+"""The result of planning: the trajectory, its certificate, and how they were found."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Times:
 
 @dataclass(frozen=True, eq=False)
 class PlanResult:
-    """The best motion found and what is proven about it."""
+    """The best motion found, and what is proven about it."""
 
     scene: str
     robot: str
@@ -41,20 +41,20 @@ class PlanResult:
     certificate: Certificate
     solver: str
     seed: int
-    attempts: int  # first guesses tried
+    attempts: int  # initial guesses tried
     iterations: int  # of the solver, all attempts together
-    steps: tuple[Iteration, ...]  # of the attempt that is given back
+    steps: tuple[Iteration, ...]  # of the attempt that is returned
     times: Times
-    notes: tuple[str, ...]  # what was assumed or left out, in words
-    goal: JointTarget | None = None  # the one that was taken, where the scene leaves a choice
-    asked: Scene | None = None  # what was to be planned
+    notes: tuple[str, ...]  # on what was assumed or left out
+    goal: JointTarget | None = None  # the one that was chosen, if the scene leaves a choice
+    asked: Scene | None = None  # the scene that was planned in
 
     def __repr__(self) -> str:
-        """Say the verdict, and on what."""
+        """Give the scene, the robot and the verdict."""
         return f"<PlanResult of {self.scene} with {self.robot}: {self.certificate.text}>"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: the verdict, and the motion on a small sheet where matplotlib is installed."""
+        """Return what a notebook shows: the verdict, and a small plot of the motion if matplotlib is installed."""
         import hdplan.planner
 
         return str(hdplan.planner.result_html(self))
@@ -65,8 +65,8 @@ class PlanResult:
         return self.certificate.certified
 
     def summary(self) -> dict[str, Any]:
-        """The result as one JSON object: status, clearance [m], worst place, times [s], counts; how long the motion
-        takes [s] where it has times; and the goal that was taken, where the scene leaves a choice."""
+        """Return the result as one JSON object: status, clearance [m], worst place, times [s], counts; the duration of
+        the motion [s] if it has times; and the goal that was chosen, if the scene leaves a choice."""
         goal = {"goal": {"of": self.goal.field, "joints": self.goal.positions}} if self.goal else {}
         return {
             "status": self.certificate.status.value,
@@ -93,15 +93,15 @@ class PlanResult:
 
 
 def how_long(trajectory: Trajectory) -> dict[str, float]:
-    """How long a motion takes, as JSON; nothing for a path without times."""
+    """Return the duration of a motion for JSON; nothing for a path without times."""
     return {} if trajectory.duration is None else {"duration_s": trajectory.duration}
 
 
 def verdict(certificate: Certificate) -> dict[str, Any]:
-    """The certificate's figures as JSON: proven clearances [m] (null without proof or obstacles) and the closest place,
-    by its path parameter (0 to 1) and when that is (null for a path without times); and where the scene has any, the
-    share that the motion takes of each limit at most (null: no end to it, as something jumps) and by which joint, and
-    how the path constraints are kept [rad] or [m]."""
+    """Return the certificate's figures for JSON: proven clearances [m] (null without proof or obstacles); the closest
+    place, by its path parameter (0 to 1) and time (null for a path without times); and, if the scene has any, the
+    greatest share that the motion uses of each limit (null: infinite, at a jump) with its joint, and how well the path
+    constraints are kept [rad] or [m]."""
     worst = certificate.worst
     limits = [
         {
@@ -133,9 +133,9 @@ def verdict(certificate: Certificate) -> dict[str, Any]:
 
 
 def read_steps(path: str | Path) -> tuple[Iteration, ...]:
-    """Read the solver's steps from a trajectory file; none where it says nothing of them.
+    """Read the solver's steps from a trajectory file; none if it has none.
 
-    Raises InputError naming the file where they are not lists of numbers, equally long.
+    Raises InputError naming the file if they are not lists of numbers of equal length.
     """
     path = Path(path)
     content = json.loads(read_file(path)) if path.suffix.lower() == ".json" else {}
@@ -147,5 +147,5 @@ def read_steps(path: str | Path) -> tuple[Iteration, ...]:
     except (KeyError, TypeError, ValueError):
         table = np.array(np.nan)
     if table.ndim != 2 or not np.isfinite(table).all():
-        raise InputError(f"{path}: steps: expected are lists of numbers, equally long: {', '.join(_FIGURES)}")
+        raise InputError(f"{path}: steps: lists of numbers of equal length are expected: {', '.join(_FIGURES)}")
     return tuple(Iteration(round(number), *figures) for number, *figures in table.T.tolist())

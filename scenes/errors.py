@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import contextlib
 import difflib
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 
 
 def one_line(text: str) -> str:
@@ -60,6 +60,15 @@ def nearest(name: str, allowed: Iterable[str], otherwise: str = "") -> str:
     if otherwise:
         return f" ({otherwise})"
     return f" (allowed: {', '.join(names)})" if names else " (none is allowed here)"
+
+
+FEW = 8  # names that an error or a note lists
+
+
+def listed(names: Collection[str], most: int = FEW) -> str:
+    """Return the first names, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(list(names)[:most]) + more
 
 
 @contextlib.contextmanager

@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING, Annotated
 
 from hdplan.scenes.errors import FieldError
 from hdplan.scenes.poses import AnyPose, Placement, Pose
-from hdplan.scenes.values import Checked, FilePath, JointValue, Name, Named, Row, absolute_path, text, wrong
+from hdplan.scenes.values import (
+    Checked,
+    FilePath,
+    JointValue,
+    Name,
+    Named,
+    Row,
+    absolute_path,
+    is_row,
+    text,
+    wrong,
+)
 
 
 def pair(value: object) -> tuple[str, str]:
@@ -18,6 +29,19 @@ def pair(value: object) -> tuple[str, str]:
     if first == second:
         raise FieldError(f"must name two different links, found {first!r} twice")
     return first, second
+
+
+def group_of(value: object) -> str | tuple[str, ...]:
+    """Return the name of a group, or the names of joints, each once."""
+    if not is_row(value):
+        return text(value)
+    names = Row(text, of="joint names")(value)
+    if not names:
+        raise FieldError("must not be empty")
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            raise FieldError(f"the joint {name!r} stands there twice", f"[{i}]")
+    return names
 
 
 @dataclass(frozen=True, repr=False)
@@ -30,7 +54,8 @@ class RobotSpec(Checked):
     package_dirs: Annotated[
         tuple[Path, ...], Row(absolute_path, of="folders")
     ] = ()  # where package:// URIs of the URDF are looked up
-    group: Name | None = None  # of the SRDF: its joints are planned; None: those of the arm
+    group: Annotated[str | tuple[str, ...], group_of] | None = None
+    """Which joints are planned: those of a group of the SRDF, or these joints; None: those of the arm."""
     base: Placement = field(default_factory=Pose)  # of the URDF's root link
     locked: Annotated[Mapping[str, float], Named(JointValue)] = field(default_factory=dict)  # joint -> [rad] or [m]
     ignore_pairs: Annotated[tuple[tuple[str, str], ...], Row(pair, of="link pairs")] = ()  # not checked
@@ -44,7 +69,7 @@ class RobotSpec(Checked):
             urdf: FilePath | None = None,
             srdf: FilePath | None = None,
             package_dirs: Sequence[FilePath] = (),
-            group: str | None = None,
+            group: str | Sequence[str] | None = None,
             base: AnyPose = Pose(),
             locked: Mapping[str, float] = {},
             ignore_pairs: Sequence[Sequence[str]] = (),

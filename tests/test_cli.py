@@ -266,7 +266,7 @@ def test_simulate_replays_what_plan_wrote(hdplan: Callable[..., Done], tmp_path:
     assert hdplan("plan", timed, "--quiet", "-o", "motion.json").code == 0
     kinematic = hdplan("simulate", timed, "motion.json")
     assert (kinematic.code, kinematic.err) == (0, "")
-    assert kinematic.out.startswith("replayed: kinematics alone")
+    assert kinematic.out.startswith("replayed: kinematics only")
     assert "torque" not in kinematic.out
     strong = arm_scene(tmp_path, "strong.yaml", limits={"velocity": 2.0, "acceleration": 4.0, "torque": 20.0})
     done = hdplan("simulate", strong, "motion.json")
@@ -550,7 +550,7 @@ BAD_TRAJECTORIES = {
         '{"hdplan_trajectory": 1, "joint_names": ["a"], "positions": [[0], [NaN]]}': "waypoint 1, joint 'a'",
         '{"hdplan_trajectory": 1, "joint_names": ["a"], "positions": [[0], [1]], "times": [0]}': "each of the 2",
         '{"hdplan_trajectory": 1, "joint_names": ["a"], "positions": [[0], [1]], "times": 3}': "each of the 2",
-        '{"hdplan_trajectory": 1, "joint_names": ["a"], "positions": [[0], [1]], "times": [1, 1]}': "times must rise",
+        '{"hdplan_trajectory": 1, "joint_names": ["a"], "positions": [[0], [1]], "times": [1, 1]}': "must increase",
     },
     "x.csv": {
         "": "empty",

@@ -170,7 +170,7 @@ MOTIONS: dict[str, Callable[[], tuple[str, bytes, str]]] = {
     "a key twice": lambda: (
         "m.json",
         b'{"hdplan_trajectory": 1, "joint_names": ["a"], "positions": [[0], [1]], "positions": [[0], [2]]}',
-        "the key 'positions' stands twice",
+        "the key 'positions' appears twice",
     ),
     "a key misspelt": lambda: (
         "m.json",

@@ -10,40 +10,15 @@ from __future__ import annotations
 
 import ctypes
 import functools
-import importlib.util
-import os
-import platform
-import re
-import shutil
-import subprocess
-import sys
-import tempfile
 import threading
-import warnings
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from hdplan.distance.cache import cache_dir, content_key, write_whole
-from hdplan.distance.symbolic.compile_time import compiling
+from hdplan.distance.symbolic.c_library import c_library
 from hdplan.scenes.array_types import Array, Rows
-from hdplan.scenes.deadline import check_time, most_seconds
-
-# None of these changes a value: without the last, machines with a fused multiply-add would round differently. The
-# second and third let the smallest helpers of the generated code (fmin, a square) be inlined, which halves the time.
-FLAGS = (
-    "-O3",
-    "-std=gnu89",
-    "-fno-semantic-interposition",
-    "-fno-math-errno",
-    "-fno-trapping-math",
-    "-shared",
-    "-fPIC",
-    "-ffp-contract=off",
-)
 
 # Calls the generated function once per row; `rows[i][k]` is the row of table i that evaluation k takes.
 LOOP = """
@@ -78,8 +53,7 @@ class RowFunction:
         self.function = function
         self.widths = [function.numel_in(i) for i in range(function.n_in())]
         self.result_widths = [function.numel_out(i) for i in range(function.n_out())]
-        with compiling():
-            library = _library(function)
+        library = _library(function)
         self.is_compiled = library is not None
         if library is not None:
             self._loop = getattr(library, f"{function.name()}_rows")
@@ -184,71 +158,9 @@ def _addresses(arrays: Sequence[Array] | Sequence[Rows]) -> ctypes.Array[ctypes.
     return (ctypes.c_void_p * len(arrays))(*(array.__array_interface__["data"][0] for array in arrays))
 
 
-@functools.cache
-def compiler() -> tuple[str, ...] | None:
-    """The C compiler's command: $CC, cc, gcc, clang or the `ziglang` wheel; None, with one warning, if there is
-    none."""
-    for name in (os.environ.get("CC"), "cc", "gcc", "clang"):
-        if name and shutil.which(name):
-            return (name,)
-    if importlib.util.find_spec("ziglang"):
-        return (sys.executable, "-m", "ziglang", "cc")
-    warnings.warn(
-        "no C compiler found (cc, gcc, clang or `pip install ziglang`): distances run in CasADi's interpreter, "
-        "with the same values but several times slower",
-        stacklevel=2,
-    )
-    return None
-
-
-@functools.cache
-def _instructions() -> tuple[str, ...]:
-    """Return the flags for this processor's widest vectors, where Linux tells them: loops run up to 1.5 times as
-    fast."""
-    try:
-        found = set(re.findall(r"\bavx2\b|\bavx512vl\b", Path("/proc/cpuinfo").read_text(encoding="utf-8")))
-    except OSError:
-        return ()
-    return tuple(f"-m{name}" for name in sorted(found))
-
-
 def _library(function: ca.Function) -> ctypes.CDLL | None:
-    """The loaded library of a function, from the disk cache (keyed by the C source and the compiler) or compiled now.
-
-    A cached file has its own checksum in its name: loading a damaged one would crash the process.
-    """
-    command = compiler()
-    if command is None:
-        return None
+    """The loaded library of a function, with its loop over rows; None without a compiler."""
     generator = ca.CodeGenerator(f"{function.name()}.c")
     generator.add(function)
-    source = generator.dump() + LOOP.format(name=function.name(), n_in=function.n_in(), n_out=function.n_out())
-    flags = (*FLAGS, *_instructions())
-    key = content_key(source, *command, *flags, platform.machine(), sys.platform)
-    home, stem = cache_dir() / "compiled", f"{function.name()}-{key}"
-    for found in home.glob(f"{stem}-*.so"):
-        try:
-            if found.stem.endswith(content_key(found.read_bytes())):
-                return ctypes.CDLL(str(found))
-        except OSError:  # unreadable, or in a folder from which nothing may be executed: ignored
-            continue
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            text, built = Path(folder) / "function.c", Path(folder) / "function.so"
-            text.write_text(source)
-            build = [*command, *flags, str(text), "-o", str(built), "-lm"]
-            try:
-                outcome = subprocess.run(build, capture_output=True, text=True, timeout=most_seconds())
-            except subprocess.TimeoutExpired:
-                check_time("compiling the distance")
-                raise
-            if outcome.returncode:
-                said = outcome.stderr.strip().splitlines()[-1:]
-                warnings.warn(f"{command[0]} failed on {function.name()}: {said}; interpreting", stacklevel=2)
-                return None
-            data = built.read_bytes()
-            write_whole(home / f"{stem}-{content_key(data)}.so", data)
-            return ctypes.CDLL(str(built))  # stays loaded after its file is deleted
-    except OSError as error:  # a full disk, or a folder from which nothing may be executed
-        warnings.warn(f"nowhere to compile {function.name()} ({error}); interpreting", stacklevel=2)
-        return None
+    loop = LOOP.format(name=function.name(), n_in=function.n_in(), n_out=function.n_out())
+    return c_library(function.name(), generator.dump() + loop)

@@ -1,11 +1,11 @@
 """The certificate: a proof that a whole continuous motion is free, from the scene and the trajectory alone.
 
-It shares nothing with the planner that made the trajectory: Pinocchio's own kinematics, the robot's real collision
-geometry, the scene's own shapes (`exact_proximity`), and bounds on the executed curve between samples (`curve`,
-`motion_bounds`, `collision_proof`). Where the scene says so, it covers moving obstacles, limits of the joints
-(`rate_check`) and what is to hold all along the way (`path_check`).
-Distances are proven *lower bounds* in metres, positive = separated. Two bodies that do not move against each other (a
-robot's base and the floor on which it stands) are no part of a motion and are not compared.
+It shares nothing with the planner that made the trajectory: it uses Pinocchio's own kinematics, the robot's real
+collision geometry, the scene's own shapes (`exact_proximity`), and bounds on the executed curve between samples
+(`curve`, `motion_bounds`, `collision_proof`). Where the scene has them, it covers moving obstacles, joint limits
+(`limit_checks`) and path constraints (`path_check`).
+Distances are proven *lower bounds* in metres, positive = separated. Two bodies that do not move relative to each other
+(a robot's base and the floor on which it stands) are not compared.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from hdplan.planner.certificate.end_check import EndCheck
 from hdplan.planner.certificate.exact_proximity import link_pieces, obstacle_pieces
 from hdplan.planner.certificate.intervals import Bodies, Body, Pairs
 from hdplan.planner.certificate.limit_checks import limit_checks
-from hdplan.planner.certificate.rounding import refuse_far_bodies, refuse_what_drowns
+from hdplan.planner.certificate.rounding import refuse_far_bodies, refuse_large_motion
 from hdplan.planner.certificate.verdict import (
     Certificate,
     Closest,
@@ -54,8 +54,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-ENDS_KEEP = 0.75  # share of an end's distance that is asked for where it is below planner.clearance
-NEAR = 0.15  # [m] within which the closest pair is looked for first
+ENDS_KEEP = 0.75  # share of the clearance at start or goal that is required where it is below planner.clearance
+NEAR = 0.15  # [m] within which the closest pair is searched for first
 
 
 def certify(
@@ -66,36 +66,36 @@ def certify(
     required: float | None = None,
     check_ends: bool = True,
 ) -> Certificate:
-    """Certify `trajectory` in `scene`: the verdict over the whole curve that it says (`Trajectory.curve`).
+    """Certify `trajectory` in `scene`: return the verdict on its whole curve (`Trajectory.curve`).
 
     Args:
-        scene: the scene; its own shapes count, not the planner's bodies.
+        scene: the scene; the check uses its own shapes, not the planner's bodies.
         trajectory: joints by name, in any order.
-        robot: the scene's robot, if it is loaded already.
-        required: clearance [m] that must be proven between robot and obstacles that have no own; 0 means free; None
-            means what the scene asks for, `Certifier.asked`.
-        check_ends: whether the first and last waypoint must be the scene's start and goal.
+        robot: the scene's robot, if it is already loaded.
+        required: clearance [m] that must be proven between the robot and obstacles without a clearance of their own; 0
+            means free of contact; None means what the scene asks for, `Certifier.asked`.
+        check_ends: whether the first and last waypoints must be the scene's start and goal.
 
     Raises:
-        InputError: joints of the trajectory do not fit the robot; a mesh of the scene cannot be used.
+        InputError: the trajectory's joints do not match the robot's; a mesh of the scene cannot be used.
     """
     return Certifier(Setup.of(scene, robot)).certify(trajectory, required=required, check_ends=check_ends)
 
 
 def check_configuration(scene: Scene, robot: Robot, q: ArrayLike) -> tuple[Contact, ...]:
-    """Return the contacts of configuration `q` (n,) [rad or m], the deepest first: exact, of the scene's robot with its
-    obstacles, as they are at time 0, and with itself.
+    """Return the contacts at configuration `q` (n,) [rad or m], the deepest first: exact, of the scene's robot with
+    itself and with the obstacles as they are at time 0.
 
-    Raises InputError for what is no configuration of the robot: another number of values, or one that is not finite.
+    Raises InputError for a wrong number of values, or one that is not finite.
     """
     return Certifier(Setup.of(scene, robot)).contacts(q)
 
 
 class Certifier:
-    """A scene and its robot made ready once, to certify many trajectories."""
+    """A scene and its robot, prepared once to certify many trajectories."""
 
     def __init__(self, setup: Setup) -> None:
-        """Gather links, obstacles and the pairs to be kept apart."""
+        """Collect the links, the obstacles and the pairs to be kept apart."""
         scene, robot = setup.scene, setup.robot
         self.setup, self.scene, self.robot = setup, scene, robot
         bodies = list(_link_bodies(robot))
@@ -124,12 +124,12 @@ class Certifier:
 
     @cached_property
     def holes(self) -> tuple[str, ...]:
-        """A word on bodies whose mesh has holes; empty where there are none."""
+        """A note on meshes with holes; empty if there are none."""
         surfaces = [(body.name, body.piece.surface) for body in self.sweep.bodies.bodies]
         names = dict.fromkeys(name for name, surface in surfaces if surface is not None and surface.solid.open)
         if not names:
             return ()
-        return (f"meshes with holes: {', '.join(names)}: inside is what they surround by more than half",)
+        return (f"meshes with holes: {', '.join(names)}: points that they surround by more than half count as inside",)
 
     def certify(
         self,
@@ -139,19 +139,19 @@ class Certifier:
         check_ends: bool = True,
         stop_at_contact: bool = False,
     ) -> Certificate:
-        """Certify one trajectory; see `certify`. With `stop_at_contact` the first contact found ends the search, and
-        there may be more than the failures tell."""
+        """Certify one trajectory; see `certify`. With `stop_at_contact` the first contact found ends the search, so
+        that the failures are not complete."""
         began = time.perf_counter()
         instance(trajectory, Trajectory, "trajectory")
         if required is not None:
             required = checked(Number(low=0.0, unit="m"), required, "required")
         curve = curve_of(self.robot, trajectory)
-        beyond = beyond_limits(curve, self.robot)  # nothing else is looked at then: it could be anywhere
+        beyond = beyond_limits(curve, self.robot)  # nothing else is checked then: it could be anywhere
         if not beyond:
-            refuse_what_drowns(self.sweep.bodies, self._fields, curve, self.robot.joint_names)
+            refuse_large_motion(self.sweep.bodies, self._fields, curve, self.robot.joint_names)
         self._check_times(curve)
         limits = () if beyond else tuple(check.check(curve) for check in self.limits)
-        required, lessened = self.asked(curve) if required is None else (required, ())
+        required, reductions = self.asked(curve) if required is None else (required, ())
         floor = self._floor(required)
         proof = Proof() if beyond else self.sweep.prove(curve, floor, stop_at_contact)
         path = None if self.path is None or beyond else self.path.prove(curve)
@@ -174,11 +174,11 @@ class Certifier:
             limits,
         )
         certified = Status.CERTIFIED, proven(clearance, self_clearance, limits, kept)
-        status, words = next(complaints(found), certified)
+        status, message = next(complaints(found), certified)
         remedy = "" if status is Status.CERTIFIED else f" ({status.remedy})"
         return Certificate(
             status=status,
-            text=f"{status.value.replace('_', ' ')}: {words}{remedy}",
+            text=f"{status.value.replace('_', ' ')}: {message}{remedy}",
             clearance=clearance,
             self_clearance=self_clearance,
             worst=worst,
@@ -191,48 +191,48 @@ class Certifier:
             configurations=proof.configurations + (path.configurations if path else 0),
             exact_calls=proof.exact_calls,
             seconds=time.perf_counter() - began,
-            notes=(*lessened, *self.holes),
+            notes=(*reductions, *self.holes),
         )
 
     def asked(self, curve: Curve) -> tuple[float, tuple[str, ...]]:
-        """Return what a motion must keep from obstacles without a clearance of their own [m], by the scene:
-        planner.clearance, or less, with a word, where the scene's own ends are closer. Of several goals the one that
-        the motion reaches counts."""
-        required, words = self.scene.planner.clearance, []
+        """Return the clearance [m] that the scene asks of a motion, for obstacles without a clearance of their own:
+        planner.clearance, or less, with a note, where the scene's own start or goal is closer. Of several goals the one
+        that the motion reaches counts."""
+        required, notes = self.scene.planner.clearance, []
         for field, q, seconds in self.ends.placed(curve) if required > 0.0 else ():
-            required, word = self.allowed(field, q, required, seconds)
-            words += [word] if word else []
-        return required, tuple(words)
+            required, note = self.allowed(field, q, required, seconds)
+            notes += [note] if note else []
+        return required, tuple(notes)
 
     def allowed(self, field: str, q: Array, required: float, time: float = 0.0) -> tuple[float, str]:
-        """Return the clearance that can be asked for [m] where an end of the scene is q (n,), at a time [s]:
-        `required`, or, with a word, a share of the end's own where it is closer than that to an obstacle that has no
+        """Return the clearance [m] that can be required where the scene starts or ends at q (n,), at a time [s]:
+        `required`, or, with a note, a share of the clearance at q where that is less, to an obstacle without a
         clearance of its own."""
         for place, _ in self.too_close(q, required, time):
             if place.other in self._lenient:
                 less, asked = ENDS_KEEP * max(place.distance, 0.0), self.scene.planner.clearance
                 return less, (
-                    f"{field} is {place.distance * 1e3:.3g} mm from {place.other}: over the whole motion "
-                    f"{less * 1e3:.3g} mm are asked for instead of the {asked * 1e3:g} mm of planner.clearance"
+                    f"{field} is {place.distance * 1e3:.3g} mm from {place.other}: {less * 1e3:.3g} mm are required "
+                    f"over the whole motion instead of the {asked * 1e3:g} mm of planner.clearance"
                 )
         return required, ""
 
     def _check_times(self, curve: Curve) -> None:
-        """Raise InputError where the scene needs times and the curve has none."""
+        """Raise InputError if the scene needs times and the curve has none."""
         moving = self.scene.moving
         if curve.times is None and (moving or self.scene.timed):
             why = f"obstacle '{moving[0].name}' moves" if moving else "the scene limits rates (limits, timing)"
             raise InputError(f"trajectory: has no times, and {why}")
 
     def _floor(self, required: float) -> Array:
-        """Return what each pair must keep (P,) [m]."""
+        """Return the clearance that each pair must keep (P,) [m]."""
         own = {obstacle.name: obstacle.clearance for obstacle in self.scene.obstacles if obstacle.clearance is not None}
         between_links, pairs = self.scene.self_collision.clearance, self.sweep.pairs
         asked = [own.get(self.sweep.bodies.names[b], required) for b in pairs.b.tolist()]
         return np.where(pairs.group == 0, asked, between_links)
 
     def contacts(self, q: ArrayLike, time: float = 0.0) -> tuple[Contact, ...]:
-        """Return the contacts of one configuration at a time [s]; see `check_configuration`."""
+        """Return the contacts at one configuration and time [s]; see `check_configuration`."""
         depths: dict[tuple[str, str], float] = {}
         for spot in self.sweep.distances(self._configuration(q), 0.0, time):
             if spot.touching:
@@ -241,22 +241,22 @@ class Certifier:
         return tuple(Contact(*names, depths[names]) for names in sorted(depths, key=lambda names: -depths[names]))
 
     def _configuration(self, q: ArrayLike) -> Array:
-        """Return a configuration (n,) that is one: a NaN would be far from everything. Raises InputError."""
+        """Return a valid configuration (n,), as a NaN would be far from everything. Raises InputError."""
         return joint_numbers("q", q, self.robot.joint_names)
 
     def off_path(self, q: Array) -> tuple[Departure, ...]:
-        """Return the path constraints that configuration q (n,) breaks; exact to rounding."""
+        """Return the path constraints that configuration q (n,) violates; exact up to rounding."""
         return () if self.path is None else self.path.at(q)
 
     def overload(self, q: ArrayLike) -> str | None:
-        """Say which limit the robot passes even if it stands still at q (n,): a joint that gravity overloads; None if
-        it passes none."""
+        """Say which limit the robot exceeds even at rest at q (n,), where gravity overloads a joint; None if it
+        exceeds none."""
         values = np.asarray(q, dtype=np.float64)
-        return next((words for check in self.limits if (words := check.overload(values))), None)
+        return next((message for check in self.limits if (message := check.overload(values))), None)
 
     def too_close(self, q: ArrayLike, required: float, time: float = 0.0) -> tuple[tuple[Place, float], ...]:
-        """Return where one configuration, at a time [s], falls short of what its obstacles and links must keep, with
-        that [m]; the closest first."""
+        """Return the places where one configuration, at a time [s], is closer to obstacles or itself than it must keep,
+        each with that clearance [m]; the closest first."""
         floor = self._floor(required)
         found = []
         within = float(floor.max(initial=0.0))
@@ -266,16 +266,16 @@ class Certifier:
         return tuple(sorted(found, key=lambda each: each[0].distance))
 
     def nearest(self, q: ArrayLike, within: float = np.inf, time: float = 0.0) -> tuple[Place | None, Place | None]:
-        """Return the closest places in one configuration at a time [s], with exact distances: to an obstacle, between
-        links; None where nothing is `within` [m]."""
+        """Return the closest places at one configuration and time [s], with exact distances: to an obstacle, and
+        between links; None where nothing is `within` [m]."""
         spots = self.sweep.nearest(self._configuration(q), within, time)
         to_obstacle, between_links = (self._standing(spot) if spot else None for spot in spots)
         return to_obstacle, between_links
 
     def closest(self, q: ArrayLike, time: float = 0.0) -> tuple[Closest | None, Closest | None]:
-        """Return what is `nearest` in one configuration at a time [s] with the points between which it is."""
+        """Return what is `nearest` at one configuration and time [s], with the closest points of the two bodies."""
         configuration = self._configuration(q)
-        spots = self.sweep.nearest(configuration, NEAR, time)  # most often there is something, and little to compare
+        spots = self.sweep.nearest(configuration, NEAR, time)  # mostly finds something, with few pairs to compare
         if None in spots:
             spots = self.sweep.nearest(configuration, time=time)
         to_obstacle, between_links = (
@@ -296,7 +296,7 @@ class Certifier:
         return Place(spot.interval, spot.fraction, parameter, seconds, *self._names(spot.pair), spot.distance)
 
     def _standing(self, spot: Spot) -> Place:
-        """Name a place of a configuration that is no part of a motion."""
+        """Name the bodies of a place at a single configuration, without a motion."""
         return Place(0, spot.fraction, spot.fraction, None, *self._names(spot.pair), spot.distance)
 
 
@@ -307,7 +307,7 @@ def _chain(robot: Robot) -> Chain:
 
 @made_once(8)
 def _link_bodies(robot: Robot) -> tuple[Body, ...]:
-    """Return the pieces of the links' collision geometry; once per robot, as meshes take their time."""
+    """Return the pieces of the links' collision geometry; once per robot, as meshes take long."""
     items = [(link, robot.collision.geometryObjects[i]) for link, own in robot.link_geometry.items() for i in own]
     return tuple(
         Body(link, piece, int(item.parentJoint), item.placement.homogeneous)
@@ -323,7 +323,7 @@ def _path_check(setup: Setup, chain: Chain) -> PathCheck:
 
 
 def _motion_of(obstacle: Obstacle) -> ObstacleMotion | None:
-    """Return how an obstacle moves; None if it stands."""
+    """Return how an obstacle moves; None if it is static."""
     if obstacle.motion is None:
         return None
     from hdplan.scenes.obstacle_motion import ObstacleMotion

@@ -1,7 +1,7 @@
 """The proof itself: lower bounds on the distance of moving bodies over a whole continuous motion.
 
 A curve and pairs of bodies → a proven lower bound, the closest place found, and every place where the proof fails.
-Each pair on each interval between waypoints is bounded, the most pressing first, by ever closer looks
+Each pair on each interval between waypoints is bounded, the most critical first, by ever tighter bounds
 (`interval_bounds`); an interval whose bound does not suffice is halved.
 """
 
@@ -21,13 +21,13 @@ from hdplan.planner.motion.motion_bounds import Array
 from hdplan.scenes.deadline import seconds_left
 
 SHORTEST = 2.0**-17  # of a waypoint interval: below it, the answer is "not proven"
-STILL = 1e-6  # [m] motion below which halving is of no use
-TOLERANCE = 5e-4  # [m] by which the proven clearance may fall short of the closest place found,
-RELATIVE_TOLERANCE = 0.05  # or by this part of it, whichever is larger; never by more than half
-FIRST_CHUNK = 64  # pairs looked at before the closest distance is known; later ones are looked at in larger chunks
-WAYPOINTS_AT_ONCE = 256  # asked of open meshes
-MOST_ITEMS = 30_000  # pairs on intervals looked at together: more would only fill the memory
-MOST_EXACT_CALLS = 300_000  # exact distances computed in one proof, then the rest is "not proven"
+STILL = 1e-6  # [m] motion below which halving does not help
+TOLERANCE = 5e-4  # [m] by which the proven clearance may fall short of the least distance found,
+RELATIVE_TOLERANCE = 0.05  # or by this share of it, whichever is larger; never by more than half
+FIRST_CHUNK = 64  # pairs evaluated before the closest distance is known; later chunks are larger
+WAYPOINTS_AT_ONCE = 256  # at which open meshes are checked
+MOST_ITEMS = 30_000  # pairs on intervals evaluated together: more would only fill the memory
+MOST_EXACT_CALLS = 300_000  # exact distances computed in one proof; after that the rest is "not proven"
 
 
 @dataclass(frozen=True)
@@ -38,25 +38,25 @@ class Spot:
     fraction: float  # within it, 0 to 1
     pair: int  # row of the pairs
     distance: float  # [m] computed there: negative in contact (then minus the depth, where it is known)
-    touching: bool = False  # the distance there falls short; otherwise it could not be proven to suffice
+    touching: bool = False  # whether that distance is too small; otherwise it could not be proven large enough
 
 
 @dataclass(frozen=True)
 class Proof:
-    """What was found out about the whole motion; by default nothing."""
+    """What was found for the whole motion; by default nothing."""
 
     clearance: tuple[float, float] = (np.inf, np.inf)  # [m] proven lower bound for each group, inf without pairs
-    closest: tuple[Spot | None, Spot | None] = (None, None)  # the least distance met, for each group
-    failures: tuple[Spot, ...] = ()  # every waypoint interval and pair without proof, the worst place met there
+    closest: tuple[Spot | None, Spot | None] = (None, None)  # the least distance found, for each group
+    failures: tuple[Spot, ...] = ()  # every waypoint interval and pair without proof, with the worst place found there
     configurations: int = 0  # at which distances were computed
     exact_calls: int = 0  # of the exact distance
 
 
 class Sweep:
-    """Bodies and pairs made ready for many motions."""
+    """Bodies and pairs, prepared for many motions."""
 
     def __init__(self, bodies: Bodies, pairs: Pairs) -> None:
-        """Note which pairs are not told by their hulls alone."""
+        """Note for which pairs the distance of the hulls is not the exact one."""
         self.bodies, self.pairs = bodies, pairs
         self.hollow = bodies.hollow[pairs.a] | bodies.hollow[pairs.b]  # (P,)
         self.containment = Containment(bodies, pairs)
@@ -66,40 +66,39 @@ class Sweep:
     ) -> tuple[Spot, ...]:
         """Return the signed distance of every pair at one configuration q (n,) at a time [s]: negative in contact.
 
-        Pairs that are certainly farther apart than `within` [m] are left out. Hulls are separated by themselves, or,
-        with `surfaces`, by what they are hulls of.
+        Pairs that are certainly farther apart than `within` [m] are left out. Where hulls are apart, the distance is
+        theirs, or, with `surfaces`, that of the triangles that they contain.
         """
         return self._standing(q, time).at_start(within=within, surfaces=surfaces)
 
     def nearest(self, q: Array, within: float = np.inf, time: float = 0.0) -> tuple[Spot | None, Spot | None]:
-        """Return the closest pair of each group at one configuration q (n,) at a time [s], exactly: by surfaces, not
+        """Return the closest pair of each group at one configuration q (n,) and time [s], exactly: by the surfaces, not
         their hulls.
 
-        None for a group of which no pair is `within` [m], or none at all.
+        None for a group without a pair `within` [m].
         """
         return self._standing(q, time).nearest_at_start(within)
 
     def witnesses(self, q: Array, pair: int, time: float = 0.0) -> Array:
-        """Return the points (2, 3) [m] at which two bodies are closest at one configuration q (n,) at a time [s], for
-        pictures."""
+        """Return the closest points (2, 3) [m] of two bodies at one configuration q (n,) and time [s], for pictures."""
         return self._standing(q, time).witnesses_at_start(pair)
 
     def prove(self, curve: Curve, required: Array | float = 0.0, stop_at_contact: bool = False) -> Proof:
         """Prove a motion, or find where it cannot be proven.
 
         `required` [m], one for each pair (P,) or one for all, is what pairs must keep; at 0 they must not touch. With
-        `stop_at_contact` the first places found too close end the search: failures are then not complete.
+        `stop_at_contact` the first contact found ends the search: failures are then not complete.
         """
         floor = np.broadcast_to(np.asarray(required, dtype=np.float64), self.pairs.a.shape)
         return _Run(self, curve, floor, stop_at_contact).prove()
 
     def _standing(self, q: Array, time: float) -> _Run:
-        """Look at one configuration, at one time."""
+        """Return a run that stands at one configuration and time."""
         return _Run(self, Curve.through(np.stack([q, q]), np.array([time, time])), np.zeros(len(self.pairs.a)))
 
 
 class _Run:
-    """One motion's proof under way."""
+    """The proof of one motion in progress."""
 
     def __init__(self, sweep: Sweep, curve: Curve, floor: Array, stop_at_contact: bool = False) -> None:
         self.bodies, self.pairs, self.hollow = sweep.bodies, sweep.pairs, sweep.hollow
@@ -126,8 +125,8 @@ class _Run:
         )
 
     def _prove_all(self) -> None:
-        """Prove the pairs in the order of how close they come, as a ball around the whole motion tells: what is far
-        away is done with once it is known how close the closest come."""
+        """Prove the pairs in the order of how close they come, as bounded by a ball around the whole motion: the far
+        ones are settled as soon as it is known how close the closest come."""
         count = len(self.curve) - 1
         roots = self._place(np.arange(count), np.zeros(count), np.ones(count))
         far = self.bounds.over_all(roots)  # (P,)
@@ -149,8 +148,8 @@ class _Run:
                     nodes, items = self._halve(nodes, items)
 
     def at_start(self, within: float = np.inf, surfaces: bool = False) -> tuple[Spot, ...]:
-        """Return the signed distances of all pairs at the first waypoint, but for those that balls tell to be farther
-        apart than `within`."""
+        """Return the signed distances of all pairs at the first waypoint, except for those that bounding balls prove to
+        be farther apart than `within`."""
         nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
         spots = self._contained(nodes, self.containment.found(nodes))
         items = Items.all(1, np.arange(len(self.pairs.a)))
@@ -186,15 +185,15 @@ class _Run:
         return best[0], best[1]
 
     def witnesses_at_start(self, pair: int) -> Array:
-        """Return the points (2, 3) at which two bodies are closest at the first waypoint."""
+        """Return the closest points (2, 3) of two bodies at the first waypoint."""
         nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
         return witness_points(*self._posed(nodes, 0, pair))
 
     # --- one inside the other ----------------------------------------------------------------------------------------
 
     def _inside(self) -> list[Spot]:
-        """Return the bodies that lie inside others at the start of the motion, or in open meshes at a waypoint, the
-        first."""
+        """Return the bodies that lie inside others at the start of the motion, or inside open meshes at a waypoint: the
+        first such waypoint."""
         nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
         spots = self._contained(nodes, self.containment.found(nodes))
         rows = np.arange(1, len(self.curve)) if self.containment.open.any() else np.arange(0)
@@ -205,7 +204,7 @@ class _Run:
         return spots
 
     def _contained(self, nodes: Intervals, found: list[tuple[int, tuple[int, ...]]]) -> list[Spot]:
-        """Return a place for each, as deep as the surfaces are apart: at least so far one of the two has to move."""
+        """Return a place for each, as deep as the surfaces are apart: at least that far one of the two has to move."""
         return [
             self._spot(nodes, node, pairs[0], -max(min(self._surface(nodes, node, p) for p in pairs), ROUNDING), True)
             for node, pairs in found
@@ -214,7 +213,7 @@ class _Run:
     # --- one round ----------------------------------------------------------------------------------------------------
 
     def _examine(self, nodes: Intervals, items: Items) -> Items | None:
-        """Raise the items' bounds, the most pressing first, and return those that have to be halved."""
+        """Raise the items' bounds, the most critical first, and return the items that have to be halved."""
         bound, normal = self.bounds.by_ball(nodes, items)
         known = np.any(items.normal != 0.0, axis=1, keepdims=True)
         items = replace(items, bound=np.maximum(items.bound, bound), normal=np.where(known, items.normal, normal))
@@ -248,7 +247,7 @@ class _Run:
         return self.stop_at_contact and any(spot.touching for spot in self.failures.values())
 
     def _open(self, nodes: Intervals, items: Items) -> Items:
-        """Drop the items that are proven as far as need be, or failed; what the former prove counts."""
+        """Return the items neither proven far enough apart nor failed, recording what the proven ones keep."""
         group, enough = self.pairs.group[items.pair], self._enough(items.pair)
         failed = self.failed[nodes.interval[items.node], items.pair]
         closed = (items.bound >= enough) & (items.bound > 0.0) & ~failed
@@ -259,12 +258,12 @@ class _Run:
         return items[~closed & ~failed]
 
     def _enough(self, pairs: Index) -> Array:
-        """Return the bounds [m] at which pairs (i,) need no closer look."""
+        """Return the bounds [m] at which pairs (i,) are settled."""
         goals = np.array([self._goal(0), self._goal(1)])
         return np.asarray(np.maximum(self.floor[pairs], goals[self.pairs.group[pairs]]))
 
     def _goal(self, group: int) -> float:
-        """Return what a group can be proven to keep [m], at most and but for a tolerance."""
+        """Return the greatest clearance [m] that a group can be proven to keep, less a tolerance."""
         spot = self.closest[group]
         if spot is None:
             return np.inf
@@ -272,13 +271,13 @@ class _Run:
         return spot.distance - tolerance
 
     def _exactly(self, nodes: Intervals, items: Items) -> Items:
-        """Raise the items' bounds by exact distances at the midpoints, and note the closest places and the contacts."""
+        """Raise the items' bounds by exact distances at the midpoints, and record the closest places and contacts."""
         values, bound, normals = self._exact(nodes, items)
         bound = np.maximum(items.bound, bound)
         goal = self._enough(items.pair)
         hollow, travel = self.hollow[items.pair], travel_of(items)
         for i in np.flatnonzero(hollow & (values < goal) & (bound < goal)).tolist():
-            # where coal is in doubt, a surface's distance is 0: it is no less than the hulls'
+            # where coal is not plausible, the surfaces' distance is 0: the hulls' is a lower bound of it
             values[i] = max(values[i], self._surface(nodes, int(items.node[i]), int(items.pair[i])))
             bound[i] = max(bound[i], values[i] - travel[i] - ROUNDING)
         for i in np.argsort(values).tolist():
@@ -287,7 +286,7 @@ class _Run:
         return replace(items, bound=bound, normal=normals)
 
     def _halve(self, nodes: Intervals, items: Items) -> tuple[Intervals, Items]:
-        """Cut the intervals of the open items in two; give up those that are as short as they may become."""
+        """Halve the intervals of the open items; give up those that are as short as they may become."""
         moved = nodes.moved
         still = moved[items.node, self.pairs.a[items.pair]] + moved[items.node, self.pairs.b[items.pair]] <= STILL
         over = self.exact_calls > MOST_EXACT_CALLS or seconds_left() == 0.0
@@ -309,7 +308,7 @@ class _Run:
         return self._place(np.repeat(nodes.interval[used], 2), start, width), halves
 
     def _met(self, spot: Spot) -> None:
-        """Note a distance that was met."""
+        """Record a distance that was found."""
         group = int(self.pairs.group[spot.pair])
         best = self.closest[group]
         if best is None or spot.distance < best.distance:

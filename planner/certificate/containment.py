@@ -1,17 +1,17 @@
-"""Which bodies lie wholly inside the solid that a mesh bounds: what distances between surfaces do not tell.
+"""Which bodies lie wholly inside the solid that a mesh bounds: distances between surfaces do not show that.
 
-Let A be bounded by triangles and B a convex body or bounded by triangles too, and let no triangle of A meet B, or a
-triangle of B, at any time of a motion: the sweep proves that, piece by piece, as the pieces that a mesh is cut into
-hold all of its triangles. Then the winding number of A around a point p of B, each where the motion brings it, changes
-continuously with time, and with p along the part of B that p belongs to, a convex body or triangles that hang together.
-For a closed A it is an integer, so it is constant: one point of each part, at one instant, tells for the whole part and
-the whole motion. And where no part of B is inside A, and none of A inside B, they have no point in common: from a
-common point go straight on to the first surface of the two, that of A, say; B has not been left, so this point, and the
-part of A that it belongs to, is inside B.
+Let A be bounded by triangles, and B convex or bounded by triangles too. Let no triangle of A meet B, or a triangle of
+B, at any time of a motion: the collision proof shows that, piece by piece, as the pieces that a mesh is cut into
+contain all of its triangles. Then the winding number of A around a point p of B, as both move, changes continuously
+with time, and with p along the connected part of B to which p belongs. For a closed A it is an integer, so it is
+constant: one point of each part, at one instant, decides for the whole part and the whole motion. And if no part of B
+is inside A, and none of A inside B, they have no point in common: from a common point, follow a straight line to the
+first surface of the two, say that of A; B has not been left yet, so this point, and the part of A to which it belongs,
+is inside B.
 
-So every pair of solids is asked at the start, whatever the distances of the pieces, by the solids whole. An open mesh
-lets bodies in by its hole, and its winding number is a fraction, so it is asked at every waypoint: between two of them
-it is its triangles, and nothing more.
+So every pair of solids is checked at the start, as whole solids, whatever the distances of their pieces. An open mesh
+lets bodies in through its hole, and its winding number is not an integer, so it is checked at every waypoint; between
+two waypoints only its triangles count.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ from hdplan.planner.motion.motion_bounds import Array
 class Query:
     """Whether a part of one body is inside the solid of another."""
 
-    outer: int  # row of the bodies: of all pieces cut from one mesh the first
+    outer: int  # row of the bodies: the first of all pieces cut from one mesh
     inner: int
     point: Array  # (3,) on the part, in the frame of `inner`
     pairs: tuple[int, ...]  # of pieces of the two
 
 
 class Containment:
-    """The solids of a scene, made ready to be asked in many configurations."""
+    """The solids of a scene, prepared for checks at many configurations."""
 
     def __init__(self, bodies: Bodies, pairs: Pairs) -> None:
-        """Gather what there is to ask: every pair of bodies of which one is bounded by triangles."""
+        """Collect the queries: every pair of bodies one of which is bounded by triangles."""
         self.bodies = bodies
         first: dict[object, int] = {}
         whole = [first.setdefault(_identity(body), row) for row, body in enumerate(bodies.bodies)]
@@ -66,7 +66,7 @@ class Containment:
         return self._found(nodes, np.arange(len(self.queries)))
 
     def found_in_open(self, nodes: Intervals) -> list[tuple[int, tuple[int, ...]]]:
-        """Return the same of open meshes alone."""
+        """Return the same for open meshes only."""
         return self._found(nodes, np.flatnonzero(self.open))
 
     def _found(self, nodes: Intervals, rows: Index) -> list[tuple[int, tuple[int, ...]]]:
@@ -84,12 +84,12 @@ class Containment:
 
 
 def _identity(body: Body) -> object:
-    """What pieces that are cut from one mesh have in common."""
+    """Return what all pieces cut from one mesh have in common."""
     surface = body.piece.surface
     return id(body) if surface is None else (body.name, id(surface.solid), body.joint, body.placement.tobytes())
 
 
 def _parts(body: Body) -> Array:
-    """A point (c, 3) of each part that hangs together, in the body's frame."""
+    """Return one point of each connected part (c, 3), in the body's frame."""
     surface = body.piece.surface
     return body.piece.vertices[:1] if surface is None else surface.solid.parts

@@ -1,4 +1,4 @@
-"""Whether a motion begins and ends where its scene says: the certificate's word on ends."""
+"""The certificate's check of the ends: whether a motion begins and ends where its scene says."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class EndCheck:
     robot: Robot
 
     def wrong(self, curve: Curve) -> str | None:
-        """Say how a motion misses the start, or else the goal; None if it meets both."""
+        """Say how a motion misses the start, or else the goal; None if it reaches both."""
         waypoints = curve.rows
         with naming(self.scene.source):
             start = self.robot.configuration(self.scene.start, self.scene.from_request)
@@ -35,8 +35,8 @@ class EndCheck:
         return at_start or at_goal
 
     def placed(self, curve: Curve) -> Iterator[tuple[str, Array, float]]:
-        """Yield the scene's ends: field, configuration (n,), time [s]; where the scene leaves a choice of goals, the
-        motion's last row if it reaches one."""
+        """Yield the scene's ends: field, configuration (n,), time [s]. If the scene leaves a choice of goals, the goal
+        is the motion's last row, if it reaches one of them."""
         goal, scene = self.scene.goal, self.scene
         with naming(scene.source):
             yield scene.start.field, self.robot.configuration(scene.start, scene.from_request), 0.0
@@ -48,8 +48,8 @@ class EndCheck:
                 yield reached.field, curve.rows[-1], scene.end_time
 
     def off_goal(self, q: Array) -> str | None:
-        """Say how configuration q (n,) as the last waypoint misses the scene's goal, the first of several; None if it
-        meets one."""
+        """Say how configuration q (n,) as the last waypoint misses the scene's goal, or the first of several; None if
+        it reaches one."""
         goal = self.scene.goal
         if isinstance(goal, JointTarget):
             return self._off("last", q, self.robot.configuration(goal, self.scene.from_request), "goal")
@@ -59,7 +59,7 @@ class EndCheck:
     def _missing(self, q: Array, target: JointTarget | PoseTarget | AllOf) -> str | None:
         if isinstance(target, JointTarget):
             return self._off("last", q, self.robot.configuration(target), target.field)
-        from hdplan.planner.certificate.pose_goals import miss_of  # where the goal is a pose
+        from hdplan.planner.certificate.pose_goals import miss_of  # only for a pose
 
         for pose in target.poses:  # together: each of them counts
             miss = miss_of(self.robot, pose, q)
@@ -67,15 +67,15 @@ class EndCheck:
                 return f"the last waypoint has {pose.link} {miss} away from {pose.field}"
         return None
 
-    def _off(self, word: str, row: Array, target: Array, field: str) -> str | None:
-        """Say how a waypoint differs from the configuration of a field; None if it does not."""
+    def _off(self, which: str, row: Array, target: Array, field: str) -> str | None:
+        """Say how the first or last waypoint differs from the configuration of a field; None if it does not."""
         turning = np.isinf(self.robot.lower) & np.isinf(self.robot.upper)
         error = row - target
-        error = np.where(turning, np.angle(np.exp(1j * error)), error)  # whole turns are the same place
+        error = np.where(turning, np.angle(np.exp(1j * error)), error)  # equal up to whole turns
         joint = int(np.abs(error).argmax())
         if abs(error[joint]) <= SAME_END:
             return None
         return (
-            f"the {word} waypoint has joint '{self.robot.joint_names[joint]}' at {row[joint]:g}, "
+            f"the {which} waypoint has joint '{self.robot.joint_names[joint]}' at {row[joint]:g}, "
             f"the scene's {field} at {target[joint]:g}"
         )

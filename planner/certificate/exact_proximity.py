@@ -5,9 +5,9 @@ convex pieces coal proposes only a *direction* n; the number is computed here fr
 
     gap(n) = min_{a ∈ A} n·a − max_{b ∈ B} n·b  ≤  d(A, B)   for every unit n (separating plane),
 
-so no fault of an iterative solver (coal answers O(1) garbage in about 0.1 % of exactly parallel contacts) can make it
-too large. Between triangles coal's distance itself is taken, after tests of plausibility. Positive = separated, lengths
-in [m].
+so no fault of an iterative solver (coal returns O(1) garbage in about 0.1 % of exactly parallel contacts) can make it
+too large. Between triangles coal's distance itself is used, after plausibility checks. Positive = separated, lengths in
+[m].
 """
 
 from __future__ import annotations
@@ -30,33 +30,33 @@ from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points
 
 Array = NDArray[np.float64]
 
-MOST_PIECES = 12  # a mesh of more loose parts than this is treated whole, nor is it cut into more: pairs cost time
-WORTH_CUTTING = 0.85  # of a hull's volume: where two halves' hulls have more together, triangles stay together
-FEW = 250  # corners of a hull that stands in for one that coal cannot hold
-THIN = 1e-11  # of a mesh's size: a triangle that is no wider is none
-DOUBTFUL = 1e-5  # coal's distance and the gap along its own normal differ by more [m] only where coal is wrong
-NUDGES = 3  # slightly turned poses that are tried where coal is in doubt
-NUDGE = 1e-5  # [rad] by which they are turned: enough to end an exactly parallel contact
+MOST_PIECES = 12  # a mesh of more separate parts is taken as one, and none is cut into more pieces: pairs cost time
+WORTH_CUTTING = 0.85  # share of a hull's volume: if the hulls of the two halves have more, the mesh is not cut
+FEW = 250  # vertices of the hull that replaces one too large for coal
+THIN = 1e-11  # share of a mesh's size: narrower triangles are left out
+DOUBTFUL = 1e-5  # [m] coal's distance and the gap along its own normal differ by more only where coal is wrong
+NUDGES = 3  # slightly rotated poses that are tried where coal's answer is doubtful
+NUDGE = 1e-5  # [rad] of these rotations: enough to break an exactly parallel contact
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A convex set: the hull of `vertices`, swept by a ball, a disc across z and an ellipsoid. With `surface`, the hull
-    of that."""
+    """A convex set: the hull of `vertices`, swept by a ball, by a disc normal to z, or by an ellipsoid. With `surface`,
+    the hull of that."""
 
     vertices: Array  # (m, 3) [m] in the piece's frame
     shape: Any  # the same for coal, which only proposes directions
-    ball: float = 0.0  # [m] radius that sweeps in all directions: sphere, capsule
-    disc: float = 0.0  # [m] radius that sweeps across z: cylinder
-    radii: Array | None = None  # (3,) [m] half axes of the ellipsoid that sweeps
-    surface: Surface | None = None  # the triangles, where they are not convex
+    ball: float = 0.0  # [m] radius of the sweeping ball: sphere, capsule
+    disc: float = 0.0  # [m] radius of the sweeping disc, normal to z: cylinder
+    radii: Array | None = None  # (3,) [m] semi-axes of the sweeping ellipsoid
+    surface: Surface | None = None  # the triangles, if they are not convex
     low: Array = field(init=False)  # (3,) corners of the bounding box
     high: Array = field(init=False)
     center: Array = field(init=False)  # (3,) of the bounding ball
     radius: float = field(init=False)  # [m] of the bounding ball
 
     def __post_init__(self) -> None:
-        """Enclose the piece in a box and a ball."""
+        """Compute the bounding box and the bounding ball."""
         reach = np.array([self.disc, self.disc, 0.0]) + self.ball + (0.0 if self.radii is None else self.radii)
         low, high = self.vertices.min(axis=0) - reach, self.vertices.max(axis=0) + reach
         center = 0.5 * (low + high)
@@ -71,7 +71,7 @@ class Piece:
 
     @property
     def sweep(self) -> float:
-        """How far no point of the piece is beyond the hull of its vertices [m]."""
+        """How far a point of the piece is from the hull of its vertices at most [m]."""
         return self.ball + self.disc + (0.0 if self.radii is None else float(self.radii.max()))
 
     def support(self, directions: Array) -> Array:
@@ -91,14 +91,14 @@ class Surface:
     """Triangles that are not convex."""
 
     mesh: TriangleMesh
-    solid: Solid  # that they bound, alone or with others
+    solid: Solid  # which they bound, alone or with others
 
     @cached_property
     def tree(self) -> Any:
-        """Coal's tree of bounding volumes over them, built when it is first asked for.
+        """Coal's tree of bounding volumes over them, built on first use.
 
-        Without triangles that have no width: coal finds them in contact with anything far away, and what they hold lies
-        on the edges of others, to less than ROUNDING.
+        Triangles without width are left out: coal reports them in contact with things far away, and they lie on the
+        edges of other triangles, to less than ROUNDING.
         """
         a, b, c = self.mesh.vertices[self.mesh.triangles].transpose(1, 0, 2)
         longest = np.max([np.linalg.norm(side, axis=1) for side in (b - a, c - b, a - c)], axis=0)
@@ -149,10 +149,10 @@ def link_pieces(geometry: Any, name: str) -> tuple[Piece, ...]:
 
 
 def mesh_pieces(mesh: TriangleMesh) -> tuple[Piece, ...]:
-    """Take a mesh apart into its loose parts; a convex part is its hull, any other keeps its triangles.
+    """Split a mesh into its connected parts; a convex part becomes its hull, any other keeps its triangles.
 
-    Parts that are open or turned inside out (the wall of a cavity) mean something only together: then they are not
-    taken apart. Triangles that are not convex are cut where that makes their hulls much smaller.
+    Parts that are open or inside out (the wall of a cavity) have a meaning only together, so that the mesh is not split
+    then. Parts that are not convex are cut where that makes their hulls much smaller.
     """
     parts = mesh.components()
     if len(parts) > MOST_PIECES or not all(part.closed and part.volume > 0 for part in parts):
@@ -165,10 +165,10 @@ def mesh_pieces(mesh: TriangleMesh) -> tuple[Piece, ...]:
 
 
 def _cut(mesh: TriangleMesh, solid: Solid) -> tuple[Piece, ...]:
-    """Cut triangles into parts, the one with the largest hull first, as long as the hulls of two halves leave out much
-    of the whole's: the tighter the hulls, the less often the triangles themselves are asked.
+    """Cut triangles into parts, the one with the largest hull first, as long as the hulls of the two halves are much
+    smaller than the hull of both: the tighter the hulls, the less often distances of triangles are needed.
 
-    A shell's parts could be cut for ever, each smaller by more than what is worth it: MOST_PIECES end that.
+    The parts of a shell could be cut for ever, always with enough gain: MOST_PIECES ends that.
     """
     parts, whole = [(mesh.hull_volume, mesh)], list[TriangleMesh]()
     while parts:
@@ -183,7 +183,7 @@ def _cut(mesh: TriangleMesh, solid: Solid) -> tuple[Piece, ...]:
 
 
 def _halves(mesh: TriangleMesh) -> tuple[TriangleMesh, ...]:
-    """Cut triangles across their longest side; empty where all of them lie on one side of the cut."""
+    """Cut triangles across their longest extent; empty if all of them lie on one side of the cut."""
     middle = mesh.vertices.mean(axis=0)
     axis = np.linalg.svd(mesh.vertices - middle, full_matrices=False)[2][0]
     heights = (mesh.vertices - middle) @ axis
@@ -195,10 +195,10 @@ def _halves(mesh: TriangleMesh) -> tuple[TriangleMesh, ...]:
 
 @dataclass(frozen=True)
 class Direction:
-    """What coal says of two convex pieces."""
+    """Coal's answer for two convex pieces."""
 
     normal: Array  # (3,) unit, from B to A, world frame
-    distance: float  # coal's signed distance [m]: not to be trusted by itself
+    distance: float  # coal's signed distance [m]: not to be trusted on its own
 
 
 def direction(a: Any, pose_a: Any, b: Any, pose_b: Any) -> Direction:
@@ -213,16 +213,17 @@ def direction(a: Any, pose_a: Any, b: Any, pose_b: Any) -> Direction:
 
 
 def gap(a: Piece, rotation_a: Array, origin_a: Array, b: Piece, rotation_b: Array, origin_b: Array, n: Array) -> float:
-    """Return gap(n) above for one pair: a lower bound of the signed distance, exact for the best unit n."""
+    """Return gap(n) of the module's equation for one pair: a lower bound of the signed distance, exact for the best
+    unit n."""
     nearest_a = n @ origin_a - a.support(-(n @ rotation_a)[None])[0]
     farthest_b = n @ origin_b + b.support((n @ rotation_b)[None])[0]
     return float(nearest_a - farthest_b)
 
 
 def best_direction(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> tuple[Array, float]:
-    """Return the direction of the largest gap among coal's answers here and at slightly turned poses, and the gap.
+    """Return the direction of the largest gap among coal's answers at these and slightly rotated poses, and the gap.
 
-    For the few places where one answer is not to be believed. Poses are (4, 4).
+    For the few places where one answer is doubtful. Poses are (4, 4).
     """
     rotation_a, origin_a, rotation_b, origin_b = pose_a[:3, :3], pose_a[:3, 3], pose_b[:3, :3], pose_b[:3, 3]
     best, largest = np.array([0.0, 0.0, 1.0]), -np.inf
@@ -237,9 +238,9 @@ def best_direction(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> tuple[Ar
 def surface_distance(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> float:
     """Return the distance [m] of two pieces' real surfaces, 0 if they touch or if coal's answer is not plausible.
 
-    Unsigned, and blind to one lying wholly inside the other: see `containment`. The answer is taken only if it is
-    finite and equals the distance of its own witness points, and from two poses, the second slightly turned: the
-    smaller one counts, less what the turn may have added. Poses are (4, 4).
+    Unsigned, and blind to one lying wholly inside the other: see `containment`. An answer is accepted only if it is
+    finite and equals the distance of its own witness points. It is computed at two poses, the second slightly rotated:
+    the smaller one counts, less what the rotation may have added. Poses are (4, 4).
     """
     rotation_b, center = pose_b[:3, :3], pose_b[:3, :3] @ b.center + pose_b[:3, 3]
     smallest = np.inf
@@ -262,10 +263,10 @@ def surface_distance(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> float:
 
 
 def witness_points(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> Array:
-    """Return the points (2, 3) [m], on a and on b, between which coal finds the distance of their real surfaces.
+    """Return the closest points (2, 3) [m] of the real surfaces, on a and on b, as coal finds them.
 
-    For pictures: nothing is proven of them. In contact they are the ends of the least penetration, or the place where
-    two triangles meet. Poses are (4, 4).
+    For pictures: nothing is proven about them. In contact they are the ends of the least penetration, or the place
+    where two triangles meet. Poses are (4, 4).
     """
     result = coal.DistanceResult()
     coal.distance(
@@ -304,9 +305,9 @@ def _ellipsoid(radii: Array) -> Piece:
 
 
 def _hull(points: Array, surface: Surface | None = None) -> Piece:
-    """Return the hull of `points`; if they are flat, coal gets them thickened a little, the supports stay exact.
+    """Return the hull of `points`; if they are flat, coal gets a slightly thicker hull, while the supports stay exact.
 
-    Where coal cannot hold the hull, its triangles tell the distance, and fewer corners the direction.
+    If the hull is too large for coal, its triangles give the distance, and a hull of fewer vertices the direction.
     """
     centered = points - points.mean(axis=0)
     extents = np.linalg.svd(centered, compute_uv=False)

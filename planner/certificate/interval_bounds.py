@@ -1,12 +1,12 @@
 """Lower bounds on the distance of two bodies over a whole interval of a motion, from coarse to exact.
 
-For one interval and one pair A, B, with n a unit direction (world frame) and everything taken at the interval's
-midpoint, the motion bounds of `motion_bounds` give, since the bracket is concave in s,
+For one interval and one pair A, B, with n a unit direction (world frame) and everything evaluated at the interval's
+midpoint, the bounds of `motion_bounds` give, since the bracket is concave in s,
 
     d(A(s), B(s)) ≥ min_{s = ±1} [ min_{a ∈ A} n·(a + s a') − max_{b ∈ B} n·(b + s b') ] − R_A − R_B,   |s| ≤ 1,
 
 two values of support functions, n·(a + s a') = (n + s n × Ω)·a + s n·U. For a pair whose joints have a common ancestor,
-only the joints beyond it count: the motion is seen from there. Any n gives a true bound; coal gives the best one. R
+only the joints beyond it count: the motion is relative to it. Any n gives a valid bound; coal gives the best one. R
 falls with the square of the interval's length. Coarser: the distance at the midpoint less the bodies' whole travel.
 """
 
@@ -24,7 +24,7 @@ from hdplan.planner.motion.motion_bounds import Array, Mask, Motion, cross
 
 @dataclass(frozen=True, eq=False)
 class Items:
-    """Pairs on intervals, still open."""
+    """Pairs on intervals that are still to be proven."""
 
     node: Index  # (i,) row of the intervals
     pair: Index  # (i,)
@@ -43,7 +43,7 @@ class Items:
 
     @classmethod
     def all(cls, nodes: int, pairs: Index) -> Items:
-        """Return every pair on every one of `nodes` intervals, nothing known of them."""
+        """Return every pair on every one of `nodes` intervals, with nothing known about them."""
         size = nodes * len(pairs)
         node, pair = np.repeat(np.arange(nodes), len(pairs)), np.tile(pairs, nodes)
         return cls(node, pair, np.full(size, -np.inf), np.zeros((size, 3)))
@@ -57,8 +57,8 @@ class Bounds:
         self.bodies, self.pairs = bodies, pairs
 
     def over_all(self, nodes: Intervals) -> Array:
-        """Return a bound (P,) [m] for each pair over all the intervals: from a ball that holds the first body's whole
-        motion to the box of the second; −inf where the second moves as well."""
+        """Return a bound (P,) [m] for each pair over all the intervals: the distance from a ball that contains the
+        first body's whole motion to the second's box; −inf where the second moves as well."""
         bodies, pairs = self.bodies, self.pairs
         center = nodes.center
         middle = 0.5 * (center.min(axis=0) + center.max(axis=0))  # (g, 3)
@@ -88,7 +88,7 @@ class Bounds:
         return distance - self.bodies.radius[a] - travel - ROUNDING, normal
 
     def with_motion(self, nodes: Intervals, items: Items) -> Items:
-        """Return the items with their bodies' motions, which the following bounds need."""
+        """Return the items with their bodies' motions, which the bounds below need."""
         pairs = self.pairs
         motion_a = nodes.motion(items.node, pairs.a[items.pair], pairs.moves_a[items.pair])
         motion_b = nodes.motion(items.node, pairs.b[items.pair], pairs.moves_b[items.pair])

@@ -1,8 +1,8 @@
-"""Bodies on the intervals of a motion: where the pieces of links and obstacles stand at each midpoint, how they move.
+"""Bodies on the intervals of a motion: where the pieces of links and obstacles are at each midpoint, and how they move.
 
-Bodies and pairs of them are gathered into arrays once (`Bodies`, `Pairs`); `Intervals` holds, for many intervals of one
-motion at a time, the placements at their midpoints (Pinocchio's) and what the motion bounds need. Obstacles may move by
-themselves (`obstacle_motion`), by the times of the motion.
+Bodies and pairs of them are collected into arrays once (`Bodies`, `Pairs`); `Intervals` holds, for many intervals of
+one motion at a time, the placements at their midpoints (Pinocchio's) and what the motion bounds need. Obstacles may
+move on their own (`obstacle_motion`), at the times of the motion.
 """
 
 from __future__ import annotations
@@ -33,25 +33,25 @@ class Body:
 
     name: str  # of the link or the obstacle
     piece: Piece
-    joint: int = 0  # of the model, that carries it; 0: the world
+    joint: int = 0  # the model's joint that carries it; 0: the world
     placement: Array = field(default_factory=lambda: np.eye(4))  # (4, 4) of the piece in that joint's frame
-    obstacle_motion: ObstacleMotion | None = None  # of an obstacle that moves, in place of the placement
+    obstacle_motion: ObstacleMotion | None = None  # of a moving obstacle, in place of the placement
 
     def __post_init__(self) -> None:
         """Share its arrays read-only."""
         freeze(self)
 
     def reach(self, chain: Chain, travel: Array) -> Array:
-        """Return ρ (n,) of `motion_bounds`, for coordinates that range over `travel` (n, 2)."""
+        """Return ρ (n,) of `motion_bounds`, for joint coordinates in the ranges `travel` (n, 2)."""
         points = self.piece.vertices @ self.placement[:3, :3].T + self.placement[:3, 3]
         return chain.reach(self.joint, points, self.piece.sweep, travel)
 
 
 class Bodies:
-    """All bodies of a scene on one robot, as arrays over g bodies."""
+    """All bodies of a scene and its robot, as arrays over g bodies."""
 
     def __init__(self, chain: Chain, bodies: Sequence[Body], to_pinocchio: Callable[[Array], Array]) -> None:
-        """Gather placements and bounds; `to_pinocchio` maps joint values (k, n) to configurations (k, nq)."""
+        """Collect placements and bounds; `to_pinocchio` maps joint values (k, n) to configurations (k, nq)."""
         self.chain, self.bodies, self.to_pinocchio = chain, tuple(bodies), to_pinocchio
         self.names = tuple(body.name for body in bodies)
         self.pieces = tuple(body.piece for body in bodies)
@@ -65,22 +65,23 @@ class Bodies:
         self.drifting = np.array([body.obstacle_motion is not None for body in bodies], dtype=bool)  # (g,)
 
     def speed(self, g: int) -> float:
-        """Return how fast a point of a drifting body moves at most [m/s]."""
+        """Return the greatest speed of any point of a drifting body [m/s]."""
         motion = self._motion(g)
         return float((_lengths(motion.velocity) + _lengths(motion.spin) * self._lever(g)).max())
 
     def latest(self, g: int) -> float:
-        """Return the greatest time [s] of a drifting body's own poses, however far before or after 0."""
+        """Return the greatest |time| [s] of a drifting body's own poses."""
         return float(np.abs(self._motion(g).anchors).max())
 
     def farthest(self, g: int, time: float) -> float:
-        """Return how far from the world's origin a drifting body's own may come [m] within `time` [s] of its poses."""
+        """Return how far the origin of a drifting body's frame may be from the world's [m] within `time` [s] of its
+        poses."""
         motion = self._motion(g)
         gone = float(_lengths(motion.velocity).max()) * time if time > 0.0 else 0.0
         return float(_lengths(motion.poses[:, :3, 3]).max()) + gone
 
     def _lever(self, g: int) -> float:
-        """No point of a body is farther from its origin [m]."""
+        """Return a bound on the distance of a body's points from its origin [m]."""
         return float(np.linalg.norm(self.pieces[g].center)) + self.pieces[g].radius
 
     def _motion(self, g: int) -> ObstacleMotion:
@@ -89,11 +90,11 @@ class Bodies:
         return motion
 
     def drift(self, middle: Array, half: Array) -> tuple[Array, Motion]:
-        """Return where the drifting bodies are at times `middle` (k,) [s], (k, g, 4, 4), and what they do within `half`
-        (k,) of them, (k, g); at rest if they do not drift.
+        """Return where the drifting bodies are at times `middle` (k,) [s], (k, g, 4, 4), and their motion within `half`
+        (k,) [s] of these times, (k, g); the other bodies are at rest.
 
-        Within one segment a point x moves by s (ω × (x − o) + v) `half`, but for ½ (|ω| half)² ‖x − o‖ at most, o being
-        the body's origin; over several segments no faster than in the fastest.
+        Within one segment a point x moves by s (ω × (x − o) + v) `half`, up to an error of ½ (|ω| half)² ‖x − o‖, with
+        o the body's origin; over several segments it is no faster than in the fastest of them.
         """
         shape = (len(middle), len(self.bodies))
         placements, omega, velocity = np.zeros((*shape, 4, 4)), np.zeros((*shape, 3)), np.zeros((*shape, 3))
@@ -117,7 +118,7 @@ class Bodies:
         """Return ρ (g, n) for all configurations of a motion."""
         low, high = curve.bounds()
         travel = np.stack([low.min(axis=0), high.max(axis=0)], axis=1)
-        if self.chain.revolute.all():  # where nothing slides, it is the same for every motion
+        if self.chain.revolute.all():  # without prismatic joints it is the same for every motion
             rows = [_reach_of_turns(self.chain, body) for body in self.bodies]
         else:
             rows = [body.reach(self.chain, travel) for body in self.bodies]
@@ -125,7 +126,7 @@ class Bodies:
 
 
 def _lengths(vectors: Array) -> Array:
-    """The lengths (k,) of vectors (k, 3), however long."""
+    """Return the lengths (k,) of vectors (k, 3), without overflow."""
     return np.asarray(np.hypot(np.hypot(vectors[:, 0], vectors[:, 1]), vectors[:, 2]))
 
 
@@ -146,7 +147,7 @@ class Pairs:
 
     @classmethod
     def of(cls, bodies: Bodies, rows: Sequence[tuple[int, int, int]]) -> Pairs:
-        """Build from (a, b, group); pairs that do not move against each other are left out."""
+        """Build from (a, b, group); pairs without relative motion are left out."""
         table = np.array(rows, dtype=np.int64).reshape(-1, 3)
         carried_by = bodies.chain.carried_by[bodies.joint]
         a, b = carried_by[table[:, 0]], carried_by[table[:, 1]]
@@ -162,20 +163,20 @@ class Intervals:
     interval: Index  # (k,) waypoint interval
     start: Array  # (k,) within it, 0 to 1
     width: Array  # (k,)
-    delta: Array  # (k, n) half of the joints' motion, signed
-    deviation: Array  # (k, n) by how much they may leave the straight line between, ε
+    delta: Array  # (k, n) half of the joints' motion, signed, δ
+    deviation: Array  # (k, n) by how much they may deviate from the straight line, ε
     rotation: Array  # (k, bodies, 3, 3) of the bodies
     origin: Array  # (k, bodies, 3)
     center: Array  # (k, bodies, 3) of their bounding balls and boxes
     axes: Array  # (k, n, 3) of the joints
     points: Array  # (k, n, 3) on the axes
     reach: Array  # (k, bodies, n) ρ
-    drift: Motion | None = None  # (k, bodies) of bodies that move by themselves
-    transforms: dict[tuple[int, int], Any] = field(default_factory=dict)  # coal's, made when they are asked for
+    drift: Motion | None = None  # (k, bodies) of bodies that move on their own
+    transforms: dict[tuple[int, int], Any] = field(default_factory=dict)  # coal's, made on first use
 
     @classmethod
     def of(cls, bodies: Bodies, curve: Curve, rho: Array, interval: Index, start: Array, width: Array) -> Intervals:
-        """Place the bodies; `rho` is `bodies.reach(curve)`, the others as above."""
+        """Place the bodies; `rho` is `bodies.reach(curve)`, the others are the fields of the class."""
         chain = bodies.chain
         middle, delta, deviation = curve.part(interval, start, width)
         turned, moved = chain.frames(bodies.to_pinocchio(middle))
@@ -196,20 +197,20 @@ class Intervals:
         )
 
     def motion(self, row: Index, body: Index, moves: Mask) -> Motion:
-        """Return what bodies (i,) do on intervals (i,) by the joints `moves` (i, n) alone."""
+        """Return the motion of bodies (i,) on intervals (i,) due to the joints `moves` (i, n) alone."""
         delta, deviation = self.delta[row] * moves, self.deviation[row] * moves
         motion = Motion.of(self.bodies.chain, delta, deviation, self.axes[row], self.points[row], self.reach[row, body])
         return motion if self.drift is None else motion + self.drift[row, body]
 
     @cached_property
     def speed(self) -> Array:
-        """How far each joint alone moves each body at most, (|δ| + ε) ρ (k, bodies, n) [m]."""
+        """The farthest that each joint alone moves each body, (|δ| + ε) ρ (k, bodies, n) [m]."""
         result: Array = (np.abs(self.delta) + self.deviation)[:, None] * self.reach
         return result
 
     @cached_property
     def moved(self) -> Array:
-        """How far each body moves at most (k, bodies) [m]."""
+        """The farthest that each body moves (k, bodies) [m]."""
         result: Array = self.speed.sum(axis=2)
         return result if self.drift is None else result + self.drift.first
 

@@ -1,7 +1,7 @@
-"""The checks of what a scene limits of its joints: what each must offer, and which there are.
+"""The checks of a scene's joint limits: what each check must provide, and which ones there are.
 
-A check proves its quantities along the whole executed curve, and says itself what is wrong and in which words, so that
-certificate, pictures and replay take another one as it comes.
+A check proves its quantities along the whole executed curve and states itself what is wrong, so that certificate,
+pictures and replay need not know which quantities there are.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from hdplan.planner.robot.setup import Setup
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-JUMP = 1e-6  # [rad/s], [rad/s²] or the like: what rounding makes of two equal values
+JUMP = 1e-6  # [rad/s], [rad/s²] and so on: differences of equal values due to rounding
 ROUNDING = 1e-9  # relative
 
 
 @dataclass(frozen=True)
 class Use:
-    """How much of what the joints can do a motion takes, where it takes most."""
+    """How much of a limit a motion uses, at the joint and interval where it uses most."""
 
     quantity: str  # "velocity", "acceleration", "jerk", "torque"
-    share: float  # of the limit, proven; inf where a jump makes it infinite
+    share: float  # proven bound of the value over the limit; inf where a jump makes it infinite
     joint: str
     interval: int  # between rows `interval` and `interval` + 1
     limit: float  # of that joint
@@ -43,16 +43,16 @@ class Use:
 
 @dataclass(frozen=True)
 class LimitFinding:
-    """What a check found of a motion."""
+    """What a check found about a motion."""
 
     uses: tuple[Use, ...]
     complaints: tuple[tuple[Status, str], ...] = ()  # what keeps the motion from being certified, the worst first
     remark: str = ""  # what is proven, in place of the uses' shares
-    hopeless: tuple[int, ...] = ()  # intervals between rows in which going slower does not help
+    hopeless: tuple[int, ...] = ()  # intervals between rows in which moving slower does not help
 
 
 class LimitCheck(Protocol):
-    """Limits of a scene on some quantities of its joints."""
+    """A scene's limits on some quantities of its joints."""
 
     @property
     def limits(self) -> Mapping[str, Array]:
@@ -68,13 +68,13 @@ class LimitCheck(Protocol):
         ...
 
     def overload(self, q: Array) -> str | None:
-        """Say which limit the robot passes even if it stands still at q (n,); None if it passes none."""
+        """Say which limit the robot exceeds even at rest at q (n,); None if it exceeds none."""
         ...
 
 
 def limit_checks(setup: Setup) -> Iterator[LimitCheck]:
-    """Give the checks that a scene calls for; the others are not even imported. Raises InputError for limits and loads
-    that do not fit the robot."""
+    """Yield the checks that a scene needs; the others are not even imported. Raises InputError for limits and loads
+    that do not match the robot."""
     if not DERIVATIVES.keys().isdisjoint(setup.limits):
         from hdplan.planner.certificate.rate_check import RateCheck
 

@@ -1,7 +1,8 @@
-"""Whether a motion keeps what its scene asks of the whole way, proven between the rows too: the certificate's word.
+"""The certificate's check of path constraints: whether a motion keeps them all along, proven between the rows too.
 
-Each constraint says what it is at a configuration, and no more than what on a part of the motion (`path_bounds`). A
-part whose bound does not suffice is halved; what is found at a midpoint is a fact. Angles in [rad], distances in [m].
+Each constraint gives its value at a configuration, and an upper bound of it on a part of the motion (`path_bounds`). A
+part whose bound does not suffice is halved; a violation found at a midpoint is a fact. Angles in [rad], distances in
+[m].
 """
 
 from __future__ import annotations
@@ -16,15 +17,15 @@ from hdplan.planner.motion.motion_bounds import Array, Chain
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.deadline import seconds_left
 
-GRANTED = 1e-9  # [rad] or [m] beyond what is allowed that rounding may cost
-ROUNDING = 1e-9  # [rad] or [m] put on every bound
-SLACK = 0.02  # share of what is allowed by which a proven worst value may lie above the worst that was met
+GRANTED = 1e-9  # [rad] or [m] beyond the tolerance that is accepted, for rounding errors
+ROUNDING = 1e-9  # [rad] or [m] added to every bound
+SLACK = 0.02  # share of the tolerance by which the proven worst value may exceed the worst one found
 SHORTEST = 2.0**-17  # of an interval: below it, the answer is "not proven"
 
 
 @dataclass(frozen=True)
 class Departure:
-    """A place where a constraint is not kept, or not proven to be: the worst that was met in its interval."""
+    """A place where a constraint is violated or not proven to be kept: the worst one found in its interval."""
 
     field: str  # such as "path.upright"
     link: str
@@ -32,17 +33,17 @@ class Departure:
     interval: int  # between rows `interval` and `interval` + 1
     fraction: float  # of that interval, 0 to 1
     parameter: float  # of the whole motion, 0 to 1
-    found: float  # there: an angle [rad], a distance, or how far beyond the box [m]
-    allowed: float  # [rad] or [m]
+    found: float  # an angle [rad], a distance [m], or how far beyond the box [m]
+    allowed: float  # the tolerance [rad] or [m]; 0 for a box
 
     @property
     def excess(self) -> float:
-        """By how much it is more than allowed [rad] or [m]; negative where it only could not be proven."""
+        """By how much it exceeds what is allowed [rad] or [m]; negative where it only could not be proven."""
         return self.found - self.allowed
 
     @property
     def violated(self) -> bool:
-        """Whether the constraint is broken there; else it only could not be proven."""
+        """Whether the constraint is violated there; otherwise it only could not be proven."""
         return self.found > self.allowed + GRANTED
 
 
@@ -53,22 +54,22 @@ class Kept:
     field: str
     link: str
     words: str  # what is proven, such as "panda_hand upright within 0.083 of 0.1 rad"
-    worst: float  # proven for the whole motion: no more than that [rad] or [m]
-    met: float  # the worst that was met
+    worst: float  # proven upper bound over the whole motion [rad] or [m]
+    met: float  # the worst one found
     allowed: float
 
 
 @dataclass(frozen=True)
 class PathProof:
-    """What was found out about a motion."""
+    """What was found about a motion."""
 
     kept: tuple[Kept, ...]  # one for each constraint of the scene
-    departures: tuple[Departure, ...]  # for every constraint and interval without proof
-    configurations: int  # looked at
+    departures: tuple[Departure, ...]  # one for every constraint and interval without proof
+    configurations: int  # evaluated
 
 
 class PathCheck:
-    """The path constraints of one scene, made ready for many motions."""
+    """The path constraints of one scene, prepared for many motions."""
 
     def __init__(self, setup: Setup, chain: Chain) -> None:
         """Look up the links. Raises InputError as `held_by`."""
@@ -76,7 +77,7 @@ class PathCheck:
         self.constraints = held_by(setup)
 
     def at(self, q: Array) -> tuple[Departure, ...]:
-        """Return the constraints that configuration q (n,) breaks; exact to rounding."""
+        """Return the constraints that configuration q (n,) violates; exact up to rounding."""
         frames = self.chain.frames(self.robot.pin_q(q[None]))
         found = [(each, float(each.found(*frames)[0])) for each in self.constraints]
         departures = (_departure(each, 0, 0.0, 0.0, value) for each, value in found)
@@ -96,7 +97,7 @@ class PathCheck:
         interval, start, width = np.arange(intervals), np.zeros(intervals), np.ones(intervals)
         travel = _travel(*curve.part(interval, start, width))
         failed, broken = np.zeros(intervals, dtype=bool), np.zeros(intervals, dtype=bool)
-        worst, place = np.full(intervals, -np.inf), np.zeros(intervals)  # met on each interval, and where
+        worst, place = np.full(intervals, -np.inf), np.zeros(intervals)  # found on each interval, and where
         proven, slack = -np.inf, max(SLACK * held.scale, GRANTED)
         while len(interval):
             middle, delta, off = curve.part(interval, start, width)
@@ -131,6 +132,6 @@ def _departure(held: Held, interval: int, fraction: float, parameter: float, fou
 
 
 def _travel(middle: Array, delta: Array, off: Array) -> Array:
-    """The range (n, 2) of each coordinate over all parts."""
+    """Return the range (n, 2) of each joint coordinate over all parts."""
     reach = np.abs(delta) + off
     return np.stack([(middle - reach).min(axis=0), (middle + reach).max(axis=0)], axis=1)

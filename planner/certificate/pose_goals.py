@@ -1,8 +1,8 @@
-"""How far a configuration misses the goal of a scene, by Pinocchio's own kinematics: the certificate's word on ends.
+"""How far a configuration misses a pose goal, by Pinocchio's own kinematics, for the certificate.
 
-A link's pose is met where its origin is within `position_tolerance` [m] of the target's, and the angle [rad] between
-the two frames within `orientation_tolerance`: of the whole turn between them, or, where the link may turn freely about
-one of its axes, between the two directions of that axis.
+A pose is reached if the link's origin is within `position_tolerance` [m] of the target's, and the angle [rad] between
+the two frames is within `orientation_tolerance`: the angle of the rotation between them, or, if the link may rotate
+freely about one of its axes, the angle between the two directions of that axis.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from hdplan.scenes.targets import PoseTarget
 
 Array = NDArray[np.float64]
 
-ROUNDING = 1e-9  # [m] and [rad] granted beyond a tolerance
+ROUNDING = 1e-9  # [m] and [rad] accepted beyond a tolerance
 
 
 class Miss(NamedTuple):
-    """How far a link is from where it is to be."""
+    """How far a link is from its target."""
 
     position: float  # [m]
-    angle: float  # [rad], 0 where any turn will do
+    angle: float  # [rad], 0 if any orientation is allowed
 
     def within(self, target: PoseTarget) -> bool:
         """Whether the target counts as reached."""
@@ -36,12 +36,12 @@ class Miss(NamedTuple):
         )
 
     def __str__(self) -> str:
-        """In words, such as "3.2 mm and 0.1 rad"."""
+        """Return it as text, such as "3.2 mm and 0.1 rad"."""
         return f"{self.position * 1e3:.3g} mm" + f" and {self.angle:.3g} rad" * (self.angle > 0.0)
 
 
 def miss_of(robot: Robot, target: PoseTarget, q: Array) -> Miss:
-    """Return how far configuration q (n,) misses the target; exact to rounding. Raises InputError as `link_frame`."""
+    """Return how far configuration q (n,) misses the target, exact to rounding. Raises InputError as `link_frame`."""
     frame, data = link_frame(robot, target.link, target.field), robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
     found, wanted = data.oMf[frame], target.pose.matrix
@@ -56,11 +56,11 @@ def miss_of(robot: Robot, target: PoseTarget, q: Array) -> Miss:
 
 
 def pose_words(target: PoseTarget) -> str:
-    """Say where the target wants its link."""
+    """Describe the pose that the target asks of its link."""
     x, y, z = target.pose.position
     if target.free_rotation == "all":
-        turn = "turned as it likes"
+        turn = "in any orientation"
     else:
-        free = "" if target.free_rotation == "none" else f", turning freely about its {target.free_rotation} axis"
+        free = "" if target.free_rotation == "none" else f", free to rotate about its {target.free_rotation} axis"
         turn = f"within {target.orientation_tolerance:g} rad{free}"
     return f"{target.link} within {target.position_tolerance * 1e3:g} mm of ({x:g}, {y:g}, {z:g}), {turn}"

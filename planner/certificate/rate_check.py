@@ -1,8 +1,8 @@
 """Whether an executed curve respects the limits of velocity, acceleration and jerk: everywhere, not only at its rows.
 
-Curve and limits -> for each quantity the greatest share of a joint's limit, proven: a derivative of a polynomial is one
-too, and lies within the hull of its control points. A jump of a velocity is an infinite acceleration, one of an
-acceleration an infinite jerk; before its first row and after its last a motion is at rest.
+Curve and limits -> for each quantity the greatest share of a joint's limit that is used, proven: a derivative of a
+polynomial is a polynomial too, and lies within the hull of its control points. A jump of the velocity is an infinite
+acceleration, a jump of the acceleration an infinite jerk; before its first row and after its last a motion is at rest.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ Index = NDArray[np.int64]
 
 
 class RateCheck:
-    """A scene's limits on derivatives of joint values by time."""
+    """A scene's limits on time derivatives of joint values."""
 
     def __init__(self, setup: Setup) -> None:
-        """Resolve the limits. Raises InputError for some that do not fit the robot."""
+        """Resolve the limits. Raises InputError for limits that do not match the robot."""
         self.limits = {name: setup.limits[name] for name in DERIVATIVES if name in setup.limits}
         self._joints = setup.robot.joint_names
 
@@ -43,10 +43,10 @@ class RateCheck:
         return curve.over_time(DERIVATIVES[quantity]).at(interval, fraction)
 
     def overload(self, q: Array) -> None:
-        """What stands still has no rates."""
+        """Return None: a robot at rest has no rates."""
 
     def _use(self, quantity: str, below: Curve, limit: Array) -> Use:
-        """Bound the derivative of a curve; where that curve itself may jump, it must not."""
+        """Bound the derivative of a curve, which is infinite where the curve itself jumps."""
         low, high = below.derivative().bounds()
         shares = np.maximum(-low, high) / limit  # (N − 1, n)
         if DERIVATIVES[quantity] > 1:
@@ -65,6 +65,6 @@ def _complaints(uses: tuple[Use, ...], curve: Curve) -> Iterator[tuple[Status, s
         began = curve.time_of(use.interval / (len(curve) - 1))
         what, after = f"joint '{use.joint}': {use.quantity}", f"after waypoint {use.interval} ({began:.3f} s)"
         if np.isinf(use.share):
-            yield Status.TOO_FAST, f"{what} is infinite {after}, as what it is the change of jumps there"
+            yield Status.TOO_FAST, f"{what} is infinite {after}, as the quantity whose derivative it is jumps there"
         else:
             yield Status.TOO_FAST, f"{what} up to {use.share:.1%} of its limit {use.limit:g} {after}"

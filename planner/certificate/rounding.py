@@ -1,26 +1,27 @@
-"""What floating point can carry: the scenes and motions for which ROUNDING covers all that is rounded.
+"""Rounding errors: the scenes and motions for which ROUNDING covers them all.
 
-Every bound of the certificate is computed in double precision, unit u = 2⁻⁵³, and has ROUNDING taken off. To first
-order in u, a point of a body is computed no farther from where the numbers of scene and file put it than
+Every bound of the certificate is computed in double precision, with unit roundoff u = 2⁻⁵³, and has ROUNDING
+subtracted. To first order in u, the computed position of a body's point differs from the one that the numbers of scene
+and file define by at most
 
     u [ 64 (k + 1) M  +  64 Σ_j ρ_j Q_j  +  16 M Σ_j |δ_j|  +  16 S T ]
 
-*Placing.* M [m] is the greatest coordinate: the offsets of the k joints that carry the body, how far they slide, its
-own placement and reach, one after another, and what a moving obstacle passes. Each of these k + 1 rigid moves costs 4u
-for an entry of the rotation (sine, cosine, two products) and 3u for each sum of three products, in three coordinates:
-less than 16u M; that a support is evaluated there, for both ends of the interval, and two numbers subtracted, four
-times as much.
-*Joints.* Q_j is the greatest |control point| of joint j. A part of the curve is cut out and its middle found by three
-passes of de Casteljau's algorithm over no more than five levels, two roundings each, and two more make δ_j and ε_j of
-it: 32u Q_j, twice. The body is ρ_j away from the joint's axis (`motion_bounds`).
-*Motion.* The second-order bound multiplies turns |δ_j|, half of what an interval takes, with coordinates: a cross
-product of them, and their sum, 16u of that.
+*Placement.* M [m] is the greatest coordinate: the sum of the offsets of the k joints that carry the body, of their
+prismatic travel, and of the body's own placement and reach, or of the way of a moving obstacle. Each of these k + 1
+rigid transforms costs 4u for an entry of the rotation (sine, cosine, two products) and 3u for each sum of three
+products, in three coordinates: less than 16u M. Evaluating a support there, for both ends of the interval, and
+subtracting two numbers makes that four times as much.
+*Joints.* Q_j is the greatest |control point| of joint j. A part of the curve and its middle are computed by three
+passes of de Casteljau's algorithm over at most five levels, with two roundings each, and two more for δ_j and ε_j:
+32u Q_j, twice. The body is ρ_j away from the joint's axis (`motion_bounds`).
+*Motion.* The second-order bound multiplies angles |δ_j|, half of the motion on an interval, by coordinates: cross
+products of them, and their sum, at 16u of that.
 *Time.* T [s] is the greatest |time| of a row or of an obstacle's motion, S [m/s] the greatest speed of a point of a
-moving obstacle. The middle of an interval in time is off by 3u T, the time since the last pose by as much again, the
-angle turned and the way gone by 2u of themselves, which are S T at most.
+moving obstacle. The middle of an interval in time has an error of 3u T, the time since the last pose another 3u T; the
+rotation angle and the travel have relative errors of 2u and are at most S T.
 
-Each of the four may use a quarter of ROUNDING; a scene or a motion that asks for more is refused by name, and so is
-everything that is not a number. (Panda and its shipped scenes take less than a hundredth.) A distance between triangles
+Each of the four may use a quarter of ROUNDING; a scene or a motion that needs more is refused by name, and so is
+everything that is not a number. (Panda and its shipped scenes need less than a hundredth.) A distance between triangles
 is coal's own, and its rounding is not bounded here.
 """
 
@@ -35,23 +36,23 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Array
 from hdplan.scenes.errors import InputError
 
-ROUNDING = 1e-9  # [m] taken off every bound
+ROUNDING = 1e-9  # [m] subtracted from every bound
 UNIT = 2.0**-53
-SHARE = 0.25 * ROUNDING  # [m] that each of the four may cost
+SHARE = 0.25 * ROUNDING  # [m] that each of the four terms may cost
 PLACING, JOINTS, MOTION, TIME = 64.0, 64.0, 16.0, 16.0  # their factors
 
 
 def refuse_far_bodies(bodies: Bodies, fields: Sequence[str]) -> None:
-    """Raise InputError for a body so far away that its place drowns in rounding, joints at 0 and time at rest.
+    """Raise InputError for a body so far away that rounding errors may exceed ROUNDING, with all joints at 0 at time 0.
 
-    fields: what each body is called for the user.
+    fields: the name of each body in messages.
     """
     with np.errstate(over="ignore"):
         _refuse_far(bodies, fields, np.zeros(len(bodies.chain.axes)), 0.0)
 
 
-def refuse_what_drowns(bodies: Bodies, fields: Sequence[str], curve: Curve, joint_names: Sequence[str]) -> None:
-    """Raise InputError for a motion of joints (n,) with too large numbers; see above."""
+def refuse_large_motion(bodies: Bodies, fields: Sequence[str], curve: Curve, joint_names: Sequence[str]) -> None:
+    """Raise InputError for a motion whose numbers are so large that rounding errors may exceed ROUNDING."""
     largest = np.abs(curve.control).max(axis=(0, 1))  # (n,) Q
     latest = 0.0 if curve.times is None else float(np.abs(curve.times).max())  # [s]
     with np.errstate(over="ignore"):
@@ -64,40 +65,40 @@ def refuse_what_drowns(bodies: Bodies, fields: Sequence[str], curve: Curve, join
         row = int(np.abs(curve.control[:, :, joint]).max(axis=1).argmax())
         raise InputError(
             f"trajectory: after waypoint {row}, joint '{joint_names[joint]}' is at {largest[joint]:g}, where the place "
-            f"of what it moves drowns in rounding; at most {allowed:.3g} is allowed"
+            f"of what it moves is lost in rounding; at most {allowed:.3g} is allowed"
         )
-    step = 0.5 * np.abs(np.diff(curve.control, axis=1)).sum(axis=1).max(axis=0)  # (n,) no less than |δ| ever is
+    step = 0.5 * np.abs(np.diff(curve.control, axis=1)).sum(axis=1).max(axis=0)  # (n,) upper bound of |δ|
     reach = _coordinates(bodies, largest, latest)[bodies.joint > 0].max(initial=0.0)
     if not MOTION * reach * (step * bodies.chain.revolute).sum() <= SHARE / UNIT:
         joint = int((step * bodies.chain.revolute).argmax())
         raise InputError(
             f"trajectory: joint '{joint_names[joint]}' turns by {2 * step[joint]:g} rad between two waypoints, up to "
-            f"{reach:g} m from the world's origin: too much for a proof; give it more waypoints"
+            f"{reach:g} m from the world's origin: too much for a proof; use more waypoints"
         )
 
 
 def _refuse_late(bodies: Bodies, fields: Sequence[str], latest: float) -> None:
-    """Refuse times at which the place of a moving obstacle drowns."""
+    """Refuse times at which the place of a moving obstacle is lost in rounding."""
     for g in np.flatnonzero(bodies.drifting).tolist():
         speed, anchored = bodies.speed(g), bodies.latest(g)
         time = max(latest, anchored)
         if not TIME * speed * time <= SHARE / UNIT:
             where = "trajectory: times" if latest >= anchored else fields[g]
             raise InputError(
-                f"{where}: {time:g} s: {fields[g]} moves at up to {speed:.3g} m/s, its place drowns in rounding then; "
-                f"at most {SHARE / UNIT / TIME / speed:.3g} s are allowed"
+                f"{where}: {time:g} s: {fields[g]} moves at up to {speed:.3g} m/s, so its place is lost in rounding "
+                f"then; at most {SHARE / UNIT / TIME / speed:.3g} s are allowed"
             )
 
 
 def _refuse_far(bodies: Bodies, fields: Sequence[str], largest: Array, latest: float) -> None:
-    """Refuse bodies whose coordinates drown, for joints as far out as `largest` (n,), until `latest` [s]."""
+    """Refuse bodies with too large coordinates, for joint values up to `largest` (n,) and times up to `latest` [s]."""
     moves = bodies.chain.carried_by[bodies.joint].sum(axis=1) + 1
     coordinates = _coordinates(bodies, largest, latest)
     far = ~(PLACING * moves * coordinates <= SHARE / UNIT)
     if far.any():
         g = int(far.argmax())
         raise InputError(
-            f"{fields[g]}: up to {coordinates[g]:g} m from the world's origin, where its place drowns in rounding; "
+            f"{fields[g]}: up to {coordinates[g]:g} m from the world's origin, where its place is lost in rounding; "
             f"at most {SHARE / UNIT / PLACING / moves[g]:.3g} m are allowed"
         )
 

@@ -1,13 +1,13 @@
 """How fast joint torques can change along a curve: rigorous bounds on τ̈ over an interval of time.
 
 Between two samples of a motion, h apart, a torque lies within h²/8 max|τ̈| of the straight line between its values
-there (the error of linear interpolation). The bound on |τ̈| is Newton's and Euler's recursion itself (R. Featherstone,
-"Rigid body dynamics algorithms", 2008, table 5.1), with every vector and rotation replaced by bounds on its norm and on
-those of its first two derivatives by time, in the joint's own axes:
+there (the error of linear interpolation). The bound on |τ̈| comes from the recursive Newton-Euler algorithm (R.
+Featherstone, "Rigid body dynamics algorithms", 2008, table 5.1), with every vector and rotation replaced by bounds on
+its norm and on the norms of its first two time derivatives, in the joint's own axes:
 
     |x y| ≤ |x||y|,   |(x y)˙| ≤ |ẋ||y| + |x||ẏ|,   |(x y)¨| ≤ |ẍ||y| + 2|ẋ||ẏ| + |x||ÿ|
 
-for any product (of numbers, cross product, matrix and vector). What a joint does enters by bounds on |q̇| … |q⁗|.
+for any product (of numbers, cross product, matrix and vector). The motion of a joint enters by bounds on |q̇| … |q⁗|.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ def torque_curvature(model: pin.Model, chain: Chain, rates: Array) -> Array:
     """Return bounds on |τ̈| (k, n) [Nm/s² or N/s²] over k intervals of time.
 
     Args:
-        model: with all loads; fixed base, joints of one coordinate each, one after the other.
+        model: with all loads; fixed base, joints with one coordinate each.
         chain: its joints.
-        rates: bounds (5, k, n) on |q|, |q̇|, |q̈|, |q⃛| and |q⁗| over each interval; |q| counts for sliding joints alone.
+        rates: bounds (5, k, n) on |q|, |q̇|, |q̈|, |q⃛| and |q⁗| over each interval; |q| for prismatic joints only.
     """
     count = rates.shape[1]
     none = np.zeros((3, count))

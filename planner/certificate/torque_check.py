@@ -1,10 +1,10 @@
 """Whether the joints can drive a motion: torques along the whole executed curve, by Pinocchio's own inverse dynamics.
 
-Sampled every other millisecond, of long motions less often, and proven between the samples: τ stays within h²/8 max|τ̈|
-of the straight line between two samples h apart (`torque_bounds`); where that is not enough, the piece is halved. What
-no speed can help is reported by itself: a configuration in which gravity alone asks for too much. A motion rests before
-its first row and after its last: one that begins or ends at speed needs an infinite torque. Shares nothing with the
-planner's own dynamics.
+Sampled every 2 ms, less often for long motions, and proven between the samples: τ stays within h²/8 max|τ̈| of the
+straight line between two samples h apart (`torque_bounds`); where that is not enough, the interval is halved. A
+configuration at which gravity alone exceeds a limit, so that moving slower does not help, is reported as such. A motion
+is at rest before its first row and after its last: one that begins or ends at speed needs an infinite torque. Shares
+nothing with the planner's own dynamics.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 STEP = 2e-3  # [s] between samples at first, at most
-HALVINGS = 10  # of a piece before it counts as not proven: down to two microseconds
-MOST_AT_FIRST, MOST_SAMPLES = 50_000, 500_000  # samples before any halving, and before the rest is not proven
+HALVINGS = 10  # of an interval before it counts as not proven: down to two microseconds
+MOST_AT_FIRST, MOST_SAMPLES = 50_000, 500_000  # samples before any halving, and in all; then the rest is not proven
 
 
 @dataclass(frozen=True)
 class Overload:
-    """A joint that gravity alone overloads, in a configuration of the motion: going slower does not help."""
+    """A joint that gravity alone overloads at a configuration of the motion: moving slower does not help."""
 
     joint: str
     time: float  # [s]; 0 for a configuration that is not part of a motion
-    torque: float  # that holds still against gravity [Nm] or [N]
+    torque: float  # that holds the joint still against gravity [Nm] or [N]
     limit: float
 
     @property
-    def words(self) -> str:
-        """What is too much."""
+    def message(self) -> str:
+        """What is needed, and the limit."""
         what = f"joint '{self.joint}' needs a torque of {self.torque:.4g} to hold still against gravity"
         return f"{what}, its limit is {self.limit:g}"
 
@@ -56,9 +56,9 @@ class TorquesFound:
     limits: Array  # (n,)
     proven: Array  # (n,) bound on |τ| over the whole motion, between the samples too
     found: Array  # (n,) largest |τ| at a sample
-    times: Array  # (n,) when that was [s]
-    overload: Overload | None  # the worst by share of its limit, if there is any
-    overloaded: tuple[int, ...]  # intervals between rows in which gravity alone is too much
+    times: Array  # (n,) of those samples [s]
+    overload: Overload | None  # the worst relative to its limit, if there is any
+    overloaded: tuple[int, ...]  # intervals between rows in which gravity alone exceeds a limit
     samples: int  # at which torques were computed
 
     @property
@@ -68,17 +68,17 @@ class TorquesFound:
 
     @property
     def exceeded(self) -> bool:
-        """Whether a sample is beyond its limit; where neither this nor `within` holds, nothing is proven."""
+        """Whether a sample exceeds its limit; if neither this nor `within` holds, nothing is proven."""
         return bool((self.found > self.limits).any())
 
     @property
     def worst(self) -> int:
-        """The joint with the least room: by what was found, where that is too much, else by what is proven."""
+        """The joint closest to its limit: by what was found, if that exceeds a limit, or else by what is proven."""
         shares = (self.found if self.exceeded else self.proven) / self.limits
         return int(shares.argmax())
 
     def finding(self, curve: Curve) -> LimitFinding:
-        """Return how much of the limits is taken, on the curve that was checked, and what is wrong."""
+        """Return how much of the limits the checked curve uses, and what is wrong."""
         joint, last = self.worst, len(curve) - 2
         interval = min(int(curve.parameter_of(self.times[joint]) * (last + 1)), last)
         share = float(self.proven[joint] / self.limits[joint])
@@ -96,26 +96,27 @@ class TorquesFound:
             return f"torques at most {100 * self.proven[i] / limit:.3g} % of their limits ({name}, {when})"
         if not self.exceeded:
             return (
-                f"joint '{name}' needs a torque of {self.found[i]:.6g} {when}: too close to its limit {limit:g} to tell"
+                f"joint '{name}' needs a torque of {self.found[i]:.6g} {when}: too close to its limit {limit:g} to "
+                "decide"
             )
         if np.isinf(self.found[i]):
             return f"joint '{name}' needs an infinite torque {when}: its velocity jumps there"
         if over is None:
             return f"joint '{name}' needs a torque of {self.found[i]:.4g} {when}, its limit is {limit:g}"
-        return f"{over.words}, at {over.time:.3f} s: going slower does not help"
+        return f"{over.message}, at {over.time:.3f} s: moving slower does not help"
 
 
 class TorqueCheck:
     """A scene's limits on the joints' torques, with its loads."""
 
     def __init__(self, setup: Setup) -> None:
-        """Resolve limits and loads. Raises InputError for what does not fit the robot."""
+        """Resolve limits and loads. Raises InputError for those that do not match the robot."""
         self.limits = {"torque": setup.limits["torque"]}
         self.model, self.robot = setup.loaded_model, setup.robot
 
     def check(self, curve: Curve) -> LimitFinding:
-        """Compare the torques along a timed curve with the limits; see `check_torques`. Where a velocity jumps, at
-        the first row or the last, the torque is infinite."""
+        """Compare the torques along a timed curve with the limits; see `check_torques`. Where a velocity jumps, which
+        it may at the first row and the last, the torque is infinite."""
         checked = check_torques(self.model, self.robot, curve, self.limits["torque"])
         jumps = curve.derivative().jumps()  # (N, n)
         abrupt, rows = jumps.max(axis=0) > JUMP, jumps.argmax(axis=0)
@@ -126,7 +127,7 @@ class TorqueCheck:
         return checked.finding(curve)
 
     def values(self, quantity: str, curve: Curve, interval: Index, fraction: Array) -> Array:
-        """Return what drives the motion (k, n) on intervals (k,) at fractions (k,) of them."""
+        """Return the torques (k, n) on intervals (k,) at fractions (k,) of them."""
         q, v, a = (curve.over_time(order).at(interval, fraction) for order in range(3))
         data = self.model.createData()
         return np.array([pin.rnea(self.model, data, *row) for row in zip(self.robot.pin_q(q), v, a, strict=True)])
@@ -138,21 +139,21 @@ class TorqueCheck:
         joint = int((torques / limits).argmax())
         if torques[joint] <= limits[joint]:
             return None
-        return Overload(self.robot.joint_names[joint], 0.0, float(torques[joint]), float(limits[joint])).words
+        return Overload(self.robot.joint_names[joint], 0.0, float(torques[joint]), float(limits[joint])).message
 
 
 def check_torques(model: pin.Model, robot: Robot, curve: Curve, limits: Array) -> TorquesFound:
     """Compare the torques along a timed curve with the joints' limits.
 
     Args:
-        model: the robot's with its loads (`loads.loaded_model`).
+        model: the robot's model with its loads (`loads.loaded_model`).
         robot: the robot.
-        curve: of the robot's planned joints in their order; with times, and velocities at least: straight lines have
+        curve: of the robot's planned joints in their order, with times and at least velocities: straight lines have
             corners that no torque can drive.
         limits: largest |τ| (n,) [Nm] or [N].
 
     Raises:
-        InputError: a curve without times or velocities.
+        InputError: for a curve without times or velocities.
     """
     if curve.times is None or curve.degree == 1:
         raise InputError("trajectory: has no velocities, so it has no torques; the scene asks for them (limits.torque)")
@@ -194,7 +195,7 @@ def check_torques(model: pin.Model, robot: Robot, curve: Curve, limits: Array) -
 
 
 class _Torques:
-    """Torques at places on the curve, and the worst of what was seen there."""
+    """Torques at points of the curve, and the worst found there."""
 
     def __init__(self, model: pin.Model, robot: Robot, orders: list[Curve], limits: Array) -> None:
         self.model, self.data, self.robot, self.orders, self.limits = model, model.createData(), robot, orders, limits

@@ -1,4 +1,4 @@
-"""What a certificate says of a motion, and in what words.
+"""What a certificate says about a motion.
 
 From what the checks found, the worst first, to one status and one sentence: what was found, where, and what to do.
 """
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 class Status(Enum):
-    """What a certificate says; `remedy` says what to do about it."""
+    """The verdict; `remedy` says what to do about it."""
 
     CERTIFIED = "certified"
     WRONG_ENDS = "wrong_ends"
@@ -38,16 +38,16 @@ class Status(Enum):
 
     @property
     def remedy(self) -> str:
-        """What a user can do."""
+        """What the user can do."""
         return {
             Status.CERTIFIED: "none needed",
             Status.WRONG_ENDS: "plan from the scene's start to its goal, or check against the scene it was planned for",
             Status.OUTSIDE_LIMITS: "keep every waypoint within the robot's joint limits",
             Status.IN_CONTACT: "plan with more clearance, more waypoints or another seed",
             Status.TOO_CLOSE: "ask for less clearance, or plan with more",
-            Status.OFF_PATH: "allow more (path), or plan it with this constraint in the scene, or with more waypoints",
-            Status.TOO_FAST: "give it more time (timing), or plan it with these limits in the scene",
-            Status.OVERLOADED: "carry less, give it more time (timing), or plan it with limits.torque in the scene",
+            Status.OFF_PATH: "allow more (path), or plan with this constraint in the scene, or with more waypoints",
+            Status.TOO_FAST: "give it more time (timing), or plan with these limits in the scene",
+            Status.OVERLOADED: "carry less, give it more time (timing), or plan with limits.torque in the scene",
             Status.NOT_PROVEN: "the motion grazes a body: plan with more clearance",
         }[self]
 
@@ -62,7 +62,7 @@ class Place:
     seconds: float | None  # when; None for a path without times
     link: str
     other: str  # an obstacle or another link
-    distance: float  # [m] met there, negative in contact (minus the depth, 0 if unknown)
+    distance: float  # [m] found there, negative in contact (minus the depth, 0 if unknown)
 
 
 @dataclass(frozen=True)
@@ -73,17 +73,17 @@ class Certificate:
     text: str  # one sentence: what was found, where, and what to do
     clearance: float | None  # [m] proven lower bound, robot to obstacles; None without obstacles or without proof
     self_clearance: float | None  # [m] the same between the links
-    worst: Place | None  # the closest place met between robot and obstacles
+    worst: Place | None  # the closest place found between robot and obstacles
     self_worst: Place | None  # the same between the links
-    failures: tuple[Place, ...]  # every waypoint interval and pair that is not proven, the worst place met there
-    uses: tuple[Use, ...]  # of the joints' limits on rates and torques, where the scene has any
-    path: tuple[Kept, ...]  # how well the scene's path constraints are kept, where it has any
+    failures: tuple[Place, ...]  # every waypoint interval and pair that is not proven, with the worst place found there
+    uses: tuple[Use, ...]  # of the limits on rates and torques, if the scene has any
+    path: tuple[Kept, ...]  # how well the scene's path constraints are kept, if it has any
     departures: tuple[Departure, ...]  # every waypoint interval and path constraint that is not proven
-    overloaded: tuple[int, ...]  # every waypoint interval in which gravity alone is too much for a joint
+    overloaded: tuple[int, ...]  # every waypoint interval in which gravity alone overloads a joint
     configurations: int  # at which distances were computed
     exact_calls: int  # of the exact distance
     seconds: float  # spent
-    notes: tuple[str, ...] = ()  # less clearance to be proven than the scene asks for, and why; meshes with holes
+    notes: tuple[str, ...] = ()  # on less clearance required than the scene asks for, and on meshes with holes
 
     def __repr__(self) -> str:
         """Say the verdict."""
@@ -91,7 +91,7 @@ class Certificate:
 
     @property
     def unproven(self) -> tuple[int, ...]:
-        """The waypoint intervals in which something about places is not proven or cannot be, in order."""
+        """The waypoint intervals in which clearance, path constraints or gravity loads are not proven, in order."""
         places = {place.interval for place in self.failures} | {place.interval for place in self.departures}
         return tuple(sorted(places | set(self.overloaded)))
 
@@ -103,7 +103,7 @@ class Certificate:
 
 @dataclass(frozen=True)
 class Contact:
-    """Two bodies that touch in one configuration."""
+    """Two bodies that touch at one configuration."""
 
     link: str
     other: str  # an obstacle or another link
@@ -112,24 +112,24 @@ class Contact:
 
 @dataclass(frozen=True, eq=False)
 class Closest:
-    """Two bodies that are closest in one configuration."""
+    """The two closest bodies at one configuration."""
 
     link: str
     other: str  # an obstacle or another link
     distance: float  # [m] exact; negative in contact (then minus the depth, 0 if unknown)
-    points: Array  # (2, 3) [m] where, on the link and on the other: for pictures, not proven
+    points: Array  # (2, 3) [m] the closest points, on the link and on the other: for pictures, not proven
 
 
 @dataclass(frozen=True)
 class Findings:
-    """What the checks of one motion found."""
+    """What the checks found about one motion."""
 
     curve: Curve
     ends: str | None  # how it misses the scene's start or goal
-    beyond: str | None  # where it leaves the joints' limits
+    beyond: str | None  # where it leaves the joint limits
     failures: tuple[Place, ...]  # where bodies are too close, or not proven to be apart
-    touching: tuple[bool, ...]  # of each: found too close; otherwise it only could not be proven
-    asked: tuple[float, ...]  # of each: what must be kept there [m]
+    touching: tuple[bool, ...]  # for each, whether it was found too close; otherwise it only could not be proven
+    asked: tuple[float, ...]  # for each, the clearance required there [m]
     departures: tuple[Departure, ...]
     limits: tuple[LimitFinding, ...]
 
@@ -142,13 +142,13 @@ def complaints(found: Findings) -> Iterator[tuple[Status, str]]:
         yield Status.OUTSIDE_LIMITS, found.beyond
     places = list(zip(found.failures, found.asked, found.touching, strict=True))
     others = _others(found.failures)
-    # contacts first, then the places that fall short by most of what they must keep
+    # contacts first, then the places that fall short of the required clearance by most
     short = [(place, asked) for place, asked, touching in places if touching]
     for place, asked in sorted(short, key=lambda each: (each[0].distance > 0.0, each[0].distance - each[1]))[:1]:
         if place.distance <= 0.0:
-            yield Status.IN_CONTACT, f"{_words(place)}; {others}"
+            yield Status.IN_CONTACT, f"{_approach(place)}; {others}"
         else:
-            yield Status.TOO_CLOSE, f"{_words(place)}, {asked * 1e3:.4g} mm are required; {others}"
+            yield Status.TOO_CLOSE, f"{_approach(place)}, {asked * 1e3:.4g} mm are required; {others}"
     if found.departures:
         worst = max(found.departures, key=lambda place: place.excess)
         status = Status.OFF_PATH if worst.violated else Status.NOT_PROVEN
@@ -165,8 +165,8 @@ def proven(
     limits: Sequence[LimitFinding],
     path: Sequence[Kept],
 ) -> str:
-    """Say what is proven of a certified motion; clearances [m]."""
-    obstacles = "no obstacles to meet" if clearance is None else f"at least {_length(clearance)} to every obstacle"
+    """Say what is proven about a certified motion; clearances [m]."""
+    obstacles = "no obstacles to avoid" if clearance is None else f"at least {_length(clearance)} to every obstacle"
     links = "" if self_clearance is None else f", {_length(self_clearance)} between links"
     uses = [use for found in limits if not found.remark for use in found.uses]
     taken = "".join(f", {use.quantity} up to {use.share:.0%} of the limits" for use in uses)
@@ -175,7 +175,7 @@ def proven(
     return f"{obstacles}{links}{taken}{kept}, over the whole motion{remarks}"
 
 
-def _words(place: Place) -> str:
+def _approach(place: Place) -> str:
     if place.distance < 0.0:
         return _where(place, f"overlap by {-place.distance * 1e3:.3g} mm")
     return _where(place, f"come within {place.distance * 1e3:.3g} mm" if place.distance else "touch")
@@ -207,6 +207,6 @@ def _departure(worst: Departure, departures: tuple[Departure, ...], curve: Curve
     when = _when(worst.parameter, None if curve.times is None else float(curve.time_of(worst.parameter)))
     intervals = len({place.interval for place in departures})
     return (
-        f"{worst.words}{'' if worst.violated else ', too close to tell'} after waypoint {worst.interval} ({when}); "
+        f"{worst.words}{'' if worst.violated else ', too close to decide'} after waypoint {worst.interval} ({when}); "
         f"{intervals} interval{'s' * (intervals != 1)} between waypoints not proven"
     )

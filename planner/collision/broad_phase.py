@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hdplan.planner.collision import close_pairs
 from hdplan.planner.collision.halfspace_bodies import FEW, HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import KinematicsBatch
@@ -64,6 +65,14 @@ class BodyPairs:
         centres, reach = self._placed_centres(kinematics), self.widest * self.radii
         found = self._close_to_standing(centres, reach), self._close_to_moving(centres, reach, kinematics)
         sample, pair = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        if loops := close_pairs.library():
+            placements = kinematics.placements
+            kept = close_pairs.not_separated(
+                loops,
+                *(sample, pair, placements.shape[1], placements, self.joint_a, self.joint_b, self.body),
+                *(self.halfspace_body, self.vertex_slots, self.body_table, *self._planes),
+            )
+            sample, pair = sample[kept], pair[kept]
         order = np.argsort(sample, kind="stable")
         return sample[order], pair[order]
 
@@ -78,29 +87,68 @@ class BodyPairs:
 
     def _placed_centres(self, kinematics: KinematicsBatch) -> Array:
         """The centres of the link bodies' spheres in the world (batch, A, 3)."""
-        joint = np.zeros(len(self.centres), dtype=np.int64)
-        joint[self.body] = self.joint_a
+        joint = self._body_joints
+        if loops := close_pairs.library():
+            return close_pairs.placed(loops, kinematics.placements, joint, self.centres)
         rotations, translations = kinematics.rotations[:, joint], kinematics.translations[:, joint]
         centres: Array = (rotations @ self.centres[:, :, None])[..., 0] + translations
         return centres
 
     @cached_property
-    def _standing(self) -> Rows:
-        """The pairs with a standing body."""
-        return np.flatnonzero(self.joint_b == 0)
+    def _planes(self) -> tuple[Rows, Rows, Array]:
+        """The planes of every halfspace body: its first row, the number of its rows, and rows (·, 4) of normals and
+        enlarged supports."""
+        number = _spread(self.halfspace_body, self.plane_slots, len(self.boxes))
+        row = _spread(self.halfspace_body, self.plane_row, len(self.boxes))
+        first, planes, count = np.zeros_like(number), [], 0
+        for slots, table in self.plane_tables.items():
+            first[number == slots] = count + slots * row[number == slots]
+            normals, supports = table[:, : 3 * slots].reshape(-1, slots, 3), table[:, 3 * slots :]
+            planes.append(np.concatenate([normals, supports[..., None]], axis=2).reshape(-1, 4))
+            count += len(planes[-1])
+        return first, number, np.concatenate(planes)
 
     @cached_property
-    def _moving(self) -> Rows:
-        return np.flatnonzero(self.joint_b > 0)
+    def _body_joints(self) -> Rows:
+        """The joint of each link body (A,); 0 for those that are in no pair."""
+        return _spread(self.body, self.joint_a, len(self.centres))
+
+    @cached_property
+    def _box_joints(self) -> Rows:
+        """The joint of each halfspace body (B,)."""
+        return _spread(self.halfspace_body, self.joint_b, len(self.boxes))
+
+    @cached_property
+    def _standing(self) -> tuple[Rows, Rows, Rows]:
+        """The pairs with a standing body: rows, link bodies, boxes."""
+        pair = np.flatnonzero(self.joint_b == 0)
+        return pair, self.body[pair], self.halfspace_body[pair]
+
+    @cached_property
+    def _moving(self) -> tuple[Rows, Rows, Rows, Rows]:
+        """The pairs with a body on a link: rows, link bodies, boxes, joints of the boxes."""
+        pair = np.flatnonzero(self.joint_b > 0)
+        return pair, self.body[pair], self.halfspace_body[pair], self.joint_b[pair]
+
+    @cached_property
+    def _balls(self) -> Array:
+        """The radii of balls around the boxes (B,) [m]."""
+        balls: Array = np.linalg.norm(self.half_sizes, axis=1)
+        return balls
 
     def _close_to_standing(self, centres: Array, reach: Array) -> tuple[Rows, Rows]:
         """`close` for the standing boxes; first all samples at once, by a ball around each body's whole motion."""
-        pair = self._standing
+        pair, body, box = self._standing
         if not len(pair) or not len(centres):
             return np.empty(0, np.int64), np.empty(0, np.int64)
         middle = (centres.min(axis=0) + centres.max(axis=0)) / 2  # (A, 3)
         travel = np.linalg.norm(centres - middle, axis=2).max(axis=0)
-        body, box = self.body[pair], self.halfspace_body[pair]
+        if loops := close_pairs.library():
+            return close_pairs.rows(
+                loops.close_to_standing,
+                *(*centres.shape[:2], centres, reach, middle, travel, len(pair), pair, body, box),
+                *(self.boxes, self.half_sizes),
+            )
         local = ((middle[body] - self.boxes[box, :3, 3])[:, None] @ self.boxes[box, :3, :3])[:, 0]
         outside = np.maximum(np.abs(local) - self.half_sizes[box], 0.0)
         pair = pair[np.einsum("pi,pi->p", outside, outside) < (reach + travel)[body] ** 2]
@@ -114,20 +162,34 @@ class BodyPairs:
 
     def _close_to_moving(self, centres: Array, reach: Array, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
         """`close` for the boxes on links; first by the balls around the boxes."""
-        pair = self._moving
+        pair, body, box, joint = self._moving
         if not len(pair):
             return np.empty(0, np.int64), np.empty(0, np.int64)
-        body, box, joint = self.body[pair], self.halfspace_body[pair], self.joint_b[pair]
         rotations, translations = kinematics.rotations, kinematics.translations
-        origins = (rotations[:, joint] @ self.boxes[box, :3, 3, None])[..., 0] + translations[:, joint]
-        gaps = centres[:, body] - origins  # (batch, P, 3)
-        apart = reach[body] + np.linalg.norm(self.half_sizes[box], axis=1)
-        sample, row = np.nonzero(np.einsum("bpi,bpi->bp", gaps, gaps) < apart**2)
+        if loops := close_pairs.library():
+            placements, local = kinematics.placements, self.boxes[:, :3, 3].copy()
+            origins = close_pairs.placed(loops, placements, self._box_joints, local)
+            return close_pairs.rows(
+                loops.close_to_moving,
+                *(*centres.shape[:2], centres, reach, len(self.boxes), origins, self._balls),
+                *(placements.shape[1], placements, len(pair), pair, body, box, joint, self.boxes, self.half_sizes),
+            )
+        on = self._box_joints
+        origins = (rotations[:, on] @ self.boxes[:, :3, 3, None])[..., 0] + translations[:, on]  # (batch, B, 3)
+        gaps = centres[:, body] - origins[:, box]  # (batch, P, 3)
+        sample, row = np.nonzero(np.einsum("bpi,bpi->bp", gaps, gaps) < (reach[body] + self._balls[box]) ** 2)
         body, box, joint = body[row], box[row], joint[row]
         local = (gaps[sample, row, None] @ rotations[sample, joint] @ self.boxes[box, :3, :3])[:, 0]
         outside = np.maximum(np.abs(local) - self.half_sizes[box], 0.0)
         near = np.einsum("si,si->s", outside, outside) < reach[body] ** 2
         return sample[near], pair[row[near]]
+
+
+def _spread(rows: Rows, values: Rows, count: int) -> Rows:
+    """Return what `values` say of rows, for `count` rows; 0 where they say nothing."""
+    result = np.zeros(count, dtype=np.int64)
+    result[rows] = values
+    return result
 
 
 def body_pairs(

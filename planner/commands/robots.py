@@ -1,18 +1,23 @@
-"""`hdplan robots`: list the robots that are known by name, or show one of them."""
+"""`hdplan robots`: list the robots that go by name, show one, or write an SRDF for one that has none."""
 
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 from rich.text import Text
 
 from hdplan.planner.terminal.console import printing, waiting
-from hdplan.planner.terminal.robots import describe, listing
+from hdplan.planner.terminal.robots import describe, listing, named_or_read
 from hdplan.planner.terminal.tables import columns
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.output import check_writable, write_output
 
 
-def run_robots(name: str | None, *, as_json: bool) -> int:
-    """Load every robot, or the one of this name. Returns the exit code: 0."""
+def run_robots(name: str | None, *, srdf: Path | None, as_json: bool) -> int:
+    """Load every robot, or the one of this name or file. Returns the exit code: 0."""
+    if srdf is not None:
+        return _write_srdf(name, srdf, as_json=as_json)
     with waiting("loading every robot" if name is None else f"loading {name}"):
         tables = listing() if name is None else describe(name)
     with printing() as show:
@@ -23,4 +28,22 @@ def run_robots(name: str | None, *, as_json: bool) -> int:
             if rows:
                 show(Text(title.replace("_", " "), style="bold"))
                 show(columns(rows))
+    return 0
+
+
+def _write_srdf(name: str | None, output: Path, *, as_json: bool) -> int:
+    from hdplan.planner.robot.srdf import srdf_of
+
+    if name is None:
+        raise InputError("--srdf: of which robot? Name it, or give its description")
+    check_writable(output, (".srdf",))
+    with waiting(f"comparing the links of {name}"):
+        text, counts = srdf_of(named_or_read(name))
+    write_output(output, text.encode())
+    with printing() as show:
+        if as_json:
+            show(json.dumps({"srdf": str(output), "pairs": counts}))
+            return 0
+        words = ", ".join(f"{count} {reason.lower()}" for reason, count in counts.items())
+        show(Text(f"{output}: {sum(counts.values())} link pairs that need no check: {words}"))
     return 0

@@ -1,36 +1,36 @@
-"""Which settings of a control barrier are safe: what Δ ≥ δ guarantees of the true clearance, and what it cannot.
+"""Which settings of a control barrier are safe: what Δ ≥ δ guarantees for the true clearance, and what it does not.
 
-The obstacles are grown by g, and the controller keeps h = Δ − δ ≥ 0. What that means for the true signed distance d of
-the bodies (which the outer bodies contain, so d only gains):
+The obstacles are grown by g, and the controller keeps h = Δ − δ ≥ 0. This is what follows for the signed distance d of
+the outer bodies; the true distance is no less, as they contain the real ones:
 
 * exact distance: Δ = d − g, so d ≥ g + δ.
-* HD-SDF: let D̃ = max_n min_ij x_ij be the plain maximum over its K unit normals; D̃ ≤ d − g, apart and in overlap
-  (sets with shorter axes too, as `normals` defines it). With p = γ+1, N_in the least number of vertex pairs that
-  project alike (4 for two boxes: a box's corners on its own axes; else 1), and Φ the shaping, the norms' inequalities
-  give |⊕| ≥ N_in^(1/p) |min| below contact, ⊕ ≤ N_in^(−1/p) min above, and the
-  opposite for ⊞, which moves the maximum by up to K^(1/p), always upward. Hence
+* HD-SDF: let D̃ = max_n min_ij x_ij be the plain maximum over its K unit normals; D̃ ≤ d − g, both separated and in
+  overlap (also for sets with shorter axes, as `normals` defines it). With p = γ+1, N_in the least number of vertex
+  pairs with equal projections (4 for two boxes: a box's corners on its own axes; otherwise 1), and Φ the shaping, the
+  inequalities between norms give |⊕| ≥ N_in^(1/p) |min| in overlap, ⊕ ≤ N_in^(−1/p) min when separated, and the
+  opposite for ⊞, which changes the maximum by a factor of up to K^(1/p), always upward. Hence
 
       D ≥ δ < 0   ⇒   D̃ ≥ −N_in^(−1/p) Φ⁻¹(K^(1/p) Φ⁻¹(|δ|))
       D ≥ δ ≥ 0   ⇒   D̃ ≥  N_in^(1/p) Φ⁻¹(K^(−1/p) Φ⁻¹(δ)),
 
-  and d ≥ g + that bound. It is attained only where all K normals read alike; a proof has to allow for it where nothing
-  is known of them. Unit normals n_k that are known cannot read alike: of bodies apart, with witness points at distance
-  d along m, each x_k ≤ d n_k·m − g, so that
+  and d ≥ g + that bound. It is attained only if all K normals give the same value; a proof has to allow for that if
+  nothing is known about them. Known unit normals n_k cannot all give the same value: for separated bodies, with witness
+  points at distance d along m, each x_k ≤ d n_k·m − g, so that
 
       D ≥ δ > 0   ⇒   Φ⁻¹(δ) ≤ max_m ‖(d n_k·m − g)_k₊‖_p,
 
-  whose right side grows with d: the d where it is equal is proven (`least_distance`).
+  whose right side grows with d: the d at which both sides are equal is proven (`least_distance`).
 * GDF: an approximation, whose derivative is exact only where its iteration has converged; nothing is guaranteed.
 
 Time: commands are held over a period T, so h is kept at the samples (η T ≤ 1: a linear barrier does not cross zero; the
-controller's look-ahead makes sure of the curved ones), and between two samples no two points approach by more than
-V T / 2 from the nearer one, V the largest speed of a point of the robot, relative to the obstacle. So
+controller's look-ahead checks curved ones), and between two samples no two points approach by more than V T / 2 from
+the nearer sample, with V the largest speed of a point of the robot relative to the obstacle. So
 
     d ≥ clearance(δ, g) − V T / 2                                                             at every time.
 
-A setting is *safe* if this is positive. It is *refused* if it is provably not: if bodies that touch satisfy Δ ≥ δ; if
-∇Δ vanishes on the barrier's own boundary (δ at the flat spot), where no motion at all is forbidden; if η T > 1, where
-the barrier overshoots by its own law. In between nothing is proven, and the controller says so.
+A setting is *safe* if this is positive. It is *refused* if it is provably unsafe: if touching bodies satisfy Δ ≥ δ; if
+∇Δ vanishes on the barrier's own boundary (δ at the flat spot), where no motion at all is forbidden; or if η T > 1, when
+the barrier condition itself lets h overshoot zero. In between nothing is proven, and the controller says so.
 """
 
 from __future__ import annotations
@@ -49,18 +49,18 @@ from hdplan.scenes.once import made_once, read_only
 
 Floats = NDArray[np.float64]
 
-FLAT = 1e-3  # a barrier whose slope by the separation is less on its own boundary forbids nothing there
+FLAT = 1e-3  # a barrier with a smaller slope over the separation on its own boundary forbids nothing there
 GRID = 24  # cells along an edge of the cube whose grid covers all directions
-FINE = 1e-9  # [m] and [1]: resolution of least distances and of their normals
+FINE = 1e-9  # [m] and [1]: resolution of least distances, and of the normals they depend on
 
 
 def shaped(value: float, gamma: int, length: float) -> float:
-    """Return Phi(u) = u |u|^gamma/(|u|^gamma + length^gamma), as `holder.shaping`, of one number."""
+    """Return Phi(u) = u |u|^gamma/(|u|^gamma + length^gamma) of one number; see `holder.shaping`."""
     return value * _share(abs(value), gamma, length)
 
 
 def _share(size: float, gamma: int, length: float) -> float:
-    """Return size^gamma/(size^gamma + length^gamma), which is 0 where that is less than a number can be."""
+    """Return size^gamma/(size^gamma + length^gamma), or 0 if that underflows."""
     if size >= length:
         return 1.0 / (1.0 + (length / size) ** gamma)
     less = (size / length) ** gamma
@@ -76,8 +76,8 @@ def unshaped(value: float, gamma: int, length: float) -> float:
 
 
 def counts(distance: str, normals: str) -> tuple[int, int, int]:
-    """Return K, N_in and how often one and the same normal counts, for "hdsdf" (planes of the obstacle's side) and
-    "hdsdf-boxes" (the paper's set of both boxes)."""
+    """Return K, N_in and the multiplicity of a normal, for "hdsdf" (the obstacle's planes) and "hdsdf-boxes" (the
+    paper's set for both boxes)."""
     if distance == "hdsdf-boxes":
         alike = axis_count(normals)
         return 12 * alike, 4, alike
@@ -85,7 +85,7 @@ def counts(distance: str, normals: str) -> tuple[int, int, int]:
 
 
 def separation_bound(delta: float, gamma: int, length: float, count: int, inner: int) -> float:
-    """Return the least D̃ [m] that D ≥ delta [m] leaves possible: the equations above."""
+    """Return the least D̃ [m] possible with D ≥ delta [m], by the module's equations."""
     p = gamma + 1
     if delta < 0:
         return -float(inner ** (-1 / p)) * unshaped(count ** (1 / p) * unshaped(-delta, gamma, length), gamma, length)
@@ -93,8 +93,8 @@ def separation_bound(delta: float, gamma: int, length: float, count: int, inner:
 
 
 def least_distance(normals: Floats, delta: float, growth: float, gamma: int, length: float) -> float:
-    """Return the least true distance [m] that D ≥ delta [m] leaves possible for a body of these unit normals (K, 3), in
-    any frame, grown by `growth` [m]: a lower bound, never less than that of `separation_bound`."""
+    """Return the least true distance [m] possible with D ≥ delta [m] for a body with these unit normals (K, 3), in any
+    frame, grown by `growth` [m]: a lower bound, never less than that of `separation_bound`."""
     alike = growth + separation_bound(delta, gamma, length, len(normals), 1)
     if delta <= 0.0:
         return alike
@@ -103,8 +103,8 @@ def least_distance(normals: Floats, delta: float, growth: float, gamma: int, len
 
 @made_once(1024)
 def _least_distance(normals: bytes, delta: float, growth: float, gamma: int, length: float) -> float:
-    """Solve the equation of `least_distance`. Its right side is convex in m, so that it is greatest over the unit ball
-    at a corner of a polytope around that."""
+    """Solve the equation of `least_distance`. Its right side is convex in m, so that its maximum over a polytope around
+    the unit ball, a bound for the ball, is at a vertex."""
     wanted = unshaped(delta, gamma, length)
     along = _around_the_ball() @ np.frombuffer(normals).reshape(-1, 3).T
     power = gamma + 1
@@ -118,9 +118,9 @@ def _least_distance(normals: bytes, delta: float, growth: float, gamma: int, len
 
 @functools.cache
 def _around_the_ball() -> Floats:
-    """Corners (M, 3) whose hull holds the unit ball: a grid of GRID cells along a cube's edges, seen from its centre.
-    Every direction is within the diagonal of a cell, √2 · 2/GRID, of one of them on the cube, less on the ball: their
-    cosine is 1 − half of its square or more."""
+    """Return vertices (M, 3) whose hull contains the unit ball: a grid of GRID cells along a cube's edges, projected
+    from its centre. Every direction is within the diagonal of a cell, √2 · 2/GRID, of one of them on the cube, and
+    closer on the ball: the cosine between the two is at least 1 − half the square of that."""
     ticks = np.linspace(-1.0, 1.0, GRID + 1)
     u, v = (part.ravel() for part in np.meshgrid(ticks, ticks))
     face = np.stack([u, v, np.ones_like(u)], axis=1)
@@ -129,7 +129,7 @@ def _around_the_ball() -> Floats:
 
 
 def sufficient_separation(delta: float, gamma: int, length: float, corners: int) -> float:
-    """Return a D̃ [m] that proves D ≥ delta for a link body of so many corners: N_out^(1/p) Φ⁻¹(Φ⁻¹(δ)), as
+    """Return a D̃ [m] that proves D ≥ delta for a link body with so many vertices: N_out^(1/p) Φ⁻¹(Φ⁻¹(δ)), as
     ⊕ ≥ N_out^(−1/p) min and more normals only raise D; 0 for a delta of 0 or less."""
     if delta <= 0.0:
         return 0.0
@@ -141,7 +141,7 @@ def guaranteed_clearance(
 ) -> float | None:
     """Return the true clearance [m] that Δ ≥ delta proves at that instant (a lower bound); None if nothing is proven.
 
-    It may be negative: then the proof does not reach, which is no proof of contact.
+    It may be negative: then the proof is not sufficient, which is no proof of contact.
     """
     if distance == "gdf":
         return None
@@ -152,14 +152,14 @@ def guaranteed_clearance(
 
 
 def touching_value(growth: float, gamma: int, length: float, inner: int, alike: int) -> float:
-    """Return a Δ [m] that is not less where one vertex touches the face of the true body: D̃ = −growth along that
-    face's normal, all others deeper. Other normals only raise it."""
+    """Return a lower bound of Δ [m] where one vertex touches a face of the true body: D̃ = −growth along that face's
+    normal, with all other vertices deeper. Other normals only raise it."""
     p = gamma + 1
     return -shaped(alike ** (-1 / p) * shaped(inner ** (1 / p) * growth, gamma, length), gamma, length)
 
 
 def straightened(distance: float, gamma: int, length: float) -> tuple[float, float]:
-    """Return the separation u [m] of one normal and one pair of vertices that reads D = Φ(Φ(u)), without the flat spot,
+    """Return the separation u [m] with D = Φ(Φ(u)), that of one normal and one pair of vertices without the flat spot,
     and dD/du there: 0 and 0 for 0."""
     slope, value = 1.0, abs(distance)
     for _ in range(2):
@@ -174,11 +174,11 @@ def straightened(distance: float, gamma: int, length: float) -> tuple[float, flo
 def refuse_unsafe(
     distance: str, delta: float, growth: float, gamma: int, length: float, normals: str, rate: float, period: float
 ) -> None:
-    """Raise InputError, by the name of the setting, for settings that are provably not safe: the rules above."""
+    """Raise InputError, naming the setting, for settings that are provably not safe by the rules of the module."""
     if rate * period > 1.0:
         raise InputError(
             f"control.rate: {rate:g} /s at a period of {period:g} s overshoots its own barrier (rate x period is "
-            f"{rate * period:.3g}), allowed is up to {1.0 / period:g} /s"
+            f"{rate * period:.3g}), at most {1.0 / period:g} /s is allowed"
         )
     if distance == "gdf":
         return
@@ -186,19 +186,19 @@ def refuse_unsafe(
         if growth + delta <= 0.0:
             raise InputError(
                 f"control.margin: {delta:g} m with growth {growth:g} m puts the barrier's zero inside the true body, "
-                f"allowed is more than {-growth:g} m"
+                f"more than {-growth:g} m is needed"
             )
         return
     if straightened(delta, gamma, length)[1] < FLAT:
         raise InputError(
             f"control.margin: {delta:g} m lies on the flat spot of the HD-SDF (shaping length {length:g} m): its "
             "gradient vanishes on the barrier's own boundary, so that it forbids nothing there; "
-            f"allowed is for instance {-length / 4:g} m"
+            f"{-length / 4:g} m is allowed, for instance"
         )
     _, inner, alike = counts(distance, normals)
     touching = touching_value(growth, gamma, length, inner, alike)
     if touching >= delta:
         raise InputError(
             f"control.margin: {delta:g} m with growth {growth:g} m and shaping length {length:g} m lets bodies touch: "
-            f"a vertex on a face reads {touching:.3g} m or more; allowed is a margin above that, or more growth"
+            f"a vertex on a face has a distance of {touching:.3g} m or more; use a margin above that, or more growth"
         )

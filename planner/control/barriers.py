@@ -1,11 +1,11 @@
 """The barriers of a controller: the distance Δ of every pair of bodies at one configuration, with exact derivatives.
 
-In: outer link bodies, obstacles (standing, or moving), the distance and the growth. Out, at (q, t): Δ
-(P,) [m], ∂Δ/∂q (P, n) and ∂Δ/∂t (P,) [m/s]. The derivative by q is the distance's wrench on the first body times the
-geometric Jacobian; Δ depends on the relative pose alone, so the second body's wrench is the opposite one, and a moving
-obstacle of world twist (v, ω) gives ∂Δ/∂t = −(F·v + T·ω).
+In: outer link bodies, static and moving obstacles, the distance and the growth. Out, at (q, t): Δ (P,) [m], ∂Δ/∂q
+(P, n) and ∂Δ/∂t (P,) [m/s]. The derivative by q is the distance's wrench on the first body times the geometric
+Jacobian; Δ depends on the relative pose only, so the second body's wrench is the opposite one, and a moving obstacle of
+world twist (v, ω) gives ∂Δ/∂t = −(F·v + T·ω).
 
-A moving obstacle is one more frame beside the joints', so that every `PairDistance` takes it as it takes a link.
+A moving obstacle is one more frame after the joints', so that every `PairDistance` treats it like a link.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ BARRIER_DISTANCES = ("hdsdf", "hdsdf-boxes", "euclidean", "gdf")
 
 @dataclass(frozen=True)
 class BarrierSettings(Checked):
-    """Which distance, and what it is taken to."""
+    """Which distance, and between which bodies."""
 
     distance: Annotated[str, Choice(BARRIER_DISTANCES)] = "hdsdf"
     """hdsdf (planes of the obstacle), hdsdf-boxes (the paper's set), euclidean (exact) or gdf."""
     gamma: Annotated[int, Whole(1, 1000)] = 2  # order of differentiability of the HD-SDF
     shaping_length: Annotated[float, Number(above=0.0, unit="m")] = 1e-3  # width of its flat spot [m]
-    growth: Annotated[float, Number(0.0, 1.0, unit="m")] = 0.006  # of the obstacles [m], g
-    self_growth: Annotated[float, Number(0.0, 1.0, unit="m")] = 0.005  # of a link beside another [m]
+    growth: Annotated[float, Number(0.0, 1.0, unit="m")] = 0.006  # g, by which obstacles are grown [m]
+    self_growth: Annotated[float, Number(0.0, 1.0, unit="m")] = 0.005  # the same for one link of a self pair [m]
     normals: Annotated[str, text] = "box"
     """Planes of an obstacle: faces, box or sphere; of hdsdf-boxes: paper or paper-multiset."""
 
@@ -66,11 +66,11 @@ class BarrierRows:
     value: Array  # (P,) [m]
     gradient: Array  # (P, n) by the configuration
     drift: Array  # (P,) by time alone [m/s]
-    separation: Array  # (P,) a lower bound of the true distance less the growth [m]; of the GDF no bound
+    separation: Array  # (P,) a lower bound of the true distance less the growth [m]; for the GDF no bound
 
 
 class Barriers:
-    """The pairs of bodies that a controller keeps apart: robot and obstacles first, then the robot's own links."""
+    """The pairs of bodies that a controller keeps apart: first robot and obstacles, then the robot's own links."""
 
     def __init__(
         self,
@@ -85,10 +85,10 @@ class Barriers:
         hulls: Sequence[LinkBody] = (),
         unguarded: Sequence[tuple[str, str]] = (),
     ) -> None:
-        """Lay out the pairs. `obstacles` stand; the bodies beside a motion are given in its obstacle's own frame.
+        """Lay out the pairs. `obstacles` are static; the bodies of a moving obstacle are given in its own frame.
 
-        clearances: [m], by name, that are grown on obstacles beside the settings' growth. hulls: the links' own hulls,
-        for `nearness`. unguarded: pairs of links that are left out, to be told.
+        clearances: [m], by obstacle, added to the settings' growth. hulls: the links' own hulls, for `nearness`.
+        unguarded: pairs of links that are left out, for the report.
         """
         self.robot, self.kinematics, self.settings = robot, kinematics, settings
         self.movers, self.unguarded = tuple(motion for motion, _ in movers), tuple(unguarded)
@@ -96,7 +96,7 @@ class Barriers:
             replace(body, joint=kinematics.nj + index) for index, (_, moved) in enumerate(movers) for body in moved
         ]
         others = [*obstacles, *carried]
-        # links that stand are in no pair: if a moving obstacle meets one, no motion of the robot prevents it
+        # fixed links are in no pair: if a moving obstacle hits one, no motion of the robot can prevent it
         outer = [(a, b) for a, body in enumerate(bodies) if body.joint > 0 for b in range(len(others))]
         extra = np.array([(clearances or {}).get(body.name, 0.0) for body in others])
         chosen_planes = settings.normals if settings.distance == "hdsdf" else "box"
@@ -105,7 +105,7 @@ class Barriers:
         hull_of = {hull.link: index for index, hull in enumerate(hulls)}
         hull_planes = [from_link_body(hull.link, hull.joint, hull.body) for hull in hulls]
         self.groups: list[_Group] = []
-        self._true: list[tuple[_Group, Rows]] = []  # of the links' hulls, and the row there of each pair here
+        self._true: list[tuple[_Group, Rows]] = []  # pairs of the links' hulls, and the row there of each pair here
         names: list[tuple[str, str]] = []
         for chosen, planes, margin in (
             (outer, others, settings.growth + extra),
@@ -129,14 +129,14 @@ class Barriers:
         self._directions = [body.directions for body in obstacles] if settings.distance == "hdsdf" else []
         self._nothing = BarrierRows(np.empty(0), np.empty((0, kinematics.n)), np.empty(0), np.empty(0))
         self.names = tuple(names)  # (P,) link and obstacle, or link and link
-        self.coming = np.zeros(len(names), dtype=np.bool_)  # (P,) pairs with an obstacle that moves
+        self.coming = np.zeros(len(names), dtype=np.bool_)  # (P,) whether it is a pair with a moving obstacle
         self.coming[: len(outer)] = [b >= len(obstacles) for _, b in outer]
-        self.obstacle_pairs = len(outer)  # the first of the P
-        self.corners = max((len(body.body.vertices) for body in bodies), default=1)  # of a link's body, at most
+        self.obstacle_pairs = len(outer)  # which come first among the P
+        self.corners = max((len(body.body.vertices) for body in bodies), default=1)  # most vertices of a link's body
         self.levers = levers(robot, [(body.joint, body.body) for body in bodies])  # (n,) [m]
 
     def __repr__(self) -> str:
-        """Say how many pairs there are, of what."""
+        """Say how many pairs of each kind there are."""
         own = len(self.names) - self.obstacle_pairs
         return (
             f"<Barriers of {self.robot.name}: {self.obstacle_pairs} pairs with obstacles, {own} of links, "
@@ -144,36 +144,36 @@ class Barriers:
         )
 
     def clearance(self, margin: float) -> float | None:
-        """Return the true clearance [m] to what stands that Δ ≥ margin [m] proves at that instant, by the planes that
-        the obstacles have: a lower bound; None if nothing is proven."""
+        """Return the true clearance [m] to static obstacles that Δ ≥ margin [m] proves at that instant, with the planes
+        of these obstacles: a lower bound; None if nothing is proven."""
         b = self.settings
         any_planes = guaranteed_clearance(b.distance, margin, b.growth, b.gamma, b.shaping_length, b.normals)
         proven = (least_distance(each, margin, b.growth, b.gamma, b.shaping_length) for each in self._directions)
         return min(proven, default=any_planes)
 
     def evaluate(self, q: Array, time: float = 0.0, chosen: Rows | None = None) -> BarrierRows:
-        """Return Δ and its derivatives at configuration q (n,) and a time [s]; of `chosen` pairs, ascending, or all."""
+        """Return Δ and its derivatives at configuration q (n,) and a time [s], of `chosen` pairs, ascending, or all."""
         every = [(group, np.arange(len(group.pairs))) for group in self.groups]
         return self._evaluated(q, time, every, np.arange(len(self.names)) if chosen is None else chosen)
 
     def nearness(self, q: Array, time: float, chosen: Rows) -> BarrierRows:
-        """Return the exact distance of the links' hulls in the pairs `chosen`, ascending, without growth, with its
-        derivatives; nothing where no hulls were given."""
+        """Return the exact distance of the links' hulls in the `chosen` pairs, ascending, without growth, with its
+        derivatives; nothing if no hulls were given."""
         if not len(chosen) or not self._true:
             return self._nothing
         return self._evaluated(q, time, self._true, chosen)
 
     def certain(self, rows: BarrierRows, velocity: Array, period: float, needed: Array) -> Mask:
-        """Return which pairs (P,) have a D̃ above `needed` (P,) [m] after a period of a velocity, whatever else it is,
-        by how far the robot's points move: the plain maximum over planes fixed in an obstacle that stands, or the exact
-        distance, changes by no more."""
+        """Return which pairs (P,) certainly have a D̃ above `needed` (P,) [m] after a period at a velocity: the plain
+        maximum over the planes of a static obstacle, or the exact distance, changes by no more than the robot's points
+        move."""
         known = np.arange(len(self.names)) < self.obstacle_pairs
         if self.settings.distance not in ("hdsdf", "euclidean") or self.movers:
             return np.zeros(len(known), dtype=np.bool_)
         return np.asarray(known & (rows.separation > needed + period * float(np.abs(velocity) @ self.levers)))
 
     def _evaluated(self, q: Array, time: float, groups: Sequence[tuple[_Group, Rows]], chosen: Rows) -> BarrierRows:
-        """Evaluate the chosen pairs, which count through all groups; each group with its rows for its pairs."""
+        """Evaluate the chosen pairs, numbered through all groups; each group comes with its rows for its pairs."""
         scene, first, found = self._at(q, time), 0, []
         for group, rows in groups:
             own = chosen[(chosen >= first) & (chosen < first + len(rows))]
@@ -200,7 +200,7 @@ class Barriers:
 
 
 class _Group(NamedTuple):
-    """Pairs whose distance is of one kind."""
+    """Pairs with one kind of distance."""
 
     pairs: BodyPairs
     distance: PairDistance
@@ -209,8 +209,8 @@ class _Group(NamedTuple):
 class _Moment(NamedTuple):
     """Robot and obstacles at one configuration and time."""
 
-    kinematics: KinematicsBatch  # the frames of the moving obstacles behind the joints'
-    joints: int  # that the robot has, the world among them
+    kinematics: KinematicsBatch  # with the frames of the moving obstacles after the joints'
+    joints: int  # number of the robot's joints, including the world
     twists: Sequence[Array]  # (6,) of each moving obstacle
 
     def rows(self, group: _Group, chosen: Rows) -> BarrierRows:
@@ -242,11 +242,11 @@ def _distance(
 
 
 def scene_barriers(scene: Scene, robot: Robot, settings: BarrierSettings) -> Barriers:
-    """Return the barriers of a scene: the outer bodies of the planner, every obstacle, grown by what the scene wants
-    free around it as well, and the robot's own pairs but for those whose outer bodies overlap anyway.
+    """Return the barriers of a scene: the planner's outer bodies with every obstacle, which is grown also by its own
+    clearance, and the robot's self pairs except for those whose outer bodies overlap anyway.
 
-    settings: which distance, and what it is taken to. Link bodies are the scene's setting `planner.link_bodies`, boxes
-    for the distances that know nothing else. Raises InputError for an obstacle that the distance cannot take.
+    settings: which distance, and between which bodies. Link bodies are those of the scene's `planner.link_bodies`, or
+    boxes for the distances that take no others. Raises InputError for an obstacle that the distance cannot take.
     """
     instance(scene, Scene, "scene")
     instance(robot, Robot, "robot")

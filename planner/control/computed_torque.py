@@ -1,11 +1,12 @@
-"""A motion executed by a simulated robot: forward dynamics under computed-torque control, torques cut at their limits.
+"""A motion executed by a simulated robot: forward dynamics under computed-torque control, with saturated torques.
 
-The controller reads the motion as any would, a thousand times a second, and asks for
+The controller samples the motion a thousand times a second, as a real one would, and commands
 
     τ = M(q_d) (q̈_d + ω² e + 2 ω ė) + C(q_d, q̇_d) q̇_d + g(q_d),   e = q_d − q
 
-with what the file says in the middle of the step, and the error measured at its beginning. The torque is held over the
-step; the robot moves by Pinocchio's articulated-body algorithm and the Runge-Kutta method of fourth order. No friction.
+with the reference in the middle of the step, and the error measured at its beginning. The torque is held over the step;
+the motion is integrated with Pinocchio's articulated-body algorithm and the fourth-order Runge-Kutta method. No
+friction.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ from hdplan.planner.robot.robot import Robot
 Array = NDArray[np.float64]
 
 STEP = 1e-3  # [s] at most
-FREQUENCY = 100.0  # ω [1/s] of the controller, critically damped
-LOST = 1e-2  # [rad] or [m] beyond which tracking is lost, and the execution ends
+FREQUENCY = 100.0  # ω [rad/s] of the controller, critically damped
+LOST = 1e-2  # [rad] or [m] tracking error beyond which tracking is lost and the execution ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,8 +33,8 @@ class Execution:
 
     times: Array  # (k + 1,) [s]
     positions: Array  # (k + 1, n)
-    errors: Array  # (k + 1, n) e, by which it is behind the motion [rad] or [m]
-    asked: Array  # (k, n) τ that the controller asked for [Nm] or [N]; it got no more than the limits
+    errors: Array  # (k + 1, n) tracking errors e [rad] or [m]
+    asked: Array  # (k, n) commanded τ [Nm] or [N], before saturation at the limits
     lost: bool  # whether it ended before the motion did, as tracking was lost
 
     @property
@@ -43,15 +44,15 @@ class Execution:
 
 
 class Arm:
-    """A robot with its loads, to be moved by torques."""
+    """A robot with its loads, moved by torques."""
 
     def __init__(self, model: pin.Model, robot: Robot) -> None:
-        """Take the model with all loads (`loads.loaded_model`) and the robot that says where its joints are."""
+        """Take the model with all loads (`loads.loaded_model`) and its robot, for the order of joints."""
         self.model, self.data, self.robot = model, model.createData(), robot
-        self.plain = model.nq == model.nv  # joint values are Pinocchio's configuration: most often, and quicker
+        self.plain = model.nq == model.nv  # joint values are Pinocchio's configuration: the usual case, and faster
 
     def needed(self, q: Array, v: Array, a: Array) -> Array:
-        """Return the torques (n,) that accelerate the arm so."""
+        """Return the torques (n,) for accelerations a (n,) at q and v (n,)."""
         return np.asarray(pin.rnea(self.model, self.data, self._configuration(q), v, a)).copy()
 
     def moved(self, q: Array, v: Array, torque: Array, step: float) -> tuple[Array, Array]:
@@ -81,7 +82,7 @@ class Arm:
 def execute(arm: Arm, curve: Curve, limits: Array) -> Execution:
     """Execute a curve of the robot's planned joints with torques of at most `limits` (n,) [Nm] or [N].
 
-    The curve has times; the robot starts on it, with its velocity.
+    The curve must have times; the robot starts on it, with its velocity.
     """
     count = max(int(np.ceil(curve.widths.sum() / STEP - 1e-9)), 1)
     times = np.linspace(*_span(curve), count + 1)

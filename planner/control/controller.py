@@ -1,36 +1,36 @@
-"""A controller that keeps clear: joint velocities by a quadratic program with control barrier functions.
+"""A controller that avoids collisions: joint velocities from a quadratic program with control barrier functions.
 
-At every period T it solves, for the joint velocity u (n,) [rad/s or m/s],
+In every period T it solves, for the joint velocity u (n,) [rad/s or m/s],
 
     minimize    ½ uᵀ H u + fᵀ u                     the task: least at the nominal velocity (`tasks`)
     subject to  ∂Δ_k/∂q · u + ∂Δ_k/∂t ≥ −η (Δ_k − δ_k)         for every pair of bodies k (`barriers`)
                 −η (q − q_min) ≤ u ≤ η (q_max − q),  |u| ≤ v   joint limits as barriers, velocity limits
 
 (paper, section IV-C; Ames et al., "Control barrier functions: theory and applications", ECC 2019).
-Where not all of it can be met, there still is a best command, by this order (`quadratic_program`):
+If not all constraints can be met, the command is chosen by these priorities (`quadratic_program`):
 
-1. The velocity limits; no joint goes further beyond a limit; and of what stands, and of the links among themselves, no
-   Δ_k falls below δ_k, or falls at all where it is below already. Standing still keeps all this, so it can be kept.
-2. What comes: its barriers are missed by as little as can be, least where it would touch soonest.
-3. Pairs inside their margins, and joints beyond their limits, come back as the equations above want it, or as fast as
-   they can.
+1. The velocity limits; no joint moves further beyond a limit; and for static obstacles and self pairs, no Δ_k falls
+   below δ_k, or falls at all where it is already below. Standing still satisfies all of this, so it is feasible.
+2. Moving obstacles: their barriers are violated as little as possible, least where contact is nearest.
+3. Pairs inside their margins and joints beyond their limits recover as the constraints above demand, or as fast as they
+   can.
 
 The step names the pairs whose barrier its command does not meet (`Step.gave`).
 
-What it guarantees is derived in `barrier_safety`. The barrier's inequality is linear in u and holds at one instant;
-over a period the distance bends. So each command is looked at once more at its end: it is taken only if every Δ_k(q + u
-T) stays at or above δ_k, or at least does not fall where it is below already; otherwise the program is solved again
-with the rows that fell as they are at that end, then with the joints held that move those pairs, and at last the robot
-is stopped. Then Δ_k ≥ δ_k at every sample for
-all time once it holds at the first, whatever the distance's kinks, against obstacles that stand; standing still is
-always allowed. Below its margin Δ says too little, as outer bodies may overlap where the links do not: there the exact
-distance of the links' hulls is kept from falling below NEAR as well, by a barrier and by the same look. And there the
-HD-SDF's shaping is undone (`barrier_safety.straightened`), as on its flat spot it gives no direction back. Against an
-obstacle that moves, standing still may not be enough: then the command that is best at its end is taken.
+What the controller guarantees is derived in `barrier_safety`. The barrier's inequality is linear in u and holds at one
+instant; over a period the distance is not linear. So each command is checked at its end: it is accepted only if every
+Δ_k(q + u T) stays at or above δ_k, or at least does not fall if it is already below; otherwise the program is solved
+again with the rows that fell linearized at that end, then with the joints held that move those pairs, and at last the
+robot is stopped. Then, against static obstacles, Δ_k ≥ δ_k holds at every sample for all time once it holds at the
+first, whatever the distance's kinks; standing still is always allowed. Below its margin Δ is of little use, as outer
+bodies may overlap where the links do not: there the exact distance of the links' hulls is also kept from falling below
+NEAR, by a barrier and by the same check. And there the HD-SDF's shaping is inverted (`barrier_safety.straightened`), as
+it gives no direction on its flat spot. Against a moving obstacle standing still may not be enough: then the command
+that is best at its end is taken.
 
-Settings that are provably not safe are refused by name (`barrier_safety.refuse_unsafe`). A controller like this is no
-planner: it can come to rest where no velocity brings it on, short of its target. A `Controller` has no state between
-its steps, so threads may share one; a task may have some (`follow.FollowTask`), and then belongs to one thread.
+Settings that are provably not safe are refused by name (`barrier_safety.refuse_unsafe`). Such a controller is not a
+planner: it can get stuck short of its target, where no velocity leads on. A `Controller` has no state between its
+steps, so threads may share one; a task may have a state (`follow.FollowTask`), and then belongs to one thread.
 """
 
 from __future__ import annotations
@@ -58,22 +58,22 @@ from hdplan.scenes.values import Number, checked, instance
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
-LOOKS = 4  # at a command's end, the first included
-ROUNDING = 1e-12  # [m] granted to a distance that may not fall
-SPARE = 1e-7  # [m] that a corrected command is to end above that: more than the program's tolerance
-NEAR = 0.01  # [m] below which the exact distance of a pair that is inside its margin may not fall
-MISSED = 1e-4  # [m/s] by which a barrier is missed before it is said
-COMING, RECOVERING = 1e3, 30.0  # price of what is missed beside what comes, and of a way back to a margin [s/m or s]
-SOON = 0.01  # [m] from what comes, below which its price rises no more
+CHECKS = 4  # of a command's end, including the first
+ROUNDING = 1e-12  # [m] by which a distance that must not fall may do so
+SPARE = 1e-7  # [m] by which a corrected command should end above that: more than the program's tolerance
+NEAR = 0.01  # [m] below which the exact distance of a pair that is inside its margin must not fall
+MISSED = 1e-4  # [m/s] by which a barrier is violated before it is reported
+COMING, RECOVERING = 1e3, 30.0  # prices of violations, for moving obstacles and for recovery to a margin [s/m or s]
+SOON = 0.01  # [m] from a moving obstacle, below which its price is constant
 
 
 class Mode(Enum):
-    """What became of a period."""
+    """The outcome of a period."""
 
-    MOVING = "moving"  # every barrier is met, the command is the best
-    CORRECTED = "corrected"  # the same, but for a first one that would have ended too close
-    GIVING_WAY = "giving way"  # not every barrier can be met: the best command, `Step.gave` says which it misses
-    STOPPED = "stopped"  # no command was found that keeps what stands far enough away
+    MOVING = "moving"  # every barrier is met, the command is optimal
+    CORRECTED = "corrected"  # the same, in place of a first command that would have ended too close
+    GIVING_WAY = "giving way"  # not every barrier can be met: the best command; `Step.gave` lists those it violates
+    STOPPED = "stopped"  # no command was found that stays far enough from static obstacles
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,28 +84,28 @@ class Step:
     mode: Mode
     rows: BarrierRows  # Δ and its derivatives at the start of the period
     slack: float  # least Δ − δ there [m]; inf without pairs
-    closest: int  # the pair of the least, a row of Barriers.names; −1 without pairs
+    closest: int  # the pair with the least slack, a row of Barriers.names; −1 without pairs
     gave: tuple[int, ...]  # the pairs whose barrier the command does not meet, rows of Barriers.names
     proven: float | None
-    """a lower bound of the true clearance of the links that move to the obstacles, over the whole period [m]; None: no
-    proof"""
+    """A lower bound of the true clearance from moving links to obstacles, over the whole period [m]; None: no proof.
+    """
     distance_seconds: float
     program_seconds: float
 
     @property
     def stopped(self) -> bool:
-        """Whether the robot stands for lack of a safe command."""
+        """Whether the robot stands still for lack of a safe command."""
         return self.mode is Mode.STOPPED
 
 
 class Controller:
-    """Steps a robot toward a task, clear of obstacles and of itself."""
+    """Steps a robot toward a task, without collisions with obstacles or itself."""
 
     def __init__(
         self, robot: Robot, barriers: Barriers, settings: ControlSettings, limits: Array | None = None
     ) -> None:
-        """Take the pairs; settings' barriers must be those that `barriers` were laid out with. limits: (n,) the
-        greatest speeds [rad/s or m/s], by default the URDF's. Raises InputError for limits that are none."""
+        """Take the pairs; the settings' barriers must be those with which `barriers` were made. limits: (n,) the
+        greatest speeds [rad/s or m/s], by default the URDF's. Raises InputError for invalid limits."""
         self.robot, self.barriers, self.settings = robot, barriers, settings
         count, outer = len(barriers.names), barriers.obstacle_pairs
         self._margins = np.where(np.arange(count) < outer, settings.margin, settings.self_margin)
@@ -119,19 +119,19 @@ class Controller:
             for margin in (settings.margin, settings.self_margin)
         ]
         self._bent = np.where(np.arange(count) < outer, *bent)  # δ − u(δ) [m]
-        self._sure = np.where(np.arange(count) < outer, *sure)  # D̃ [m] from which on Δ ≥ δ is certain
+        self._sure = np.where(np.arange(count) < outer, *sure)  # D̃ [m] above which Δ ≥ δ is certain
         self._clearance = barriers.clearance(settings.margin)
         given = robot.model.velocityLimit if limits is None else limits
         self.fastest = settings.speed * joint_numbers("limits", given, robot.joint_names, positive=True)  # (n,)
 
     def __repr__(self) -> str:
-        """Say whose controller it is, and what it keeps apart."""
+        """Say for which robot it is, and what it keeps apart."""
         return f"<Controller of {self.robot.name}: every {self.settings.period:g} s, {self.barriers!r}>"
 
     @property
     def assured(self) -> float | None:
         """Clearance [m] to obstacles proven at every time, at any speed within the limits, once Δ ≥ δ: that of the
-        samples, less the farthest way to the middle of a period; None without proof, not above 0 where it fails."""
+        samples, less the farthest travel to the middle of a period; None without proof, 0 or less if it fails."""
         clearance = self._clearance
         if clearance is None or not self.settings.look_ahead or self.barriers.movers:
             return None
@@ -152,7 +152,7 @@ class Controller:
         """Return the command at configuration q (n,) and a time [s].
 
         Raises InputError, before anything is commanded, for a q, a time or a task's objective that is not finite or
-        has another shape.
+        has a wrong shape.
         """
         q, time = joint_numbers("q", q, self.robot.joint_names), checked(Number(unit="s"), time, "time")
         began = perf_counter()
@@ -167,8 +167,8 @@ class Controller:
         command = best_velocity(hessian, linear, *self._box(q), wishes)
         mode, kept = Mode.MOVING, False
         if command is not None and self.settings.look_ahead:
-            command, mode, kept, looking = self._looked_at(command, now, hessian, linear, wishes)
-            distances += looking
+            command, mode, kept, checking = self._checked(command, now, hessian, linear, wishes)
+            distances += checking
         velocity = np.zeros_like(q) if command is None else command
         pairs = np.append(np.arange(len(slacks)), now.near_pairs)
         missed = (wishes.matrix @ velocity < wishes.wish - MISSED)[: len(pairs)]
@@ -191,13 +191,14 @@ class Controller:
         )
 
     def _box(self, q: Array) -> tuple[Array, Array]:
-        """Return the least and greatest velocities (n,), standing still among them, for joints beyond a limit too."""
+        """Return the least and greatest velocities (n,), which allow standing still even for joints beyond a limit."""
         rate, robot, fastest = self.settings.rate, self.robot, self.fastest
         return np.clip(rate * (robot.lower - q), -fastest, 0.0), np.clip(rate * (robot.upper - q), 0.0, fastest)
 
     def _straight(self, rows: BarrierRows, pairs: Rows, inside: Rows) -> BarrierRows:
-        """Return the rows of `pairs`, ascending, with Δ of those inside their margins as u(Δ) − u(δ) + δ, by the u that
-        the HD-SDF shapes: it grows as Δ does and is δ where Δ is, but has a slope on the flat spot too."""
+        """Return the rows of `pairs`, ascending, with Δ of those inside their margins as u(Δ) − u(δ) + δ, where
+        u is the separation before shaping: it grows with Δ and is δ where Δ is, but also has a slope on the flat spot.
+        """
         b, found = self.settings.barriers, np.flatnonzero(np.isin(pairs, inside))
         if not b.distance.startswith("hdsdf") or not len(found):
             return rows
@@ -211,7 +212,7 @@ class Controller:
         return replace(rows, value=value, gradient=gradient, drift=drift)
 
     def _wishes(self, now: _Now) -> Wishes:
-        """Return the barriers as rows: of all pairs, of those inside their margins, of joints beyond their limits."""
+        """Return the rows: of all pairs, of those inside their margins, of joints beyond their limits."""
         rate, rows, near = self.settings.rate, now.rows, now.near
         drift = np.concatenate([rows.drift, near.drift])
         wish = -rate * np.concatenate([rows.value - self._margins, np.maximum(near.value - NEAR, 0.0)]) - drift
@@ -226,45 +227,45 @@ class Controller:
             np.append(np.where(coming, SOON / np.maximum(gap, SOON), 0.0), np.zeros(len(joints))),
         )
 
-    def _looked_at(
+    def _checked(
         self, velocity: Array, now: _Now, hessian: Array, linear: Array, wishes: Wishes
     ) -> tuple[Array | None, Mode, bool, float]:
-        """Return what is commanded once its end was looked at, None for nothing; whether every Δ that was δ or more
-        still is there, as far as that was looked at; and the seconds that distances took.
+        """Return the command after checks of its end, or None; its mode; whether every Δ that was δ or more is proven
+        to be so at that end; and the seconds spent on distances.
 
-        Where a pair ends below its floor, the program is solved again with that pair's row as it is at that end u₀ T,
+        If a pair ends below its floor, the program is solved again with that pair's row linearized at that end u₀ T,
 
             Δ(q + u₀ T) + T ∂Δ/∂q(q + u₀ T) · (u − u₀) ≥ floor,
 
-        or, where that has no solution, with the joints held that move it.
+        or, if that has no solution, with the joints held that move it.
         """
         period, seconds = self.settings.period, 0.0
         box, asked = self._box(now.q), wishes
         floors = np.concatenate([np.minimum(now.rows.value, self._margins), np.minimum(now.near.value, NEAR)])
         best: tuple[float, Array] | None = None
-        for look in range(LOOKS):
+        for check in range(CHECKS):
             began = perf_counter()
-            looked = np.flatnonzero(~self.barriers.certain(now.rows, velocity, period, self._sure))
+            doubtful = np.flatnonzero(~self.barriers.certain(now.rows, velocity, period, self._sure))
             ahead, then = now.q + period * velocity, now.time + period
-            after = self._straight(self.barriers.evaluate(ahead, then, looked), looked, now.inside)
+            after = self._straight(self.barriers.evaluate(ahead, then, doubtful), doubtful, now.inside)
             near = self.barriers.nearness(ahead, then, now.inside)
             seconds += perf_counter() - began
-            rows = np.append(looked, len(self._margins) + np.arange(len(near.value)))
-            coming = self.barriers.coming[np.append(looked, now.near_pairs)]
+            rows = np.append(doubtful, len(self._margins) + np.arange(len(near.value)))
+            coming = self.barriers.coming[np.append(doubtful, now.near_pairs)]
             over = np.append(after.value, near.value) - floors[rows]
             fallen = over < -ROUNDING
             if not fallen.any():
-                return velocity, Mode.CORRECTED if look else Mode.MOVING, True, seconds
+                return velocity, Mode.CORRECTED if check else Mode.MOVING, True, seconds
             if not (fallen & ~coming).any() and (best is None or over.min() > best[0]):
                 best = float(over.min()), velocity
-            if look == LOOKS - 1:
+            if check == CHECKS - 1:
                 break
             gradient = np.concatenate([after.gradient, near.gradient])[fallen]
             wish = gradient @ velocity + (SPARE - over[fallen]) / period
             hold = np.where(coming[fallen], -np.inf, wish)
             wishes = wishes.with_rows(Wishes(gradient, wish, hold, np.full(len(wish), COMING)))
             corrected = best_velocity(hessian, linear, *box, wishes)
-            if corrected is None:  # a crest, from where every way leads down: the joints that move these pairs stand
+            if corrected is None:  # a crest, from where every way leads down: hold the joints that move these pairs
                 moving = (gradient != 0.0).any(axis=0)
                 box, wishes = (np.where(moving, 0.0, box[0]), np.where(moving, 0.0, box[1])), asked
                 corrected = best_velocity(hessian, linear, *box, wishes)
@@ -274,7 +275,7 @@ class Controller:
         return None if best is None else best[1], Mode.CORRECTED, False, seconds
 
     def _proven(self, velocity: Array, rows: BarrierRows, kept: bool) -> float | None:
-        """Return the proven clearance over the period: that of its ends, less the way to the middle of it."""
+        """Return the proven clearance over the period: that at its ends, less the travel to its middle."""
         outer = rows.value[: self.barriers.obstacle_pairs]
         if self._clearance is None or not kept or self.barriers.movers or (outer < self.settings.margin).any():
             return None
@@ -286,8 +287,8 @@ class _Now(NamedTuple):
 
     q: Array  # (n,)
     time: float  # [s]
-    rows: BarrierRows  # straight where they are inside their margins
-    near: BarrierRows  # exact distances of the pairs inside their margins; none where those are not known
+    rows: BarrierRows  # straightened for pairs inside their margins
+    near: BarrierRows  # exact distances of the pairs inside their margins; empty if not known
     inside: Rows  # those pairs
 
     @property
@@ -297,8 +298,8 @@ class _Now(NamedTuple):
 
 
 def _wished(matrix: Array, wish: Array, urgency: Array) -> Wishes:
-    """Return rows that are wished; urgency (m,): of what comes, up to 1; 0 for what stands, which holds at least where
-    it is."""
+    """Return the rows of the program; urgency (m,): up to 1 for moving obstacles; 0 for the rest, which at least must
+    not get worse."""
     coming = urgency > 0.0
     hold = np.where(coming, -np.inf, np.minimum(wish, 0.0))
     return Wishes(matrix, wish, hold, np.where(coming, COMING * urgency, RECOVERING))

@@ -1,15 +1,14 @@
-"""Follow a planned trajectory with the controller as its safety filter: it yields to what comes, and takes up again.
+"""Follow a planned trajectory with the controller as a safety filter: the robot evades moving obstacles, then resumes.
 
 Scene (obstacles may move) + trajectory → what the robot does. The reference is the trajectory's own curve at a phase τ
 that waits for the robot,
 
     τ̇ = max(0, 1 − |r(τ) − q| / LAG),   nominal velocity  u* = τ̇ r'(τ) + k (r(τ) − q),
 
-so that a robot that is held up is not led through what holds it up. The controller takes the velocity nearest to u*
-that its barriers allow (`control`). A path without times is followed from rest to rest, at half of the joints' speed
-limits or over the scene's `timing.duration`. The joints follow the commands smoothly, one period behind
-(`Run.executed`): that motion, with its velocities and accelerations, is written down, and certified as `hdplan check`
-certifies it.
+so that a blocked robot is not drawn through what blocks it. The controller takes the velocity closest to u* that its
+barriers allow (`controller`). A path without times is followed from rest to rest, at half the joints' speed limits or
+over the scene's `timing.duration`. The joints follow the commands smoothly, one period behind (`Run.executed`): that
+motion, with its velocities and accelerations, is saved, and certified as by `hdplan check`.
 """
 
 from __future__ import annotations
@@ -33,45 +32,45 @@ from hdplan.planner.timing.time_laws import MinimumJerk
 
 Array = NDArray[np.float64]
 
-LAG = 0.3  # [rad] or [m] of some joint behind the reference at which it waits
+LAG = 0.3  # [rad] or [m] of any joint behind the reference, at which the reference stops
 GAIN = 4.0  # k [1/s]
-ARRIVED = 2e-3  # [rad] or [m] of every joint from the trajectory's end, from which on it counts as reached
-SETTLED = 5e-7  # the same at which the run ends, so that the executed motion ends where the certificate wants it to,
-SETTLING = 3.0  # or this long after it has arrived [s], where a barrier holds it off
-SHARE = 0.5  # of the speed limits that a path without times is followed at
-PATIENCE = 3.0, 10.0  # times the trajectory's own duration, and [s] beside, after which it is given up
-MARGIN = -2.5e-4  # [m] of obstacles and links, and
-GROWTH = 0.005  # [m] of both: plans pass closer than a controller that goes where it likes should
-HELD = 0.05  # [rad] or [m] behind the trajectory, in some joint, from which on the robot counts as held up
+ARRIVED = 2e-3  # [rad] or [m] of every joint from the trajectory's end, within which it counts as reached
+SETTLED = 5e-7  # the same, at which the run ends, so that the executed motion ends where the certificate requires,
+SETTLING = 3.0  # or this long after arrival [s], if a barrier keeps the robot off
+SHARE = 0.5  # of the speed limits, at which a path without times is followed
+PATIENCE = 3.0, 10.0  # times the trajectory's own duration, plus [s], after which the run is given up
+MARGIN = -2.5e-4  # [m] for obstacles and links, and
+GROWTH = 0.005  # [m] for both: plans pass closer than a freely moving controller should
+HELD = 0.05  # [rad] or [m] of any joint behind the trajectory, above which the robot counts as held up
 
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """What became of a trajectory."""
+    """The outcome of following a trajectory."""
 
     trajectory: Trajectory  # as executed: a row for each period, with its time, velocities and accelerations
     run: Run
-    certificate: Certificate  # of that, over all time, with the obstacles where they then were
+    certificate: Certificate  # of that, over its whole time, with the obstacles where they were then
     duration: float  # of the trajectory itself [s]
-    arrived: float | None  # how long the robot took to its end [s]; None: it did not get there
+    arrived: float | None  # how long the robot took to reach its end [s]; None: it did not
     away: float  # the farthest that a joint was from the trajectory at the same phase [rad] or [m]
-    held: float  # how long it was HELD or more behind or beside [s]
-    unguarded: tuple[tuple[str, str], ...] = ()  # link pairs that the controller knows nothing of
+    held: float  # how long it was HELD or more from it [s]
+    unguarded: tuple[tuple[str, str], ...] = ()  # link pairs that the controller does not check
 
     @property
     def succeeded(self) -> bool:
-        """Whether the robot arrived, proven free all the way."""
+        """Whether the robot arrived and its motion is certified."""
         return self.arrived is not None and self.certificate.certified
 
     @property
     def text(self) -> str:
         """One sentence."""
         if self.arrived is None:
-            return f"not arrived: given up after {self.run.times[-1]:.1f} s, the trajectory takes {self.duration:.1f} s"
+            return f"not arrived: gave up after {self.run.times[-1]:.1f} s, the trajectory takes {self.duration:.1f} s"
         return f"arrived after {self.arrived:.1f} s, {self.arrived - self.duration:.1f} s later than the trajectory"
 
     def rows(self) -> list[tuple[str, str]]:
-        """What happened, for reading."""
+        """Return what happened as rows of a table."""
         seconds = self.run.step_seconds
         counted = ", ".join(f"{count} {mode.value}" for mode, count in self.run.counted.most_common())
         unguarded = ", ".join(f"{a} and {b}" for a, b in self.unguarded)
@@ -85,7 +84,7 @@ class Followed:
         ]
 
     def summary(self) -> dict[str, object]:
-        """The same as JSON takes it."""
+        """Return the same for JSON."""
         return {
             "status": self.certificate.status.value,
             "text": self.text,
@@ -102,10 +101,11 @@ class Followed:
 
 
 def follow(setup: Setup, trajectory: Trajectory, settings: ControlSettings | None = None) -> Followed:
-    """Simulate a robot that follows `trajectory` in its scene, from the trajectory's first row on, at the time that it
-    has there or at 0.
+    """Simulate a robot that follows `trajectory` in its scene, starting at the trajectory's first row, at that row's
+    time or at 0.
 
-    Raises InputError for joints that do not fit, settings that are provably not safe, and joints without a speed limit.
+    Raises InputError for joints that do not match, settings that are provably not safe, and joints without a speed
+    limit.
     """
     scene, robot = setup.scene, setup.robot
     settings = settings or ControlSettings(BarrierSettings(growth=GROWTH, self_growth=GROWTH), MARGIN, MARGIN, rate=4.0)
@@ -134,12 +134,12 @@ def follow(setup: Setup, trajectory: Trajectory, settings: ControlSettings | Non
 
 @dataclass(eq=False)
 class FollowTask:
-    """The task of following a curve with times, whose phase waits for the robot. One step a period: it has a state."""
+    """The task of following a timed curve whose phase waits for the robot. It has a state: use one step per period."""
 
     curve: Curve
     period: float  # T [s]
     phase: float = 0.0  # τ [s] since the curve's first row
-    behind: list[float] = field(default_factory=list)  # [rad] or [m] of the worst joint, at each period
+    behind: list[float] = field(default_factory=list)  # [rad] or [m] of the worst joint, in each period
     since: float | None = None  # when the robot arrived [s]
 
     def __post_init__(self) -> None:
@@ -148,11 +148,11 @@ class FollowTask:
 
     @property
     def duration(self) -> float:
-        """Of the curve [s]."""
+        """Duration of the curve [s]."""
         return float(self.curve.widths.sum())
 
     def objective(self, q: Array, time: float) -> tuple[Array, Array]:
-        """The quadratic at q; moves the phase on by one period."""
+        """Return the quadratic at q, and advance the phase by one period."""
         wanted, speed = self._at(self.curve), self._at(self._velocity)
         behind = float(np.abs(wanted - q).max())
         self.behind.append(behind)
@@ -175,8 +175,8 @@ class FollowTask:
 
 
 def paced(path: Curve, fastest: Array, duration: float = 0.0) -> Curve:
-    """Return a path without times as one from rest to rest, no joint faster than `fastest` (n,), over `duration` [s] or
-    as long as that takes."""
+    """Return a path with times, from rest to rest, with no joint faster than `fastest` (n,), over `duration` [s] or as
+    long as that takes."""
     needed = np.maximum(np.abs(np.diff(path.rows, axis=0) / fastest).max(axis=1), 1e-6)
     law = MinimumJerk(max(duration, 1.875 * float(needed.sum())))  # its peak speed is 1.875 times the mean
     share = np.concatenate([[0.0], np.cumsum(needed)]) / needed.sum()

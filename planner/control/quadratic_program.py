@@ -1,15 +1,15 @@
-"""The quadratic program of a controller: the best velocity there is, also where not everything asked can be met.
+"""The quadratic program of a controller: the best velocity, even if not all constraints can be met.
 
     minimize ½ uᵀ H u + fᵀ u    subject to    low ≤ u ≤ high,   a_k·u ≥ wish_k    for every row k          (1)
 
-Where no velocity meets every wish, a row still keeps its floor, hold_k ≤ wish_k, and what it misses of its wish, s_k,
-has a price:
+If no velocity meets every wish, a row still keeps its floor, hold_k ≤ wish_k, and its shortfall s_k from the wish has a
+price:
 
     minimize ½ uᵀ H u + fᵀ u + ½ Σ (price_k s_k)²    subject to    a_k·u ≥ hold_k,   a_k·u + s_k ≥ wish_k    (2)
 
-so that (1), where it can be solved, is solved exactly, and (2) gives what the dearest rows can get. A row with
-hold = wish gives nothing, one with hold = −∞ may give all. (2) has a solution as soon as some velocity keeps every
-floor: with box and floors around 0, standing still is one.
+so that (1) is solved exactly if it is feasible, and otherwise (2) favours the rows of the highest price. A row with
+hold = wish is a hard constraint, one with hold = −∞ a purely soft one. (2) is feasible if some velocity keeps every
+floor: with box and floors around 0, standing still does.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-VANISHED = 1e-12  # a row shorter than this is none: no velocity changes it
+VANISHED = 1e-12  # shorter rows are left out: no velocity changes them
 UNBOUNDED = 1e30  # DAQP's infinity
 SOLVED = (1, 2)  # DAQP's exit flags of a solution, exact or to its tolerance
 
@@ -32,23 +32,23 @@ class Wishes(NamedTuple):
 
     matrix: Array  # (m, n) a
     wish: Array  # (m,)
-    hold: Array  # (m,) at most the wish; −inf: none
-    price: Array  # (m,) of what is missed of the wish
+    hold: Array  # (m,) floor, at most the wish; −inf: none
+    price: Array  # (m,) of the shortfall from the wish
 
     def with_rows(self, other: Wishes) -> Wishes:
-        """Return these rows and others."""
+        """Return these rows followed by others."""
         return Wishes(*(np.concatenate(parts) for parts in zip(self, other, strict=True)))
 
 
 def best_velocity(hessian: Array, linear: Array, low: Array, high: Array, wishes: Wishes) -> Array | None:
-    """Return u (n,); None where no velocity keeps every floor.
+    """Return u (n,); None if no velocity keeps every floor.
 
     By DAQP, a dual active-set solver: for 7 joints, bounds and 60 rows it took 0.02 ms where quadprog took 0.04,
     PIQP 0.11, ProxQP 0.47 and OSQP 1.6 (benchmarks/control.py), with quadprog's answers to 1e-13.
     """
     matrix, wish, hold, price = wishes
     length = np.linalg.norm(matrix, axis=1)
-    # a row that no velocity within the box can break is left out: exact, and most are
+    # rows that no velocity within the box can violate are left out, which is exact and most of them
     least = np.minimum(matrix * low, matrix * high).sum(axis=1)
     kept = (least < wish) & (length > VANISHED)
     length = length[kept]
@@ -59,7 +59,7 @@ def best_velocity(hessian: Array, linear: Array, low: Array, high: Array, wishes
     price = price[kept] * length
     n, gives = len(linear), hold < wish
     count = int(gives.sum())
-    # (2) in u and price · s; each row with its price in units in which its coefficients are at most 1
+    # (2) in u and price · s; each priced row is scaled so that its coefficients are at most 1
     scale = np.maximum(price[gives], 1.0)
     priced = np.hstack([matrix[gives] * (price[gives] / scale)[:, None], np.diag(1.0 / scale)])
     floors = np.hstack([matrix, np.zeros((len(matrix), count))])

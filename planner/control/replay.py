@@ -1,8 +1,8 @@
-"""A planned motion replayed: what the file makes the joints do, and, where the scene has dynamics, what they then do.
+"""A planned motion replayed: what the file commands, and, if the scene has torque limits, what the robot then does.
 
-Scene and trajectory -> `Simulation`. Without `limits.torque` the motion is kinematics alone: the file is read as a
-controller would, a thousand times a second by its own rule of interpolation. With it the robot and its loads are
-simulated (`computed_torque`), and what it did counts. Samples prove nothing; the certificate does.
+Scene and trajectory -> `Simulation`. Without `limits.torque` the replay is kinematic: the file is sampled as a
+controller would, a thousand times a second by its own interpolation rule. With it the robot and its loads are simulated
+(`computed_torque`), and the simulated motion counts. Samples prove nothing; the certificate does.
 """
 
 from __future__ import annotations
@@ -26,30 +26,30 @@ from hdplan.scenes.errors import InputError
 
 Array = NDArray[np.float64]
 
-LOOKS = 0.01  # [s] between configurations at which the clearance is computed, at most
-LONGEST = 3600.0  # [s] that a motion may take: rows of every step are kept
+CLEARANCE_STEP = 0.01  # [s] between configurations at which the clearance is computed, at most
+LONGEST = 3600.0  # [s] that a motion may take: the rows of all steps are kept
 PATH_SAMPLES = 1000  # of a path without times
-ROUNDING = 1e-6  # relative, by which a rate may be beyond its limit
-SATURATED = 1e-3  # relative, by which a controller may ask for more than the limit: what its own steps make
-JUMP = 1e-6  # [rad/s] or [rad/s²] that no controller sees
+ROUNDING = 1e-6  # relative, by which a rate may exceed its limit
+SATURATED = 1e-3  # relative, by which a commanded torque may exceed its limit, due to the controller's time steps
+JUMP = 1e-6  # [rad/s] or [rad/s²] that no controller notices
 
 
 @dataclass(frozen=True)
 class Peak:
     """The largest absolute value of a quantity of a joint."""
 
-    value: float  # inf where the order below jumps
+    value: float  # inf where the quantity whose derivative it is jumps
     limit: float | None  # None: the scene has none
-    time: float  # [s] when
+    time: float  # of the peak [s]
 
     @property
     def share(self) -> float | None:
-        """Of the limit."""
+        """The value over the limit."""
         return None if self.limit is None else self.value / self.limit
 
     @property
     def left(self) -> float | None:
-        """What is left to the limit; negative beyond it."""
+        """The difference to the limit; negative beyond it."""
         return None if self.limit is None else self.limit - self.value
 
 
@@ -59,8 +59,8 @@ class JointUse:
 
     name: str
     travel: float  # from its least to its greatest value in the file [rad] or [m]
-    peaks: dict[str, Peak]  # velocity, acceleration and jerk with times; with dynamics torque, and what has limits
-    error: float | None = None  # largest, behind the motion [rad] or [m]; with dynamics
+    peaks: dict[str, Peak]  # velocity, acceleration and jerk if timed; torque with dynamics; other limited quantities
+    error: float | None = None  # largest tracking error [rad] or [m]; with dynamics
     error_rms: float | None = None
 
 
@@ -76,20 +76,20 @@ class Close:
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """What came of a motion."""
+    """The outcome of a replay."""
 
     duration: float | None  # [s] of the motion; None: a path without times
     curve: Curve  # of the file
     joints: tuple[JointUse, ...]
-    closest: Close | None  # of the robot and obstacles, at the configurations looked at; None without obstacles
+    closest: Close | None  # of robot and obstacles, at the sampled configurations; None without obstacles
     self_closest: Close | None  # between links
-    looks: int  # configurations at which distances were computed
+    samples: int  # configurations at which distances were computed
     execution: Execution | None  # with dynamics
-    failures: tuple[str, ...]  # what went wrong, in words
+    failures: tuple[str, ...]  # messages on what went wrong
 
     @property
     def succeeded(self) -> bool:
-        """Whether nothing touched, no limit was passed, and tracking was kept."""
+        """Whether nothing touched, no limit was exceeded, and tracking was not lost."""
         return not self.failures
 
     @property
@@ -98,12 +98,12 @@ class Simulation:
         if self.failures:
             return f"failed: {'; '.join(self.failures)}"
         if self.execution is None:
-            return "replayed: kinematics alone, within all limits that the scene has"
+            return "replayed: kinematics only, within all limits of the scene"
         worst = max(joint.error or 0.0 for joint in self.joints)
         return f"executed: simulated with dynamics, tracked within {worst:.1e} rad, torques within their limits"
 
     def summary(self) -> dict[str, Any]:
-        """The same as one JSON object: SI units; null where the scene does not ask."""
+        """Return the same as one JSON object: SI units; null where the scene has no such limit."""
         return {
             "status": "succeeded" if self.succeeded else "failed",
             "text": self.text,
@@ -129,22 +129,22 @@ class Simulation:
 
 
 def fitting(setup: Setup, trajectory: Trajectory) -> Curve:
-    """Return the trajectory's curve, of the robot's joints in their order.
+    """Return the trajectory's curve, with the robot's joints in their order.
 
     Raises:
-        InputError: its joints do not fit the robot, or it has no times and the scene asks for them.
+        InputError: its joints do not match the robot's, or it has no times and the scene needs them.
     """
     curve = curve_of(setup.robot, trajectory)
     if setup.scene.timed and curve.times is None:
-        raise InputError("times: missing; the scene says when the motion is to be where (timing, limits)")
+        raise InputError("times: missing; the scene needs them (timing, limits)")
     return curve
 
 
 def _check_steps(times: Array) -> None:
-    """Refuse times (N,) whose steps cannot be represented or distinguished."""
+    """Refuse times (N,) with too many steps between them to keep, or too large to resolve a step."""
     if not times[-1] - times[0] <= LONGEST:
         raise InputError(f"times: the motion takes {times[-1] - times[0]:g} s; at most {LONGEST:g} s are simulated")
-    latest, most = float(np.abs(times).max()), 1e-3 * STEP / np.finfo(float).eps  # a thousandth of a step is told there
+    latest, most = float(np.abs(times).max()), 1e-3 * STEP / np.finfo(float).eps  # resolves 0.001 steps
     if not latest <= most:
         raise InputError(
             f"times: {latest:g} s leave no digits for steps of {STEP:g} s; at most {most:.3g} s are allowed"
@@ -155,8 +155,8 @@ def replay(setup: Setup, trajectory: Trajectory) -> Simulation:
     """Replay a trajectory of the scene's robot.
 
     Raises:
-        InputError: as `fitting`; loads or limits of the scene that do not fit the robot; a motion that takes longer
-            than LONGEST, or so late that steps of time drown in rounding.
+        InputError: as `fitting`; loads or limits of the scene that do not match the robot; a motion that takes longer
+            than LONGEST, or at times so large that steps are lost in rounding.
     """
     robot, curve = setup.robot, fitting(setup, trajectory)
     if curve.times is not None:
@@ -180,11 +180,11 @@ def replay(setup: Setup, trajectory: Trajectory) -> Simulation:
     if torques is not None:
         execution = execute(Arm(setup.loaded_model, robot), curve, torques)
         times, positions = execution.times, execution.positions
-        for joint, peak in enumerate(peaks):  # what was asked for counts, not what the file alone would need
+        for joint, peak in enumerate(peaks):  # the commanded torque counts, not that of the file alone
             peak["torque"] = _peak(execution.asked[:, joint], execution.times, float(torques[joint]))
-    every = max(int(LOOKS / (times[1] - times[0])), 1) if timed else PATH_SAMPLES // 100
-    looks = np.unique(np.r_[np.arange(0, len(times), every), len(times) - 1])
-    closest, between_links = _closest(certifier, positions[looks], times[looks])
+    every = max(int(CLEARANCE_STEP / (times[1] - times[0])), 1) if timed else PATH_SAMPLES // 100
+    samples = np.unique(np.r_[np.arange(0, len(times), every), len(times) - 1])
+    closest, between_links = _closest(certifier, positions[samples], times[samples])
     joints = tuple(
         JointUse(
             name,
@@ -201,11 +201,11 @@ def replay(setup: Setup, trajectory: Trajectory) -> Simulation:
         *_touching(closest, between_links),
     )
     duration = last - first if timed else None
-    return Simulation(duration, curve, joints, closest, between_links, len(looks), execution, failures)
+    return Simulation(duration, curve, joints, closest, between_links, len(samples), execution, failures)
 
 
 def _other_limits(certifier: Certifier, curve: Curve, times: Array) -> Iterator[tuple[str, Array]]:
-    """Give the quantities that are limited and no derivatives, as the file has them (k, n) at times (k,)."""
+    """Yield the limited quantities that are not derivatives, by the file (k, n) at times (k,)."""
     interval, fraction = curve.interval_of(curve.parameter_of(times))
     for check in certifier.limits:
         for name in check.limits.keys() - DERIVATIVES.keys():
@@ -213,7 +213,7 @@ def _other_limits(certifier: Certifier, curve: Curve, times: Array) -> Iterator[
 
 
 def _rates(curve: Curve, order: int, times: Array, limit: Array | None) -> Iterator[Peak]:
-    """Give each joint's peak of a derivative; infinite where the one below jumps."""
+    """Yield each joint's peak of a derivative; infinite where the derivative one order lower jumps."""
     values = curve.at_time(times, order)
     jumps = curve.over_time(order - 1).jumps() if order > 1 else np.zeros((len(curve), values.shape[1]))
     for joint, column in enumerate(values.T):
@@ -231,9 +231,9 @@ def _peak(values: Array, times: Array, limit: float | None) -> Peak:
 
 
 def _closest(certifier: Certifier, positions: Array, times: Array) -> tuple[Close | None, Close | None]:
-    """Return the closest bodies of all configurations (k, n): with obstacles, between links."""
+    """Return the closest bodies over all configurations (k, n): to obstacles, and between links."""
     best: list[Close | None] = [None, None]
-    within = np.inf  # what is farther apart than the closest so far does not matter
+    within = np.inf  # pairs farther apart than the closest so far do not matter
     for q, time in zip(positions, times.tolist(), strict=True):
         for group, place in enumerate(certifier.nearest(q, within, time=time)):
             known = best[group]
@@ -244,7 +244,7 @@ def _closest(certifier: Certifier, positions: Array, times: Array) -> tuple[Clos
 
 
 def _overloaded(execution: Execution, limits: Array, robot: Robot) -> Iterator[str]:
-    """Say where a limit first is too little for what the controller asks, and whether tracking is lost."""
+    """Say where the commanded torque first exceeds a limit, and whether tracking is lost."""
     shares = np.abs(execution.asked) / limits
     if (over := shares.max(axis=1) > 1 + SATURATED).any():
         row = int(over.argmax())

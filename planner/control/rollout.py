@@ -1,11 +1,11 @@
 """A controller run in simulation: the joints follow the commanded velocity exactly, held over each period.
 
-q_{k+1} = q_k + T u_k. What is measured of the commands, the distances and the time is here too.
+q_{k+1} = q_k + T u_k. Measures of the commands, the distances and the time are here too.
 
-Velocities that are held jump, and no joint can follow a jump. `Run.executed` is what a joint does that follows the
-commanded positions smoothly, one period behind: the cubic B-spline whose control points they are (Farin, Curves and
-Surfaces for CAGD, chapter 8). It stays within the hull of the last four, its velocity between commanded ones, and its
-acceleration is at most their greatest difference over T: nothing overshoots, and nothing jumps.
+Velocities that are held jump, and no joint can follow a jump. `Run.executed` is the motion of joints that follow the
+commanded positions smoothly, one period behind: the cubic B-spline with these positions as control points (Farin,
+Curves and Surfaces for CAGD, chapter 8). It stays within the hull of the last four, its velocity lies between commanded
+ones, and its acceleration is at most their greatest difference over T: nothing overshoots, and nothing jumps.
 """
 
 from __future__ import annotations
@@ -35,20 +35,20 @@ class Run:
     velocities: Array  # (N, n) commanded [rad/s or m/s]
     modes: tuple[Mode, ...]  # (N,)
     slacks: Array  # (N,) least Δ − δ at the start of each period [m]
-    proven: float | None  # true clearance to obstacles proven over all periods [m]; None where one has no proof
+    proven: float | None  # true clearance to obstacles proven over all periods [m]; None if one has no proof
     distance_seconds: Array  # (N,) spent on distances
     program_seconds: Array  # (N,) spent on the task and the quadratic program
-    met: float | None  # when the task was met [s]; None: it was not
-    gave: Counter[tuple[str, str]]  # for how many periods the barrier of each pair was not met
-    begin: float = 0.0  # when the first period starts [s]
+    met: float | None  # when the task was completed [s]; None: it was not
+    gave: Counter[tuple[str, str]]  # in how many periods the barrier of each pair was not met
+    begin: float = 0.0  # start of the first period [s]
 
     @property
     def times(self) -> Array:
-        """Start of each period, and the end of the last (N + 1,) [s]."""
+        """The start of each period and the end of the last (N + 1,) [s]."""
         return self.begin + np.arange(len(self.positions), dtype=np.float64) * self.period
 
     def executed(self, joint_names: tuple[str, ...], locked: Mapping[str, float]) -> Trajectory:
-        """Return the motion of joints that follow smoothly, from rest to rest: N + 3 rows, each T [s] after the last,
+        """Return the motion of joints that follow smoothly, from rest to rest: N + 3 rows, T [s] apart,
 
             r_k = (q_{k−2} + 4 q_{k−1} + q_k)/6,   ṙ_k = (u_{k−2} + u_{k−1})/2,   r̈_k = (u_{k−1} − u_{k−2})/T
 
@@ -63,12 +63,12 @@ class Run:
 
     @property
     def step_seconds(self) -> Array:
-        """What each step took (N,) [s]."""
+        """The computing time of each step (N,) [s]."""
         return self.distance_seconds + self.program_seconds
 
     @property
     def counted(self) -> Counter[Mode]:
-        """How many periods ended in each mode."""
+        """The number of periods in each mode."""
         return Counter(self.modes)
 
 
@@ -82,11 +82,11 @@ def simulate(
     until_met: bool = True,
     watch: Callable[[float, Array, Step], None] | None = None,
 ) -> Run:
-    """Run a controller from `start` (n,), at time `begin` [s], for at most `duration` [s], or until its task is met.
+    """Run a controller from `start` (n,), at time `begin` [s], for at most `duration` [s], or until its task is done.
 
-    until_met: whether to end as soon as the task is met; otherwise the whole duration is run.
-    watch: is called each period with the time, the configuration and the step. Raises InputError for a start, a
-    duration or a begin that is none.
+    until_met: whether to end as soon as the task is done; otherwise the whole duration is run.
+    watch: called in each period with the time, the configuration and the step. Raises InputError for an invalid start,
+    duration or begin.
     """
     instance(controller, Controller, "controller")
     duration = checked(Number(low=0.0, unit="s"), duration, "duration")
@@ -127,9 +127,10 @@ def total_variation(commands: Array) -> float:
 
 
 def fast_energy(commands: Array, period: float, above: float = 5.0) -> float:
-    """Return the energy ∫ |u|² dt of what in commands (N,) or (N, n) is faster than `above` [Hz]: [rad²/s].
+    """Return the energy ∫ |u|² dt of commands (N,) or (N, n) at frequencies over `above` [Hz]: [rad²/s].
 
-    By Parseval's equation, of the commands less their straight line from first to last, so that the ends do not count.
+    By Parseval's theorem, after subtracting the straight line from the first to the last command, so that the step
+    between the ends does not count.
     """
     values = commands.reshape(len(commands), -1)
     if len(values) < 2:
@@ -137,7 +138,7 @@ def fast_energy(commands: Array, period: float, above: float = 5.0) -> float:
     line = np.linspace(values[0], values[-1], len(values))
     spectrum = np.fft.rfft(values - line, axis=0)
     fast = np.fft.rfftfreq(len(values), period) > above
-    twice = np.full(len(spectrum), 2.0)  # a real signal's spectrum counts twice, but for its ends
+    twice = np.full(len(spectrum), 2.0)  # a real signal's spectrum counts twice, except at its ends
     twice[0] = 1.0
     if len(values) % 2 == 0:
         twice[-1] = 1.0

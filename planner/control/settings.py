@@ -1,4 +1,4 @@
-"""How a controller works: its barriers, margins, rate and period, refused where they are provably not safe."""
+"""Settings of a controller: its barriers, margins, rate and period, refused if they are provably not safe."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from hdplan.scenes.values import Checked, Number
 
 @dataclass(frozen=True)
 class ControlSettings(Checked):
-    """How a controller works."""
+    """Settings of a controller."""
 
     barriers: BarrierSettings = field(default_factory=BarrierSettings)
     margin: Annotated[float, Number(unit="m")] = 0.014
-    """δ between robot and obstacles: where the barrier stops. D bends over a length of about itself, so that commands
-    are as smooth as this is large, however far obstacles are grown."""
+    """δ between robot and obstacles, at which the barrier stops the robot. D is curved over a length of about its own
+    value, so that a larger margin makes smoother commands, whatever the growth."""
     self_margin: Annotated[float, Number(unit="m")] = -2.5e-4  # the same between links
     rate: Annotated[float, Number(high=1e3, above=0.0, unit="1/s")] = 2.0
-    """η: how fast a barrier may be approached, the part per second [1/s]."""
-    period: Annotated[float, Number(high=1.0, above=0.0, unit="s")] = 0.005  # T: commands are held as long [s]
+    """η: how fast a barrier may be approached, as a share of its distance per second [1/s]."""
+    period: Annotated[float, Number(high=1.0, above=0.0, unit="s")] = 0.005  # T, over which commands are held [s]
     speed: Annotated[float, Number(high=1.0, above=0.0)] = 1.0  # share of the robot's velocity limits that is used
-    look_ahead: bool = True  # whether commands are looked at once more at their end
-    as_published: bool = False  # takes settings that are provably not safe, to show what they do
+    look_ahead: bool = True  # whether commands are checked at their end
+    as_published: bool = False  # accept settings that are provably not safe, to show what they do
 
     def _check_whole(self) -> None:
         if not self.as_published:
@@ -38,7 +38,7 @@ class ControlSettings(Checked):
 
     @property
     def clearance(self) -> float | None:
-        """True clearance [m] to obstacles that Δ ≥ δ proves at a sample, whatever planes they have: of those in a scene
+        """True clearance [m] to obstacles that Δ ≥ δ proves at a sample, whatever their planes; for those of a scene
         `Barriers.clearance` proves more. None if nothing is proven."""
         return self._proven(self.margin, self.barriers.growth)
 

@@ -1,4 +1,4 @@
-"""What a controller is to do: a quadratic in the joint velocity, ½ uᵀ H u + fᵀ u, smallest at the nominal velocity."""
+"""Tasks of a controller: a quadratic in the joint velocity, ½ uᵀ H u + fᵀ u, minimal at the nominal velocity."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ GAIN = Number(0.0, 1e3, unit="1/s")
 
 
 class Task(Protocol):
-    """A nominal velocity, as the quadratic that is least there."""
+    """A nominal velocity, as a quadratic with its minimum there."""
 
     def objective(self, q: Array, time: float) -> tuple[Array, Array]:
         """Return H (n, n), positive definite, and f (n,) at configuration q (n,) and a time [s]."""
         ...
 
     def met(self, q: Array, time: float) -> bool:
-        """Whether there is nothing left to do."""
+        """Whether the task is done."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class PoseTask:
-    """Bring a link to a pose: min ‖J u − k e‖² + λ ‖u‖², with e the way and turn that are missing."""
+    """Bring a link to a pose: min ‖J u − k e‖² + λ ‖u‖², with e the error in position and orientation."""
 
     robot: Robot
     target: PoseTarget
-    gain: float = 0.4  # k: the part of the error that is gone in a second [1/s]
-    regularization: float = 0.01  # λ: what keeps u short near singular configurations
+    gain: float = 0.4  # k: relative decrease of the error per second [1/s]
+    regularization: float = 0.01  # λ: keeps u small near singular configurations
 
     def __post_init__(self) -> None:
-        """Refuse a gain or a regularization that is none."""
+        """Refuse invalid arguments."""
         instance(self.robot, Robot, "robot")
         instance(self.target, PoseTarget, "target")
         checked(GAIN, self.gain, "gain")
@@ -54,7 +54,7 @@ class PoseTask:
         return LinkPose.of(self.robot, self.target)
 
     def objective(self, q: Array, time: float) -> tuple[Array, Array]:
-        """The quadratic at q; it does not depend on the time."""
+        """Return the quadratic at q; it does not depend on the time."""
         error, jacobian = self._pose.linearized(q[None])
         return least_squares(jacobian[0], self.gain * error[0], self.regularization)
 
@@ -71,11 +71,11 @@ class TrackTask:
 
     reference: Callable[[float], tuple[Array, Array]]  # time [s] -> r (n,), ṙ (n,)
     gain: float = 2.0  # k [1/s]
-    end: float = 0.0  # when the reference stands still [s]
-    tolerance: float = 1e-3  # [rad] or [m] of each joint
+    end: float = 0.0  # from which time on the reference is at rest [s]
+    tolerance: float = 1e-3  # [rad] or [m] for each joint
 
     def __post_init__(self) -> None:
-        """Refuse a reference, a gain, an end or a tolerance that is none."""
+        """Refuse invalid arguments."""
         if not callable(self.reference):
             raise wrong("a function of the time [s]", self.reference).within("reference")
         checked(GAIN, self.gain, "gain")
@@ -83,7 +83,7 @@ class TrackTask:
         checked(Number(low=0.0, unit="rad or m"), self.tolerance, "tolerance")
 
     def objective(self, q: Array, time: float) -> tuple[Array, Array]:
-        """The quadratic at q and a time."""
+        """Return the quadratic at q and a time."""
         joints, found = _counted(q), self.reference(time)
         if not is_row(found) or len(found) != 2:
             raise wrong("a configuration and its velocity", found).within("reference")
@@ -91,13 +91,13 @@ class TrackTask:
         return np.eye(len(q)), -(speed + self.gain * (wanted - q))
 
     def met(self, q: Array, time: float) -> bool:
-        """Whether the reference stands still and is reached."""
+        """Whether the reference is at rest and reached."""
         return time >= self.end and bool(np.abs(self.reference(time)[0] - q).max() <= self.tolerance)
 
 
 def standing(q: Array, gain: float = 2.0) -> TrackTask:
-    """Return the task of going to a configuration q (n,) [rad or m] and staying there; `gain` is the part of what is
-    missing that is gone in a second [1/s]. Raises InputError for a configuration or a gain that is none."""
+    """Return the task of going to a configuration q (n,) [rad or m] and staying there; `gain` is the relative decrease
+    of the error per second [1/s]. Raises InputError for an invalid configuration or gain."""
     goal = joint_numbers("q", q, _counted(q))
     return TrackTask(_Still(goal), gain)
 
@@ -109,15 +109,15 @@ class _Still:
     goal: Array
 
     def __call__(self, time: float) -> tuple[Array, Array]:
-        """Return it, and its velocity, which is none."""
+        """Return it with zero velocity."""
         return self.goal, np.zeros_like(self.goal)
 
 
 def least_squares(jacobian: Array, wanted: Array, regularization: float) -> tuple[Array, Array]:
-    """Return H and f of ½ ‖J u − wanted‖² + ½ λ ‖u‖², but for a constant."""
+    """Return H and f of ½ ‖J u − wanted‖² + ½ λ ‖u‖², up to a constant."""
     return jacobian.T @ jacobian + regularization * np.eye(jacobian.shape[1]), -jacobian.T @ wanted
 
 
 def _counted(q: ArrayLike) -> list[str]:
-    """Return names for joints that a task knows by number alone."""
+    """Return names for joints that a task knows only by number."""
     return [str(joint) for joint in range(np.size(q))]

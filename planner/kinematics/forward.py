@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from hdplan.planner.robot.pin_model import motion_axes
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.once import freeze, made_once
@@ -142,14 +143,6 @@ class _MappedState(threading.local):
         given[: values.size] = values.ravel()
         run()
         return found[: len(values)].copy()
-
-
-def motion_axes(joint: pin.JointModel) -> tuple[Array, Array]:
-    """Return a one-coordinate joint's linear and angular unit velocity in its own frame."""
-    data = joint.createData()
-    joint.calc(data, np.eye(1, joint.idx_q + joint.nq, joint.idx_q)[0])
-    motion = np.asarray(data.S, dtype=np.float64).reshape(6)
-    return motion[:3], motion[3:]
 
 
 def constant(values: Array) -> ca.DM:

@@ -17,8 +17,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from hdplan.distance.symbolic.row_function import RowFunction
-from hdplan.planner.kinematics.forward import constant, motion_axes, rotation_about
+from hdplan.planner.kinematics.forward import constant, rotation_about
 from hdplan.planner.robot.loads import with_loads
+from hdplan.planner.robot.pin_model import motion_axes
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array

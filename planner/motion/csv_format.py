@@ -1,7 +1,7 @@
 """Trajectories as CSV: a row per waypoint, under a header with the names of the joints.
 
-Times are the column `time`; velocities and accelerations are columns of their own, `JOINT.velocity` and
-`JOINT.acceleration`. Joints that stand still are not in the file.
+Times are in the column `time`; velocities and accelerations have columns of their own, `JOINT.velocity` and
+`JOINT.acceleration`. Locked joints are not in the file.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hdplan.planner.motion.trajectory import Trajectory
 
 TIME = "time"
-COLUMNS = {"velocities": ".velocity", "accelerations": ".acceleration"}  # of each joint, behind its name
+COLUMNS = {"velocities": ".velocity", "accelerations": ".acceleration"}  # suffixes of the joints' names
 
 
 def write_csv(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> bytes:
@@ -39,14 +39,14 @@ def write_csv(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> byt
 
 
 def read_csv(data: bytes) -> dict[str, Any]:
-    """Return the fields of the trajectory that a file holds. Raises InputError saying what is wrong."""
+    """Return the fields of the trajectory in a file. Raises InputError saying what is wrong."""
     try:
         reader = csv.reader(io.StringIO(data.decode("utf-8-sig")))
         rows = [(reader.line_num, row) for row in reader if row]
     except (csv.Error, UnicodeDecodeError) as error:
         raise InputError(f"not CSV ({error})") from error
     if not rows:
-        raise InputError("empty, a header with the joint names and one row per waypoint are expected")
+        raise InputError("empty; a header with the joint names and one row per waypoint are expected")
     (line, header), *rows = rows
     names = tuple(name.strip() for name in header)
     if any(_is_number(name) for name in names):
@@ -59,7 +59,7 @@ def read_csv(data: bytes) -> dict[str, Any]:
     values = np.array([[float(value) for value in row] for _, row in rows]).reshape(-1, len(names))
     columns = dict(zip(names, values.T, strict=True))
     if len(columns) < len(names):
-        raise InputError(f"line 1: '{next(name for i, name in enumerate(names) if name in names[:i])}' comes twice")
+        raise InputError(f"line 1: '{next(name for i, name in enumerate(names) if name in names[:i])}' appears twice")
     times = columns.pop(TIME, None)
     joints = tuple(name for name in columns if not name.endswith(tuple(COLUMNS.values())))
     rates = {}
@@ -68,7 +68,7 @@ def read_csv(data: bytes) -> dict[str, Any]:
         if given and (lacking := [name for name in joints if name + ending not in columns]):
             raise InputError(f"line 1: column '{lacking[0]}{ending}' is missing beside '{given[0]}'")
         if unknown := [name for name in given if name.removesuffix(ending) not in joints]:
-            raise InputError(f"line 1: column '{unknown[0]}' is of no joint with positions")
+            raise InputError(f"line 1: column '{unknown[0]}' belongs to no joint with positions")
         rates[key] = np.column_stack([columns[name + ending] for name in joints]) if given else None
     positions = np.column_stack([columns[name] for name in joints]) if joints else values[:, :0]
     return {"joint_names": joints, "positions": positions, "times": times, **rates}
@@ -79,4 +79,4 @@ def _is_number(text: str) -> bool:
         float(text)
     except ValueError:
         return False
-    return text.isascii() and "_" not in text  # Python's own numbers are more than CSV's
+    return text.isascii() and "_" not in text  # Python accepts more numbers than CSV has

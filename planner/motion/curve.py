@@ -1,18 +1,18 @@
-"""The executed curve: what the joints do between the rows of a trajectory, to the last interpolation rule.
+"""The executed curve: how the joints move between the rows of a trajectory.
 
 Rows hold positions, and may hold times, velocities and accelerations. Between two rows every joint follows the
-polynomial of least degree that meets what both rows hold:
+polynomial of least degree that matches both rows:
 
     positions: a straight line; with velocities: a cubic; with accelerations too: a quintic (Hermite interpolation)
 
-which is the rule of ROS' joint_trajectory_controller. It is kept in Bernstein form, q(s) = Σ_i c_i B_i,d(s) between two
-rows, 0 ≤ s ≤ 1: a polynomial lies within the hull of its control points c_i, its parts and its derivatives within those
-of theirs (Farin, Curves and Surfaces for CAGD, chapters 4 and 5). So all bounds here are proven, up to rounding. Units:
-[rad] or [m], and [s].
+which is the rule of ROS' joint_trajectory_controller. It is stored in Bernstein form, q(s) = Σ_i c_i B_i,d(s) between
+two rows, 0 ≤ s ≤ 1: a polynomial lies within the hull of its control points c_i, and its parts and derivatives within
+the hulls of theirs (Farin, Curves and Surfaces for CAGD, chapters 4 and 5). So all bounds here are proven, up to
+rounding. Units: [rad] or [m], and [s].
 
 Numbers have bounds (FARTHEST, SHORTEST, LONGEST), so that nothing overflows: a derivative of order k ≤ 4 is at most
-d! / (d − k)! 2ᵏ FARTHEST / SHORTESTᵏ < 1e250, and so are products of rates of four orders in all, as bounds on torques
-have them.
+d! / (d − k)! 2ᵏ FARTHEST / SHORTESTᵏ < 1e250, and so are products of rates whose orders add up to four, as in bounds on
+torques.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Index = NDArray[np.int64]
 
 FARTHEST = 1e6  # [rad] or [m] that a control point may be from 0
 SHORTEST, LONGEST = 1e-60, 1e60  # [s] between two rows, and from time 0
-ROW_RATES = ("velocities", "accelerations")  # what rows may hold beside times and positions
+ROW_RATES = ("velocities", "accelerations")  # that rows may hold beside times and positions
 RULES = {1: "linear", 3: "cubic", 5: "quintic"}  # by the degree
 PARTS = 8  # of an interval, each bounded by its own control points
 
@@ -65,12 +65,12 @@ class Curve:
 
     @property
     def rule(self) -> str:
-        """How it interpolates, in one word."""
+        """The interpolation: "linear", "cubic" or "quintic"."""
         return RULES[self.degree]
 
     @property
     def degree(self) -> int:
-        """d, of the polynomials."""
+        """The degree d of the polynomials."""
         return int(self.control.shape[1]) - 1
 
     def __len__(self) -> int:
@@ -100,13 +100,13 @@ class Curve:
         return _left(control, fraction)[:, -1]
 
     def interval_of(self, parameter: ArrayLike) -> tuple[Index, Array]:
-        """Return the intervals in which path parameters in [0, 1] lie, and at which fractions of them."""
+        """Return the intervals in which path parameters in [0, 1] lie, and the fractions within them."""
         where = np.asarray(parameter, dtype=np.float64) * len(self.control)
         interval = np.clip(np.floor(where).astype(np.int64), 0, len(self.control) - 1)
         return interval, where - interval
 
     def at_parameter(self, parameter: ArrayLike) -> Array:
-        """Return the positions (…, n) at path parameters in [0, 1], in which the rows stand at equal steps."""
+        """Return the positions (…, n) at path parameters in [0, 1], over which the rows are evenly spaced."""
         interval, fraction = self.interval_of(parameter)
         found = self.at(interval.ravel(), fraction.ravel())
         return np.asarray(found.reshape(*interval.shape, -1))
@@ -116,27 +116,27 @@ class Curve:
         return self.over_time(order).at_parameter(self.parameter_of(time))
 
     def parameter_of(self, time: ArrayLike) -> Array:
-        """Return the path parameters at times [s]; before the first row 0, after the last 1."""
+        """Return the path parameters at times [s]: 0 before the first row, 1 after the last."""
         rows = np.linspace(0.0, 1.0, len(self))
         return np.asarray(np.interp(np.asarray(time), rows if self.times is None else self.times, rows))
 
     def time_of(self, parameter: ArrayLike) -> Array:
-        """Return the times [s] at path parameters; themselves on a path without times."""
+        """Return the times [s] at path parameters; the parameters themselves for a path without times."""
         rows = np.linspace(0.0, 1.0, len(self))
         return np.asarray(np.interp(np.asarray(parameter), rows, rows if self.times is None else self.times))
 
     def derivative(self) -> Curve:
-        """Return the derivative by time: velocities of a position, accelerations of a velocity."""
+        """Return the time derivative: velocities of positions, accelerations of velocities."""
         if not self.degree:
             return Curve(np.zeros_like(self.control), self.times)
         return Curve(self.degree * np.diff(self.control, axis=1) / self.widths[:, None, None], self.times)
 
     def over_time(self, order: int) -> Curve:
-        """Return the derivative of that order."""
+        """Return the time derivative of that order."""
         return self if order == 0 else self.derivative().over_time(order - 1)
 
     def part(self, interval: Index, start: Array, width: Array) -> tuple[Array, Array, Array]:
-        """Return what the curve does on parts of intervals: q_m (k, n), δ (k, n) and ε (k, n) with
+        """Return midpoint, slope and deviation on parts of intervals: q_m (k, n), δ (k, n) and ε (k, n) with
 
             |q(s) − q_m − s δ| ≤ ε,   −1 ≤ s ≤ 1 over the part,   q_m = q(0) on the curve,
 
@@ -156,9 +156,9 @@ class Curve:
         return middle, delta, away
 
     def span(self, interval: Index, start: Array, width: Array) -> tuple[Array, Array]:
-        """Return the middle of parts of intervals and half of how long they take (k,) [s]; on a curve with times."""
+        """Return the middle of parts of intervals and half their duration (k,) [s]; the curve must have times."""
         if self.times is None:
-            raise ValueError("a path without times takes no time")
+            raise ValueError("a path without times has no duration")
         taken = self.widths[interval]
         return self.times[interval] + (start + 0.5 * width) * taken, 0.5 * width * taken
 
@@ -183,8 +183,8 @@ class Curve:
         return np.asarray(np.abs(_between(self.control[interval], start, end)).max(axis=1))
 
     def jumps(self) -> Array:
-        """Return by how much (N, n) the curve, a derivative, jumps at each row; before the first and after the last it
-        is 0."""
+        """Return by how much (N, n) the curve, a derivative, jumps at each row; it is 0 before the first and after the
+        last."""
         ends = np.concatenate([np.zeros_like(self.control[:1, 0]), self.control[:, -1]])
         starts = np.concatenate([self.control[:, 0], np.zeros_like(self.control[:1, 0])])
         return np.asarray(np.abs(starts - ends))
@@ -215,5 +215,5 @@ def halves(control: Array) -> Array:
 
 
 def row_count(duration: float, rate: float) -> int:
-    """Return the rows of a motion that are at most 1/rate [s] apart."""
+    """Return the number of rows of a motion that are at most 1/rate [s] apart."""
     return max(2, math.ceil(duration * rate - 1e-9) + 1)

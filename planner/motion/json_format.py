@@ -1,6 +1,6 @@
-"""Trajectories as JSON: everything that one holds, with the verdict on it, one line per key and per waypoint.
+"""Trajectories as JSON: all their fields, with the verdict on them, one line per key and per waypoint.
 
-The key `interpolation` names the curve's rule; numbers are written as the shortest that read back bit for bit.
+The key `interpolation` names the curve's rule; numbers are written in the shortest form that reads back bit for bit.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ KEYS = (
 
 
 def write_json(trajectory: Trajectory, about: Mapping[str, Mapping[str, Any]]) -> bytes:
-    """Return the file's content; `about` is what else it says, by key."""
+    """Return the file's content; `about` holds its further entries, by key."""
     timed = [] if trajectory.times is None else [f'"times": {json.dumps(trajectory.times.tolist(), allow_nan=False)}']
     lines = [
         '"hdplan_trajectory": 1',
@@ -55,7 +55,7 @@ def _rows(key: str, values: NDArray[np.float64]) -> str:
 
 
 def read_json(data: bytes) -> dict[str, Any]:
-    """Return the fields of the trajectory that a file holds. Raises InputError saying what is wrong."""
+    """Return the fields of the trajectory in a file. Raises InputError saying what is wrong."""
     try:
         content = json.loads(data, object_pairs_hook=_unique)
     except (ValueError, RecursionError) as error:
@@ -74,15 +74,15 @@ def read_json(data: bytes) -> dict[str, Any]:
         raise InputError("locked: an object of joint names and numbers is expected")
     rule = RULES[1 + 2 * sum(content.get(key) is not None for key in ROW_RATES)]
     if content.get("interpolation", rule) != rule:
-        raise InputError(f"interpolation: '{content['interpolation']}', but with what its rows hold it is {rule}")
+        raise InputError(f"interpolation: '{content['interpolation']}', but the fields of its rows make it {rule}")
     return {key: content.get(key) for key in ("joint_names", "positions", "locked", "times", *ROW_RATES)}
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return a JSON object; a key that stands twice would silently mean its last value."""
+    """Return a JSON object; of a key that appears twice, the last value would count silently."""
     found: dict[str, Any] = {}
     for key, value in pairs:
         if key in found:
-            raise InputError(f"the key {shorten(repr(key))} stands twice")
+            raise InputError(f"the key {shorten(repr(key))} appears twice")
         found[key] = value
     return found

@@ -1,8 +1,8 @@
 """How far the points of a link can move while the joints run along a curve: first and second order, rigorous.
 
 For an interval of the motion, q(s) = q_m + s δ + e(s) with s ∈ [−1, 1], |e_j| ≤ ε_j (0 on a straight line), and a point
-v of a link, in the frame of a body that carries the moving joints J (revolute or prismatic), all taken at the midpoint
-q_m:
+v of a link, in the frame of a body that carries the moving joints J (revolute or prismatic), all evaluated at the
+midpoint q_m:
 
     v(s) = v + s v' + r(s),    v' = Ω × v + U,    ‖r(s)‖ ≤ R
 
@@ -13,15 +13,15 @@ greatest distance of the link from axis j (1 for a prismatic joint).
 
 *Second order.* ∂²v/∂q_i∂q_j for i at or before j in the chain is z_i × ∂v/∂q_j if i is revolute, of length ≤ ρ_j, and 0
 if i is prismatic. So ½ max‖v''‖ ≤ ½ Σ_j |δ_j| ρ_j (|δ_j|[j revolute] + 2 Σ_{i<j revolute} |δ_i|) along the straight
-line; leaving it by e moves v by Σ_j ε_j ρ_j more. R is the sum of both.
+line; the deviation e moves v by at most another Σ_j ε_j ρ_j. R is the sum of both.
 
-*ρ_j.* Two bounds, of which the smaller is taken. (a) For all configurations: seen from joint j, the link stays in a
-cylinder around axis j. At the joint that carries the link it is computed from the points; one joint further down, the
-cylinder of radius ρ and axial range [l, u] around an axis of direction a through t is enclosed by: radius max_{e ∈ {l,
-u}} ‖(t + e a)⊥‖ + ρ (a norm of something linear in e is greatest at an end), axial range (t + e a)·z ± ρ √(1 − (a·z)²);
-a prismatic joint lengthens the range by its travel. (b) For the interval: the distance from axis j to the link's
-bounding ball at q_m, plus what the joints after j, which alone move the link against axis j, can add: Σ_{k>j} (|δ_k| +
-ε_k) ρ_k.
+*ρ_j.* The smaller of two bounds. (a) For all configurations: in the frame of joint j, the link stays in a cylinder
+around axis j. For the joint that carries the link it is computed from the points; one joint closer to the base, the
+cylinder of radius ρ and axial range [l, u] around an axis of direction a through t is enclosed by one with radius
+max_{e ∈ {l, u}} ‖(t + e a)⊥‖ + ρ (a norm of something linear in e is greatest at an end) and axial range (t + e a)·z ±
+ρ √(1 − (a·z)²); a prismatic joint extends the range by its travel. (b) For the interval: the distance from axis j to
+the far side of the link's bounding ball at q_m, plus what the joints after j, which alone move the link relative to
+axis j, can add: Σ_{k>j} (|δ_k| + ε_k) ρ_k.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def cross(a: Array, b: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What bodies do on intervals of the motion, one row each: Ω, U and the two bounds of the module's head."""
+    """How bodies move on intervals of the motion, one row each: Ω, U and the two bounds of the module's docstring."""
 
     omega: Array  # (i, 3)
     velocity: Array  # (i, 3) U
@@ -73,7 +73,7 @@ class Motion:
         )
 
     def __add__(self, other: Motion) -> Motion:
-        """Return two motions of the same bodies together, where one of them is rest."""
+        """Return the sum of two motions of the same bodies, one of which is rest."""
         return Motion(
             self.omega + other.omega,
             self.velocity + other.velocity,
@@ -93,7 +93,7 @@ class Chain:
     model: Any
     axes: Array  # (n, 3) unit, in each joint's frame
     revolute: Mask  # (n,) the others are prismatic
-    carried_by: Mask  # (joints, n) whether a body on joint i of the model (0: the world) moves with coordinate j
+    carried_by: Mask  # (joints, n) whether a body on joint i of the model (0: the world) is moved by coordinate j
 
     def __post_init__(self) -> None:
         """Share its arrays read-only."""
@@ -101,7 +101,7 @@ class Chain:
 
     @classmethod
     def of(cls, model: Any) -> Chain:
-        """Read the joints. Raises HdplanError for a joint that neither turns about nor slides along one axis."""
+        """Read the joints. Raises HdplanError for a joint that is neither revolute nor prismatic."""
         axes, revolute = [], []
         for joint, name in zip(
             itertools.islice(model.joints, 1, None), itertools.islice(model.names, 1, None), strict=True
@@ -119,10 +119,11 @@ class Chain:
         return cls(model, np.array(axes), np.array(revolute), carried_by)
 
     def reach(self, joint: int, points: Array, radius: float, travel: Array) -> Array:
-        """Return ρ (n,), bound (a) above, for `points` (m, 3) in the frame of `joint`, swept by `radius`.
+        """Return ρ (n,), bound (a) of the module's docstring, for `points` (m, 3) in the frame of `joint`, swept by a
+        ball of `radius`.
 
-        `travel` (n, 2) is the range of each coordinate; only those of prismatic joints count. Joints that do not carry
-        the body have 0.
+        `travel` (n, 2) is the range of each coordinate; only those of prismatic joints are used. ρ is 0 for joints that
+        do not carry the body.
         """
         rho = np.zeros(len(self.axes))
         if joint == 0:
@@ -169,7 +170,7 @@ class Chain:
         origins: Array,
         half: Array,
     ) -> Array:
-        """Return ρ (k, g, n) for k intervals and g bodies: the smaller of the bounds (a), given, and (b).
+        """Return ρ (k, g, n) for k intervals and g bodies: the smaller of bound (a), given as `rho`, and bound (b).
 
         rho (g, n); joints (g,) that carry the bodies; centers (k, g, 3) and radii (g,) of their bounding balls; axes
         and origins (k, n, 3) of the joints, all at the midpoints; half (k, n) = |δ| + ε.

@@ -1,4 +1,4 @@
-"""Trajectories as NPZ: an archive of NumPy's plain arrays, named as the fields of a trajectory are."""
+"""Trajectories as NPZ: an archive of plain NumPy arrays, named like the fields of a trajectory."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hdplan.scenes.files import MOST_BYTES
 if TYPE_CHECKING:
     from hdplan.planner.motion.trajectory import Trajectory
 
-TIMED = ("times", "velocities", "accelerations")  # what it may hold beside positions
+TIMED = ("times", "velocities", "accelerations")  # optional, beside positions
 
 
 def write_npz(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> bytes:
@@ -35,13 +35,13 @@ def write_npz(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> byt
 
 
 def read_npz(data: bytes) -> dict[str, Any]:
-    """Return the fields of the trajectory that a file holds. Raises InputError saying what is wrong."""
+    """Return the fields of the trajectory in a file. Raises InputError saying what is wrong."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             arrays = {entry.filename.removesuffix(".npy"): _array(archive, entry) for entry in archive.infolist()}
     except InputError:
         raise
-    except Exception as error:  # zip, its compressions, NumPy's headers: each has failures of its own
+    except Exception as error:  # zip, its compressions, NumPy's headers: each raises exceptions of its own
         raise InputError("not an NPZ archive of plain arrays") from error
     for key in ("joint_names", "positions"):
         if key not in arrays:
@@ -56,7 +56,7 @@ def read_npz(data: bytes) -> dict[str, Any]:
 
 
 def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[Any]:
-    """Read one array of an archive, once it is known that it is as large as its header says, and not too large."""
+    """Read one array of an archive, after checking that it is as large as its header says, and not too large."""
     if entry.file_size > MOST_BYTES:
         size, most = (f"{count / 1e6:.0f} MB" for count in (entry.file_size, MOST_BYTES))
         raise InputError(f"{entry.filename}: {size} large when unpacked; at most {most} are read")

@@ -1,5 +1,5 @@
-"""A trajectory's curve as one robot's: joints found by their names, in the robot's order, within their limits; joints
-that the robot holds stand still."""
+"""A trajectory's curve for one robot: joints matched by name, in the robot's order, within their limits, and locked
+joints at rest."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import InputError, nearest
 
 BEYOND_LIMIT = 1e-9  # [rad] or [m] by which a motion may be beyond a joint limit: rounding
-HALVINGS = 40  # of an interval, to tell a curve that grazes a limit from one that passes it
+HALVINGS = 40  # of an interval, to distinguish a curve that grazes a limit from one that passes it
 SAME_LOCKED = 1e-6  # [rad] or [m] between a locked joint's value in trajectory and scene
 
 
 def curve_of(robot: Robot, trajectory: Trajectory) -> Curve:
-    """Return the trajectory's curve, its joints in the order of the robot's planned ones.
+    """Return the trajectory's curve, with its joints in the order of the robot's planned ones.
 
-    Joints that the robot holds must stand still at the value at which it holds them. Raises InputError for joints that
-    are missing, unknown or held elsewhere.
+    Locked joints must stay at the values at which the robot holds them. Raises InputError for joints that are missing,
+    unknown or at another value.
     """
     names, curve = trajectory.joint_names, trajectory.curve
     if missing := [name for name in robot.joint_names if name not in names]:
@@ -52,10 +52,10 @@ def curve_of(robot: Robot, trajectory: Trajectory) -> Curve:
 
 
 def beyond_limits(curve: Curve, robot: Robot) -> str | None:
-    """Say where a motion is beyond the limits of position; None if it is not, anywhere.
+    """Say where a motion is beyond the position limits; None if it is nowhere.
 
-    A part of the curve lies within the hull of its control points, the first and last of which are on it. So a part
-    whose hull is beyond a limit is halved, until a point on the curve is, or none of the hulls are.
+    A part of the curve lies within the hull of its control points, the first and last of which are on the curve. So a
+    part whose hull exceeds a limit is halved, until a point on the curve exceeds it, or no hull does.
     """
     interval, control = np.arange(len(curve) - 1), curve.control  # (k,), (k, d + 1, n)
     for halving in range(HALVINGS + 1):

@@ -1,6 +1,6 @@
 """Trajectories as a ROS 2 bag: an MCAP file with one `trajectory_msgs/JointTrajectory`, or MoveIt's `RobotTrajectory`.
 
-Written and read by the libraries mcap and mcap-ros2-support (the extra `ros`), which are loaded where they are used.
+Written and read by the libraries mcap and mcap-ros2-support (the extra `ros`), which are imported only when used.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 TOPIC = "/joint_trajectory"
 TYPE = "trajectory_msgs/msg/JointTrajectory"
 READ = (TYPE, "moveit_msgs/msg/RobotTrajectory")
-PARTS = {  # of the message, as ROS defines them; the first is the message itself
+PARTS = {  # of the message definition; the first is the message itself
     "trajectory_msgs/JointTrajectory": "std_msgs/Header header\nstring[] joint_names\n"
     "trajectory_msgs/JointTrajectoryPoint[] points",
     "trajectory_msgs/JointTrajectoryPoint": "float64[] positions\nfloat64[] velocities\nfloat64[] accelerations\n"
@@ -39,7 +39,7 @@ def check_installed() -> None:
 
 
 def write_bag(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> bytes:
-    """Return a bag with the trajectory at time 0. Raises InputError for what it cannot hold."""
+    """Return a bag with the trajectory at time 0. Raises InputError for a trajectory that it cannot hold."""
     check_installed()
     from mcap_ros2.writer import Writer
 
@@ -51,13 +51,13 @@ def write_bag(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> byt
 
 
 def read_bag(data: bytes) -> dict[str, Any]:
-    """Return the fields of the only trajectory that a bag holds. Raises InputError saying what is wrong."""
+    """Return the fields of the only trajectory in a bag. Raises InputError saying what is wrong."""
     check_installed()
     try:
         messages, types = _messages(data)
     except InputError:
         raise
-    except Exception as error:  # the format, its compressions, its messages: each has failures of its own
+    except Exception as error:  # the format, its compressions, its messages: each raises exceptions of its own
         raise InputError(f"not a whole ROS 2 bag ({' '.join(str(error).split()) or type(error).__name__})") from error
     if len(messages) != 1:
         found = f"{len(messages)}" if messages else f"messages of {', '.join(sorted(types)) or 'no type'}"

@@ -1,12 +1,12 @@
-"""Trajectories as ROS says them: `trajectory_msgs/JointTrajectory`, and MoveIt's `RobotTrajectory` around it.
+"""Trajectories as ROS messages: `trajectory_msgs/JointTrajectory`, and MoveIt's `RobotTrajectory` around it.
 
-Each waypoint is a point with its `time_from_start`, in whole nanoseconds. A motion whose times are such loses nothing.
-One whose times lie between them is read off its curve at the nearest nanosecond, so that it stays the same motion: its
-rows, but for the first and the last, move along it by at most half a nanosecond. A path without times has 0 at every
-point, as MoveIt's paths have before they are timed; a controller refuses it.
+Each waypoint is a point with its `time_from_start`, in whole nanoseconds. A motion whose times are whole nanoseconds
+loses nothing. Otherwise its curve is evaluated at the nearest nanoseconds, so that it stays the same motion: its rows,
+except for the first and the last, move along it by at most half a nanosecond. A path without times has 0 at every
+point, like MoveIt's paths before they are timed; a controller refuses it.
 
-Joints that stand still (`locked`) are not in the message. On reading, `effort` and the header say nothing of where the
-joints are, and are not used; a mobile base is refused.
+Joints that are held (`locked`) are not in the message. On reading, `effort` and the header are ignored, as they do not
+say where the joints are; a mobile base is refused.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ if TYPE_CHECKING:
     from hdplan.planner.motion.trajectory import Trajectory
 
 SECOND = 10**9  # [ns]
-MOST_SECONDS = 2**31 - 1  # of a builtin_interfaces/Duration
+MOST_SECONDS = 2**31 - 1  # in a builtin_interfaces/Duration
 ROWS = ("positions", "velocities", "accelerations")
 POINT = (*ROWS, "effort", "time_from_start")
 UNITS = (("sec", "nanosec"), ("secs", "nsecs"))  # of a duration, in ROS 2 and in ROS 1
 HEADER = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
-SAME = 4  # units in the last place by which rounding moves a time that is a whole nanosecond
+SAME = 4  # units in the last place: rounding errors of a time in whole nanoseconds
 
 
 def joint_trajectory(trajectory: Trajectory) -> dict[str, Any]:
-    """Return the message trajectory_msgs/JointTrajectory. Raises InputError for times that it cannot hold."""
+    """Return a trajectory_msgs/JointTrajectory message. Raises InputError for times that it cannot hold."""
     nanoseconds, rows = _at_nanoseconds(trajectory)
     lists = [(key, values.tolist()) for key, values in rows.items()]
     points = [
@@ -66,7 +66,7 @@ def _at_nanoseconds(trajectory: Trajectory) -> tuple[list[int], dict[str, Any]]:
         )
     rounded = nanoseconds / SECOND
     between = np.abs(rounded - times) > SAME * np.spacing(times)
-    between[[0, -1]] = False  # a motion begins and ends where it does, and at rest
+    between[[0, -1]] = False  # the ends are kept exactly, at rest
     if trajectory.velocities is not None and between.any():
         for order, key in enumerate(given):
             there = trajectory.curve.at_time(rounded[between], order)
@@ -76,14 +76,14 @@ def _at_nanoseconds(trajectory: Trajectory) -> tuple[list[int], dict[str, Any]]:
 
 
 def robot_trajectory(trajectory: Trajectory) -> dict[str, Any]:
-    """Return the message moveit_msgs/RobotTrajectory. Raises InputError for times that it cannot hold."""
+    """Return a moveit_msgs/RobotTrajectory message. Raises InputError for times that it cannot hold."""
     multi = {"header": HEADER, "joint_names": [], "points": []}
     return {"joint_trajectory": joint_trajectory(trajectory), "multi_dof_joint_trajectory": multi}
 
 
 def read_message(message: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of the trajectory that a message of either kind holds. Raises InputError for another one, for a
-    field that it does not have, and for what no trajectory can be."""
+    """Return the fields of the trajectory in a message of either kind. Raises InputError for another message, an
+    unknown field, or values that make no trajectory."""
     if "joint_trajectory" in message:
         keys = _fields(message, ("joint_trajectory", "multi_dof_joint_trajectory"))
         base = keys.get("multi_dof_joint_trajectory") or {}
@@ -92,7 +92,7 @@ def read_message(message: Mapping[str, Any]) -> dict[str, Any]:
         return dict(checked(_joint_trajectory, keys["joint_trajectory"], "joint_trajectory"))
     if "points" not in message or "joint_names" not in message:
         raise InputError(
-            "is no trajectory_msgs/JointTrajectory (joint_names, points) and no moveit_msgs/RobotTrajectory "
+            "is neither a trajectory_msgs/JointTrajectory (joint_names, points) nor a moveit_msgs/RobotTrajectory "
             f"(joint_trajectory), found {shorten(', '.join(map(str, message))) or 'nothing'}"
         )
     return _joint_trajectory(message)
@@ -114,7 +114,7 @@ def _joint_trajectory(message: object) -> dict[str, Any]:
 
 
 def _column(key: str, rows: Sequence[list[float]], count: int) -> list[list[float]] | None:
-    """Return one of the quantities of all points; None where no point has it."""
+    """Return one quantity of all points; None if no point has it."""
     if key != "positions" and not any(rows):
         return None
     for i, row in enumerate(rows):
@@ -134,7 +134,7 @@ def _point(point: object) -> tuple[int, dict[str, list[float]]]:
 
 
 def _nanoseconds(duration: object) -> int:
-    if duration is None:  # as ROS fills in what is not said
+    if duration is None:  # ROS fills in 0 for what is missing
         return 0
     ros1 = isinstance(duration, Mapping) and not duration.keys().isdisjoint(UNITS[1])
     seconds, nanoseconds = UNITS[1] if ros1 else UNITS[0]
@@ -154,7 +154,7 @@ def _numbers(values: object) -> list[float]:
 
 
 def _number(value: object, i: int) -> float:
-    """Return a finite number; 1e-05 is one, which YAML 1.1 reads as a text but C++ writes."""
+    """Return a finite number; C++ writes 1e-05, which YAML 1.1 reads as text."""
     try:
         if not isinstance(value, bool) and math.isfinite(number := float(value)):  # type: ignore[arg-type]
             return number

@@ -1,4 +1,4 @@
-"""ROS messages of a trajectory as YAML, as `ros2 topic pub` takes them and `ros2 topic echo` prints them."""
+"""ROS messages of a trajectory as YAML, as accepted by `ros2 topic pub` and printed by `ros2 topic echo`."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from hdplan.scenes.yaml_text import flow_style
 if TYPE_CHECKING:
     from hdplan.planner.motion.trajectory import Trajectory
 
-BESIDE = 16  # values of a point beside its rows: keys, durations, lists
-_END = re.compile(rb"\s+---\s*\Z")  # that `ros2 topic echo` prints behind each message
+BESIDE = 16  # further values in a point, beside its rows: keys, durations, lists
+_END = re.compile(rb"\s+---\s*\Z")  # which `ros2 topic echo` prints after each message
 
 
 def write_joint_trajectory(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> bytes:
-    """Return a trajectory_msgs/JointTrajectory. Raises InputError for what it cannot hold."""
+    """Return a trajectory_msgs/JointTrajectory. Raises InputError for a trajectory that it cannot hold."""
     _check_trajectory(trajectory)
     return "\n".join(["# trajectory_msgs/msg/JointTrajectory", *_lines(joint_trajectory(trajectory)), ""]).encode()
 
 
 def write_robot_trajectory(trajectory: Trajectory, _: Mapping[str, Mapping[str, Any]]) -> bytes:
-    """Return a moveit_msgs/RobotTrajectory. Raises InputError for what it cannot hold."""
+    """Return a moveit_msgs/RobotTrajectory. Raises InputError for a trajectory that it cannot hold."""
     _check_trajectory(trajectory)
     inner, base = robot_trajectory(trajectory).values()
     lines = [
@@ -39,15 +39,15 @@ def write_robot_trajectory(trajectory: Trajectory, _: Mapping[str, Mapping[str, 
 
 
 def _lines(message: Mapping[str, Any]) -> list[str]:
-    """Return a JointTrajectory, a line per point; in brackets, so that a file which was cut off does not read as a
-    shorter motion."""
+    """Return a JointTrajectory, one line per point; in brackets, so that a truncated file is not read as a shorter
+    motion."""
     points = ",\n".join(f"  {flow_style(point)}" for point in message["points"]).split("\n")
     return [*(f"{key}: {flow_style(message[key])}" for key in ("header", "joint_names")), "points: [", *points, "  ]"]
 
 
 def check_size(waypoints: int, joints: int, rows: int = len(ROWS)) -> None:
-    """Refuse what could not be read again: a motion of so many waypoints, each with `rows` rows of values of its
-    `joints`: positions, and velocities and accelerations where there are times. Raises InputError."""
+    """Raise InputError for a motion that could not be read again: so many waypoints, each with `rows` rows of values
+    for its `joints`: positions, and velocities and accelerations if there are times."""
     count = waypoints * (rows * joints + BESIDE)
     if count > MOST_VALUES:
         raise InputError(
@@ -61,7 +61,7 @@ def _check_trajectory(trajectory: Trajectory) -> None:
 
 
 def read_ros_yaml(data: bytes) -> dict[str, Any]:
-    """Return the fields of the trajectory that a file holds; which message it is, its keys say.
+    """Return the fields of the trajectory in a file; its keys determine the type of message.
 
     Raises InputError saying what is wrong.
     """

@@ -1,8 +1,8 @@
-"""A joint trajectory: rows of positions, and of times, velocities and accelerations where it has them.
+"""A joint trajectory: rows of positions, and optionally of times, velocities and accelerations.
 
-What they say is a curve (`curve`): straight lines between rows of positions; where each row also has its time and
-velocities, cubics; with accelerations too, quintics. That motion is what the certificate proves, so it is also what
-must be executed. Its files, ours or another planner's, are those of `trajectory_files`.
+They define a curve (`curve`): straight lines between rows of positions; cubics if each row also has its time and
+velocities; quintics with accelerations too. The certificate is about this curve, so it is also what must be executed.
+Its files, hdplan's or another planner's, are those of `trajectory_files`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from hdplan.scenes.output import write_output
 from hdplan.scenes.timing import MOST_ROWS
 from hdplan.scenes.values import Named, Number, Row, checked, path_of, text
 
-SAME = 1e-9  # by which a path parameter may lie beyond its range: rounding
+SAME = 1e-9  # by which a path parameter may lie beyond its range, for rounding errors
 TIMES = "times"
 
 
@@ -32,14 +32,14 @@ TIMES = "times"
 class Trajectory:
     """Waypoints in joint space, and the curve through them.
 
-    Raises InputError when the shapes do not fit, a joint name comes twice, a number is not finite, there are fewer than
-    2 rows, the times do not rise, or there are velocities without times or accelerations without velocities.
+    Raises InputError if the shapes do not match, a joint name appears twice, a number is not finite, there are fewer
+    than 2 rows, the times do not increase, or there are velocities without times or accelerations without velocities.
     """
 
     joint_names: tuple[str, ...]  # (n,) the columns
     positions: NDArray[np.float64]  # (N, n) one row per waypoint [rad] or [m]
-    locked: Mapping[str, float] = field(default_factory=dict)  # joints that stand still -> value [rad] or [m]
-    times: NDArray[np.float64] | None = None  # (N,) when each waypoint is reached, rising [s]; None for a path alone
+    locked: Mapping[str, float] = field(default_factory=dict)  # joints that are held -> value [rad] or [m]
+    times: NDArray[np.float64] | None = None  # (N,) of the waypoints, increasing [s]; None for a path without times
     velocities: NDArray[np.float64] | None = None  # (N, n) there [rad/s] or [m/s]
     accelerations: NDArray[np.float64] | None = None  # (N, n) there [rad/s²] or [m/s²]
 
@@ -58,7 +58,7 @@ class Trajectory:
         if not names:
             raise InputError("joint_names: empty, a trajectory moves at least one joint")
         if repeated := [name for i, name in enumerate(names) if name in names[:i]]:
-            raise InputError(f"joint_names: '{repeated[0]}' comes twice")
+            raise InputError(f"joint_names: '{repeated[0]}' appears twice")
         _check_finite(positions, "positions", names)
         locked = checked(Named(Number(unit="rad or m")), self.locked, "locked")
         positions.setflags(write=False)
@@ -81,7 +81,7 @@ class Trajectory:
             object.__setattr__(self, key, values)
 
     def _check_small(self, rates: NDArray[np.float64], key: str) -> None:
-        """Refuse rates that lead farther than FARTHEST until the next row, or from the last one."""
+        """Refuse rates that lead farther than FARTHEST within the interval before or after their row."""
         assert self.times is not None
         widths = np.diff(self.times)
         widest = np.maximum(np.r_[widths, 0.0], np.r_[0.0, widths])[:, None]  # on both sides of each row
@@ -94,16 +94,16 @@ class Trajectory:
             )
 
     def __repr__(self) -> str:
-        """Say how long it is, and of which joints."""
+        """Say how long it is, and which joints it moves."""
         return f"<Trajectory: {self.extent} of {', '.join(self.joint_names)}>"
 
     @cached_property
     def curve(self) -> Curve:
-        """The motion through the waypoints, to the last interpolation rule."""
+        """The motion through the waypoints."""
         return Curve.through(self.positions, self.times, self.velocities, self.accelerations)
 
     def of_joints(self, names: tuple[str, ...], locked: Mapping[str, float]) -> Trajectory:
-        """Return the same motion with the columns of these joints alone, in that order; raises InputError for a joint
+        """Return the same motion with the columns of these joints only, in that order; raises InputError for a joint
         that it does not have."""
         for name in names:
             if name not in self.joint_names:
@@ -114,12 +114,12 @@ class Trajectory:
 
     @property
     def duration(self) -> float | None:
-        """How long the motion takes [s]; None for a path alone."""
+        """How long the motion takes [s]; None for a path without times."""
         return None if self.times is None else float(self.times[-1] - self.times[0])
 
     @property
     def extent(self) -> str:
-        """How long it is, in words."""
+        """How long it is, as text."""
         return f"{len(self)} waypoints" if self.duration is None else f"{self.duration:.3f} s in {len(self)} rows"
 
     def __len__(self) -> int:
@@ -127,7 +127,7 @@ class Trajectory:
         return len(self.positions)
 
     def at(self, parameter: ArrayLike) -> NDArray[np.float64]:
-        """Return the configurations (…, n) at path parameters in [0, 1]; the waypoints stand at equal steps.
+        """Return the configurations (…, n) at path parameters in [0, 1], over which the waypoints are evenly spaced.
 
         Raises InputError for other parameters.
         """
@@ -143,10 +143,11 @@ class Trajectory:
         verdict: Mapping[str, Any] | None = None,
         steps: Mapping[str, Sequence[float]] | None = None,
     ) -> None:
-        """Write to `path`; its ending picks the format (`trajectory_files`). The file is there whole, or not at all.
+        """Write to `path`; the file's extension selects the format (`trajectory_files`). The file is written whole or
+        not at all.
 
-        JSON also holds the `verdict` and the solver's `steps`. Raises InputError for another ending, a path that cannot
-        be written, or a motion that the format cannot hold.
+        JSON also holds the `verdict` and the solver's `steps`. Raises InputError for another extension, a path that
+        cannot be written, or a motion that the format cannot hold.
         """
         path = path_of(path)
         about = {key: said for key, said in (("verdict", verdict), ("steps", steps)) if said}
@@ -172,7 +173,7 @@ def _numbers(values: object, name: str) -> NDArray[np.float64]:
             return numbers.astype(np.float64)
     except (TypeError, ValueError):  # rows of different lengths
         pass
-    raise InputError(f"{name}: numbers are expected, equally many in each row")
+    raise InputError(f"{name}: numbers are expected, the same number of them in each row")
 
 
 def _check_finite(values: NDArray[np.float64], key: str, names: tuple[str, ...]) -> None:
@@ -184,7 +185,7 @@ def _check_finite(values: NDArray[np.float64], key: str, names: tuple[str, ...])
 
 
 def _rising(values: object, count: int) -> NDArray[np.float64]:
-    """Return the times (count,) frozen, if they are that many and rise."""
+    """Return the times (count,), frozen, if there are that many and they increase."""
     times = _numbers(values, "times")
     if times.shape != (count,):
         raise InputError(f"times: shape {times.shape}, expected one for each of the {count} waypoints")
@@ -196,7 +197,9 @@ def _rising(values: object, count: int) -> NDArray[np.float64]:
         )
     if (np.diff(times) <= 0.0).any():
         row = int(np.argmax(np.diff(times) <= 0.0)) + 1
-        raise InputError(f"times: {times[row]:g} s at waypoint {row} comes after {times[row - 1]:g} s, times must rise")
+        raise InputError(
+            f"times: {times[row]:g} s at waypoint {row} comes after {times[row - 1]:g} s, times must increase"
+        )
     if not np.diff(times).min() >= SHORTEST:
         row = int(np.diff(times).argmin())
         raise InputError(

@@ -1,13 +1,13 @@
-"""The formats of trajectory files, by the endings of their names: this table is the one list of them.
+"""The formats of trajectory files, by file extension: the one list of them.
 
-| ending | what it holds |
+| extension | content |
 |---|---|
-| .json | everything, to the last bit; what else there is to say beside it (`verdict`, `steps`) |
+| .json | everything, to the last bit; also `verdict` and `steps` |
 | .npz | everything, to the last bit |
-| .csv | all but the joints that stand still, to the last bit |
+| .csv | all but the locked joints, to the last bit |
 | .joint_trajectory.yaml, .robot_trajectory.yaml, .mcap | ROS messages: as .csv, times in whole nanoseconds |
 
-A ROS message is read from any .yaml or .yml file: which one it is, its keys say.
+A ROS message is read from any .yaml or .yml file; its keys determine its type.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ FORMATS = tuple(WRITERS)
 
 
 def check_output(path: Path) -> None:
-    """Say early that no trajectory can be written to `path`. Raises InputError for another ending than FORMATS, a path
-    that cannot be written, or a library that is missing."""
+    """Check early that a trajectory can be written to `path`. Raises InputError for an extension not in FORMATS, a path
+    that cannot be written, or a missing library."""
     check_writable(path, FORMATS)
     if ending_of(path, FORMATS) == ".mcap":
         with naming(path):
@@ -59,15 +59,15 @@ def check_output(path: Path) -> None:
 
 
 def check_length(path: Path, waypoints: int, joints: int) -> None:
-    """Say early that a motion in time of so many waypoints and joints is too long for the format of `path`. Raises
-    InputError."""
+    """Check early that the format of `path` can hold a timed motion of so many waypoints and joints. Raises InputError
+    otherwise."""
     if path.suffix.lower() == ".yaml":
         with naming(path):
             check_size(waypoints, joints)
 
 
 def format_of(path: Path, formats: Mapping[str, Any]) -> Any:
-    """Return what stands in a table of formats for the ending of a file; raises InputError for another ending."""
+    """Return a table's entry for the extension of a file; raises InputError for an unknown extension."""
     if (ending := ending_of(path, formats)) is None:
         raise InputError(f"{path}: ending '{path.suffix}', a trajectory file ends with one of {', '.join(formats)}")
     return formats[ending]

@@ -1,8 +1,8 @@
-"""Clearance along a motion at chosen path parameters, to be drawn: the exact one, and what the planner's bodies say.
+"""Clearance along a motion at chosen path parameters, for plots: exact, and by the planner's outer bodies.
 
 Trajectory → for each path parameter the closest places by the real meshes and shapes (exact), and the separation D̃ of
 the planner's outer bodies from the obstacles' planes, a lower bound of the exact distance. Lengths in [m], negative in
-contact. Nothing is proven between the path parameters: that is the certificate's.
+contact. Nothing is proven between the path parameters: the certificate does that.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from hdplan.planner.robot.setup import Setup
 
 Array = NDArray[np.float64]
 
-FARTHEST = 1.0  # [m] as far as the planner's settings let it see
-FARTHER, FARTHER_BY = 1.2, 0.01  # times and [m] beyond the last distance: where the next one is looked for first
+FARTHEST = 1.0  # [m] the greatest activation distance of the planner's settings
+FARTHER, FARTHER_BY = 1.2, 0.01  # the next distance is searched for within the last one times this, plus [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,9 +30,9 @@ class Clearances:
     """Distances at k path parameters of a motion [m]."""
 
     parameter: Array  # (k,) 0 start to 1 goal
-    closest: tuple[Place, ...]  # (k,) to obstacles; none in a scene without
+    closest: tuple[Place, ...]  # (k,) to obstacles; empty in a scene without
     between_links: Array  # (k,) exact; empty for a robot without pairs of links
-    outer: Array  # (k,) D̃ of the planner's bodies to obstacles, inf where there is none; empty without obstacles
+    outer: Array  # (k,) D̃ of the planner's bodies to obstacles, inf where none is near; empty without obstacles
 
     @property
     def to_obstacles(self) -> Array:
@@ -41,8 +41,8 @@ class Clearances:
 
     @classmethod
     def along(cls, certifier: Certifier, curve: Curve, parameter: Array) -> Clearances:
-        """Look at a motion, its joints in the robot's order, at `parameter` (k,); moving obstacles are where they are
-        then."""
+        """Evaluate a motion, with its joints in the robot's order, at `parameter` (k,); moving obstacles are where they
+        are then."""
         positions, times = curve.at_parameter(parameter), curve.time_of(parameter)
         closest, between_links = exact(certifier, positions, times)
         outer = np.empty(0)
@@ -56,9 +56,9 @@ def outer_clearance(setup: Setup, positions: Array, times: Array, within: float)
     """Return the least D̃ (k,) [m] of the planner's link bodies and obstacles at configurations (k, n) and times (k,)
     [s].
 
-    Lower bounds of the exact distance, by the bodies, normals and distance that the scene's settings choose; links that
-    do not move have no part in it. Pairs farther apart than `within` [m], or FARTHEST, are left out, for speed: inf
-    where nothing is left.
+    Lower bounds of the exact distance, with the bodies, normals and distance of the scene's settings; links that do not
+    move are ignored. Pairs farther apart than `within` [m], or FARTHEST, are left out, for speed: inf where no pair is
+    left.
     """
     scene = setup.scene
     settings = replace(scene.planner, clearance=0.0, activation=min(within, FARTHEST), swept=False)
@@ -75,10 +75,10 @@ def outer_clearance(setup: Setup, positions: Array, times: Array, within: float)
 
 def exact(certifier: Certifier, positions: Array, times: Array) -> tuple[tuple[Place, ...], Array]:
     """Return the closest places to obstacles and the distances between links at configurations (k, n) and times (k,)
-    [s], each empty where there are none.
+    [s], each empty if there are none.
 
-    From one configuration to the next distances change little: the next are looked for near the last, and everywhere
-    only where that finds nothing.
+    From one configuration to the next distances change little, so each search is limited to little more than the last
+    distance, and repeated without a limit only if it finds nothing.
     """
     found: list[Sequence[Place | None]] = []
     within = np.inf

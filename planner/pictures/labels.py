@@ -1,4 +1,4 @@
-"""Names beside points of a plot, placed so that none covers another name or a point."""
+"""Labels of points in a plot, placed so that none covers another label or a point."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from matplotlib.transforms import Bbox
 from hdplan.planner.pictures.style import FIXED, INK
 from hdplan.scenes.once import read_only
 
-REACHES = (9, 15, 24, 36, 50)  # [pt] from a point to its name, the nearest that is free
+REACHES = (9, 15, 24, 36, 50)  # [pt] from a point to its label, the nearest free place first
 TURNS = read_only(np.radians([0, 180, 40, -40, 140, -140, 90, -90, 65, -65, 115, -115]))
 DOT = 5  # [pt] around a point that stays free
-LED = 12  # [pt] from which on a line leads from the name to its point
+LED = 12  # [pt] beyond which a line connects the label with its point
 
 
 def name_points(axis: Any, points: Sequence[tuple[float, float]], names: Sequence[str], bold: int = 0) -> None:
     """Write a name beside each point (x, y) of an axis whose limits are final, the first ``bold`` of them in bold.
 
-    In this order: a name that finds no free place is left out.
+    Names are placed in this order; one without a free place is left out.
     """
     figure = axis.figure
     figure.draw_without_rendering()

@@ -1,4 +1,4 @@
-"""What a notebook shows of a plan: its verdict, and the motion on a small sheet where matplotlib is installed."""
+"""A plan in a notebook: its verdict, and the motion on a small sheet if matplotlib is installed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ GOOD, BAD = "#1a7f37", "#b42318"
 
 
 def result_html(result: PlanResult) -> str:
-    """Return the result as a piece of HTML that needs nothing beside itself."""
+    """Return the result as self-contained HTML."""
     color = GOOD if result.certified else BAD
     said = [
         f'<p style="margin:0"><b style="color:{color}">{html.escape(result.certificate.text)}</b><br>',

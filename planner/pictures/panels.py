@@ -1,4 +1,4 @@
-"""The panels of a motion's sheet: joints and clearance along it, the solver's progress; `rates` has the others."""
+"""Panels of a motion's sheet: joints, clearance and the solver's progress; `rates` has the others."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ from hdplan.planner.robot.robot import Robot
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-CLEARANCE_STEPS = 128  # pieces of the motion between which distances are computed
-POINTS = 800  # of a curve that is not straight between its waypoints, at least
-LANE = 0.84  # of the distance between two joints' lanes: a joint's range
-WIDE = 30.0  # ratio of costs from which on their axis is logarithmic
-LEGEND = 0.62  # [in] for the legend above the curves of clearance
+CLEARANCE_STEPS = 128  # intervals of the motion at whose ends distances are computed
+POINTS = 800  # at least, of a curve that is not straight between its waypoints
+LANE = 0.84  # height of a joint's lane over the distance between two lanes
+WIDE = 30.0  # ratio of costs above which their axis is logarithmic
+LEGEND = 0.62  # [in] for the legend above the clearance curves
 DISTANCE_WORDS = {"hdsdf": "HD-SDF’s D̃", "fcl": "FCL"}  # of the planner's bodies
 
 
@@ -46,9 +46,9 @@ DISTANCE_WORDS = {"hdsdf": "HD-SDF’s D̃", "fcl": "FCL"}  # of the planner's b
 
 
 def draw_joints(axis: Any, subject: Subject) -> None:
-    """Draw each joint in a lane of its own, all to one scale; what lies within the joint's limits is grey."""
+    """Draw each joint in a lane of its own, all to one scale; the range within the joint's limits is grey."""
     robot, curve = subject.certifier.robot, subject.trajectory.curve
-    units, (interval, fraction) = units_of(robot), looks(curve)
+    units, (interval, fraction) = units_of(robot), sampled(curve)
     when, joints = curve.time_of((interval + fraction) / (len(curve) - 1)), curve.at(interval, fraction)
     travel = np.ptp(joints, axis=0)
     height = {unit: 1.15 * max(travel[[u == unit for u in units]].max(), 1e-3) for unit in set(units)}
@@ -127,7 +127,7 @@ def draw_clearance(axis: Any, subject: Subject) -> None:
 
 
 def _proven(axis: Any, certificate: Certificate) -> None:
-    """Draw the proven bound on the distance to obstacles as a band, and that between links as a line."""
+    """Draw the proven bound on the distance to obstacles as a band, and the one between links as a line."""
     if certificate.clearance is not None:
         bound = certificate.clearance * 1e3
         axis.axhspan(0.0, bound, color=ROBOT_TO_OBSTACLES, alpha=0.22, linewidth=0, label=f"proven ≥ {bound:.3g} mm")
@@ -139,7 +139,7 @@ def _proven(axis: Any, certificate: Certificate) -> None:
 
 
 def _unproven(axis: Any, subject: Subject, height: float) -> None:
-    """Shade the waypoint intervals whose proof fails, neighbours together, up to a part of the panel's height."""
+    """Shade the waypoint intervals whose proof fails, merging adjacent ones, up to a share of the panel's height."""
     intervals = np.array(subject.certificate.unproven, dtype=np.int64)
     if not len(intervals):
         return
@@ -151,7 +151,7 @@ def _unproven(axis: Any, subject: Subject, height: float) -> None:
 
 
 def _mark(axis: Any, when: float, place: Place) -> None:
-    """Mark the worst place, with its names above the panel."""
+    """Mark the worst place, and name its bodies above the panel."""
     value = place.distance * 1e3
     axis.plot(when, value, marker=CARETDOWN, color=INK, markersize=7, clip_on=False)
     said = f"{value:.3g}".replace("-", "−")
@@ -164,7 +164,7 @@ def _mark(axis: Any, when: float, place: Place) -> None:
 
 
 def draw_convergence(axis: Any, subject: Subject) -> None:
-    """Draw cost, smoothness and depth; a grey line wherever the penalty's weight was raised."""
+    """Draw cost, smoothness and depth, with a dotted line wherever the penalty's weight was raised."""
     steps = subject.steps
     axis.set_title("solver")
     axis.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -193,19 +193,19 @@ def draw_convergence(axis: Any, subject: Subject) -> None:
 # --- small parts ------------------------------------------------------------------------------------------------------
 
 
-def looks(curve: Curve) -> tuple[Index, Array]:
-    """Return the intervals (k,) and fractions (k,) of them at which a curve is drawn: enough of them, and both sides of
-    each waypoint."""
+def sampled(curve: Curve) -> tuple[Index, Array]:
+    """Return the intervals (k,) and fractions within them (k,) at which a curve is drawn, including both sides of each
+    waypoint."""
     intervals = len(curve) - 1
     fractions = np.linspace(0.0, 1.0, max(2, -(-POINTS // intervals) + 1))
     return np.repeat(np.arange(intervals), len(fractions)), np.tile(fractions, intervals)
 
 
 def lay_along(axis: Any, trajectory: Trajectory) -> None:
-    """Lay the horizontal axis along the motion."""
+    """Scale and label the horizontal axis along the motion."""
     first, last = trajectory.curve.time_of([0.0, 1.0])
-    words = "path parameter, 0 start to 1 goal [–]" if trajectory.times is None else "time [s]"
-    axis.set(xlim=(first, last), xlabel=words)
+    label = "path parameter, 0 start to 1 goal [–]" if trajectory.times is None else "time [s]"
+    axis.set(xlim=(first, last), xlabel=label)
 
 
 def units_of(robot: Robot) -> list[str]:
@@ -214,7 +214,7 @@ def units_of(robot: Robot) -> list[str]:
 
 
 def short_names(names: tuple[str, ...]) -> list[str]:
-    """Drop the words that all names begin or end with: the robot's name, "joint"."""
+    """Drop the parts with which all names begin or end, such as the robot's name or "joint"."""
     words = [name.split("_") for name in names]
     while min(map(len, words)) > 1 and len({parts[0] for parts in words}) == 1:
         words = [parts[1:] for parts in words]

@@ -1,7 +1,7 @@
-"""A motion as one sheet: joints, clearance, convergence, and the scene from two sides; PNG, PDF or SVG by its ending.
+"""A motion on one sheet: joints, clearance, convergence, and the scene from two sides; as PNG, PDF or SVG.
 
-matplotlib is optional: only this module's parts (plot_sheet, plot_panels, plot_scene) import it, and only when a
-picture is wanted.
+matplotlib is optional: only the modules that draw (`sheet`, `panels`, `scene` and others) import it, and only when a
+picture is made.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from hdplan.planner.control.replay import Simulation
 
 PICTURES = (".png", ".pdf", ".svg")
-PIXELS, FINE = 150, 300  # per inch: of a PNG; of the painted scene in the others, whose lines and letters have none
+PIXELS, FINE = 150, 300  # per inch: of a PNG; of the painted scene in vector formats
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,16 +33,16 @@ class Subject:
     """What a sheet shows."""
 
     certifier: Certifier  # of the scene and its robot
-    trajectory: Trajectory  # the robot's planned joints, in its order
+    trajectory: Trajectory  # with the robot's planned joints, in its order
     certificate: Certificate
-    steps: tuple[Iteration, ...]  # of the solver; empty where they are not known
-    origin: str  # where the motion comes from, in a few words
+    steps: tuple[Iteration, ...]  # of the solver; empty if not known
+    origin: str  # a short note on where the motion comes from
 
     @classmethod
     def of(cls, certifier: Certifier, trajectory: Trajectory, steps: tuple[Iteration, ...], name: str) -> Subject:
-        """Take a trajectory of any planner, its joints in any order, and certify it.
+        """Take a trajectory of any planner, with its joints in any order, and certify it.
 
-        Raises InputError for joints that do not fit the robot.
+        Raises InputError for joints that do not match the robot's.
         """
         certificate, robot = certifier.certify(trajectory), certifier.robot
         ordered = trajectory.of_joints(robot.joint_names, robot.locked)
@@ -54,14 +54,14 @@ class Subject:
         """Take the result of a plan, with its own certificate."""
         seconds = sum(vars(result.times).values())
         effort = f"{result.solver}, {result.iterations} iterations, {seconds:.2f} s from scene to verdict"
-        words = f"{result.trajectory.extent}, {effort}"
-        return cls(Certifier(setup), result.trajectory, result.certificate, result.steps, words)
+        origin = f"{result.trajectory.extent}, {effort}"
+        return cls(Certifier(setup), result.trajectory, result.certificate, result.steps, origin)
 
 
 def check_picture(path: str | Path) -> None:
-    """Say early that no picture can be written to `path`.
+    """Check early that a picture can be written to `path`.
 
-    Raises InputError for another ending than PICTURES, a place that cannot be written, or a missing matplotlib.
+    Raises InputError for an extension not in PICTURES, a path that cannot be written, or a missing matplotlib.
     """
     check_writable(Path(path), PICTURES)
     if importlib.util.find_spec("matplotlib") is None:
@@ -73,10 +73,10 @@ def plot(subject: Subject, path: str | Path) -> None:
 
     Args:
         subject: certified or not.
-        path: ends with one of PICTURES.
+        path: with an extension in PICTURES.
 
     Raises:
-        InputError: another ending, no matplotlib, a path that cannot be written.
+        InputError: another extension, no matplotlib, a path that cannot be written.
     """
     check_picture(path)
     from hdplan.planner.pictures.sheet import sheet
@@ -85,7 +85,8 @@ def plot(subject: Subject, path: str | Path) -> None:
 
 
 def plot_simulation(simulation: Simulation, title: str, path: str | Path) -> None:
-    """Draw what `hdplan simulate` found and write it to `path`; raises as `plot`, and for a path without times."""
+    """Draw the result of `hdplan simulate` and write it to `path`. Raises InputError like `plot`, and for a path
+    without times."""
     check_picture(path)
     from hdplan.planner.pictures.replay import simulation_sheet
 

@@ -1,7 +1,7 @@
-"""The panels of velocities, accelerations and torques along a motion, each joint's as a share of its limit.
+"""Panels of velocities, accelerations and torques along a motion, each joint's as a share of its limit.
 
-What is drawn is the executed curve itself, both its sides where it jumps. Of a file with times alone nothing more is
-known than finite differences: a constant velocity between two waypoints, and its change at each.
+The executed curve itself is drawn, with both sides where it jumps. For a file with times only, finite differences are
+drawn: a constant velocity between two waypoints, and its change at each.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.pictures.panels import lay_along, looks, short_names, units_of
+from hdplan.planner.pictures.panels import lay_along, sampled, short_names, units_of
 from hdplan.planner.pictures.plot import Subject
 from hdplan.planner.pictures.style import CONTACT, CURVES, GREY
 from hdplan.planner.robot.joint_limits import DERIVATIVES
@@ -22,9 +22,9 @@ from hdplan.scenes.limits import QUANTITIES
 
 Array = NDArray[np.float64]
 
-ALWAYS = ("velocity", "acceleration")  # are drawn of every motion with times
-MOST_NAMES = 8  # in one column of the joints' names
-NEAR = 0.6  # share of a limit from which on the limit itself is in the picture
+ALWAYS = ("velocity", "acceleration")  # drawn for every motion with times
+MOST_NAMES = 8  # joint names in one column
+NEAR = 0.6  # share of a limit above which the limit itself is drawn
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,15 +32,15 @@ class Rate:
     """A quantity of n joints along a motion."""
 
     quantity: str  # "velocity", "acceleration", "jerk", "torque"
-    where: str  # of the waypoints it is known, where it is not known everywhere
-    times: Array  # (k,) [s]; one more than the values where these hold from one to the next
+    where: str  # for the title: "" if it is known everywhere, or else " at waypoints" or " between waypoints"
+    times: Array  # (k,) [s]; one more than the values if each of these holds from one time to the next
     values: Array  # (k, n)
-    limits: Array | None  # (n,), where the scene has any
+    limits: Array | None  # (n,), if the scene has any
 
 
 def rates(subject: Subject) -> tuple[Rate, ...]:
-    """Return what is known of velocities and accelerations, and of what else the scene limits; nothing of a path
-    without times."""
+    """Return velocities, accelerations, and the other quantities that the scene limits; nothing for a path without
+    times."""
     trajectory, checks = subject.trajectory, subject.certifier.limits
     if trajectory.times is None:
         return ()
@@ -53,7 +53,7 @@ def rates(subject: Subject) -> tuple[Rate, ...]:
             Rate(acceleration, " at waypoints", trajectory.times[1:-1], accelerations, limits.get(acceleration)),
         )
     curve = trajectory.curve
-    interval, fraction = looks(curve)
+    interval, fraction = sampled(curve)
     times = curve.time_of((interval + fraction) / (len(curve) - 1))
     found = {name: curve.over_time(DERIVATIVES[name]).at(interval, fraction) for name in ALWAYS}
     for check in checks:
@@ -63,7 +63,7 @@ def rates(subject: Subject) -> tuple[Rate, ...]:
 
 
 def draw_rate(axis: Any, subject: Subject, rate: Rate) -> None:
-    """Draw it as shares of the joints' limits; as it is where there are none."""
+    """Draw a rate as shares of the joints' limits, or in its unit if there are none."""
     shares = rate.values if rate.limits is None else rate.values / rate.limits
     lines = zip(shares.T, itertools.cycle(CURVES), short_names(subject.trajectory.joint_names), strict=False)
     for values, style, name in lines:
@@ -82,7 +82,7 @@ def draw_rate(axis: Any, subject: Subject, rate: Rate) -> None:
         axis.set(ylabel="share of limit [%]")
         _limit(axis, float(np.abs(shares).max(initial=0.0)))
         _proven(axis, subject, rate)
-    if rate.quantity == "velocity":  # the first of them names the joints for all
+    if rate.quantity == "velocity":  # this panel has the legend for all
         columns = -(-len(shares.T) // MOST_NAMES)
         axis.legend(ncols=columns, loc="center left", bbox_to_anchor=(1.0, 0.5), columnspacing=0.9, handlelength=2.2)
     lay_along(axis, subject.trajectory)
@@ -98,7 +98,7 @@ def differences(trajectory: Trajectory) -> tuple[Array, Array]:
 
 
 def _limit(axis: Any, peak: float) -> None:
-    """Shade what is beyond the limits, if the curves come near them."""
+    """Shade the ranges beyond the limits, if the curves come near them."""
     top = 115.0 * max(peak, 1.0) if peak > NEAR else 115.0 * max(peak, 1e-6)
     for side in (-1.0, 1.0):
         axis.axhspan(side * 100.0, side * max(top, 100.0), color=CONTACT, alpha=0.15, linewidth=0)
@@ -106,7 +106,7 @@ def _limit(axis: Any, peak: float) -> None:
 
 
 def _proven(axis: Any, subject: Subject, rate: Rate) -> None:
-    """Write what the certificate says of the limit."""
+    """Write what the certificate says about the limit."""
     use = next((use for use in subject.certificate.uses if use.quantity == rate.quantity), None)
     if use is not None:
         name = dict(zip(subject.trajectory.joint_names, short_names(subject.trajectory.joint_names), strict=True))

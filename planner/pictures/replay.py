@@ -18,15 +18,15 @@ from hdplan.scenes.limits import QUANTITIES
 
 Array = NDArray[np.float64]
 
-PANEL, HEAD = 1.35, 0.9  # [in] height of one, and above them
-MOST = 110  # letters of the verdict in a line
-SHOWN = 1.25  # times a limit that is shown, where it is passed by more
+PANEL, HEAD = 1.35, 0.9  # [in] height of a panel, and of the head above them
+MOST = 110  # characters of the verdict in a line
+SHOWN = 1.25  # times a limit: the axis ends there if the limit is exceeded by more
 
 
 def simulation_sheet(simulation: Simulation, title: str) -> Figure:
-    """Return the figure: a panel for each rate, and with dynamics for torques and tracking errors.
+    """Return the figure: a panel for each rate, and with dynamics also for torques and tracking errors.
 
-    Raises InputError for a path without times, which has none of them.
+    Raises InputError for a path without times, which has no rates.
     """
     if simulation.duration is None:
         raise InputError("times: missing, so there are no rates to draw; `hdplan plot` draws a path")
@@ -60,7 +60,7 @@ def simulation_sheet(simulation: Simulation, title: str) -> Figure:
 
 
 def _draw(axis: Any, simulation: Simulation, what: str, times: Array, values: Array) -> None:
-    """Draw one quantity of every joint: as a share of its limit, where there are limits."""
+    """Draw one quantity of every joint, as a share of its limit if there are limits."""
     limits = [joint.peaks[what].limit for joint in simulation.joints]
     for joint, curve, limit, style in zip(simulation.joints, values.T, limits, itertools.cycle(CURVES), strict=False):
         shown = curve if limit is None else 100 * curve / limit

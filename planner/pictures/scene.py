@@ -1,7 +1,7 @@
-"""The scene drawn from a chosen side: true obstacle shapes, the robot's links as hulls, hidden parts behind the others.
+"""The scene drawn from a chosen side: true obstacle shapes, the robot's links as hulls, with hidden parts hidden.
 
-Parallel projection onto a plain matplotlib axis, everything cut into small polygons that are painted from far to near:
-matplotlib's own 3D axes sort whole shapes only and would show a hand before the wall it stands behind.
+Parallel projection onto a plain matplotlib axis, with everything cut into small polygons that are painted from far to
+near: matplotlib's own 3D axes sort only whole shapes and would show a hand in front of the wall that hides it.
 """
 
 from __future__ import annotations
@@ -31,21 +31,21 @@ from hdplan.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 
-GHOSTS = (0.25, 0.5, 0.75)  # path parameters between start and goal at which what moves is shown, faintly
-TIP_STEPS = 200  # pieces of the path of the last link
-TILE = 0.1  # of the view's size: longest edge of a painted polygon, so that polygons can be sorted by depth
+GHOSTS = (0.25, 0.5, 0.75)  # path parameters between start and goal at which moving bodies are shown faintly
+TIP_STEPS = 200  # segments of the path of the last link
+TILE = 0.1  # of the view's size: longest edge of a painted polygon, for sorting by depth
 NAME = read_only(np.array([28.0, 11.0]))  # [pt] size of "start" and "goal"
 SHARP = np.cos(np.radians(35.0))  # faces that meet at a wider angle have a line between them
-AROUND = 0.3  # part of the robot's own extent that is shown of what stands around it
-ABOVE = 0.03  # [m] by which the start is painted nearer: links that only turn are in the same place at the goal
+AROUND = 0.3  # share of the robot's own extent that is shown around it
+ABOVE = 0.03  # [m] by which the start is painted nearer: links that only rotate are in the same place at the goal
 LINE = 0.4  # [pt] width of outlines
 BIAS = 0.01  # [m] by which a line is painted nearer than the faces that it bounds
-FINE, COARSE = (28, 9), (14, 6)  # directions around and from pole to pole: supports of round bodies, of meshes
+FINE, COARSE = (28, 9), (14, 6)  # directions around and from pole to pole: for supports of round bodies, of meshes
 
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """The triangles of a solid, outward, in the frame that carries it."""
+    """The triangles of a solid, oriented outward, in the frame that carries it."""
 
     vertices: Array  # (m, 3) [m]
     triangles: NDArray[np.int64]  # (F, 3)
@@ -74,7 +74,7 @@ class Paint:
 
 
 STANDING = Paint(OBSTACLE, 0.4)
-DRIFTING = (  # path parameters, and how an obstacle that moves is painted then
+DRIFTING = (  # path parameters, and how a moving obstacle is painted then
     (0.0, Paint(MOVING, 0.85)),
     *((time, Paint(MOVING, 0.12)) for time in GHOSTS),
     (1.0, Paint(MOVING, 0.4)),
@@ -86,15 +86,15 @@ class Picture:
     """Everything in the scene, in the world frame."""
 
     solids: tuple[tuple[Skin, Paint], ...]
-    moves: bool  # whether an obstacle does
+    moves: bool  # whether an obstacle moves
     tip_link: str
-    robot_points: Array  # (m, 3) [m] of all shown configurations and the tip's path: what the view must hold
+    robot_points: Array  # (m, 3) [m] of all shown configurations and the tip's path, which the view must contain
     obstacle_points: tuple[Array, ...]  # of each obstacle
     tip: Array  # (k, 3) [m] path of the farthest point of the last link
 
     @classmethod
     def of(cls, setup: Setup, trajectory: Trajectory) -> Picture:
-        """Pose the robot along its motion, and the obstacles that move at the same times."""
+        """Place the robot along its motion, and the moving obstacles at the same times."""
         scene, robot = setup.scene, setup.robot
         standing = [(body.placed(o.pose.matrix), STANDING) for o, body in _obstacles(scene, moving=False)]
         drifting = _obstacles(scene, moving=True)
@@ -176,8 +176,8 @@ def draw_scene(axis: Any, picture: Picture, azimuth: float, elevation: float) ->
 
 
 def _ends(axis: Any, path: Array, low: Array, high: Array) -> None:
-    """Mark and name both ends of the path (k, 2), each name within the window on the side farthest from the path and
-    from what else is written."""
+    """Mark and name both ends of the path (k, 2), with each name within the window on the side farthest from the path
+    and from other text."""
     per_point = float(high[0] - low[0]) / (72.0 * axis.get_position().width * axis.figure.get_size_inches()[0])
     avoided = np.vstack([path, low + (high - low).max() * _CORNER])
     for end, name, color, marker in ((0, "start", START, "o"), (-1, "goal", GOAL, "s")):
@@ -201,9 +201,9 @@ def _ends(axis: Any, path: Array, low: Array, high: Array) -> None:
 
 
 def _painted(body: Skin, paint: Paint, view: Array, longest: float) -> list[tuple[Array, Array, Array]]:
-    """Return what is seen of a solid, faces, then outlines: polygons (k, 3, 3), face and edge colours (k, 4).
+    """Return what is visible of a solid, faces, then outlines: polygons (k, 3, 3), face and edge colours (k, 4).
 
-    The polygons are in the view's frame: right, up, towards the eye. An outline is a triangle with a corner repeated.
+    The polygons are in the view's frame: right, up, towards the eye. A line is a triangle with a vertex repeated.
     """
     color = np.array(to_rgb(paint.color))
     corners = (body.vertices @ view.T)[body.triangles]
@@ -213,9 +213,7 @@ def _painted(body: Skin, paint: Paint, view: Array, longest: float) -> list[tupl
     tiles, owner = _tiles(corners[front], longest)
     light = 0.6 + 0.5 * np.clip(normals[front] @ _LIGHT, 0.0, 1.0)[owner, None]
     shaded = np.c_[np.clip(color * light, 0.0, 1.0), np.full(len(owner), paint.alpha)]
-    solid = (
-        paint.alpha == 1.0
-    )  # its tiles are drawn a little larger: their smoothed rims would let the back shine through
+    solid = paint.alpha == 1.0  # tiles then get edges: through anti-aliased rims the back would show
     tiles[..., 2] += paint.nearer
     faces = tiles, shaded, shaded if solid else 0.0 * shaded
 
@@ -229,7 +227,7 @@ def _painted(body: Skin, paint: Paint, view: Array, longest: float) -> list[tupl
 
 
 def skin(piece: Piece, whole: bool) -> Skin:
-    """Return a piece's triangles: its surface where `whole` is asked for and it is not convex, or else its hull.
+    """Return a piece's triangles: its surface if `whole` and it is not convex, or else its hull.
 
     The hull is that of support points in a fixed set of directions: exact corners of a box, true rims of round bodies,
     a few hundred points of a fine mesh.
@@ -277,7 +275,7 @@ def _view(azimuth: float, elevation: float) -> Array:
 
 
 def _window(picture: Picture, view: Array, aspect: float) -> tuple[Array, Array]:
-    """Return the corners of what is shown, wide over high as `aspect` says: the robot whole, and what is near it."""
+    """Return the corners of the window, with `aspect` its width over its height: the robot and its surroundings."""
     robot = picture.robot_points @ view[:2].T
     low, high = robot.min(axis=0), robot.max(axis=0)
     margin = AROUND * float((high - low).max())
@@ -290,7 +288,7 @@ def _window(picture: Picture, view: Array, aspect: float) -> tuple[Array, Array]
 
 
 def _tiles(triangles: Array, longest: float) -> tuple[Array, NDArray[np.int64]]:
-    """Halve triangles (k, 3, 3) until no edge is longer than `longest`; also return the row that each comes from."""
+    """Halve triangles (k, 3, 3) until no edge is longer than `longest`; also return the row from which each comes."""
     owner = np.arange(len(triangles))
     while True:
         lengths = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)
@@ -318,7 +316,7 @@ def _dashes(segments: Array, longest: float) -> Array:
 
 
 def _scale(axis: Any, view: Array, low: Array, size: float) -> None:
-    """Draw the directions of x, y, z and a bar of known length, which holds in the whole picture."""
+    """Draw the directions of x, y, z and a scale bar, valid in the whole picture."""
     lengths: Sequence[float] = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
     length = min(lengths, key=lambda value: abs(value - 0.12 * size))
     cased: dict[str, Any] = {"color": INK, "path_effects": [withStroke(linewidth=3.0, foreground="white")]}

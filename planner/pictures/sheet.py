@@ -1,7 +1,7 @@
 """The sheet of a motion: its panels beside the scene from two sides, under a title with the verdict.
 
-Only what is known has a panel: velocities and accelerations where the trajectory has times, torques where the scene
-limits them, the solver's progress where its steps are kept.
+Only known quantities have a panel: velocities and accelerations if the trajectory has times, torques if the scene
+limits them, the solver's progress if its steps are known.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from hdplan.planner.pictures.rates import draw_rate, rates
 from hdplan.planner.pictures.scene import DRIFTING, STANDING, Picture, draw_scene
 from hdplan.planner.pictures.style import BETWEEN, CONTACT, FIXED, GOAL, GOOD, INK, OBSTACLE, RC, START, plain
 
-WIDTH, HEIGHT, RATE = 11.7, 8.3, 1.35  # [in] A4 across; higher by each panel of velocities, accelerations or torques
+WIDTH, HEIGHT, RATE = 11.7, 8.3, 1.35  # [in] A4 landscape, plus the extra height for each panel of a rate or torque
 HEAD, FOOT = 1.2, 0.5  # [in] above and below the panels
 GAP = 0.75  # [in] between two panels: the upper one's axis, the lower one's title
 TITLE_WIDTH = 132  # characters
-SIDES = ((0.0, 18.0), (62.0, 48.0))  # azimuth from the best side and elevation of the two views [deg]
+SIDES = ((0.0, 18.0), (62.0, 48.0))  # azimuth relative to the best side, and elevation, of the two views [deg]
 
 Draw = Callable[[Any, Subject], None]
 
@@ -72,17 +72,17 @@ def _title(figure: Figure, subject: Subject, height: float) -> None:
 
 
 def _key(axis: Any, picture: Picture) -> None:
-    """Say what the colours of the scene mean; of obstacles that move in a line of its own."""
+    """Draw the legend of the scene's colours, with a line of its own for moving obstacles."""
     handles: list[Any] = [Patch(color=START, label="start"), Patch(color=BETWEEN, alpha=0.5, label="on the way")]
     handles += [Patch(color=GOAL, label="goal"), Patch(color=FIXED, label="base")]
     if any(paint is STANDING for _, paint in picture.solids):
         handles.append(Patch(color=OBSTACLE, alpha=0.5, label="obstacles"))
     handles.append(Line2D([], [], color=INK, linewidth=1.3, label=f"path of {plain(picture.tip_link, 24)}"))
     (_, begins), (_, ghost), *_, (_, ends) = DRIFTING
-    words = ("moving obstacles at the start", "on the way, as the robot", "at the end")
-    shown = zip((begins, ghost, ends), words, strict=True)
+    labels = ("moving obstacles at the start", "on the way, as the robot", "at the end")
+    shown = zip((begins, ghost, ends), labels, strict=True)
     moving = [Patch(color=paint.color, alpha=paint.alpha, label=label) for paint, label in shown]
     for line, height in ((moving, 0.99), (handles, 1.02)) if picture.moves else ((handles, 0.99),):
         style: dict[str, Any] = {"columnspacing": 1.2, "handlelength": 1.4, "ncols": len(line)}
-        labels = [str(handle.get_label()) for handle in line]
-        axis.add_artist(Legend(axis, line, labels, loc="lower right", bbox_to_anchor=(1.0, height), **style))
+        texts = [str(handle.get_label()) for handle in line]
+        axis.add_artist(Legend(axis, line, texts, loc="lower right", bbox_to_anchor=(1.0, height), **style))

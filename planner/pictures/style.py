@@ -1,4 +1,5 @@
-"""Colours of the pictures, apart to the colour-blind and in grey (M. Okabe, K. Ito, "Color Universal Design", 2008)."""
+"""Colours of the pictures, distinct also for the colour-blind and in grey (M. Okabe, K. Ito, "Color Universal Design",
+2008)."""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ FIXED = "#5A5A5A"
 GREY = "#E9E9E9"
 FRAME = "#BBBBBB"
 
-# Many curves in one panel: apart in grey by their dashes.
+# Many curves in one panel: distinct in grey by their dashes.
 CURVES: tuple[dict[str, Any], ...] = (
     {"color": INK, "linestyle": "-"},
     {"color": DEPTH, "linestyle": "-"},
@@ -45,7 +46,7 @@ OTHER_RUNG = (OBSTACLE, "X")
 
 
 def plain(text: str, most: int) -> str:
-    """Return a name for matplotlib to write as it is, no dollar sign a formula, at most so many characters of it."""
+    """Return text that matplotlib prints literally, with dollar signs escaped, cut to at most so many characters."""
     return (text if len(text) <= most else f"{text[: most - 1]}…").replace("$", r"\$")
 
 

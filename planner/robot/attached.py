@@ -1,7 +1,7 @@
-"""Held objects: a robot with what the scene attaches to it, each object one more body that its link carries.
+"""Held objects: a robot with the objects that the scene attaches to it, each one more body carried by its link.
 
-Robot, `Attached`s -> a `Robot` whose collision geometry, links and self pairs hold the objects; outer bodies, pieces of
-the certificate and pairs follow from those, as they do for links. Robot side: neither planner nor certificate is named.
+Robot, `Attached`s -> a `Robot` whose collision geometry, links and self pairs include the objects; outer bodies, pieces
+of the certificate and pairs follow from those, as they do for links.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ from dataclasses import replace
 import pinocchio as pin
 
 from hdplan.planner.geometry.shapes import operations
-from hdplan.planner.robot.robot import MOVE_AS_ONE, Robot
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.self_pairs import MOVE_AS_ONE
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError, nearest
 from hdplan.scenes.robot_files.description import link_pair
@@ -20,10 +21,10 @@ from hdplan.scenes.robot_files.description import link_pair
 def with_attached(robot: Robot, attached: tuple[Attached, ...]) -> Robot:
     """Return the robot holding the objects; itself if there are none.
 
-    An object is kept apart from every link and object that moves against it, but for its `touch_links`.
+    An object is kept apart from every link and object that moves relative to it, except for its `touch_links`.
 
     Raises:
-        InputError: a link that the robot does not have, a name that a link bears, a mesh that cannot be used.
+        InputError: for a link that the robot does not have, a name that a link has, a mesh that cannot be used.
     """
     if not attached:
         return robot

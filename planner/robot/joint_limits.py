@@ -1,7 +1,7 @@
-"""What each joint can do, as arrays: the scene's `limits` section, resolved against the robot's URDF.
+"""Joint limits as arrays: the scene's `limits` section, resolved with the robot's URDF.
 
 Scene and robot -> one value for each planned joint, in their order, of every quantity that the scene limits. Units are
-those of the joint: rad, or m where it slides; Nm or N.
+those of the joint: rad, or m for a prismatic one; Nm or N.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from hdplan.scenes.scene import Scene
 Array = NDArray[np.float64]
 
 DERIVATIVES = {name: rate.order for name, rate in QUANTITIES.items() if rate.order is not None}
-"""Velocity, acceleration and jerk: which derivative of a joint's value by time each is."""
+"""Velocity, acceleration and jerk: the order of the time derivative that each is."""
 
 
 def joint_limits(scene: Scene, robot: Robot) -> dict[str, Array]:
-    """Return the greatest absolute values (n,) that a scene allows, of every quantity that it limits, by name.
-    Velocities are limited as soon as the motion is timed: by the URDF's values, where the scene has no others.
+    """Return the greatest absolute values (n,) that a scene allows, for every quantity that it limits, by name.
+    Velocities are limited as soon as the motion is timed, by the URDF's values if the scene has no others.
 
     Raises:
         InputError: wrong number of values, unknown names, or a value that neither scene nor URDF gives.
@@ -33,7 +33,7 @@ def joint_limits(scene: Scene, robot: Robot) -> dict[str, Array]:
 
 
 def asked_limits(scene: Scene) -> dict[str, JointValues]:
-    """Return what a scene says of each quantity that it limits, by name."""
+    """Return a scene's entry for each quantity that it limits, by name."""
     said = {quantity: getattr(scene.limits, quantity) for quantity in QUANTITIES}
     if scene.timed and said["velocity"] is None:
         said["velocity"] = "urdf"
@@ -59,11 +59,11 @@ def _resolved(quantity: str, given: JointValues, scene: Scene, robot: Robot) -> 
 
 
 def _of_urdf(quantity: str, index: int, robot: Robot, where: str) -> float:
-    """Return what the URDF says of a planned joint; joint i is coordinate i of the model's tangent space."""
+    """Return the URDF's limit of a planned joint; joint i is coordinate i of the model's tangent space."""
     in_urdf = {"velocity": robot.model.velocityLimit, "torque": robot.model.effortLimit}
     joint = robot.joint_names[index]
     if quantity not in in_urdf:
-        raise InputError(f"{where}: no value for joint '{joint}', and a URDF holds none: give all {robot.n} joints one")
+        raise InputError(f"{where}: no value for joint '{joint}', and a URDF has none: give all {robot.n} joints one")
     value = float(in_urdf[quantity][index])
     if not 0.0 < value < np.inf:
         raise InputError(f"{where}: the URDF gives joint '{joint}' no limit (found {value:g}): give it one by name")

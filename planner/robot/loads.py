@@ -1,8 +1,6 @@
-"""What a robot carries, as masses: a scene's payload and its held objects added to the inertia of the joints that bear
-them.
+"""The loads of a robot: a scene's payload and held objects, added to the inertia of the joints that carry them.
 
-Scene, Robot -> a copy of the robot's pin.Model; the robot's own is left as it is. Robot side: neither planner nor
-certificate is named.
+Scene, Robot -> a copy of the robot's pin.Model; the robot's own is not changed.
 """
 
 from __future__ import annotations
@@ -22,18 +20,18 @@ from hdplan.scenes.scene import Scene
 def loaded_model(scene: Scene, robot: Robot) -> pin.Model:
     """Return the robot's model with the masses that the scene puts on its links; a copy.
 
-    Gravity stays the world's, along −z, whichever way the base is turned.
+    Gravity is the world's, along −z, whatever the orientation of the base.
 
     Raises:
-        InputError: a link that the robot does not have; an inertia that no body has; a mass for a mesh that is not
-            closed, so that it has no volume to spread it over; a joint of a URDF without masses.
+        InputError: for a link that the robot does not have; an inertia that no body can have; a mass for a mesh that
+            is not closed, as it has no volume over which to distribute it; a joint that moves no mass.
     """
     with naming(scene.source):
         return with_loads(robot, scene.payload, scene.attached)
 
 
 def with_loads(robot: Robot, payload: Payload | None, attached: tuple[Attached, ...]) -> pin.Model:
-    """Return the same of a scene's payload and held objects; errors do not name its file."""
+    """Return the same for a payload and held objects; errors do not name the scene's file."""
     model = robot.model.copy()
     if payload is not None:
         _add(model, "payload", payload.link, _inertia_of_payload(payload), robot.name)
@@ -68,6 +66,6 @@ def _inertia_of_payload(payload: Payload) -> pin.Inertia:
 
 
 def _inertia_of_held(held: Attached, mass: float) -> pin.Inertia:
-    """Return the inertia of a body of even density and a mass [kg], in its link's frame."""
+    """Return the inertia of a body of uniform density and a mass [kg], in its link's frame."""
     inertia = operations(held.shape).inertia(held.shape, mass, f"attached.{held.name}")
     return pin.SE3(held.pose.matrix).act(inertia)

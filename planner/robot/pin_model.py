@@ -1,4 +1,4 @@
-"""Pinocchio's models from URDF files: read quietly, joints taken out, base moved.
+"""Pinocchio models from URDF files: read without output, joints removed, base moved.
 
 URDF file -> pin.Model and pin.GeometryModel (collision geometry), fixed base; frames and joint order are Pinocchio's.
 """
@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from hdplan.planner.geometry.coal_shapes import triangle_tree
 from hdplan.planner.geometry.meshes import TriangleMesh, load_mesh
@@ -29,20 +30,20 @@ from hdplan.scenes.shapes import Mesh
 
 Result = TypeVar("Result")
 
-_reading = ForkSafeLock()  # the error stream is the whole process's: one reader at a time may turn it aside
+_reading = ForkSafeLock()  # the error stream belongs to the whole process: one reader at a time may redirect it
 
 
 @dataclass(frozen=True)
 class MeshElement:
-    """A mesh as a URDF names it."""
+    """A mesh element of a URDF."""
 
     link: str
     address: str
     scale: str
 
     def found(self, urdf: Path, package_dirs: tuple[Path, ...]) -> tuple[Path, Vector3]:
-        """Return its file and its scale, which mirrors where it is negative. Raises InputError for those that there
-        cannot be."""
+        """Return its file and its scale; a negative scale mirrors. Raises InputError for a scale that is not three
+        numbers, or a file that is not found."""
         with naming(f"link '{self.link}'"):
             try:
                 x, y, z = map(float, self.scale.split())
@@ -54,8 +55,8 @@ class MeshElement:
 def read_model(urdf: Path, package_dirs: tuple[Path, ...]) -> tuple[pin.Model, pin.GeometryModel, Stamps]:
     """Read a robot and its collision geometry; package:// addresses are looked up below `package_dirs`.
 
-    Meshes are read by `load_mesh`, as those of scenes: the reader that Pinocchio has takes what it finds of a damaged
-    file, and with some it never ends, or ends the process. The mesh files are returned too, as they were before.
+    Meshes are read by `load_mesh`, like those of scenes: Pinocchio's own reader accepts damaged files in part, and on
+    some it hangs or crashes the process. The stamps of the mesh files, taken before reading, are returned too.
 
     Raises:
         InputError: the URDF is not valid, or a mesh is missing, damaged or flat.
@@ -79,8 +80,8 @@ def read_model(urdf: Path, package_dirs: tuple[Path, ...]) -> tuple[pin.Model, p
 
 
 def _load(link: str, file: Path, scale: Vector3) -> TriangleMesh:
-    """Read a link's mesh; a negative scale mirrors it, as URDFs do with left and right: its triangles run the other way
-    round then."""
+    """Read a link's mesh; a negative scale mirrors it, as URDFs do for left and right parts, so that its triangles are
+    reversed."""
     x, y, z = map(abs, scale)
     mesh = load_mesh(Mesh(file, (x, y, z)), f"link '{link}'")
     turned = slice(None, None, -1 if math.prod(scale) < 0 else 1)
@@ -88,8 +89,8 @@ def _load(link: str, file: Path, scale: Vector3) -> TriangleMesh:
 
 
 def read_visuals(urdf: Path) -> tuple[tuple[str, pin.SE3, pin.GeometryObject, MeshElement | None], ...]:
-    """Read what a robot looks like: (link, placement in the link's frame, geometry, mesh) of every visual. Of one that
-    is a mesh the geometry has no more than the colours.
+    """Read a robot's visual geometry: (link, placement in the link's frame, geometry, mesh) of every visual. For a mesh
+    the geometry holds the colours only.
 
     Raises InputError for a URDF that is not valid.
     """
@@ -102,8 +103,8 @@ def read_visuals(urdf: Path) -> tuple[tuple[str, pin.SE3, pin.GeometryObject, Me
 
 
 def _read_urdf(urdf: Path, kind: pin.GeometryType) -> tuple[pin.Model, pin.GeometryModel, dict[str, MeshElement]]:
-    """Read a robot and one kind of its geometry, with a ball in place of every mesh; and the meshes, by the names that
-    Pinocchio gives the geometry."""
+    """Read a robot and one kind of its geometry, with a sphere in place of every mesh; and the meshes, by Pinocchio's
+    names for the geometry."""
     model = _quietly(lambda: pin.buildModelFromUrdf(str(urdf)), urdf)
     root = ElementTree.parse(urdf).getroot()
     meshes: dict[str, MeshElement] = {}
@@ -119,8 +120,8 @@ def _read_urdf(urdf: Path, kind: pin.GeometryType) -> tuple[pin.Model, pin.Geome
 
 
 def _mesh_file(address: str, urdf: Path, package_dirs: tuple[Path, ...]) -> Path:
-    """Return the file that a URDF means: package:// is below one of the folders or ROS's, file:// says it in full, and
-    without either it is beside the URDF, or in the working folder."""
+    """Return the file of a URDF's address: package:// is looked up in the given folders and ROS's, file:// is a full
+    path, and any other is relative to the URDF's folder or else the working folder."""
     scheme, told, rest = address.partition("://")
     below = rest.lstrip("/")
     if not told or scheme == "file":
@@ -133,7 +134,7 @@ def _mesh_file(address: str, urdf: Path, package_dirs: tuple[Path, ...]) -> Path
     folders = (*package_dirs, *ros, *(folder.parent for folder in ros), *ament)
     found = next((folder / below for folder in folders if os.path.exists(folder / below)), None)
     if found is None:
-        raise InputError(f"mesh '{address}': there is no such file in any package folder (package_dirs, ROS)")
+        raise InputError(f"mesh '{address}': no such file in any package folder (package_dirs, ROS)")
     return found
 
 
@@ -148,7 +149,7 @@ def without_joints(
         kind = full.joints[full.getJointId(joint)]
         coordinates = (value,) if kind.nq == 1 else (math.cos(value), math.sin(value))
         reference[kind.idx_q : kind.idx_q + kind.nq] = coordinates
-    # Pinocchio finds a joint's frame by name alone and gives up where a link bears the joint's name.
+    # Pinocchio finds a joint's frame by name only, and fails if a link has the joint's name.
     mark = " (link)"
     for frame in full.frames:
         if frame.type == pin.FrameType.BODY and frame.name in full.names:
@@ -160,7 +161,7 @@ def without_joints(
 
 
 def move_base(model: pin.Model, collision: pin.GeometryModel, base: pin.SE3) -> None:
-    """Put the root link at `base` in the world."""
+    """Place the root link at `base` in the world."""
     for index in range(1, model.njoints):
         if model.parents[index] == 0:
             model.jointPlacements[index] = base * model.jointPlacements[index]
@@ -172,8 +173,16 @@ def move_base(model: pin.Model, collision: pin.GeometryModel, base: pin.SE3) -> 
             item.placement = base * item.placement
 
 
+def motion_axes(joint: pin.JointModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return a one-coordinate joint's linear and angular unit velocity in its own frame."""
+    data = joint.createData()
+    joint.calc(data, np.eye(1, joint.idx_q + joint.nq, joint.idx_q)[0])
+    motion = np.asarray(data.S, dtype=np.float64).reshape(6)
+    return motion[:3], motion[3:]
+
+
 def _quietly(read: Callable[[], Result], urdf: Path) -> Result:
-    """Run a C++ reader that writes its complaints to the error stream; they become the text of the error instead."""
+    """Run a C++ reader that writes its messages to the error stream; they become the text of the error instead."""
     with _reading, tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as said:
         try:
             with _error_stream_to(said.fileno()):
@@ -182,7 +191,7 @@ def _quietly(read: Callable[[], Result], urdf: Path) -> Result:
             said.seek(0)
             reasons = [line.removeprefix("Error:").strip() for line in said if line.startswith("Error:")]
             reason = "; ".join(reasons) or " ".join(str(error).split())
-            reason = reason.partition("message: ")[2].partition(" Hint:")[0] or reason  # of the mesh reader's words
+            reason = reason.partition("message: ")[2].partition(" Hint:")[0] or reason  # of the mesh reader
             raise InputError(f"robot.urdf: {urdf}: {reason}") from None
 
 

@@ -1,6 +1,6 @@
-"""A scene's robot, loaded once in a process however many scenes ask for it.
+"""A scene's robot, loaded once per process for all scenes that use it.
 
-Reading a URDF and its meshes takes longer than many a plan; a robot is kept until one of its files changes.
+Reading a URDF and its meshes often takes longer than planning; a robot is cached until one of its files changes.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.self_pairs import NEVER_TOUCHING, ROOM
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import Stamps, stamps_of
@@ -25,18 +26,17 @@ from hdplan.scenes.targets import JointTarget
 Array = NDArray[np.float64]
 
 MOST = 8  # robots kept
-ROOM = 0.1  # how far beyond a limit a request or a named state may lie [rad or m]: descriptions of one robot differ
 _kept: OrderedDict[Hashable, Robot] = OrderedDict()
-_loading = ForkSafeLock()  # one robot at a time: threads that ask for the same one are to get the same
+_loading = ForkSafeLock()  # one robot at a time: threads that ask for the same one must get the same object
 
 
 def load_scene_robot(scene: Scene) -> Robot:
-    """Load a scene's robot, with a MoveIt request's values for the joints that it has and does not plan, and with the
-    objects that it holds; within the scene's own limits of positions, and without self pairs where the scene says so.
+    """Load a scene's robot, with the start's values for joints that it names and that are not planned, with the objects
+    that it holds, within the scene's own position limits, and without self pairs if the scene says so.
 
-    The limits make room for a request's start and goal, and for named states, up to ROOM beyond them, which is noted.
-    The same object for the same specification, as long as its files stay as they are. Raises InputError, naming the
-    file that speaks of the robot.
+    The limits are widened for a request's start and goal and for named states, by up to ROOM, which is noted. Returns
+    the same object for the same specification as long as its files do not change. Raises InputError, naming the file
+    that specifies the robot.
     """
     with naming(scene.robot.source or scene.source):
         robot = _load_bare(scene)
@@ -46,28 +46,32 @@ def load_scene_robot(scene: Scene) -> Robot:
         if scene.attached:
             meshes = [str(held.shape.file) for held in scene.attached if isinstance(held.shape, Mesh)]
             robot = _holding(robot, scene.attached, stamps_of(meshes))
+    if scene.self_collision.clearance:
+        robot = _all_kept_apart(robot)
     return robot if scene.self_collision.checked else _unchecked(robot)
 
 
 def check_robot(scene: Scene, robot: Robot) -> None:
-    """Raise InputError for a robot that is not the scene's: one that holds other objects, stands elsewhere, is held at
-    other values, or is not checked against itself where the scene's is."""
+    """Raise InputError for a robot that is not the scene's: with other held objects, another base, locked joints at
+    other values, or without the self-collision checks that the scene asks for."""
     if robot.attached != scene.attached:
-        raise InputError("the robot does not hold what the scene attaches: take the scene's own (load_scene_robot)")
+        raise InputError("the robot does not hold what the scene attaches: use the scene's own (load_scene_robot)")
     if robot.base != scene.robot.base:
-        raise InputError("the robot stands elsewhere than the scene's: take the scene's own (load_scene_robot)")
+        raise InputError("the robot's base is not where the scene's is: use the scene's own (load_scene_robot)")
     for joint, value in scene.robot.locked.items():
         if robot.locked.get(joint) != value:
             raise InputError(
-                f"the robot's joint '{joint}' is not held where the scene's is: take the scene's own (load_scene_robot)"
+                f"the robot's joint '{joint}' is not held where the scene's is: use the scene's own (load_scene_robot)"
             )
+    if scene.self_collision.clearance and NEVER_TOUCHING in robot.unchecked.values():
+        raise InputError("the robot leaves out pairs of links that the scene's keeps apart: use the scene's own")
     if scene.self_collision.checked and not robot.self_pairs and load_scene_robot(scene).self_pairs:
-        raise InputError("the robot's links are not checked against each other, the scene's are: take the scene's own")
+        raise InputError("the robot's links are not checked against each other, the scene's are: use the scene's own")
 
 
 @made_once(MOST)
 def _narrowed(robot: Robot, ranges: tuple[tuple[str, tuple[float, float]], ...]) -> Robot:
-    """Return the robot within ranges of its joints' positions that lie within its own."""
+    """Return the robot with narrower position ranges, which must lie within its own."""
     lower, upper = robot.lower.copy(), robot.upper.copy()
     for joint, (low, high) in ranges:
         where = f"limits.position.{joint}"
@@ -82,8 +86,16 @@ def _narrowed(robot: Robot, ranges: tuple[tuple[str, tuple[float, float]], ...])
 
 
 @made_once(MOST)
+def _all_kept_apart(robot: Robot) -> Robot:
+    """Return the robot with the pairs checked too that never touch, where more is asked than that."""
+    never = tuple(pair for pair, reason in robot.unchecked.items() if reason == NEVER_TOUCHING)
+    left = {pair: reason for pair, reason in robot.unchecked.items() if reason != NEVER_TOUCHING}
+    return replace(robot, self_pairs=(*robot.self_pairs, *never), unchecked=left) if never else robot
+
+
+@made_once(MOST)
 def _unchecked(robot: Robot) -> Robot:
-    """Return the robot with nothing of it kept apart from itself."""
+    """Return the robot without self-collision checks."""
     bodies = "links and held objects" if robot.attached else "links"
     note = f"{bodies} are not checked against each other: self_collision: false"
     unchecked = {**robot.unchecked, **dict.fromkeys(robot.self_pairs, "self_collision: false")}
@@ -94,24 +106,22 @@ def _load_bare(scene: Scene) -> Robot:
     """Load the robot without the objects that it holds."""
     spec = scene.robot
     robot = _load_once(spec)
-    if scene.from_request:
-        requested = {joint: value for joint, value in (scene.start.by_name or {}).items() if joint in robot.locked}
-        if requested:
-            robot = _load_once(replace(spec, locked={**requested, **spec.locked}))
+    held = {joint: value for joint, value in (scene.start.by_name or {}).items() if joint in robot.locked}
+    if held:
+        robot = _load_once(replace(spec, locked={**held, **spec.locked}))
     return _with_room(robot, scene)
 
 
 @made_once(MOST)
 def _holding(robot: Robot, attached: tuple[Attached, ...], stamps: Stamps) -> Robot:
-    """Give the robot its objects, once for the same ones as long as their mesh files, by `stamps`, stay as they are."""
+    """Return the robot holding the objects; made once while the `stamps` of their mesh files are equal."""
     from hdplan.planner.robot.attached import with_attached
 
     return with_attached(robot, attached)
 
 
 def _with_room(robot: Robot, scene: Scene) -> Robot:
-    """Widen the limits to ends that others wrote, a request's and named states, where they lie beyond, by at most
-    ROOM."""
+    """Widen the limits, by at most ROOM, to ends of a request or a named state that lie beyond them."""
     lower, upper = robot.lower.copy(), robot.upper.copy()
     ends = [target for target in (scene.start, scene.goal) if isinstance(target, JointTarget)]
     for target in ends:

@@ -1,4 +1,4 @@
-"""A scene and its robot, which belong together: made once, with what follows from both, and handed to everything."""
+"""A scene with its robot, and what follows from both: made once and passed to everything."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from hdplan.planner.robot.joint_limits import joint_limits
+from hdplan.planner.robot.link_frame import end_effector
 from hdplan.planner.robot.robot import SAME_PLACE, Robot
 from hdplan.planner.robot.scene_robot import check_robot, load_scene_robot
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.scene import Scene
-from hdplan.scenes.targets import Goals, JointTarget
+from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 from hdplan.scenes.values import instance
 
 Array = NDArray[np.float64]
@@ -30,24 +31,25 @@ class Query:
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """A scene with its robot. What is asked of it first is worked out then, and kept."""
+    """A scene with its robot. Properties are computed on first use and kept."""
 
     scene: Scene
     robot: Robot
 
     @classmethod
     def of(cls, scene: Scene, robot: Robot | None = None) -> Setup:
-        """Load a scene's robot, or take it if it is loaded already.
+        """Load a scene's robot, or take `robot` if it is already loaded.
 
-        Raises InputError for a robot that cannot be loaded, one that is not the scene's (`check_robot`), and for what
-        is neither.
+        Raises InputError for a robot that cannot be loaded, one that is not the scene's (`check_robot`), and for
+        arguments of another type.
         """
         instance(scene, Scene, "scene")
         if robot is None:
-            return cls(scene, load_scene_robot(scene))
-        instance(robot, Robot, "robot")
-        check_robot(scene, robot)
-        return cls(scene, robot)
+            robot = load_scene_robot(scene)
+        else:
+            instance(robot, Robot, "robot")
+            check_robot(scene, robot)
+        return cls(_with_links(scene, robot), robot)
 
     def aiming_at(self, goal: JointTarget) -> Setup:
         """Return the same with another goal."""
@@ -57,7 +59,7 @@ class Setup:
     def query(self) -> Query:
         """The scene's start and goal. Raises InputError, naming the scene's file, for ends that do not fit the robot.
 
-        A goal that leaves a choice (`Goals`) is no one configuration: `search.goals.settled` chooses.
+        A goal that leaves a choice (`Goals`) is not a single configuration: `search.goals.settled` chooses one.
         """
         scene, robot = self.scene, self.robot
         if isinstance(scene.goal, Goals):
@@ -67,7 +69,7 @@ class Setup:
 
     @cached_property
     def limits(self) -> dict[str, Array]:
-        """The limits (n,) of every quantity that has any, by name; see `joint_limits`."""
+        """The limits (n,) of every limited quantity, by name; see `joint_limits`."""
         return joint_limits(self.scene, self.robot)
 
     @cached_property
@@ -79,23 +81,38 @@ class Setup:
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
-        """What is to be said of a scene with its robot, in words: what was changed, assumed or left out."""
+        """Notes for the user on what was changed, assumed or left out."""
         return (*self.scene.notes, *self.robot.notes, *self.left_out)
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Which values of the scene's start and goal are not kept to: of joints that the robot does not have, and,
-        where a named state speaks of more than is planned, of joints that are held elsewhere though nobody asked."""
+        """Notes on values of the scene's start and goal that are not used: for joints that the robot does not have, and
+        those of a named state for joints that are held at another value by default."""
         scene, robot = self.scene, self.robot
         ends = [target for target in (scene.start, scene.goal) if isinstance(target, JointTarget)]
         named = [joint for target in ends for joint in target.by_name or ()]
         unknown = [joint for joint in dict.fromkeys(named) if joint not in (*robot.joint_names, *robot.locked)]
-        words = [f"left out, as {robot.name} has no such joints: {', '.join(unknown)}"] if unknown else []
+        notes = [f"left out, as {robot.name} has no such joints: {', '.join(unknown)}"] if unknown else []
         for target in ends:
             state = robot.named_states.get(target.state or "", {})
-            held_anyhow = {joint: at for joint, at in robot.locked.items() if joint not in scene.robot.locked}
-            off = [joint for joint, at in held_anyhow.items() if abs(state.get(joint, at) - at) > SAME_PLACE]
+            by_default = {joint: at for joint, at in robot.locked.items() if joint not in scene.robot.locked}
+            off = [joint for joint, at in by_default.items() if abs(state.get(joint, at) - at) > SAME_PLACE]
             if off:
                 held = ", ".join(f"{joint} at {state[joint]:g}, held at {robot.locked[joint]:g}" for joint in off)
-                words.append(f"{target.field}: state '{target.state}' has {held}")
-        return tuple(words)
+                notes.append(f"{target.field}: state '{target.state}' has {held}")
+        return tuple(notes)
+
+
+def _with_links(scene: Scene, robot: Robot) -> Scene:
+    """Return the scene with the end effector named in goal poses that name no link."""
+    goal = scene.goal
+    if isinstance(goal, JointTarget) or all(getattr(target, "link", "") is not None for target in goal.targets):
+        return scene
+    with naming(scene.source):
+        targets = [
+            replace(target, link=end_effector(robot, target.field))
+            if isinstance(target, PoseTarget) and target.link is None
+            else target
+            for target in goal.targets
+        ]
+    return replace(scene, goal=replace(goal, targets=targets))  # type: ignore[arg-type]

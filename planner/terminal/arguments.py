@@ -55,7 +55,8 @@ RobotFile = Annotated[
     typer.Option(
         "--robot",
         metavar="NAME|FILE",
-        help="Robot to use instead of the scene's: a name of `hdplan robots`, or a YAML file with a `robot` section.",
+        help="Robot to use instead of the scene's: a name of `hdplan robots`, a robot description, or a YAML "
+        "file with a `robot` section.",
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
@@ -128,7 +129,20 @@ Host = Annotated[str, typer.Option(metavar="ADDRESS", help="Address to serve on;
 Port = Annotated[int, typer.Option(metavar="N", help="Port to serve on, or the next free one.", parser=_port)]
 
 # robots
-RobotName = Annotated[str | None, typer.Argument(metavar="NAME", help="Show this robot's joints and bodies.")]
+RobotName = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="NAME|FILE", help="Show this robot's joints, groups and bodies; FILE as for --robot elsewhere."
+    ),
+]
+SrdfFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--srdf",
+        metavar="OUT",
+        help="Write an SRDF for a robot that has none: the link pairs that always or never touch, or are neighbours.",
+    ),
+]
 
 # study, reproduce
 Folder = Annotated[

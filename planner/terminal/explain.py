@@ -1,7 +1,7 @@
-"""What a problem will hold, in words: effects on and off and why, bodies, pairs kept and left out, sizes, settings.
+"""An explanation of a problem: effects that are on or off and why, bodies, pairs kept and left out, sizes, settings.
 
-In: a built `Problem`. Out: sections of (name, value) rows, for a terminal table or JSON. The trial is measured and
-differs from run to run.
+In: a built `Problem`. Out: sections of (name, value) rows, for a terminal table or JSON. The trial's times are measured
+and vary from run to run.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from hdplan.planner.geometry.shapes import operations
 from hdplan.planner.problem.clearance import PairTerm
 from hdplan.planner.problem.problem import Problem
-from hdplan.planner.robot.robot import ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS
+from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS, NEVER_TOUCHING
 from hdplan.planner.terminal.explain_cost import functions, trial
 from hdplan.planner.terminal.explain_effects import counted, effects
 from hdplan.scenes.limits import QUANTITIES
@@ -24,9 +24,11 @@ from hdplan.scenes.targets import Goals, JointTarget
 
 Rows = list[tuple[str, str]]
 
-MOST_OBSTACLES = 30  # rows; a page is to be read
+MOST_OBSTACLES = 30  # rows, so that the table stays readable
 MOST_NAMED = 3  # pairs of links named in one row
-REASONS = {reason: reason for reason in (ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS)}  # others are "by" something
+REASONS = {  # others are "by" something
+    reason: reason for reason in (ALWAYS_TOUCHING, NEVER_TOUCHING, MOVE_AS_ONE, NEIGHBOURS)
+}
 UNITS = {"clearance": " m", "activation": " m", "shaping_length": " m"}
 
 
@@ -71,7 +73,7 @@ def _scene(problem: Problem) -> Rows:
 
 
 def _choice(goal: JointTarget | Goals) -> Rows:
-    """What may end the motion, where the scene leaves a choice; the joints shown are the likely best."""
+    """One row for each goal, if the scene leaves a choice; joint values shown are those of the most promising one."""
     if isinstance(goal, JointTarget):
         return []
     from hdplan.planner.certificate.pose_goals import pose_words
@@ -86,7 +88,7 @@ def _choice(goal: JointTarget | Goals) -> Rows:
 
 
 def _joints(problem: Problem) -> Rows:
-    """One row for each joint: from where to where, its range, and what it can do where that matters."""
+    """One row for each joint: its start and goal, its range, and its other limits if the scene has any."""
     robot = problem.robot
     width = max(map(len, robot.joint_names))
     most = [(limit, QUANTITIES[quantity].units) for quantity, limit in problem.setup.limits.items()]
@@ -102,13 +104,13 @@ def _joints(problem: Problem) -> Rows:
 
 
 def _per(unit: str) -> str:
-    """Shorten a unit for a table of joints: rad and m go without saying."""
+    """Shorten a unit for the table of joints, without its rad or m."""
     per = unit.removeprefix("rad").removeprefix("m")
     return per if per.startswith("/") else f" {per}"
 
 
 def _obstacles(problem: Problem) -> Rows:
-    """One row for each obstacle: its shape, its own clearance, how it moves, and how much of the robot can reach it."""
+    """One row for each obstacle: its shape, its own clearance, its motion, and the pairs that can reach it."""
     pieces = Counter(piece.name for piece in problem.halfspace_bodies)
     met: Counter[str] = Counter()
     if standing := problem.terms.obstacles:
@@ -191,7 +193,7 @@ def _size(problem: Problem) -> Rows:
     how = ", ".join(sorted({term.distance.how for term in problem.terms.pairs})) or "not needed"
     return [
         ("unknowns", f"{unknowns}: {problem.waypoints - 2} free waypoints × {counted(problem.robot.n, 'joint')}"),
-        ("looked at", f"{len(problem.samples.weight)} configurations between the waypoints"),
+        ("sampled", f"{len(problem.samples.weight)} configurations between the waypoints"),
         ("distance", how),
         *functions(problem),
     ]

@@ -1,6 +1,6 @@
-"""What a problem's terms weigh: the size of their compiled functions, and their share of a trial evaluation.
+"""The cost of a problem's terms: the size of their compiled functions, and their share of a trial evaluation.
 
-In: a built `Problem`. Out: (name, value) rows; sizes are exact, times measured on the spot.
+In: a built `Problem`. Out: (name, value) rows; sizes are exact, times are measured.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from hdplan.scenes.array_types import Array
 
 Rows = list[tuple[str, str]]
 
-TRIALS = 9  # evaluations of which the median counts, after one that warms up
+TRIALS = 9  # evaluations whose median is shown, after one for warming up
 
 
 def functions(problem: Problem) -> Rows:
-    """Return a row for each compiled function: instructions of one evaluation, nodes of its expression."""
+    """Return a row for each compiled function: the instructions of one evaluation, and the nodes of its expression."""
     rows = [("kinematics", _sizes(problem.kinematics.state))]
     for term in problem.terms:
         rows += [(f"{term.name}, {purpose}", _sizes(run.function)) for purpose, run in term.functions.items()]
@@ -37,15 +37,15 @@ def functions(problem: Problem) -> Rows:
 
 
 def _sizes(function: Any) -> str:
-    """How large a CasADi function is; one made of matrices is counted as the scalar operations that it stands for."""
+    """Return the size of a CasADi function; one on matrices is counted in scalar operations."""
     if function.is_a("MXFunction"):
         function = function.expand()
     return f"{function.n_instructions()} instructions, {function.n_nodes()} nodes"
 
 
 def trial(problem: Problem) -> Rows:
-    """Return a row for each part of one evaluation at the straight line: its time and its share of the cost, which is
-    weighed as at the solver's beginning."""
+    """Return a row for each part of one evaluation at the straight line: its time and its share of the cost, with the
+    solver's initial weight."""
     line = np.linspace(problem.start, problem.goal, problem.waypoints)
     placed = problem.samples.configurations(line)
     kinematics = problem.kinematics.evaluate(placed)
@@ -66,7 +66,7 @@ def trial(problem: Problem) -> Rows:
 
 
 def _run(term: Term, problem: Problem, kinematics: KinematicsBatch, line: Array) -> Callable[[], float]:
-    """What one evaluation of a term takes; it returns the term's cost."""
+    """Return one evaluation of a term as a function, which returns the term's cost."""
 
     def run() -> float:
         found = (term.at_samples(kinematics, problem.samples), term.over_motion(line, problem.kinematics))

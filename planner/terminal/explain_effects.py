@@ -1,4 +1,4 @@
-"""The effects that a problem has and those that it could have: what each does here, or what would switch it on.
+"""The effects that a problem has or could have: what each does here, or what would switch it on.
 
 In: a built `Problem`. Out: `Effect`s in reading order.
 """
@@ -29,7 +29,7 @@ class Effect(NamedTuple):
 
 
 def effects(problem: Problem) -> tuple[Effect, ...]:
-    """Return every effect that hdplan knows."""
+    """Return all effects of hdplan."""
     return (
         Effect("smoothness", "always: squared velocity and acceleration over the motion"),
         *_joint_limits(problem),
@@ -44,7 +44,7 @@ def effects(problem: Problem) -> tuple[Effect, ...]:
 
 
 def counted(number: int, thing: str) -> str:
-    """Return a number of things in words: ``1 joint``, ``2 joints``."""
+    """Return a number of things as text: ``1 joint``, ``2 joints``."""
     return f"{number} {thing}" + "s" * (number != 1)
 
 
@@ -189,7 +189,7 @@ def _either(quantities: Iterable[str]) -> str:
 
 
 def _driven(problem: Problem, quantity: str, limits: JointValues | None) -> str:
-    """What keeps such a limit: the timing, and the motion's shape where gravity may be too much for a joint."""
+    """Say what keeps a limit: the timing, and a term on the path where gravity may overload a joint."""
     if limits is None:
         return ""
     if quantity != "torque":

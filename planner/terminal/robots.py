@@ -11,6 +11,7 @@ from hdplan.planner.robot.robot import load_robot
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.robot_files.library import robot_names
 from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.yaml_format.reader import read_robot
 
 Rows = list[dict[str, Any]]
 
@@ -39,22 +40,41 @@ def listing() -> dict[str, Rows]:
     return {"robots": robots, "not_usable": unusable}
 
 
-def describe(name: str) -> dict[str, Rows]:
-    """Return tables for one robot: joints, joints held fixed, named states, and outer bodies: their volume over that of
-    the link's hull, and how far they stick out of it [mm].
+def named_or_read(robot: str) -> RobotSpec:
+    """Return the robot of a name, or of a file: a description, or YAML with a `robot` section."""
+    return RobotSpec(name=robot) if robot in robot_names() else read_robot(robot)[0]
 
-    Raises InputError for an unknown name.
+
+def describe(name: str) -> dict[str, Rows]:
+    """Return tables for one robot, by its name or its file: joints, joints held fixed, groups, end effectors, named
+    states, and outer bodies: their volume over that of the link's hull, and how far they stick out of it [mm].
+
+    Raises InputError for an unknown name, or a file that cannot be read.
     """
-    robot = load_robot(RobotSpec(name=name))
+    robot = load_robot(named_or_read(name))
     unit = ["m" if joint.shortname().startswith("JointModelP") else "rad" for joint in list(robot.model.joints)[1:]]
     joints: Rows = [
         {"joint": joint, "unit": unit[i], "lower": _limit(robot.lower[i]), "upper": _limit(robot.upper[i])}
         for i, joint in enumerate(robot.joint_names)
     ]
     held: Rows = [{"joint": joint, "at": round(value, 6)} for joint, value in robot.locked.items()]
+    moving = {*robot.joint_names, *robot.locked}
+    groups: Rows = [
+        {"group": group, "joints": ", ".join(joint for joint in members if joint in moving)}
+        for group, members in robot.semantics.groups.items()
+    ]
+    hands: Rows = [
+        {"end_effector": hand.name, "link": hand.link, "group": hand.group, "of": hand.parent_group}
+        for hand in robot.semantics.end_effectors
+    ]
     states: Rows = [
-        {"state": state, "values": ", ".join(f"{joint} = {value:.4g}" for joint, value in values.items())}
-        for state, values in robot.named_states.items()
+        {
+            "state": state,
+            "group": group,
+            "values": ", ".join(f"{joint} = {value:.4g}" for joint, value in values.items()),
+        }
+        for state, of_groups in robot.semantics.states.items()
+        for group, values in of_groups.items()
     ]
     bodies: Rows = [
         {
@@ -79,6 +99,8 @@ def describe(name: str) -> dict[str, Rows]:
     return {
         "joints": joints,
         "joints_held": held,
+        "groups": groups,
+        "end_effectors": hands,
         "named_states": states,
         "outer_bodies": bodies,
         "notes": [{"note": note} for note in notes],

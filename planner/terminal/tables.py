@@ -86,7 +86,7 @@ def simulation_rows(simulation: Simulation, scene: Scene, robot: str) -> list[tu
             for name, close in places.items()
             if close is not None
         ),
-        ("looked at", f"{simulation.looks} configurations, by exact distances"),
+        ("sampled", f"{simulation.samples} configurations, with exact distances"),
         ("units", "rad, Nm and s; m and N where a joint slides"),
     ]
 

@@ -1,6 +1,6 @@
-"""What each limit of a scene asks of the timing: a constraint for TOPP-RA, and by how much time must be stretched.
+"""What each limit of a scene means for the timing: a constraint for TOPP-RA, and a factor by which to stretch time.
 
-Of a motion that is stretched in time by k, velocities fall by k, accelerations by k², jerks by k³.
+When a motion is stretched in time by k, velocities fall by k, accelerations by k², and jerks by k³.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from hdplan.planner.robot.setup import Setup
 
 Array = NDArray[np.float64]
 
-MARGIN = 1e-6  # [–] by which a limit is kept more than needed
+MARGIN = 1e-6  # [–] of a limit that is left unused
 
 
-class PathLook(NamedTuple):
-    """Where a time law u(t) is on a path q(u) at k times."""
+class PathSamples(NamedTuple):
+    """Samples of a path q(u) under a time law u(t), at k times."""
 
     q: Array  # (k, n)
     slopes: tuple[Array, Array, Array]  # first to third derivative of q by u (k, n)
@@ -32,38 +32,38 @@ class TimingLimit(Protocol):
     """One limit of a scene."""
 
     def constraint(self, spline: BSpline, grid: Array) -> Any | None:
-        """Return what TOPP-RA keeps on a path at the points of a grid; None where it knows no such limit."""
+        """Return TOPP-RA's constraint on a path at the points of a grid; None if it has none for this limit."""
         ...
 
-    def stretch_of_law(self, look: PathLook) -> float:
-        """Return by how much a time law must be stretched for the limit to hold at some times."""
+    def stretch_of_law(self, samples: PathSamples) -> float:
+        """Return by how much a time law must be stretched for the limit to hold at samples."""
         ...
 
     def stretch(self, curve: Curve) -> float:
-        """Return by how much an executed curve must be stretched for the limit to hold along it; at most 1 where it
+        """Return by how much an executed curve must be stretched for the limit to hold along it; at most 1 if it
         holds."""
         ...
 
 
 class RateLimit:
-    """A limit (n,) on a derivative of the joints' values by time."""
+    """A limit (n,) on a time derivative of the joints' values."""
 
     def __init__(self, order: int, limit: Array) -> None:
         """Take the order of the derivative and its greatest absolute values."""
         self.order, self.limit = order, limit
 
     def constraint(self, spline: BSpline, grid: Array) -> Any | None:
-        """Return toppra's own, of velocities and accelerations."""
+        """Return toppra's own, for velocities and accelerations."""
         from toppra import constraint
 
         both = np.stack([-self.limit, self.limit], axis=1)
         known = {1: constraint.JointVelocityConstraint, 2: constraint.JointAccelerationConstraint}
         return known[self.order](both) if self.order in known else None
 
-    def stretch_of_law(self, look: PathLook) -> float:
-        """Return it by the chain rule."""
-        slope, bend, twist = look.slopes
-        first, second, third = look.rates
+    def stretch_of_law(self, samples: PathSamples) -> float:
+        """Compute it by the chain rule."""
+        slope, bend, twist = samples.slopes
+        first, second, third = samples.rates
         if self.order == 1:
             rate = slope * first
         elif self.order == 2:
@@ -73,14 +73,14 @@ class RateLimit:
         return float(float((np.abs(rate).max(axis=0) / self.limit).max()) ** (1 / self.order))
 
     def stretch(self, curve: Curve) -> float:
-        """Return it by a bound on the whole curve, not by samples."""
+        """Compute it from a bound on the whole curve, not from samples."""
         share = float((curve.over_time(self.order).largest() / self.limit).max())
         return float(((1 + MARGIN) * share) ** (1 / self.order))
 
 
 def timing_limits(setup: Setup) -> tuple[TimingLimit, ...]:
-    """Return the limits that a scene has; what the others need is not even imported. Raises InputError for limits and
-    loads that do not fit the robot."""
+    """Return the limits that a scene has; modules for the others are not even imported. Raises InputError for limits
+    and loads that do not match the robot."""
     found = setup.limits
     limits: list[TimingLimit] = [RateLimit(order, found[name]) for name, order in DERIVATIVES.items() if name in found]
     if "torque" in found:

@@ -1,17 +1,17 @@
-"""When the motion is where: a smooth curve through a planned path, and a time law along it.
+"""Retiming: a smooth curve along a planned path, and a time law on it.
 
-Waypoints and the scene's limits -> a `Trajectory` with times, velocities and accelerations, whose quintics between rows
-are what is executed and certified.
+Waypoints and the scene's limits -> a `Trajectory` with times, velocities and accelerations; the quintics between its
+rows are executed and certified.
 
-*The path.* A polyline has corners, at which only a robot that stops can turn. The path is the cubic B-spline with as
-many control points as waypoints, each on the polyline at its Greville abscissa (Schoenberg's variation diminishing
-approximation): twice differentiable, with the polyline's ends, and within its hull, so within the joint limits.
+*The path.* A polyline has corners, at which a robot has to stop. The path is the cubic B-spline with as many control
+points as waypoints, each on the polyline at its Greville abscissa (Schoenberg's variation diminishing approximation):
+twice differentiable, with the polyline's ends, and within its hull, so within the joint limits.
 
-*The time law* (`time_laws`). The fastest within the limits is TOPP-RA's (Pham & Pham, "A New Approach to Time-Optimal
-Path Parameterization Based on Reachability Analysis", T-RO 2018), averaged over a window, then stretched in time until
-every limit holds on the executed curve (`limits`). Of several windows the one with the shortest motion is taken. With
-`timing.duration` it is the law of minimum jerk; only where that breaks a limit and no obstacle moves is it the fastest
-one, stretched to the duration.
+*The time law* (`time_laws`). The fastest one within the limits is TOPP-RA's (Pham & Pham, "A New Approach to
+Time-Optimal Path Parameterization Based on Reachability Analysis", T-RO 2018), averaged over a window, then stretched
+in time until every limit holds on the executed curve (`limits`). Of several windows the one with the shortest motion is
+chosen. With `timing.duration` it is the minimum-jerk law; only if that violates a limit and no obstacle moves, it is
+the fastest law, stretched to the duration.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ from scipy.interpolate import BSpline
 from hdplan.planner.motion.curve import Curve, row_count
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.timing.limits import PathLook, timing_limits
+from hdplan.planner.timing.limits import PathSamples, timing_limits
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, TimeLaw
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.timing import MOST_ROWS, Timing
 
 Array = NDArray[np.float64]
 
-GRID = 200  # pieces of the path on which TOPP-RA works
+GRID = 200  # intervals of the path for TOPP-RA
 WINDOWS = 14  # lengths of the averaging window that are tried
 LEAST_WINDOW, MOST_WINDOW = 0.01, 1.0  # [–] of the fastest motion's duration
 FEWEST_ROWS = 2  # in a window
-LOOKS = 400  # at a law, to compare windows
-STRETCHES = 20  # at most, each by a little more than what is missing
-TIGHT = 0.99  # [–] of what could be stretched that is not worth another try
-INSET = 1e-4  # [rad] or [m]
-STANDS = 1e-9  # [rad] or [m] below which a path leads nowhere
+SAMPLES = 400  # of a law, to compare windows
+STRETCHES = 20  # at most, each a little longer than needed
+TIGHT = 0.99  # [–] a motion that needs a greater stretch than this is not shortened further
+INSET = 1e-4  # [rad] or [m] from the joint limits
+STANDS = 1e-9  # [rad] or [m] a path with less travel leads nowhere
 
 
 class Timed(NamedTuple):
@@ -51,20 +51,19 @@ class Timed(NamedTuple):
 
 
 class Retimer:
-    """Gives paths of one scene their times."""
+    """Gives times to the paths of one scene."""
 
     def __init__(self, setup: Setup) -> None:
-        """Resolve the limits. Raises InputError for some that do not fit the robot."""
+        """Resolve the limits. Raises InputError for limits that do not match the robot."""
         scene = setup.scene
         self.robot, self.timing, self.source = setup.robot, scene.timing or Timing(), scene.source
-        self.fixed = bool(scene.moving)  # they are met by this law
+        self.fixed = bool(scene.moving)  # the planner assumed the minimum-jerk law to avoid them
         self.limits = timing_limits(setup)
         self.velocity = setup.limits["velocity"]
-        self.unbounded = scene.limits.acceleration is None  # so that no motion is the fastest
+        self.unbounded = scene.limits.acceleration is None  # so that there is no fastest motion
 
     def too_short(self, start: Array, goal: Array) -> str | None:
-        """Say why no motion between two configurations (n,) takes as little time as the scene gives it; None if one
-        may."""
+        """Say why no motion between two configurations (n,) is as short as the scene's duration; None if one may."""
         if self.timing.duration is None:
             return None
         least = np.abs(goal - start) / self.velocity
@@ -77,7 +76,7 @@ class Retimer:
         )
 
     def __call__(self, path: Trajectory) -> Timed:
-        """Return a path's motion in time; in a fixed duration whether the limits hold or not."""
+        """Return the timed motion along a path; with a fixed duration even if the limits do not hold."""
         spline, duration = smooth(self._inset(path.positions)), self.timing.duration
         if duration is not None:
             even = self._timed(path, spline, MinimumJerk(duration), duration)
@@ -90,28 +89,28 @@ class Retimer:
         return self._timed(path, spline, law, duration or self._allowed(spline, law) / self.timing.scale)
 
     def _inset(self, waypoints: Array) -> Array:
-        """Keep the waypoints between the ends a little away from the joint limits: quintics leave the path between rows
-        by less."""
+        """Keep the inner waypoints INSET away from the joint limits: between rows, quintics deviate from the path by
+        less."""
         result = np.clip(waypoints, self.robot.lower + INSET, self.robot.upper - INSET)
         result[0], result[-1] = waypoints[0], waypoints[-1]
         return result
 
     def _timed(self, path: Trajectory, spline: BSpline, law: TimeLaw, duration: float) -> Timed:
-        """Return the motion by a law that is stretched to a duration."""
+        """Return the motion with a law stretched to a duration."""
         self._check_rows(duration)
         times, parameter, rows = _rows(spline, law, duration, self.timing.rate)
         return Timed(Trajectory(path.joint_names, rows[0], path.locked, times, rows[1], rows[2]), parameter)
 
     def _fastest(self, spline: BSpline) -> Averaged:
-        """Return the law that takes least time once it is stretched to the limits."""
+        """Return the law that is shortest once it is stretched to the limits."""
         knots, values, paces = self._time_optimal(spline)
         shortest = FEWEST_ROWS / self.timing.rate
         tried = np.maximum(knots[-1] * np.geomspace(LEAST_WINDOW, MOST_WINDOW, WINDOWS), shortest)
         laws = [Averaged(knots, values, paces, float(window)) for window in np.unique(tried)]
-        return min(laws, key=lambda law: law.duration * self._stretch_at_looks(spline, law))
+        return min(laws, key=lambda law: law.duration * self._stretch_at_samples(spline, law))
 
     def _time_optimal(self, spline: BSpline) -> tuple[Array, Array, Array]:
-        """Return times, parameters and paces of the fastest law within the limits of velocity and acceleration."""
+        """Return times, parameters u and paces du/dt of the fastest law within the limits known to TOPP-RA."""
         from toppra.algorithm import TOPPRA
 
         grid = np.linspace(0.0, 1.0, GRID + 1)
@@ -123,16 +122,17 @@ class Retimer:
         widths = 2.0 * np.diff(grid) / (paces[1:] + paces[:-1])
         return np.concatenate([[0.0], np.cumsum(widths)]), grid, paces
 
-    def _stretch_at_looks(self, spline: BSpline, law: TimeLaw) -> float:
-        """Return by how much a law must be stretched for the limits to hold at many places."""
-        u, first, second, third = law(np.linspace(0.0, law.duration, LOOKS))[:, :, None]
+    def _stretch_at_samples(self, spline: BSpline, law: TimeLaw) -> float:
+        """Return by how much a law must be stretched for the limits to hold at SAMPLES times."""
+        u, first, second, third = law(np.linspace(0.0, law.duration, SAMPLES))[:, :, None]
         slope, bend, twist = (spline(u[:, 0], order) for order in (1, 2, 3))
-        look = PathLook(spline(u[:, 0]), (slope, bend, twist), (first, second, third))
-        return max(limit.stretch_of_law(look) for limit in self.limits)
+        samples = PathSamples(spline(u[:, 0]), (slope, bend, twist), (first, second, third))
+        return max(limit.stretch_of_law(samples) for limit in self.limits)
 
     def _allowed(self, spline: BSpline, law: TimeLaw) -> float:
-        """Return a duration in which the limits hold all along the executed curve: whole rows, and not much more."""
-        duration, best = law.duration * self._stretch_at_looks(spline, law), np.inf
+        """Return a duration, in whole rows, for which the limits hold all along the executed curve, and hardly longer
+        than needed."""
+        duration, best = law.duration * self._stretch_at_samples(spline, law), np.inf
         for _ in range(STRETCHES):
             self._check_rows(duration)
             duration = (row_count(duration, self.timing.rate) - 1) / self.timing.rate
@@ -150,22 +150,23 @@ class Retimer:
         return best
 
     def _check_rows(self, duration: float) -> None:
-        """Refuse a motion that would take more rows than are kept, before there are any."""
+        """Refuse a motion with more rows than are allowed, before computing them."""
         rate = self.timing.rate
         if not duration * rate <= MOST_ROWS:
             raise InputError(
                 f"{self.source}: limits: within them this motion takes {duration:.4g} s, which at a rate of {rate:g} "
-                f"1/s (timing.rate) are {duration * rate:.4g} rows; at most {MOST_ROWS} are kept: give a lower rate, "
-                "or wider limits"
+                f"1/s (timing.rate) makes {duration * rate:.4g} rows; at most {MOST_ROWS} are allowed: give a lower "
+                "rate, or wider limits"
             )
 
     def _stretch(self, curve: Curve) -> float:
-        """Return by how much an executed curve must be stretched for its limits to hold, at most 1 where they do."""
+        """Return by how much an executed curve must be stretched for its limits to hold; at most 1 if they do."""
         return max(limit.stretch(curve) for limit in self.limits)
 
 
 def smooth(waypoints: Array) -> BSpline:
-    """Return the B-spline over [0, 1] with control points on the polyline of waypoints (N, n); see the module."""
+    """Return the B-spline over [0, 1] with control points on the polyline of waypoints (N, n); see the module's
+    docstring."""
     count, degree = len(waypoints), min(3, len(waypoints) - 1)
     inner = np.linspace(0.0, 1.0, count - degree + 1)
     knots = np.concatenate([np.zeros(degree), inner, np.ones(degree)])
@@ -192,7 +193,7 @@ def _rows(
 
 
 class _Path:
-    """A spline as TOPP-RA asks for paths."""
+    """A spline with TOPP-RA's interface for paths."""
 
     def __init__(self, spline: BSpline) -> None:
         self.spline = spline

@@ -1,11 +1,11 @@
-"""Time laws: where on its path, from 0 to 1, a motion is at which time.
+"""Time laws: the path parameter u, from 0 to 1, as a function of time.
 
-*Minimum jerk* between rests (Flash & Hogan, "The coordination of arm movements", 1985), x = t/T:
+*Minimum jerk* from rest to rest (Flash & Hogan, "The coordination of arm movements", 1985), x = t/T:
 
     u = 10 x³ − 15 x⁴ + 6 x⁵
 
-*Averaged* over a window of τ, of a law that may change its acceleration from one moment to the next: the jerk becomes
-finite, and the motion begins and ends without acceleration,
+*Averaged* over a window τ, a law whose acceleration may jump gets a finite jerk, and the motion begins and ends without
+acceleration:
 
     ũ(t) = 1/τ ∫_{t−τ}^{t} u(s) ds,   dũ/dt = (u(t) − u(t − τ))/τ,   …
 """
@@ -36,7 +36,7 @@ class TimeLaw(Protocol):
 
 @dataclass(frozen=True)
 class MinimumJerk:
-    """From rest to rest in a given time, with the least squared jerk."""
+    """From rest to rest in a given time, with the least integral of squared jerk."""
 
     duration: float  # [s]
 
@@ -53,14 +53,14 @@ class MinimumJerk:
 
     def time_at(self, parameter: Array) -> Array:
         """Return the times (k,) [s] at path parameters (k,)."""
-        share = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 2001))  # close together near both ends, where it is slow
+        share = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 2001))  # denser near both ends, where it is slow
         times = share * self.duration
         return np.asarray(np.interp(parameter, self(times)[0], times))
 
 
 @dataclass(frozen=True, eq=False)
 class Averaged:
-    """A law that changes its pace evenly between knots, averaged over a window."""
+    """A law with constant acceleration between knots, averaged over a window."""
 
     knots: Array  # (m,) [s], from 0
     values: Array  # (m,) u there
@@ -78,7 +78,7 @@ class Averaged:
         return difference
 
     def _sharp(self, times: Array) -> Array:
-        """Return ∫u, u, du/dt and d²u/dt² (4, k) of the law itself, which rests before 0 and at the end."""
+        """Return ∫u, u, du/dt and d²u/dt² (4, k) of the law itself, which is at rest before 0 and after the end."""
         widths = np.diff(self.knots)
         change = np.diff(self.paces) / widths
         area = widths * (self.values[:-1] + widths * (self.paces[:-1] / 2 + widths * change / 6))

@@ -1,7 +1,7 @@
-"""The limit of torques along a path: what moving takes of it falls by k² when time is stretched by k, gravity's part
-does not.
+"""The torque limit along a path: when time is stretched by k, the torque of the motion falls by k², that of gravity
+does not change.
 
-Torques are looked at here, not bounded; the certificate bounds them.
+Torques are sampled here, not bounded; the certificate bounds them.
 """
 
 from __future__ import annotations
@@ -16,57 +16,57 @@ from toppra.constraint import LinearConstraint
 from hdplan.planner.kinematics.inverse_dynamics import PathTorques, dynamics_of
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.timing.limits import PathLook
+from hdplan.planner.timing.limits import PathSamples
 
 Array = NDArray[np.float64]
 
-LOOKS = 2  # between two rows
-MARGIN = 2e-3  # [–] of the limits that is left, as torques are looked at, not bounded
-ROOM = 5e-3  # [–] of a limit: where gravity leaves less, a motion would take minutes to creep past
+SAMPLES = 2  # per interval between two rows
+MARGIN = 2e-3  # [–] of the limits that is left unused, as torques are sampled, not bounded
+ROOM = 5e-3  # [–] of a limit: if gravity leaves less, a motion would have to creep for minutes
 
 
 class TorqueLimit:
     """A limit (n,) on the joints' torques [Nm] or [N], with the scene's loads."""
 
     def __init__(self, setup: Setup) -> None:
-        """Build the dynamics. Raises InputError for loads that do not fit the robot."""
+        """Build the dynamics. Raises InputError for loads that do not match the robot."""
         self.dynamics, self.limit = dynamics_of(setup), setup.limits["torque"]
 
     def constraint(self, spline: BSpline, grid: Array) -> Any | None:
-        """Return what keeps the torques on a path; None where gravity alone is too much: then no time law helps, and
+        """Return the torque constraint on a path; None if gravity alone exceeds a limit: then no time law helps, and
         the certificate says where."""
         torques = self.dynamics.coefficients(*(spline(grid, order) for order in range(3)))
         return None if self._too_heavy(torques.c) else _TorqueConstraint(torques, (1 - MARGIN) * self.limit)
 
-    def stretch_of_law(self, look: PathLook) -> float:
-        """Return it for the very places."""
-        (slope, bend, _), (first, second, _) = look.slopes, look.rates
-        drive = self.dynamics.coefficients(look.q, slope, bend)
+    def stretch_of_law(self, samples: PathSamples) -> float:
+        """Compute it at the samples."""
+        (slope, bend, _), (first, second, _) = samples.slopes, samples.rates
+        drive = self.dynamics.coefficients(samples.q, slope, bend)
         return self._stretch(drive.a * second + drive.b * first**2, drive.c)
 
     def stretch(self, curve: Curve) -> float:
-        """Return it by looks at rows and between them."""
-        looks = np.linspace(0.0, 1.0, LOOKS * (len(curve) - 1) + 1)
-        q, v, a = (curve.over_time(order).at_parameter(looks) for order in range(3))
+        """Compute it from samples at the rows and between them."""
+        parameters = np.linspace(0.0, 1.0, SAMPLES * (len(curve) - 1) + 1)
+        q, v, a = (curve.over_time(order).at_parameter(parameters) for order in range(3))
         gravity = self.dynamics.torques(q, 0.0 * v, 0.0 * a)
         return self._stretch(self.dynamics.torques(q, v, a) - gravity, gravity)
 
     def _stretch(self, moving: Array, gravity: Array) -> float:
-        """Return the k by which time must be stretched for |gravity + moving/k²| ≤ limit, each (m, n); where gravity
-        alone is too much no stretch helps, and none is asked for."""
+        """Return the k by which time must be stretched for |gravity + moving/k²| ≤ limit, each (m, n); 0 if gravity
+        alone exceeds a limit, as no stretch helps then."""
         if self._too_heavy(gravity):
             return 0.0
         room = (1 - MARGIN) * self.limit - np.where(moving > 0.0, gravity, -gravity)
         return float(np.sqrt((np.abs(moving) / room).max(initial=0.0)))
 
     def _too_heavy(self, gravity: Array) -> bool:
-        """Whether gravity's torques (m, n) alone leave next to nothing of the limits somewhere."""
+        """Whether the gravity torques (m, n) alone leave next to nothing of a limit anywhere."""
         return bool((np.abs(gravity) > (1 - ROOM) * self.limit).any())
 
 
 class _TorqueConstraint(LinearConstraint):  # type: ignore[misc]
-    """−limits ≤ a ü + b u̇² + c ≤ limits at the points of a grid on one path: toppra's own would ask for the torques one
-    point at a time."""
+    """−limits ≤ a ü + b u̇² + c ≤ limits at the points of a grid on one path; toppra's own constraint would compute the
+    torques one point at a time."""
 
     def __init__(self, torques: PathTorques, limits: Array) -> None:
         """Take the torques at the grid's points and limits (n,)."""

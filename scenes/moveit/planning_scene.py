@@ -105,7 +105,7 @@ def _of_group(robot: RobotSpec, asked: Field, semantics: Semantics, names: Colle
     group, own = asked.text(), robot.group
     if semantics.groups:  # without any, loading the robot reports it
         with naming(f"{robot.source}: robot.group"):
-            own = own and semantics.group(own, names)
+            own = semantics.group(own, names) if isinstance(own, str) else own
         with naming(f"{asked.document.file}: {asked.key}"):
             group = semantics.group(group, names)
     if own not in (None, group):

@@ -76,6 +76,11 @@ class Tree:
         """All joints, fixed ones too."""
         return tuple(joint for _, joint in self.parent.values())
 
+    @property
+    def coupled(self) -> set[str]:
+        """The mimic joints, and those that they follow."""
+        return {joint for mimic, (followed, _, _) in self.mimics.items() for joint in (mimic, followed)}
+
     def between(self, a: str, b: str) -> tuple[str, ...]:
         """Return the links on the path from link `a` to link `b`, without these two."""
         above_a, above_b = self._upward(a), self._upward(b)
@@ -92,11 +97,23 @@ class Tree:
 
 
 @dataclass(frozen=True)
+class EndEffector:
+    """A hand or tool, as an SRDF names it."""
+
+    name: str
+    link: str  # of the arm, that carries it
+    group: str  # its own joints
+    parent_group: str  # of the arm; empty where the SRDF does not say
+
+
+@dataclass(frozen=True)
 class Semantics:
     """What an SRDF adds to a URDF."""
 
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # group -> its joints, fixed ones included
-    states: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # named state -> joint -> value
+    states: Mapping[str, Mapping[str, Mapping[str, float]]] = field(default_factory=dict)
+    """Named state -> group that has a state of this name -> joint -> value."""
+    end_effectors: tuple[EndEffector, ...] = ()
     disabled: frozenset[LinkPair] = frozenset()  # pairs that are not checked
     notes: tuple[str, ...] = ()  # what was ignored
 
@@ -110,6 +127,15 @@ class Semantics:
             if name in self.groups:
                 return name
         raise InputError(f"unknown group '{asked}'{nearest(min(names, key=len), self.groups)}")
+
+    def named_states(self, group: str | None) -> dict[str, dict[str, float]]:
+        """Return the values (joint -> value) of every named state, looked up in one group first: of a joint that the
+        state of that name has in several groups, this one's value counts, or else the last one's."""
+        found: dict[str, dict[str, float]] = {}
+        for name, states in self.states.items():
+            ordered = sorted(states.items(), key=lambda each: each[0] == group)  # stable
+            found[name] = {joint: value for _, state in ordered for joint, value in state.items()}
+        return found
 
 
 def _parse(path: Path, what: str) -> ElementTree.Element:
@@ -159,28 +185,55 @@ def read_tree(path: Path) -> Tree:
 
 
 def read_semantics(path: Path, tree: Tree) -> Semantics:
-    """Read an SRDF file. Raises InputError for a file that is missing or not XML, or a state that is not a number."""
+    """Read an SRDF file. Raises InputError for a file that is missing or not XML, a group that contains itself, or a
+    state that is not a number."""
     root = _parse(path, "srdf")
     with naming(f"robot.srdf: {path}"):
         notes = check_srdf_words(root, tree.links, tree.joints)
+        groups = _groups(root, tree)
+        states = _states(root)
+    hands = tuple(
+        EndEffector(*(hand.get(key, "") for key in ("name", "parent_link", "group", "parent_group")))
+        for hand in root.findall("end_effector")
+    )
+    disabled = frozenset(
+        link_pair(pair.get("link1", ""), pair.get("link2", "")) for pair in root.findall("disable_collisions")
+    )
+    return Semantics(groups, states, hands, disabled, notes)
+
+
+def _groups(root: ElementTree.Element, tree: Tree) -> dict[str, tuple[str, ...]]:
+    """Return every group's joints: those it names, those above the links it names, of its chains and of its groups."""
     elements = {group.get("name", ""): group for group in root.findall("group")}
 
-    def joints(name: str, above: tuple[str, ...] = ()) -> list[str]:
-        found: list[str] = []
-        if name not in elements or name in above:
-            return found
-        for entry in elements[name]:
-            if entry.tag == "joint":
-                found.append(entry.get("name", ""))
-            elif entry.tag == "link" and entry.get("name") in tree.parent:
-                found.append(tree.parent[entry.get("name", "")][1])
-            elif entry.tag == "chain":
-                found.extend(reversed(tree.chain(entry.get("tip_link", ""), entry.get("base_link", ""))))
-            elif entry.tag == "group":
-                found.extend(joints(entry.get("name", ""), (*above, name)))
-        return list(dict.fromkeys(found))
+    known: dict[str, list[str]] = {}
 
-    states: dict[str, dict[str, float]] = {}
+    def joints(name: str, above: tuple[str, ...] = ()) -> list[str]:
+        if name in known:
+            return known[name]
+        if len(above) > DEEPEST:
+            raise InputError(f"group '{above[0]}': groups within groups, more than {DEEPEST} levels deep")
+        if name in above:
+            circle = " contains ".join(f"'{each}'" for each in (*above[above.index(name) :], name))
+            raise InputError(f"group '{name}': contains itself: {circle}")
+        found: list[str] = []
+        for entry in elements.get(name, ()):
+            match entry.tag:
+                case "joint":
+                    found.append(entry.get("name", ""))
+                case "link" if entry.get("name") in tree.parent:
+                    found.append(tree.parent[entry.get("name", "")][1])
+                case "chain" if {entry.get("base_link"), entry.get("tip_link")} <= {*tree.links}:
+                    found.extend(reversed(tree.chain(entry.get("tip_link", ""), entry.get("base_link", ""))))
+                case "group":
+                    found.extend(joints(entry.get("name", ""), (*above, name)))
+        return known.setdefault(name, list(dict.fromkeys(found)))
+
+    return {name: tuple(joints(name)) for name in elements}
+
+
+def _states(root: ElementTree.Element) -> dict[str, dict[str, dict[str, float]]]:
+    states: dict[str, dict[str, dict[str, float]]] = {}
     for state in root.findall("group_state"):
         name = state.get("name", "")
         for joint in state.findall("joint"):
@@ -192,10 +245,7 @@ def read_semantics(path: Path, tree: Tree) -> Semantics:
             except ValueError:
                 number = math.nan
             if not math.isfinite(number):
-                where = f"robot.srdf: {path}: state '{name}', joint '{joint.get('name')}'"
-                raise InputError(f"{where}: '{value[0]}' is not a number")
-            states.setdefault(name, {})[joint.get("name", "")] = number
-    disabled = frozenset(
-        link_pair(pair.get("link1", ""), pair.get("link2", "")) for pair in root.findall("disable_collisions")
-    )
-    return Semantics({name: tuple(joints(name)) for name in elements}, states, disabled, notes)
+                raise InputError(f"state '{name}', joint '{joint.get('name')}': '{value[0]}' is not a number")
+            own = states.setdefault(name, {}).setdefault(state.get("group", ""), {})
+            own[joint.get("name", "")] = number
+    return states

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import difflib
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 
-from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.errors import InputError, listed, nearest
 
 # The elements that define a robot's bodies: what each may contain, and its attributes.
 ELEMENTS = {
@@ -62,15 +62,15 @@ def check_urdf_words(root: ElementTree.Element) -> tuple[str, ...]:
     for element in root:
         if element.tag in ("link", "joint"):
             _walk(element, f"{element.tag} '{element.get('name')}'", unknown)
-    return (f"not part of URDF, ignored: {_listed(list(unknown)[:MOST], len(unknown))}",) if unknown else ()
+    return (f"not part of URDF, ignored: {listed(unknown, MOST)}",) if unknown else ()
 
 
 def check_srdf_words(root: ElementTree.Element, links: Collection[str], joints: Collection[str]) -> tuple[str, ...]:
-    """Return notes on links and joints that an SRDF names and the robot does not have.
+    """Return notes on links and joints that an SRDF names and the robot does not have, and groups that nothing defines.
 
     Raises InputError for a word that is close to one of SRDF's.
     """
-    named: dict[str, list[str]] = {"link": [], "joint": []}
+    named: dict[str, list[str]] = {"link": [], "joint": [], "group": []}
     for element in root:
         tag = _name(element)
         if tag not in SRDF:
@@ -82,6 +82,7 @@ def check_srdf_words(root: ElementTree.Element, links: Collection[str], joints: 
             named["link"] += [element.get("link1", ""), element.get("link2", "")]
         if tag == "end_effector":
             named["link"].append(element.get("parent_link", ""))
+            named["group"] += [element.get(key, "") for key in ("group", "parent_group") if element.get(key)]
         if tag == "group":
             for entry in element:
                 if entry.tag in named:
@@ -92,10 +93,12 @@ def check_srdf_words(root: ElementTree.Element, links: Collection[str], joints: 
             named["joint"] += [joint.get("name", "") for joint in element.findall("joint")]
     virtual = [element.get("name", "") for element in root.findall("virtual_joint")]
     notes = []
-    for kind, there in (("link", {*links}), ("joint", {*joints, *virtual, FLOATING})):
+    groups = {group.get("name", "") for group in root.findall("group")}
+    for kind, there in (("link", {*links}), ("joint", {*joints, *virtual, FLOATING}), ("group", groups)):
         if unknown := [name for name in dict.fromkeys(named[kind]) if name not in there]:
-            shown = [f"'{name}'{nearest(name, there, 'none is like it')}" for name in unknown[:MOST]]
-            notes.append(f"the SRDF names {kind}s that the robot does not have: {_listed(shown, len(unknown))}")
+            shown = [f"'{name}'{nearest(name, there, 'none is like it')}" for name in unknown]
+            lacking = "that nothing defines" if kind == "group" else "that the robot does not have"
+            notes.append(f"the SRDF names {kind}s {lacking}: {listed(shown, MOST)}")
     return tuple(notes)
 
 
@@ -107,7 +110,7 @@ def check_shapes(root: ElementTree.Element) -> tuple[str, ...]:
     ]
     if not seen or not root.findall("link/collision"):
         return ()
-    return (f"links without collision geometry, never checked: {_listed(seen[:MOST], len(seen))}",)
+    return (f"links without collision geometry, never checked: {listed(seen, MOST)}",)
 
 
 def _walk(element: ElementTree.Element, where: str, unknown: dict[str, None]) -> None:
@@ -146,8 +149,3 @@ def _check_spelling(word: str, known: Iterable[str], where: str) -> None:
 def _name(element: ElementTree.Element) -> str:
     """Return an element's name without its namespace; empty for a comment."""
     return element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""
-
-
-def _listed(names: Sequence[str], count: int) -> str:
-    more = f" and {count - len(names)} more" if count > len(names) else ""
-    return ", ".join(names) + more

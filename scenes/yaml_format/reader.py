@@ -50,6 +50,7 @@ SECTIONS = (
     "timing",
     "planner",
 )
+DESCRIPTIONS = (".urdf",)  # endings of files that hold a robot
 ROBOT_KEYS = ("name", "urdf", "srdf", "package_dirs", "group", "base", "locked", "ignore_pairs")
 
 
@@ -115,7 +116,8 @@ def find_scene(path: FilePath) -> Path:
 
 
 def read_robot(robot: FilePath) -> tuple[RobotSpec, tuple[str, ...]]:
-    """Read a robot given beside the scene: a name in example-robot-data, or a YAML file with a `robot` section.
+    """Read a robot given beside the scene: a name in example-robot-data, a YAML file with a `robot` section, or the
+    robot's description itself.
 
     Returns:
         The robot, and notes for the user on what was changed.
@@ -127,6 +129,10 @@ def read_robot(robot: FilePath) -> tuple[RobotSpec, tuple[str, ...]]:
     is_name = len(file.parts) == 1 and not file.suffix
     if is_name and not os.path.isfile(file):
         return RobotSpec(name=str(robot), source="--robot"), ()
+    if file.suffix.lower() in DESCRIPTIONS:
+        if not os.path.isfile(file):
+            raise InputError(f"{file}: no such file")
+        return RobotSpec(urdf=file, source=str(file)), ()
     top = read_document(file)
     spec = _robot(top.mapping(SECTIONS, required=["robot"])["robot"])
     spec = dataclasses.replace(spec, source=str(file))

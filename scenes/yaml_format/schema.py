@@ -20,7 +20,7 @@ from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, Timed
 from hdplan.scenes.path_constraints import AXES, Relative, Upright, Within, direction, extent
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.poses import rotation
-from hdplan.scenes.robot_spec import RobotSpec, pair
+from hdplan.scenes.robot_spec import RobotSpec, group_of, pair
 from hdplan.scenes.shapes import axis_factors, volume
 from hdplan.scenes.targets import PoseTarget
 from hdplan.scenes.timing import Timing
@@ -55,6 +55,7 @@ FORMS: Mapping[Check, Check | tuple[Check, ...]] = {  # of checks that a schema 
     rising_times: Row(Number(low=0.0, unit="s")),
     ranges: Named(Row(JointValue, 2)),
     pair: Row(text, 2),
+    group_of: (text, Row(text)),
 }
 LEAST = {volume: 4, rising_times: 2}  # fewest values in a list
 BEYOND = 1e308  # only infinity is greater

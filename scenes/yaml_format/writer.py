@@ -31,7 +31,7 @@ def scene_text(scene: Scene) -> str:
         "urdf": spec.urdf and _path(spec.urdf),
         "srdf": spec.srdf and _path(spec.srdf),
         "package_dirs": [_path(folder) for folder in spec.package_dirs],
-        "group": spec.group,
+        "group": list(spec.group) if isinstance(spec.group, tuple) else spec.group,
         "base": _pose(spec.base),
         "locked": dict(spec.locked),
         "ignore_pairs": [list(pair) for pair in spec.ignore_pairs],

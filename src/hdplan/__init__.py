@@ -6,17 +6,17 @@
     print(result.certificate.text)
     result.save("motion.json")
 
-A scene may be made without a file:
+A scene can also be made without a file:
 
     box = hdplan.Box([0.1, 0.1, 0.6], pose=[0.6, 0.0, 0.3])
     scene = hdplan.Scene(robot="panda", obstacles=[box], start="default", goal=[0.6, -0.3, 0, -2, 0, 1.8, 0.785])
 
-What is for use is listed in `__all__`, here, in `hdplan.distance` and in `hdplan.control`; all else may change from one
-version to the next. Whatever goes in is checked, and refused by an `InputError` of one line. All that comes out can be
-pickled.
+The public interface is listed in `__all__`, here, in `hdplan.distance` and in `hdplan.control`; everything else may
+change from one version to the next. All input is checked, and refused with an `InputError` of one line. All results can
+be pickled.
 
-Names are imported when first used, so that `import hdplan` is quick. Everything may be called from several threads at
-once, on objects that they share, and gives what it gives alone.
+Names are imported on first use, so that `import hdplan` is fast. Everything may be called from several threads at once,
+also on shared objects, with the same results.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.symbolic import row_function
+from hdplan.distance.symbolic import c_library
 from tests.distance.hard_cases import HARD, Case, place
 
 Array = NDArray[np.float64]
@@ -99,5 +99,5 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         counted.append(1)
         return run(*args, **kwargs)  # type: ignore[call-overload]
 
-    monkeypatch.setattr(row_function.subprocess, "run", counting)
+    monkeypatch.setattr(c_library.subprocess, "run", counting)
     return counted

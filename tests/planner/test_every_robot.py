@@ -92,7 +92,7 @@ def plans(name: str) -> None:
     assert (moved >= 0.09 * np.minimum(0.1, robot.upper - robot.lower)).all()
     assert np.abs(result.trajectory.positions).max() < 100.0
     assert bool(robot.links) == (
-        not any("has collision geometry: it can touch nothing" in note for note in robot.notes)
+        not any("has collision geometry, so it cannot touch anything" in note for note in robot.notes)
     )
 
 

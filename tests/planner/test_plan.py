@@ -150,7 +150,7 @@ def test_ends_closer_than_the_clearance_lower_it_with_a_word(field: str) -> None
     assert ENDS_KEEP * 0.003 - EXACT <= result.certificate.clearance <= 0.003 + EXACT
     (note,) = result.notes
     assert note == (
-        f"{field} is 3 mm from pea: over the whole motion 2.25 mm are asked for instead of the 20 mm of "
+        f"{field} is 3 mm from pea: 2.25 mm are required over the whole motion instead of the 20 mm of "
         "planner.clearance"
     )
 

@@ -10,7 +10,7 @@ import pytest
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.numpy_reference.hdsdf import hdsdf, hdsdf_derivatives, separation
-from hdplan.distance.symbolic import compiled_pair, row_function
+from hdplan.distance.symbolic import c_library, compiled_pair
 from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled, twist_function
 from hdplan.distance.symbolic.graph_distance import hdsdf_function
 from hdplan.distance.symbolic.row_function import RowFunction
@@ -201,7 +201,7 @@ def test_the_interpreter_says_the_same(random_poses, monkeypatch, tolerance):
 
 def _interpreted(*key):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(row_function, "compiler", lambda: None)
+        patch.setattr(c_library, "compiler", lambda: None)
         function = RowFunction(twist_function(*key))
     assert not function.is_compiled
     return function

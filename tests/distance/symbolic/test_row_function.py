@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hdplan.distance.symbolic import row_function
+from hdplan.distance.symbolic import c_library
+from hdplan.distance.symbolic.c_library import compiler
 from hdplan.distance.symbolic.halfspaces import halfspace_distance
-from hdplan.distance.symbolic.row_function import RowFunction, compiler
+from hdplan.distance.symbolic.row_function import RowFunction
 
 Array = NDArray[np.float64]
 
@@ -54,9 +55,9 @@ def interpreted(function: ca.Function) -> RowFunction:
 
 def without_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("CC", raising=False)
-    monkeypatch.setattr(row_function.shutil, "which", lambda name: None)
-    monkeypatch.setattr(row_function.importlib.util, "find_spec", lambda name: None)
-    monkeypatch.setattr(row_function, "compiler", compiler.__wrapped__)  # what a fresh process would find
+    monkeypatch.setattr(c_library.shutil, "which", lambda name: None)
+    monkeypatch.setattr(c_library.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(c_library, "compiler", compiler.__wrapped__)  # what a fresh process would find
 
 
 @pytest.mark.parametrize("make", [RowFunction, interpreted], ids=["compiled", "interpreted"])
@@ -213,8 +214,8 @@ def test_works_without_a_compiler(monkeypatch: pytest.MonkeyPatch, cache: Path) 
 
 def test_a_missing_compiler_is_said_once(monkeypatch: pytest.MonkeyPatch) -> None:
     without_compiler(monkeypatch)
-    once = row_function.functools.cache(compiler.__wrapped__)
-    monkeypatch.setattr(row_function, "compiler", once)
+    once = c_library.functools.cache(compiler.__wrapped__)
+    monkeypatch.setattr(c_library, "compiler", once)
     with pytest.warns(UserWarning, match="no C compiler found"):
         RowFunction(small())
     RowFunction(small())  # warnings are errors here
@@ -224,7 +225,7 @@ def test_a_failing_compiler_is_named_and_its_last_words(monkeypatch: pytest.Monk
     broken = tmp_path / "broken-cc"
     broken.write_text("#!/bin/sh\necho 'cannot do that' >&2\nexit 1\n")
     broken.chmod(0o755)
-    monkeypatch.setattr(row_function, "compiler", lambda: (str(broken),))
+    monkeypatch.setattr(c_library, "compiler", lambda: (str(broken),))
     with pytest.warns(UserWarning, match="broken-cc failed on small: .*cannot do that"):
         function = RowFunction(small())
     assert not function.is_compiled
@@ -245,7 +246,7 @@ def test_a_full_disk_is_named(monkeypatch: pytest.MonkeyPatch, cache: Path) -> N
 
 def test_cc_names_the_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CC", "my-own-cc")
-    monkeypatch.setattr(row_function.shutil, "which", lambda name: f"/bin/{name}")
+    monkeypatch.setattr(c_library.shutil, "which", lambda name: f"/bin/{name}")
     assert compiler.__wrapped__() == ("my-own-cc",)
 
 

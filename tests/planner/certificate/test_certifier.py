@@ -545,5 +545,5 @@ def test_a_robot_that_stands_or_is_held_elsewhere_is_not_the_scenes(change: dict
     Certifier(Setup.of(scene, load_robot(spec)))
     other = load_robot(dataclasses.replace(spec, **change))
     for made in (Setup.of, build, lambda scene, robot: Controller.of(scene, robot=robot)):
-        with pytest.raises(InputError, match=r"take the scene's own \(load_scene_robot\)"):
+        with pytest.raises(InputError, match=r"use the scene's own \(load_scene_robot\)"):
             made(scene, other)

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from hdplan.planner.certificate.certifier import Certifier, certify
-from hdplan.planner.certificate.rounding import MOTION, PLACING, ROUNDING, SHARE, TIME, UNIT, refuse_what_drowns
+from hdplan.planner.certificate.rounding import MOTION, PLACING, ROUNDING, SHARE, TIME, UNIT, refuse_large_motion
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.scene_robot import load_scene_robot
@@ -82,7 +82,7 @@ def test_the_robot_is_placed_to_what_is_taken_off_wherever_it_is_not_refused(sli
         rates = rng.uniform(-1, 1, size=(2, 2, 2)) * size
         curve = Curve.through(rows, times, *rates)
         try:
-            refuse_what_drowns(bodies, [body.name for body in bodies.bodies], curve, robot.joint_names)
+            refuse_large_motion(bodies, [body.name for body in bodies.bodies], curve, robot.joint_names)
         except InputError:
             outcomes[False] += 1
             continue

@@ -11,6 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.symbolic.c_library import compiler
+from hdplan.planner.collision import close_pairs
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_link_body, from_shape
 from hdplan.planner.collision.hdsdf import HdsdfPairs
@@ -82,11 +84,21 @@ def assert_nothing_dropped(pairs: BodyPairs, kinematics: KinematicsBatch) -> int
     return len(quick.sample)
 
 
+@pytest.fixture(params=["compiled", "without a compiler"])
+def loops(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The broad phase in both its forms."""
+    if request.param == "compiled":
+        assert close_pairs.library() or not compiler()
+    else:
+        monkeypatch.setattr(close_pairs, "library", lambda: None)
+
+
 @pytest.fixture(scope="module")
 def panda() -> Robot:
     return load_robot(load_scene("panda_corridor").robot)
 
 
+@pytest.mark.usefixtures("loops")
 def test_nothing_dropped_among_clutter(panda: Robot) -> None:
     """A Panda among 40 bodies of all shapes, at random configurations."""
     bodies, planes = link_bodies(panda), clutter(40, 11)
@@ -99,6 +111,7 @@ def test_nothing_dropped_among_clutter(panda: Robot) -> None:
     assert 100 < inside <= len(sample) < 0.5 * 40 * len(every)  # and it does leave much out
 
 
+@pytest.mark.usefixtures("loops")
 def test_nothing_dropped_between_links(panda: Robot) -> None:
     """Moving bodies on both sides; base and tip included."""
     bodies = link_bodies(panda)
@@ -146,6 +159,7 @@ def assert_probes_kept(bodies: Sequence[LinkBody], plane: HalfspaceBody, margin:
     return assert_nothing_dropped(body_pairs(bodies, [plane], every, margin, np.zeros((1, 1), np.bool_)), still(1))
 
 
+@pytest.mark.usefixtures("loops")
 @pytest.mark.parametrize("normals", ["faces", "box", "sphere"])
 @pytest.mark.parametrize(("radius", "margin"), [(1e-4, 0.0), (1e-4, 0.02), (0.01, 0.0), (0.3, 0.02)])
 def test_nothing_dropped_near_corners_and_edges(radius: float, margin: float, normals: str) -> None:
@@ -170,6 +184,24 @@ def test_nothing_dropped_around_any_shape(seed: int, normals: str) -> None:
         ]
         found += assert_probes_kept(bodies, plane, 0.005)
     assert found > 100
+
+
+@pytest.mark.skipif(not compiler(), reason="needs a C compiler")
+def test_what_the_compiled_loops_leave_is_inside_its_margin(panda: Robot) -> None:
+    """Planes decide as the distance's sign does: but for rounding, nothing is evaluated that does not count."""
+    bodies = link_bodies(panda)
+    planes = [*clutter(30, 17), *(from_link_body(body.link, body.joint, body.body) for body in bodies)]
+    kinematics = Kinematics(panda.model)
+    every = [
+        (a, b) for a in range(len(bodies)) for b in range(len(planes)) if b < 30 or planes[b].joint != bodies[a].joint
+    ]
+    pairs = body_pairs(bodies, planes, every, MARGIN, kinematics.supports)
+    batch = kinematics.evaluate(configurations(panda, 60, 18))
+    sample, pair = pairs.close(batch)
+    distance, _, separation = hdsdf(pairs)(batch, sample, pair)
+    assert len(sample) > 1000
+    assert (separation < 2e-9).all()
+    assert (distance < 2e-9).all()
 
 
 def test_tables_say_what_the_pairs_are(panda: Robot) -> None:

@@ -148,7 +148,7 @@ def test_rates_that_do_not_fit_are_refused(rates: dict[str, object], words: str)
     [
         ("time,a,b,a.velocity", "column 'b.velocity' is missing beside 'a.velocity'"),
         ("time,a,b,c.velocity", "column 'a.velocity' is missing beside 'c.velocity'"),
-        ("time,a,a,b", "'a' comes twice"),
+        ("time,a,a,b", "'a' appears twice"),
     ],
 )
 def test_columns_that_do_not_fit_are_refused(header: str, words: str, tmp_path: Path) -> None:
@@ -162,7 +162,7 @@ def test_a_rule_that_the_rows_do_not_hold_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "motion.json"
     Trajectory(("a",), np.zeros((2, 1)), {}, np.arange(2.0)).save(file)
     file.write_text(file.read_text().replace('"linear"', '"quintic"'))
-    with pytest.raises(InputError, match="interpolation: 'quintic', but with what its rows hold it is linear"):
+    with pytest.raises(InputError, match="interpolation: 'quintic', but the fields of its rows make it linear"):
         Trajectory.load(file)
 
 

@@ -320,7 +320,7 @@ def changed(change: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
     ("change", "words"),
     [
         (lambda m: m.update(positions=[]), r"unknown key 'positions' \(did you mean 'points'"),
-        (lambda m: m.pop("points"), "is no trajectory_msgs/JointTrajectory"),
+        (lambda m: m.pop("points"), "is neither a trajectory_msgs/JointTrajectory"),
         (lambda m: m.update(points=[]), "points: must be a list of points"),
         (lambda m: m.update(points=m["points"][:1]), "at least 2"),
         (lambda m: m.update(joint_names="abc"), "joint_names: must be a list of joint names, found the text"),
@@ -331,7 +331,7 @@ def changed(change: Callable[[dict[str, Any]], object]) -> dict[str, Any]:
         (lambda m: m["points"][1]["positions"].__setitem__(0, True), r"points\[1\]\.positions\[0\]: must be a"),
         (lambda m: m["points"][1].update(effort_=[]), r"points\[1\]: unknown key 'effort_'"),
         (lambda m: m["points"].__setitem__(1, [1, 2]), r"points\[1\]: must be a mapping"),
-        (lambda m: m["points"][1].pop("time_from_start"), "times must rise"),
+        (lambda m: m["points"][1].pop("time_from_start"), "times must increase"),
         (lambda m: m["points"][1].update(time_from_start=1.5), r"points\[1\]\.time_from_start: must be a mapping"),
         (lambda m: m["points"][1]["time_from_start"].update(nanosec=10**9), "nanosec: must be a whole number 0 to"),
         (lambda m: m["points"][1]["time_from_start"].update(sec=-1), "sec: must be a whole number 0 to"),
@@ -342,7 +342,7 @@ def test_what_is_no_trajectory_is_named(tmp_path: Path, change: Callable[[dict[s
     message = changed(change)
     for whole in (message, {"joint_trajectory": message}):
         (tmp_path / "m.yaml").write_text(yaml.safe_dump(whole))
-        if whole is not message and "is no " in words:
+        if whole is not message and "is neither " in words:
             continue
         with pytest.raises(InputError, match=words) as caught:
             Trajectory.load(tmp_path / "m.yaml")
@@ -351,7 +351,7 @@ def test_what_is_no_trajectory_is_named(tmp_path: Path, change: Callable[[dict[s
 
 def test_another_message_is_named(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text("name: [a]\nposition: [1.0]\n")
-    with pytest.raises(InputError, match=r"is no trajectory_msgs/JointTrajectory.* found name, position"):
+    with pytest.raises(InputError, match=r"is neither a trajectory_msgs/JointTrajectory.* found name, position"):
         Trajectory.load(tmp_path / "m.yaml")
     whole = robot_trajectory(random_motion(19))
     whole["multi_dof_joint_trajectory"] = {"joint_names": ["base"], "points": []}

@@ -62,7 +62,7 @@ def test_time_runs_along_straight_lines() -> None:
         ([[1.0, 2.0], [1.0, np.nan]], "waypoint 1, joint 'b': nan"),
         ([[1.0, 2.0], [np.inf, 1.0]], "waypoint 1, joint 'a': inf"),
         ([[1.0], [2.0]], "2 values"),
-        ([[1.0, 2.0], [3.0]], "equally many in each row"),
+        ([[1.0, 2.0], [3.0]], "the same number of them in each row"),
     ],
 )
 def test_bad_positions_are_named(positions: list[list[float]], words: str) -> None:
@@ -79,7 +79,7 @@ def test_bad_positions_are_named(positions: list[list[float]], words: str) -> No
         (
             "x.json",
             b'{"hdplan_trajectory": 1, "joint_names": ["a", "a"], "positions": [[1, 1], [2, 2]]}',
-            "comes twice",
+            "appears twice",
         ),
         ("x.json", b'{"hdplan_trajectory": 1, "joint_names": ["a"], "positions": [[NaN], [2]]}', "not a finite"),
         ("x.json", b'{"hdplan_trajectory": 1, "joint_names": [1], "positions": [[1], [2]]}', "must be a text"),

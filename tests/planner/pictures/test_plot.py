@@ -138,7 +138,7 @@ def test_a_panel_for_what_is_known_and_for_nothing_else(planned: Planned, tmp_pa
 @pytest.mark.parametrize("steps", ["3", "[]", '{"cost": [1]}', '{"iteration": 1}', "{}"])
 def test_steps_that_are_none_are_refused(tmp_path: Path, steps: str) -> None:
     (tmp_path / "a.json").write_text(f'{{"steps": {steps}}}')
-    with pytest.raises(InputError, match=r"a\.json: steps: expected are lists of numbers"):
+    with pytest.raises(InputError, match=r"a\.json: steps: lists of numbers of equal length are expected"):
         read_steps(tmp_path / "a.json")
 
 

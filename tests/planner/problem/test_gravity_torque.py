@@ -160,7 +160,7 @@ def test_where_the_straight_way_is_too_heavy_another_is_found() -> None:
     verdict = Certifier(Setup.of(scene, robot)).certify(blind.trajectory)
     assert verdict.status is Status.OVERLOADED
     assert verdict.overloaded
-    assert "going slower does not help" in verdict.text
+    assert "moving slower does not help" in verdict.text
     result = plan(scene, robot=robot)
     assert result.certified
     assert "torques at most" in result.certificate.text

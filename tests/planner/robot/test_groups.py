@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from hdplan.planner.plan import plan
 from hdplan.planner.robot.robot import load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.path_constraints import Within
 from hdplan.scenes.poses import Pose, compose, from_rpy
@@ -131,7 +133,7 @@ def test_a_group_is_its_joints_links_chains_and_groups(two_arms: RobotSpec, grou
         assert set(robot.joint_names) == MEMBERS[group]
         assert list(robot.joint_names) == [joint for joint in robot.joint_names if joint in MOVABLE]
         assert set(robot.locked) == set(MOVABLE) - MEMBERS[group]
-        assert f"planned are the joints of the SRDF's group '{group}'" in robot.notes
+        assert f"planned joints: those of the SRDF's group '{group}'" in robot.notes
 
 
 def test_a_group_that_is_not_there_is_refused_with_the_nearest(two_arms: RobotSpec, moveit: Loading) -> None:
@@ -174,7 +176,7 @@ def test_a_goal_for_a_joint_that_is_held_is_met_or_refused(moveit: Loading, grou
         certify(scene, motion, robot)
         for off in (1e-5, -0.3):
             asked = moveit({**goal, joint: START[joint] + off}, group)
-            said = rf"goal \(.*request\.yaml\): joint '{joint}' is to be at .*, but is not planned, and held at "
+            said = rf"goal \(.*request\.yaml\): joint '{joint}' is asked to be at .*, but is not planned and held at "
             with pytest.raises(InputError, match=said):
                 plan(asked, time_limit=1.0)
             with pytest.raises(InputError, match=said):
@@ -183,7 +185,7 @@ def test_a_goal_for_a_joint_that_is_held_is_met_or_refused(moveit: Loading, grou
 
 def test_a_start_that_the_robots_own_section_contradicts_is_refused(moveit: Loading) -> None:
     scene = moveit({"left_a": 0.2, "left_b": 0.2}, "left", locked={"lift": 0.4})
-    with pytest.raises(InputError, match=r"start .*: joint 'lift' is to be at 0.05, but is not .* held at 0.4"):
+    with pytest.raises(InputError, match=r"start .*: joint 'lift' is asked to be at 0.05, but is not .* held at 0.4"):
         plan(scene)
     goal = {"right_a": 0.2, "right_b": 0.2}
     with pytest.raises(InputError, match=r"group_name: is 'left', but the robot's own section says 'right'"):
@@ -287,3 +289,157 @@ def test_frames_of_the_scene_hang_on_others(moveit: Loading, tmp_path: Path) -> 
     (obstacle,) = load_scene(tmp_path / "scene.yaml", tmp_path / "request.yaml", tmp_path / "robot.yaml").obstacles
     expected = compose(compose(base, Pose((1.0, 0.0, 0.0))), as_pose(PLACED))
     np.testing.assert_allclose(obstacle.pose.matrix, expected.matrix, atol=1e-12)
+
+
+# --- joints by their names, states of a group, what the start says of joints that are held ----------------------------
+
+
+def test_joints_may_be_named_instead_of_a_group(two_arms: RobotSpec) -> None:
+    """With an SRDF or without; in the robot's order, whatever the list's; what is not one of them is refused."""
+    for spec in (two_arms, replace(two_arms, srdf=None)):
+        for group in (("left_a", "right_b"), ["right_b", "left_a"]):
+            robot = load_robot(replace(spec, group=group))
+            assert robot.joint_names == ("left_a", "right_b")
+            assert set(robot.locked) == set(MOVABLE) - {"left_a", "right_b"}
+        with pytest.raises(InputError, match=r"robot\.group\[1\]: unknown joint 'left_c' \(did you mean 'left_"):
+            load_robot(replace(spec, group=("left_a", "left_c")))
+        with pytest.raises(InputError, match=r"robot\.group\[0\]: joint 'left_tool' cannot be planned: it is fixed"):
+            load_robot(replace(spec, group=("left_tool",)))
+        with pytest.raises(InputError, match=r"robot\.group\[0\]: joint 'lift' is held by robot\.locked"):
+            load_robot(replace(spec, group=("lift",), locked={"lift": 0.1}))
+    for group, said in (
+        ((), "must not be empty"),
+        (("lift", "lift"), r"\[1\]: the joint 'lift' stands there twice"),
+    ):
+        with pytest.raises(InputError, match=said):
+            replace(two_arms, group=group)
+    coupled = load_robot(RobotSpec(name="panda")).locked
+    with pytest.raises(InputError, match="cannot be planned: it is a mimic joint, or one that a mimic joint follows"):
+        load_robot(RobotSpec(name="panda", group=tuple(coupled)))
+
+
+def test_a_group_of_joints_is_read_and_written(two_arms: RobotSpec, tmp_path: Path) -> None:
+    scene = Scene(robot=replace(two_arms, group=("left_a", "lift")), start=[0.0, 0.0], goal=[0.1, 0.1])
+    scene.save(tmp_path / "pair.yaml")
+    assert load_scene(tmp_path / "pair.yaml") == scene
+    text = (tmp_path / "pair.yaml").read_text()
+    (tmp_path / "pair.yaml").write_text(text.replace('"lift"]', "3]"))
+    with pytest.raises(InputError, match=r"pair\.yaml: robot\.group\[1\]: must be a text"):
+        load_scene(tmp_path / "pair.yaml")
+
+
+def circular(spec: RobotSpec, groups: str) -> RobotSpec:
+    assert spec.urdf is not None
+    spec.urdf.with_name("circle.srdf").write_text(f'<robot name="pair">{groups}</robot>')
+    return replace(spec, srdf=spec.urdf.with_name("circle.srdf"))
+
+
+def test_groups_that_contain_themselves_are_refused(two_arms: RobotSpec) -> None:
+    one = '<group name="a"><joint name="lift"/><group name="b"/></group>'
+    for back in ("a", "b"):
+        spec = circular(two_arms, f'{one}<group name="b"><group name="{back}"/></group>')
+        with pytest.raises(InputError, match=r"circle\.srdf: group '(a|b)': contains itself: '(a|b)' contains '"):
+            load_robot(spec)
+
+
+def test_groups_within_groups_without_end(two_arms: RobotSpec) -> None:
+    """Each holds the next one twice, which is the same as once; too many levels are refused."""
+    names = [f"g{i}" for i in range(60)]
+    text = "".join(
+        f'<group name="{a}"><group name="{b}"/><group name="{b}"/></group>' for a, b in itertools.pairwise(names)
+    )
+    robot = load_robot(replace(circular(two_arms, f'{text}<group name="g59"><joint name="lift"/></group>'), group="g0"))
+    assert robot.joint_names == ("lift",)
+    deep = "".join(f'<group name="g{i}"><group name="g{i + 1}"/></group>' for i in range(2000))
+    with pytest.raises(InputError, match=r"group 'g0': groups within groups, more than 64 levels deep"):
+        load_robot(circular(two_arms, deep))
+
+
+def test_a_group_or_chain_of_what_is_not_there_is_named_in_a_note(two_arms: RobotSpec) -> None:
+    spec = circular(
+        two_arms,
+        '<group name="a"><joint name="lift"/><group name="bb"/><chain base_link="root" '
+        'tip_link="left_tipp"/></group><end_effector name="e" parent_link="left_2" group="aa"/>',
+    )
+    robot = load_robot(replace(spec, group="a"))
+    assert robot.joint_names == ("lift",)
+    assert any(
+        "groups that nothing defines: 'bb'" in note and "'aa' (did you mean 'a'?)" in note for note in robot.notes
+    )
+    assert any("'left_tipp' (did you mean 'left_tip'?)" in note for note in robot.notes)
+
+
+STATES = """<group_state name="home" group="left"><joint name="left_a" value="0.1"/><joint name="left_b" value="0.2"/>
+</group_state><group_state name="home" group="both"><joint name="left_a" value="0.3"/><joint name="left_b" value="0.4"/>
+<joint name="right_a" value="0.5"/><joint name="right_b" value="0.6"/></group_state>"""
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_state_is_looked_up_in_its_group_first(two_arms: RobotSpec, turned: bool) -> None:
+    """In whatever order the SRDF has them."""
+    first, second = (f"{part}</group_state>" for part in STATES.split("</group_state>")[:2])
+    assert two_arms.srdf is not None
+    both = GROUPS + (second + first if turned else first + second)
+    two_arms.srdf.write_text(f'<robot name="pair">{both}</robot>')
+    home = JointTarget("goal", state="home")
+    for group, q in (("left", [0.1, 0.2]), ("both", [0.3, 0.4, 0.5, 0.6]), ("right", [0.5, 0.6])):
+        robot = load_robot(replace(two_arms, group=group))
+        np.testing.assert_array_equal(robot.configuration(home), q)
+
+
+def own_scene(spec: RobotSpec, start: Any, goal: Any, **more: Any) -> Scene:
+    return Scene(robot=spec, start=start, goal=goal, **more)
+
+
+def test_joints_that_the_start_names_beside_the_group_are_held_there(two_arms: RobotSpec) -> None:
+    spec = replace(two_arms, group="left")
+    start = {joint: START[joint] for joint in MOVABLE}
+    scene = own_scene(spec, start, {"left_a": 0.2, "left_b": 0.3})
+    robot = load_scene_robot(scene)
+    assert robot.locked == {joint: START[joint] for joint in MOVABLE if joint not in MEMBERS["left"]}
+    np.testing.assert_array_equal(Setup.of(scene).query.start, [START["left_a"], START["left_b"]])
+    same = own_scene(spec, start, {"left_a": 0.2, "left_b": 0.3, "lift": START["lift"]})
+    np.testing.assert_array_equal(Setup.of(same).query.goal, [0.2, 0.3])
+    for goal, locked, said in (
+        (
+            {"left_a": 0.2, "left_b": 0.3, "lift": 0.5},
+            {},
+            "goal: joint 'lift' is asked to be at 0.5, but is not",
+        ),
+        (
+            {"left_a": 0.2, "left_b": 0.3},
+            {"lift": 0.5},
+            "start: joint 'lift' is asked to be at 0.05, but is",
+        ),
+        ({"left_a": 0.2, "left_b": 0.3, "lft": 0.5}, {}, r"goal: unknown joint 'lft' \(did you mean 'lift'"),
+    ):
+        with pytest.raises(InputError, match=said):
+            _ = Setup.of(own_scene(replace(spec, locked=locked), start, goal)).query
+
+
+def test_what_joints_beside_the_group_carry_counts_in_the_certificate(two_arms: RobotSpec) -> None:
+    """The right arm, held: where the start has it, it is in the left one's way or not."""
+    spec = replace(two_arms, group="left", ignore_pairs=(("left_1", "left_2"), ("right_1", "right_2")))
+    ends = {"left_a": -0.9, "left_b": 0.0}, {"left_a": 0.5, "left_b": 0.0}
+    motion = Trajectory(("left_a", "left_b"), np.array([[each["left_a"], 0.0] for each in ends]))
+    for right, free in ((-1.0, True), (0.9, False)):
+        scene = own_scene(spec, {**ends[0], "right_a": right, "right_b": 0.0}, ends[1])
+        judged = certify(scene, motion)
+        assert judged.certified is free, judged.text
+        carried = own_scene(
+            spec,
+            {**ends[0], "right_a": right, "right_b": 0.0},
+            ends[1],
+            attached=[Attached("stick", "right_2", Box((1.5, 0.05, 0.05)), Pose((0.0, 0.3, 0.0)))],
+        )
+        assert not certify(carried, motion).certified
+
+
+def test_many_missing_joints_are_not_all_listed() -> None:
+    spec = RobotSpec(name="talos_full_v2_box", group=tuple(load_robot("talos_full_v2_box").joint_names))
+    robot = load_robot(spec)
+    assert robot.n > 20
+    for target in (JointTarget("start", by_name={robot.joint_names[0]: 0.0}), JointTarget("start", (0.0,))):
+        with pytest.raises(InputError, match=r"^start: .* more; robot\.group .* robot\.locked holds others$") as said:
+            robot.configuration(target)
+        assert sum(joint in str(said.value) for joint in robot.joint_names) < 12

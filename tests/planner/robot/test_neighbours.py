@@ -11,15 +11,16 @@ import pytest
 from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.robot.robot import MOVE_AS_ONE, NEIGHBOURS, load_robot
+from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.self_pairs import MOVE_AS_ONE, NEIGHBOURS
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
 
 
 def random_tree(rng: np.random.Generator, folder: Path) -> tuple[RobotSpec, dict[int, tuple[int, bool]], set[int]]:
-    """A robot of small balls a metre apart; for each link but the first its parent, and whether the joint between
-    moves; and which links have geometry. Some joints that could move are held."""
+    """A robot of small balls a metre apart, its SRDF empty; for each link but the first its parent, and whether the
+    joint between moves; and which links have geometry. Some joints that could move are held."""
     count = int(rng.integers(4, 10))
     shaped = {i for i in range(count) if rng.uniform() < 0.6}
     parents, parts, held = dict[int, tuple[int, bool]](), [], {}
@@ -41,7 +42,8 @@ def random_tree(rng: np.random.Generator, folder: Path) -> tuple[RobotSpec, dict
         )
     path = folder / f"tree{rng.integers(1 << 30)}.urdf"
     path.write_text(f"<robot name='tree'>{''.join(parts)}</robot>")
-    return RobotSpec(urdf=path, locked=held), parents, shaped
+    path.with_suffix(".srdf").write_text("<robot name='tree'/>")
+    return RobotSpec(urdf=path, srdf=path.with_suffix(".srdf"), locked=held), parents, shaped
 
 
 def way(a: int, b: int, parents: dict[int, tuple[int, bool]]) -> tuple[int, set[int]]:

@@ -165,7 +165,7 @@ def test_configurations_by_position_name_and_state_agree(panda: Robot) -> None:
         ),
         (JointTarget("goal", state="defualt"), r"unknown state 'defualt' \(did you mean 'default'\?\)"),
         (JointTarget("goal", by_name={"panda_jiont1": 0.0}), r"'panda_jiont1' \(did you mean 'panda_joint1'\?\)"),
-        (JointTarget("goal", by_name={"panda_finger_joint1": 0.0}), "held at 0.001, not planned"),
+        (JointTarget("goal", by_name={"panda_finger_joint1": 0.0}), "not planned and held at 0.001"),
         (JointTarget("goal", by_name={"panda_joint1": 0.0}), "no value for panda_joint2, "),
     ],
 )
@@ -292,12 +292,12 @@ def test_pairs_leave_out_neighbours_disabled_ignored_and_rigid_ones(panda: Robot
 
 
 def test_a_pair_that_always_touches_is_left_out_with_a_word(tmp_path: Path) -> None:
-    apart = load_robot(RobotSpec(urdf=_file(tmp_path)))
+    apart = load_robot(RobotSpec(urdf=_file(tmp_path, offset=0.12)))
     assert set(apart.self_pairs) == {("base", "lower"), ("base", "tip"), ("tip", "upper")}
     assert not apart.notes
     touching = load_robot(RobotSpec(urdf=_file(tmp_path, offset=0.0)))
     assert not touching.self_pairs
-    assert any("base-lower" in note and "base-tip" in note for note in touching.notes)
+    assert any("1000 sampled" in note and "base-lower" in note and "base-tip" in note for note in touching.notes)
 
 
 # --- files ------------------------------------------------------------------------------------------------------------

@@ -143,7 +143,7 @@ def test_the_shipped_grasp_needs_its_free_axis_and_many_starts() -> None:
     assert max(miss) < 1e-6  # where the centre can be reached, the goal is there and not at the tolerance's edge
     assert result.summary()["goal"] == {"of": "goal.pose", "joints": result.goal.positions}
     np.testing.assert_array_equal(result.trajectory.positions[-1], result.goal.positions)
-    assert any(note.startswith("goal taken of ") for note in result.notes)
+    assert any(note.startswith("goal chosen of ") for note in result.notes)
 
     fixed = aimed(scene, dataclasses.replace(target, free_rotation="none"))
     with pytest.raises(
@@ -218,7 +218,7 @@ def test_links_that_will_not_do_are_refused(link: str, words: str) -> None:
 def test_the_explanation_says_what_is_asked_for() -> None:
     rows = dict(explain(build(load_scene("panda_grasp")))["scene"])
     assert rows["goal.pose"] == (
-        "panda_hand_tcp within 1 mm of (0.55, 0.1, 0.39), within 0.01 rad, turning freely about its x axis"
+        "panda_hand_tcp within 1 mm of (0.55, 0.1, 0.39), within 0.01 rad, free to rotate about its x axis"
     )
 
 

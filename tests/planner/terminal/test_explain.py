@@ -110,7 +110,7 @@ def test_every_effect_has_its_line(tmp_path: Path) -> None:
     assert dict(explain(every)["obstacles"])["cart"] == "sphere, radius 0.1 m; moves at 0.3 m/s; 11 pairs"
 
 
-def test_pairs_told_apart_and_why_add_up() -> None:
+def test_pairs_excluded_and_why_add_up() -> None:
     for name in ("panda_carry", "ur5_table", "kinova_shelf"):
         problem = build(load_scene(name))
         said = rows(problem, "pairs")
@@ -173,7 +173,7 @@ def test_link_pairs_left_to_the_certificate_are_named() -> None:
 def test_size_counts_the_unknowns(planar: Problem) -> None:
     size = rows(planar, "size")
     assert size["unknowns"].startswith(f"{(planar.waypoints - 2) * planar.robot.n}: ")
-    assert size["looked at"].startswith(f"{len(planar.samples.weight)} configurations")
+    assert size["sampled"].startswith(f"{len(planar.samples.weight)} configurations")
     assert size["distance"].startswith(("HD-SDF, compiled C", "HD-SDF, by CasADi’s interpreter"))
     assert rows(build(arm(ignore=True)), "size")["distance"] == "not needed"
 

@@ -1,0 +1,51 @@
+"""An SRDF for a robot that has none: which pairs of links need no check, as found by proof and by sampling.
+
+Read back beside the description it gives the same pairs as the description alone.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
+
+from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, CONTACT_SAMPLES, NEIGHBOURS, NEVER_TOUCHING
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.robot_files.description import read_tree
+from hdplan.scenes.robot_files.library import description_of
+from hdplan.scenes.robot_spec import RobotSpec
+
+REASONS = {NEIGHBOURS: "Adjacent", ALWAYS_TOUCHING: "Always", NEVER_TOUCHING: "Never"}  # as MoveIt calls them
+
+
+def srdf_of(spec: RobotSpec) -> tuple[str, dict[str, int]]:
+    """Return the text of an SRDF that excludes pairs of links, and how many for which reason.
+
+    Excluded is what holds whatever joints are planned: neighbours; pairs that touch at every sampled configuration,
+    with the joints held that are held by default as well as with all of them moving; pairs that are proven never to
+    touch.
+
+    Raises:
+        InputError: a robot that cannot be loaded, or that has an SRDF.
+    """
+    name, urdf, srdf, _ = description_of(spec)
+    if srdf is not None:
+        raise InputError(f"--srdf: {name} has an SRDF: {srdf}")
+    tree = read_tree(urdf)
+    robot = load_robot(spec)
+    movable = tuple(joint for joint in (*robot.joint_names, *robot.locked) if joint not in tree.coupled)
+    whole = load_robot(replace(spec, group=movable, locked={}))
+    found = {
+        pair: REASONS[reason]
+        for pair, reason in sorted(whole.unchecked.items())
+        if reason in REASONS and pair in robot.unchecked
+    }
+    root = ElementTree.Element("robot", name=tree.name)
+    said = f"always: at each of {CONTACT_SAMPLES} random configurations; never: by proof; adjacent: at one joint"
+    root.append(ElementTree.Comment(f" made by hdplan; link pairs that are not checked, {said} "))
+    for (a, b), reason in found.items():
+        ElementTree.SubElement(root, "disable_collisions", link1=a, link2=b, reason=reason)
+    ElementTree.indent(root)
+    text = ElementTree.tostring(root, encoding="unicode", xml_declaration=False)
+    counts = {reason: list(found.values()).count(reason) for reason in REASONS.values()}
+    return f'<?xml version="1.0" encoding="utf-8"?>\n{text}\n', counts
