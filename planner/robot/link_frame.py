@@ -32,8 +32,8 @@ def link_frame(robot: Robot, link: str | None, field: str) -> int:
 
 
 def end_effector(robot: Robot, field: str) -> str:
-    """Return the link that a goal is about where it names none, one that every planned joint moves: the link that carries
-    the SRDF's end effector, or else the last one of the group's chain, or of the planned joints.
+    """Return the link that a goal is about where it names none, one that every planned joint moves: the one with the
+    SRDF's end effector, or else the last one of the group's chain, or of the planned joints.
 
     Raises InputError, naming the scene's `field`, where there is not one such link: the planned joints branch, as two
     arms do, or several end effectors are at their end.

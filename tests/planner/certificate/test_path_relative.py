@@ -210,7 +210,7 @@ def test_the_certificate_says_what_is_kept_or_where_it_is_not(tmp_path: Path) ->
     [
         (Relative("lft", "right"), r"path\.relative\.link: unknown link 'lft' \(did you mean 'left'\?\)"),
         (Relative("left", "rihgt"), r"path\.relative\.to: unknown link 'rihgt' \(did you mean 'right'\?\)"),
-        (Relative("left", "left4"), r"path\.relative: 'left' and 'left4' do not move against each other"),
+        (Relative("left", "left4"), r"path\.relative: 'left' and 'left4' do not move relative to each other"),
     ],
 )
 def test_links_that_cannot_be_meant_are_refused_by_name(asked: Relative, said: str, tmp_path: Path) -> None:
