@@ -235,7 +235,7 @@ def robots(
     """List the robots known by name, or show one of them.
 
     For one robot: its joints with limits, joints held fixed, groups, end effectors, named states, and how tightly its
-    outer bodies fit. The bodies are fitted once and kept; the first time this takes up to a few minutes.
+    outer bodies fit. The bodies are fitted once and kept; the first time this takes some seconds.
     """
     from hdplan.planner.commands.robots import run_robots
 

@@ -1,9 +1,8 @@
 """A few tight outer bodies for each link of a robot, which the planner uses instead of the link's mesh.
 
-Robot -> `LinkBody`s whose union contains the link's collision geometry. The geometry, as triangles, is cut into slabs
-along an axis of its oriented bounding box; the corners of a slab's triangles lie within a sphere-swept polytope, which
-is convex and so contains the slab. They are fitted once and cached on disk by the content of the geometry. In the
-joint's frame, [m].
+Robot -> `LinkBody`s whose union contains the link's collision geometry, in the joint's frame, [m]. They are fitted
+(`link_fit`) once and cached on disk by the content of the link's geometry; those of well-known arms come with the
+package.
 
 The setting `link_bodies` chooses the bodies: "fitted" takes the cheapest that fit well. The others are for comparison:
 one capsule, one box, polytopes of a fixed number of vertices in all, or the link's convex hull itself.
@@ -25,37 +24,19 @@ from threadpoolctl import threadpool_limits
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.cache import content_key, load, store
-from hdplan.planner.collision.sphere_swept_fit import (
-    MARGIN,
-    Reference,
-    Swept,
-    distance_to_hull,
-    fit_swept,
-    outside,
-    spread,
-)
-from hdplan.planner.geometry.meshes import below
+from hdplan.planner.collision.hull_distance import distance_to_hull
+from hdplan.planner.collision.link_fit import box_axes, fitted, hull_points
+from hdplan.planner.collision.shipped_bodies import shipped_bodies
+from hdplan.planner.collision.sphere_swept_fit import MARGIN, Swept
+from hdplan.planner.collision.standing_out import outside
 from hdplan.planner.geometry.shapes import operations, shape_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.once import ForkSafeLock
+from hdplan.scenes.progress import tell
 
-FIT_VERSION = "7"  # to be changed with anything that changes a fit, so that old cache entries are not used
-GOOD_MEAN, GOOD_P95 = 0.0095, 0.0185  # outside the link's hull [m]: the first candidate this tight is taken
-LARGE = 1.0  # links with a longer diagonal [m] may have bodies that stand out more, in proportion
-REACH = 0.06  # how far a slab's body may reach into neighbouring slabs at no cost [m]
-CANDIDATES = (
-    (1, 2),
-    (1, 3),
-    (1, 4),
-    (2, 3),
-    (2, 4),
-    (1, 6),
-    (3, 4),
-    (2, 6),
-    (3, 6),
-)  # (slabs, vertices), cheapest first
+FIT_VERSION = "8"  # to be changed with anything that changes a fit, so that old cache entries are not used
 FIXED = {"capsule": (1, 2), "outer-4": (1, 4), "outer-12": (3, 4)}  # the one candidate of each of these settings
 
 _fitting = ForkSafeLock()  # the number of BLAS threads is set for the whole process
@@ -84,7 +65,8 @@ class FitRow:
 
 
 def link_bodies(robot: Robot, geometry: str = "fitted") -> tuple[LinkBody, ...]:
-    """Return the outer bodies of all links, from base to tip; from the cache, or fitted now (seconds).
+    """Return the outer bodies of all links, from base to tip; shipped with the
+    package, from the cache, or fitted now (some tenths of a second each).
 
     geometry: "fitted", "capsule", "outer-4", "outer-12", "box" (the oriented bounding box) or "hull" (all its corners).
     """
@@ -92,7 +74,7 @@ def link_bodies(robot: Robot, geometry: str = "fitted") -> tuple[LinkBody, ...]:
         LinkBody(link, robot.link_joint[link], ConvexBody.from_points(_moved(swept.vertices, frame), swept.radius))
         for link in robot.links
         for frame in [_link_frame(robot, link)]
-        for swept in _enclosed(robot, link, geometry)
+        for swept in enclosed(robot, link, geometry)
     )
 
 
@@ -100,9 +82,9 @@ def fit_report(robot: Robot) -> tuple[FitRow, ...]:
     """Return one row per link: how many fitted bodies, how tight, and whether they contain the link's geometry."""
     rows = []
     for link in robot.links:
-        bodies = _enclosed(robot, link, "fitted")
+        bodies = enclosed(robot, link, "fitted")
         triangles = _link_triangles(robot, link)
-        points = _hull_points(triangles)
+        points = hull_points(triangles.reshape(-1, 3))
         mean, p95 = outside(bodies, points, samples=2000)
         volume = sum(_volume(body) for body in bodies) / ConvexHull(points).volume
         vertices = sum(len(body.vertices) for body in bodies)
@@ -139,90 +121,45 @@ def contains(bodies: tuple[Swept, ...], triangles: Array, depth: int = 60) -> bo
 # --- fitting ----------------------------------------------------------------------------------------------------------
 
 
-def _enclosed(robot: Robot, link: str, geometry: str) -> tuple[Swept, ...]:
-    """Return the bodies of a link in the link's own frame (which no locked joint moves)."""
-    key = content_key(
-        FIT_VERSION, geometry, *(part for item in _items(robot, link) for part in _content(robot, link, item))
-    )
+def enclosed(robot: Robot, link: str, geometry: str = "fitted") -> tuple[Swept, ...]:
+    """Return the bodies of a link in the link's own frame (which no locked joint moves): shipped, from the cache, or
+    fitted now."""
+    content = link_key(robot, link)
+    shipped = shipped_bodies(content) if geometry == "fitted" else None
+    if shipped is not None:
+        return shipped
+    key = content_key(FIT_VERSION, geometry, content)
     with _fitting:  # whoever waited finds what the other has stored
         known = load("link_bodies", key)
         if known is not None:
             return tuple(Swept(np.array(vertices), radius) for vertices, radius in known)
+        tell(f"fitting bodies to {link}, link {robot.links.index(link) + 1} of {len(robot.links)} of {robot.name}")
         with threadpool_limits(1):  # thousands of tiny products: with threads that wait for each other, 5 s become 20
             bodies = _around(_link_triangles(robot, link), geometry)
         store("link_bodies", key, [[body.vertices.tolist(), body.radius] for body in bodies])
         return bodies
 
 
+def link_key(robot: Robot, link: str) -> str:
+    """Return a name for the content of a link's geometry: that of no other link enters."""
+    return content_key(*(part for item in _items(robot, link) for part in _content(robot, link, item)))
+
+
 def _around(triangles: Array, geometry: str) -> tuple[Swept, ...]:
     """Return bodies of the chosen kind around triangles (T, 3, 3)."""
-    points = _hull_points(triangles)
+    points = hull_points(triangles.reshape(-1, 3))
     match geometry:
         case "hull":
             return (Swept(points, MARGIN),)
         case "box":
-            axes = _box_axes(points)
+            axes = box_axes(points)
             heights = points @ axes.T
             corners = itertools.product(*np.stack([heights.min(axis=0), heights.max(axis=0)], axis=1).tolist())
             return (Swept(np.array(list(corners)) @ axes, MARGIN),)
         case "fitted":
-            return _fit(triangles, CANDIDATES)
+            return fitted(triangles)
         case _:
-            return _fit(triangles, (FIXED[geometry],))
-
-
-def _fit(triangles: Array, candidates: tuple[tuple[int, int], ...]) -> tuple[Swept, ...]:
-    """Return the cheapest of the candidates (slabs, vertices) that fits well, or else the tightest."""
-    points = _hull_points(triangles)
-    axes = _box_axes(points)
-    slack = max(1.0, float(np.linalg.norm(np.ptp(points, axis=0))) / LARGE)
-    cut: dict[tuple[int, int], list[tuple[Array, Reference]]] = {}
-    found: list[tuple[float, tuple[Swept, ...]]] = []
-    tried: tuple[int, ...] = (0, 1, 2)  # axes; when all have been tried once, only the best goes on
-    for slabs, vertices in candidates:
-        scores = []
-        for axis in tried if slabs > 1 else (0,):
-            if (slabs, axis) not in cut:
-                cut[slabs, axis] = _slabs(triangles, axes[axis], slabs)
-            bodies = tuple(fit_swept(corners, reference, vertices) for corners, reference in cut[slabs, axis])
-            mean, p95 = outside(bodies, points)
-            scores.append(max(mean / GOOD_MEAN, p95 / GOOD_P95) / slack)
-            found.append((scores[-1], bodies))
-            if scores[-1] <= 1.0:
-                return bodies
-        if slabs > 1:
-            tried = (tried[int(np.argmin(scores))],)
-    return min(found, key=lambda each: each[0])[1]
-
-
-def _box_axes(points: Array) -> Array:
-    """Return the axes (3, 3), as rows, of the oriented bounding box of points, longest side first."""
-    to_box, extents = trimesh.bounds.oriented_bounds(points)
-    return np.asarray(to_box[:3, :3][np.argsort(-extents)])
-
-
-def _slabs(triangles: Array, axis: Array, count: int) -> list[tuple[Array, Reference]]:
-    """Return the corners of equal slabs along an axis, and the hull of each slab widened by REACH."""
-    height = triangles @ axis
-    cuts = np.linspace(height.min(), height.max(), count + 1)
-    cuts[0], cuts[-1] = -np.inf, np.inf
-    return [
-        (
-            _hull_points(_between(triangles, axis, low, high)),
-            Reference.of(spread(_hull_points(_between(triangles, axis, low - REACH, high + REACH)))),
-        )
-        for low, high in itertools.pairwise(cuts)
-    ]
-
-
-def _between(triangles: Array, axis: Array, low: float, high: float) -> Array:
-    return below(below(triangles, axis, high), -axis, -low)
-
-
-def _hull_points(triangles: Array) -> Array:
-    """Return the corners of the triangles' convex hull (N, 3)."""
-    points = triangles.reshape(-1, 3)
-    return np.asarray(points[ConvexHull(points).vertices])
+            return fitted(triangles, (FIXED[geometry],))
 
 
 def _volume(body: Swept) -> float:

@@ -6,7 +6,7 @@ Reading a URDF and its meshes often takes longer than planning; a robot is cache
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -52,21 +52,35 @@ def load_scene_robot(scene: Scene) -> Robot:
 
 
 def check_robot(scene: Scene, robot: Robot) -> None:
-    """Raise InputError for a robot that is not the scene's: with other held objects, another base, locked joints at
-    other values, or without the self-collision checks that the scene asks for."""
-    if robot.attached != scene.attached:
-        raise InputError("the robot does not hold what the scene attaches: use the scene's own (load_scene_robot)")
-    if robot.base != scene.robot.base:
-        raise InputError("the robot's base is not where the scene's is: use the scene's own (load_scene_robot)")
-    for joint, value in scene.robot.locked.items():
+    """Raise InputError, saying what differs, for a robot that is not the scene's (`load_scene_robot`).
+
+    What is proven of it must hold of the scene's: it may be kept within less, and checked for more pairs of links, but
+    not the reverse.
+    """
+    own = load_scene_robot(scene)
+    if robot is not own and (words := next(_differences(robot, own), None)):
+        raise InputError(f"robot: {words}; the scene's own is hdplan.build(scene).robot")
+
+
+def _differences(robot: Robot, own: Robot) -> Iterator[str]:
+    """Say in what a robot differs from the scene's own so that a proof for it would be none for that."""
+    if robot.files != own.files:
+        yield f"{robot.name} was read from other files than the scene's {own.name}, or before they changed"
+    if robot.base != own.base:
+        yield "its base is not where the scene's is"
+    for joint, value in own.locked.items():
         if robot.locked.get(joint) != value:
-            raise InputError(
-                f"the robot's joint '{joint}' is not held where the scene's is: use the scene's own (load_scene_robot)"
-            )
-    if scene.self_collision.clearance and NEVER_TOUCHING in robot.unchecked.values():
-        raise InputError("the robot leaves out pairs of links that the scene's keeps apart: use the scene's own")
-    if scene.self_collision.checked and not robot.self_pairs and load_scene_robot(scene).self_pairs:
-        raise InputError("the robot's links are not checked against each other, the scene's are: use the scene's own")
+            yield f"its joint '{joint}' is not held where the scene's is"
+    if robot.joint_names != own.joint_names:
+        yield "other joints of it are planned than of the scene's"
+    for joint, beyond in zip(own.joint_names, (robot.lower < own.lower) | (robot.upper > own.upper), strict=True):
+        if beyond:
+            yield f"its joint '{joint}' may go beyond the limits of the scene's"
+    if robot.attached != own.attached:
+        yield "it does not hold what the scene attaches"
+    for pair in own.self_pairs:
+        if pair not in robot.self_pairs:
+            yield f"its links {pair[0]} and {pair[1]} are not checked against each other, the scene's are"
 
 
 @made_once(MOST)

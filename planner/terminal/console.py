@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from typing import IO, TYPE_CHECKING, Any
 
@@ -16,6 +18,7 @@ from rich.text import Text
 
 from hdplan.planner.terminal.interrupts import noting
 from hdplan.scenes.errors import InputError, one_line
+from hdplan.scenes.progress import listening
 
 if TYPE_CHECKING:
     from hdplan.planner.search.search import Event
@@ -39,6 +42,9 @@ class Steps:
     def detail(self, text: str) -> None:
         """Report the progress of the current step."""
 
+    def at(self, doing: str) -> None:
+        """Name what the current step is at, one of many short things."""
+
 
 class _OneLine(Steps):
     """On a terminal: one line, updated in place."""
@@ -52,12 +58,16 @@ class _OneLine(Steps):
     def detail(self, text: str) -> None:
         self.status.update(Text(text))
 
+    def at(self, doing: str) -> None:
+        self.detail(doing)
+
 
 class _Lines(Steps):
     """Off a terminal: a line for each step as it begins, once the command has run for LONG; a quick one is silent."""
 
     def __init__(self, step: str) -> None:
         self._step, self._long, self._lock = step, False, threading.Lock()
+        self._said = -math.inf  # when the last line was printed: time.monotonic()
         self._timer = threading.Timer(LONG, self._begin_to_say)
         self._timer.daemon = True
         self._timer.start()
@@ -66,6 +76,12 @@ class _Lines(Steps):
         with self._lock:
             self._step = step
             self._say()
+
+    def at(self, doing: str) -> None:
+        with self._lock:
+            if time.monotonic() - self._said >= LONG:  # a line for each would be too many
+                self._step = doing
+                self._say()
 
     def close(self) -> None:
         """Print no further lines."""
@@ -80,6 +96,7 @@ class _Lines(Steps):
 
     def _say(self) -> None:
         if self._long:
+            self._said = time.monotonic()
             with contextlib.suppress(OSError):  # the stream is closed
                 say(f"{self._step} ...", "dim")
 
@@ -91,9 +108,11 @@ def waiting(step: str, shown: bool = True) -> Iterator[Steps]:
         yield Steps()
     elif sys.stderr.isatty():
         with PlainConsole(sys.stderr).status(Text(step)) as status:
-            yield _OneLine(status)
+            line = _OneLine(status)
+            with listening(line.at):
+                yield line
     else:
-        with contextlib.closing(_Lines(step)) as lines:
+        with contextlib.closing(_Lines(step)) as lines, listening(lines.at):
             yield lines
 
 
@@ -105,7 +124,7 @@ def progress(settings: PlannerSettings, shown: bool) -> Iterator[Any]:
     """
     verdict, searching = "", False
     margin = settings.clearance + settings.activation
-    building = "building the problem (the first time with a robot takes minutes)"
+    building = "building the problem (the first time with a robot takes some seconds)"
     with waiting(building, shown) as steps, noting() as note:
 
         def report(event: Event) -> None:

@@ -24,10 +24,11 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot import scene_robot
-from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.roadmap import seeds
+from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.shapes import Mesh
 from hdplan.scenes.yaml_format.reader import load_scene
 from tests.threads import THREADS, together
@@ -232,7 +233,7 @@ def test_meshes_are_read_as_alone_and_warnings_stay(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_bodies_are_fitted_as_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    robots = [load_scene_robot(load_scene(name)) for name in ("ur5_table", "planar_arm")]
+    robots = [load_robot(RobotSpec(name=name)) for name in ("panda_collision", "quadruped")]
     monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "alone"))
     alone = [link_bodies.link_bodies(robot) for robot in robots]
     monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "together"))

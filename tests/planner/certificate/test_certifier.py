@@ -26,6 +26,7 @@ from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.limits import Limits
 from hdplan.scenes.obstacles import Obstacle, SelfCollision
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
@@ -530,20 +531,38 @@ def test_a_robot_whose_links_are_not_checked_certifies_no_scene_in_which_they_ar
     scene = load_scene("panda_fold")
     blind = dataclasses.replace(scene, self_collision=SelfCollision(checked=False))
     assert Certifier(Setup.of(blind)).sweep.pairs.group.max(initial=0) == 0
-    with pytest.raises(InputError, match="links are not checked against each other, the scene's are"):
+    with pytest.raises(InputError, match="are not checked against each other, the scene's are"):
         Certifier(Setup.of(scene, load_scene_robot(blind)))
 
 
-@pytest.mark.parametrize("change", [{"base": Pose()}, {"locked": {"panda_finger_joint1": 0.0}}])
-def test_a_robot_that_stands_or_is_held_elsewhere_is_not_the_scenes(change: dict[str, Any]) -> None:
+FINGERS = {"panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}
+ELSEWHERE: dict[str, dict[str, Any]] = {
+    "its base is not where": {"base": Pose()},
+    "is not held": {"locked": {"panda_finger_joint1": 0.0}},
+    "are not checked against each other": {"ignore_pairs": (("panda_link0", "panda_hand"),)},
+    "other joints of it are planned": {"locked": {**FINGERS, "panda_joint7": 0.785}},
+    "read from other files": {"name": "ur5", "locked": {}},
+}
+
+
+@pytest.mark.parametrize("words", ELSEWHERE)
+def test_a_robot_for_which_less_is_proven_is_not_the_scenes(words: str) -> None:
     """A proof for it would be none for the scene's; what differs is said."""
     scene = load_scene("panda_cage")
-    spec = dataclasses.replace(
-        scene.robot, base=Pose((0.0, 0.0, 0.1)), locked={"panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}
-    )
+    spec = dataclasses.replace(scene.robot, base=Pose((0.0, 0.0, 0.1)), locked=FINGERS)
     scene = dataclasses.replace(scene, robot=spec)
     Certifier(Setup.of(scene, load_robot(spec)))
-    other = load_robot(dataclasses.replace(spec, **change))
+    other = load_robot(dataclasses.replace(spec, **ELSEWHERE[words]))
     for made in (Setup.of, build, lambda scene, robot: Controller.of(scene, robot=robot)):
-        with pytest.raises(InputError, match=r"use the scene's own \(load_scene_robot\)"):
+        with pytest.raises(InputError, match=f"robot: .*{words}.*; the scene's own is hdplan.build"):
             made(scene, other)
+
+
+def test_a_robot_within_less_than_the_scenes_will_do_and_one_within_more_will_not() -> None:
+    """Limits of position are the scene's: what the robot alone is within counts for nothing."""
+    scene = load_scene("panda_cage")
+    narrow = dataclasses.replace(scene, limits=Limits(position={"panda_joint2": (-0.5, 0.5)}))
+    assert Setup.of(scene, load_scene_robot(narrow)).robot.upper[1] == 0.5
+    for made in (Setup.of, build, lambda scene, robot: Controller.of(scene, robot=robot)):
+        with pytest.raises(InputError, match="its joint 'panda_joint2' may go beyond the limits of the scene's"):
+            made(narrow, load_robot(scene.robot))

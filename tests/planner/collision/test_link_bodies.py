@@ -13,17 +13,23 @@ from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 
 from hdplan.distance import cache
-from hdplan.planner.collision.link_bodies import LinkBody, _enclosed, _link_triangles, contains, fit_report, link_bodies
-from hdplan.planner.collision.sphere_swept_fit import Reference, Swept, distance_to_hull, fit_swept, outside
+from hdplan.planner.collision import link_bodies as module
+from hdplan.planner.collision.descent import minimized
+from hdplan.planner.collision.hull_distance import distance_to_hull
+from hdplan.planner.collision.link_bodies import LinkBody, _link_triangles, contains, enclosed, fit_report, link_bodies
+from hdplan.planner.collision.link_fit import fitted
+from hdplan.planner.collision.shipped_bodies import ARMS
+from hdplan.planner.collision.sphere_swept_fit import Swept, Target, finished, rough_fits
+from hdplan.planner.collision.standing_out import outside
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.scenes.planner_settings import LINK_BODIES
 from hdplan.scenes.poses import Pose
+from hdplan.scenes.progress import listening
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.yaml_format.reader import load_scene
 
 QUICK = ("panda", "kinova", "panda_collision")  # the others, as long each, are left to the slow run
-ARMS = ["panda", "ur3_gripper", "ur5", "ur5_gripper", "ur10", "xarm7", "kinova", "z1"]
 MEAN, P95 = 0.010, 0.020  # how far Panda's bodies may stand out of its links' hulls [m]
 ROUNDING = 1e-9  # [m]
 
@@ -66,10 +72,7 @@ def _inside(bodies: list[LinkBody], points: np.ndarray) -> np.ndarray:
     return np.any([distance_to_hull(points, b.body.vertices)[0] <= b.body.radius + ROUNDING for b in bodies], axis=0)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in (*ARMS, "panda_collision")],
-)
+@pytest.mark.parametrize("name", [*ARMS, "panda_collision", pytest.param("talos_left_arm", marks=pytest.mark.slow)])
 def test_bodies_contain_the_collision_geometry(name: str) -> None:
     robot, random = load_robot(RobotSpec(name=name)), np.random.default_rng(0)
     bodies = link_bodies(robot)
@@ -88,7 +91,7 @@ def test_bodies_contain_the_collision_geometry(name: str) -> None:
 def test_every_other_geometry_contains_the_links_too(name: str, geometry: str) -> None:
     robot = load_scene_robot(load_scene("planar_arm")) if name == "planar_arm" else load_robot(RobotSpec(name=name))
     for link in robot.links:
-        bodies = _enclosed(robot, link, geometry)
+        bodies = enclosed(robot, link, geometry)
         assert (
             sum(len(body.vertices) for body in bodies)
             == {"capsule": 2, "outer-4": 4, "outer-12": 12, "box": 8}[geometry]
@@ -119,14 +122,28 @@ def test_pandas_bodies_are_few_and_stand_out_little(panda: Robot) -> None:
     assert sum(row.bodies for row in rows) <= 30
 
 
-def test_bodies_come_back_from_the_cache_bit_by_bit_and_move_with_locked_joints(
-    panda: Robot, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    first = link_bodies(panda)
-    monkeypatch.setattr("hdplan.planner.collision.link_bodies._around", None)  # a fit would now fail
-    for a, b in zip(first, link_bodies(panda), strict=True):
-        np.testing.assert_array_equal(a.body.vertices, b.body.vertices)
-        assert a.body.radius == b.body.radius
+@pytest.mark.parametrize("name", ARMS)
+def test_the_links_of_well_known_arms_come_fitted(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "load", None)  # neither the cache nor a fit is asked
+    monkeypatch.setattr(module, "_around", None)
+    assert link_bodies(load_robot(RobotSpec(name=name)))
+
+
+def test_a_fit_now_is_as_tight_as_what_is_shipped(panda: Robot) -> None:
+    """On average over the links, and each link's geometry is contained."""
+    tightness = []
+    for link in panda.links:
+        triangles = _link_triangles(panda, link)
+        shipped, now = enclosed(panda, link), fitted(triangles)
+        assert contains(now, triangles)
+        corners = triangles.reshape(-1, 3)
+        hull = corners[ConvexHull(corners).vertices]
+        tightness.append([outside(bodies, hull, samples=2000) for bodies in (shipped, now)])
+    shipped, now = np.array(tightness).mean(axis=0)
+    assert np.all(now <= 1.1 * shipped), (shipped, now)
+
+
+def test_bodies_move_with_locked_joints(panda: Robot) -> None:
     fingers = {"panda_finger_joint1": 0.065, "panda_finger_joint2": 0.02}
     opened = link_bodies(load_robot(RobotSpec(name="panda", locked=fingers, base=Pose((1.0, 2.0, 3.0)))))
     closed = {body.link: body.body.vertices for body in link_bodies(panda)}
@@ -134,6 +151,76 @@ def test_bodies_come_back_from_the_cache_bit_by_bit_and_move_with_locked_joints(
     for link, travel in (("panda_leftfinger", 0.064), ("panda_rightfinger", 0.019)):
         np.testing.assert_allclose(np.linalg.norm(moved[link] - closed[link], axis=1), travel, atol=1e-7)
     np.testing.assert_allclose(moved["panda_link0"], closed["panda_link0"] + [1.0, 2.0, 3.0], atol=1e-7)
+
+
+def _arm(folder: Path, name: str, upper: str, fore: str) -> Robot:
+    """An arm of two links, each with a geometry."""
+    links = "".join(
+        f'<link name="{link}"><collision><origin xyz="0.2 0 0"/><geometry>{shape}</geometry></collision></link>'
+        for link, shape in (("upper", upper), ("fore", fore))
+    )
+    joints = "".join(
+        f'<joint name="{child}_joint" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+        '<origin xyz="0.5 0 0"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+        for parent, child in (("base", "upper"), ("upper", "fore"))
+    )
+    file = folder / f"{name}.urdf"
+    file.write_text(f'<robot name="{name}"><link name="base"/>{links}{joints}</robot>')
+    return load_robot(RobotSpec(urdf=file))
+
+
+def test_of_a_robot_of_which_one_link_changed_one_link_is_fitted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "cache"))
+    box, rod, ball = '<box size="0.4 0.1 0.1"/>', '<cylinder radius="0.05" length="0.3"/>', '<sphere radius="0.1"/>'
+    told: list[str] = []
+    with listening(told.append):
+        first = link_bodies(_arm(tmp_path, "first", box, rod))
+        assert [line.split(",")[0] for line in told] == ["fitting bodies to upper", "fitting bodies to fore"]
+        told.clear()
+        changed = link_bodies(_arm(tmp_path, "second", box, ball))
+        assert told == ["fitting bodies to fore, link 2 of 2 of second"]
+        told.clear()
+        again = link_bodies(_arm(tmp_path, "third", box, rod))  # by content: whatever the robot's name
+        assert told == []
+    for a, b in zip(first, again, strict=True):
+        np.testing.assert_array_equal(a.body.vertices, b.body.vertices)
+        assert a.body.radius == b.body.radius
+    np.testing.assert_array_equal(first[0].body.vertices, changed[0].body.vertices)
+
+
+def _shapes(random: np.random.Generator) -> dict[str, np.ndarray]:
+    """Triangles (T, 3, 3) of what links can look like."""
+    ball = random.normal(size=(300, 3))
+    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
+
+    def hull(points: np.ndarray) -> np.ndarray:
+        return points[ConvexHull(points).simplices]
+
+    cube = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+    bent = np.concatenate([hull(cube * [0.3, 0.04, 0.04]), hull(cube * [0.04, 0.2, 0.04] + [0.3, 0.2, 0.0])])
+    return {
+        "plate": hull(cube * [0.3, 0.2, 0.002]),
+        "needle": hull(cube * [0.5, 0.001, 0.001]),
+        "tower": hull(cube * [0.2, 0.2, 1.5]),
+        "pebble": hull(0.003 * ball),
+        "egg": hull(ball * [0.1, 0.1, 0.2] + 5.0),
+        "elbow": bent,
+        "apart": np.concatenate([hull(0.05 * ball), hull(0.05 * ball + [0.6, 0.1, 0.0])]),
+        "open": hull(0.2 * ball)[:150],
+        "soup": random.uniform(-0.2, 0.2, (60, 3, 3)),
+    }
+
+
+def test_bodies_contain_whatever_a_link_looks_like_and_are_the_same_again() -> None:
+    for name, triangles in _shapes(np.random.default_rng(0)).items():
+        bodies = fitted(triangles)
+        assert contains(bodies, triangles), name
+        assert all(len(body.vertices) <= 6 for body in bodies)
+        assert len(bodies) <= 3
+        for body, other in zip(bodies, fitted(triangles), strict=True):
+            np.testing.assert_array_equal(body.vertices, other.vertices)
 
 
 # --- the parts --------------------------------------------------------------------------------------------------------
@@ -165,12 +252,43 @@ def test_flat_and_repeated_vertices_do_no_harm() -> None:
     np.testing.assert_allclose(distance_to_hull(points, flat)[0], [0.3, 1.0, 5.0], atol=1e-9)
 
 
+@pytest.mark.parametrize("count", [2, 4, 6])
+def test_distances_to_many_hulls_at_once_are_those_one_by_one(count: int) -> None:
+    random = np.random.default_rng(count)
+    vertices, points = random.normal(size=(5, count, 3)), 2 * random.normal(size=(5, 400, 3))
+    distance, weights = distance_to_hull(points, vertices)
+    for row in range(5):
+        alone = distance_to_hull(points[row], vertices[row])
+        np.testing.assert_allclose(distance[row], alone[0], atol=1e-12)
+        np.testing.assert_allclose(weights[row], alone[1], atol=1e-9)
+
+
+def test_many_bowls_are_descended_side_by_side() -> None:
+    random = np.random.default_rng(0)
+    low, bent = random.normal(size=(7, 4)), random.uniform(0.1, 30.0, (7, 4))
+    asked = []
+
+    def bowls(x: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        asked.append(len(rows))
+        away = x - low[rows]
+        return (bent[rows] * away**2).sum(1) + 1.0, 2 * bent[rows] * away
+
+    start = random.normal(size=(7, 4))
+    ends = minimized(bowls, start, 100)
+    everyone = np.arange(7)
+    assert np.all(bowls(ends, everyone)[0] <= 1.03)
+    assert min(asked) < 7  # who has arrived waits for nobody
+    alone = minimized(lambda x, rows: bowls(x, everyone[3:4]), start[3:4], 100)
+    np.testing.assert_allclose(alone[0], ends[3], atol=1e-9)
+
+
 def test_a_capsule_is_found_again() -> None:
     random = np.random.default_rng(0)
     directions = random.normal(size=(400, 3))
     directions *= 0.05 / np.linalg.norm(directions, axis=1, keepdims=True)
     points = directions + random.choice([-0.1, 0.1], 400)[:, None] * [0.6, 0.0, 0.8]
-    body = fit_swept(points, Reference.of(points), 2)
+    target = Target.of(points, points)
+    (body,) = finished([target], rough_fits([target], 2))
     assert np.all(distance_to_hull(points, body.vertices)[0] <= body.radius)
     assert body.radius == pytest.approx(0.05, abs=1e-3)
     assert np.linalg.norm(body.vertices[0] - body.vertices[1]) == pytest.approx(0.2, abs=5e-3)

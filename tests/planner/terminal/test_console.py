@@ -14,8 +14,9 @@ from hdplan.planner.search.search import Event
 from hdplan.planner.solvers.solution import Iteration
 from hdplan.planner.terminal import console
 from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.scenes.progress import tell
 
-BUILDING = "hdplan: building the problem (the first time with a robot takes minutes) ..."
+BUILDING = "hdplan: building the problem (the first time with a robot takes some seconds) ..."
 
 
 @pytest.fixture
@@ -46,6 +47,26 @@ def test_a_long_step_is_named_while_it_lasts(errors: io.StringIO) -> None:
         steps.detail("half of it")
         steps.begin("drawing")
         assert errors.getvalue().splitlines() == ["hdplan: following ...", "hdplan: drawing ..."]
+
+
+@pytest.mark.usefixtures("long_at_once")
+def test_what_a_step_is_at_is_named(errors: io.StringIO) -> None:
+    with console.waiting("building"):
+        until(errors.getvalue, "building")
+        tell("fitting bodies to arm_link")
+        assert errors.getvalue().splitlines() == ["hdplan: building ...", "hdplan: fitting bodies to arm_link ..."]
+    tell("nobody listens any more")
+    assert len(errors.getvalue().splitlines()) == 2
+
+
+def test_one_line_a_while_names_what_a_step_is_at(errors: io.StringIO, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(console, "LONG", 0.01)
+    with console.waiting("building"):
+        until(errors.getvalue, "building")
+        monkeypatch.setattr(console, "LONG", threading.TIMEOUT_MAX)
+        for link in range(50):
+            tell(f"fitting bodies to link {link}")
+    assert errors.getvalue().splitlines() == ["hdplan: building ..."]
 
 
 def test_a_quick_command_says_nothing(errors: io.StringIO) -> None:

@@ -1,0 +1,29 @@
+"""What long work is at, told to whoever listens: in a library nobody, on the command line the progress line.
+
+As with the time limit (`deadline`), nothing in between needs to hand it on.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from contextvars import ContextVar
+
+_listener: ContextVar[Callable[[str], None] | None] = ContextVar("listener", default=None)  # of this thread
+
+
+@contextlib.contextmanager
+def listening(listener: Callable[[str], None]) -> Iterator[None]:
+    """Hand what is told within to a listener."""
+    token = _listener.set(listener)
+    try:
+        yield
+    finally:
+        _listener.reset(token)
+
+
+def tell(doing: str) -> None:
+    """Say what is being done now."""
+    listener = _listener.get()
+    if listener is not None:
+        listener(doing)
