@@ -57,7 +57,11 @@ FORMS: Mapping[Check, Check | tuple[Check, ...]] = {  # of checks that a schema 
     pair: Row(text, 2),
     group_of: (text, Row(text)),
 }
-LEAST = {volume: 4, rising_times: 2}  # fewest values in a list
+LISTS: Mapping[Check, Schema] = {  # what else holds of lists
+    volume: {"minItems": 4},
+    rising_times: {"minItems": 2},
+    group_of: {"minItems": 1, "uniqueItems": True},
+}
 BEYOND = 1e308  # only infinity is greater
 PLAIN: Mapping[Check, Schema] = {
     text: TEXT,
@@ -87,12 +91,12 @@ def scene_schema() -> Schema:
                 "goal": _one_key(_goal()),
                 "from_request": {"type": ["boolean", "null"]},
                 "self_collision": {
-                    "anyOf": [{"type": ["boolean", "null"]}, _filled(SelfCollision, without=("checked",))]
+                    "anyOf": [{"type": ["boolean", "null"]}, _some(_section(SelfCollision, without=("checked",)))]
                 },
-                "limits": _nullable(_filled(Limits, position=_some(_value(ranges)))),
+                "limits": _nullable(_some(_section(Limits, position=_some(_value(ranges))))),
                 "payload": _nullable(_section(Payload)),
                 "path": _nullable(_some(_path())),
-                "timing": _nullable({**_filled(Timing), "not": {"required": ["duration", "scale"]}}),
+                "timing": _nullable(_not_both(_some(_section(Timing)), "duration", "scale")),
                 "planner": _nullable(_section(PlannerSettings)),
             },
             required=("hdplan", "start", "goal"),
@@ -126,40 +130,32 @@ def _field(field: dataclasses.Field[Any], schema: Schema) -> Schema:
     return {**_nullable(schema), **({"default": field.default} if shown else {})}
 
 
-def _filled(kind: Any, without: Collection[str] = (), **instead: Schema) -> Schema:
-    """Return a section that must not be empty, and whose keys must not be null."""
-    schema = _section(kind, without, **instead)
-    found = {name: instead.get(name) or _value(checks_of(kind)[name]) for name in schema["properties"]}
-    return _some({**schema, "properties": found})
-
-
 def _placed(kind: Any) -> Schema:
     """Return a section with the keys of a pose beside its own."""
     own, pose = _section(kind, without=("pose", "field")), _pose()
-    return {**own, "properties": {**own["properties"], **pose["properties"]}, "not": pose["not"]}
+    return {**own, "properties": {**own["properties"], **pose["properties"]}, "allOf": pose["allOf"]}
 
 
 def _path() -> Schema:
-    relative = _section(Relative, pose=_pose())
-    return _object({"upright": _section(Upright), "position": _placed(Within), "relative": relative})
+    constraints = {
+        "upright": _section(Upright),
+        "position": _placed(Within),
+        "relative": _section(Relative, pose=_pose()),
+    }
+    return _object({name: _nullable(schema) for name, schema in constraints.items()})
 
 
 def _robot() -> Schema:
-    robot = _section(RobotSpec, without=("source",), base=_pose())
-    plain = {"name": TEXT, "urdf": TEXT}  # one of them is required, so neither may be null
-    return {
-        **robot,
-        "properties": {**robot["properties"], **plain},
-        "oneOf": [{"required": [name]} for name in plain],
-        "dependencies": {"srdf": ["urdf"], "package_dirs": ["urdf"]},
-    }
+    robot = _not_both(_section(RobotSpec, without=("source",), base=_pose()), "name", "srdf")
+    robot = _not_both(robot, "name", "package_dirs")
+    return {**robot, "oneOf": [_given("name"), _given("urdf")]}
 
 
 def _pose() -> Schema:
     turns = {"quaternion_xyzw": _value(rotation), "rpy": _value(Row(Number(unit="rad"), 3))}
     keys = {"position": _value(Row(Number(unit="m"), 3)), **turns}
     about = "A pose: position, and a unit quaternion (x, y, z, w) or roll, pitch and yaw as in URDF."
-    return {**_object({name: _nullable(key) for name, key in keys.items()}, (), about), "not": {"required": [*turns]}}
+    return _not_both(_object({name: _nullable(key) for name, key in keys.items()}, (), about), *turns)
 
 
 def _shape() -> Schema:
@@ -173,7 +169,7 @@ def _shape() -> Schema:
 
 
 def _motion() -> Schema:
-    return {"anyOf": [_filled(SteadyMotion), _section(TimedPoses, poses=_list(_pose()))]}
+    return {"anyOf": [_some(_section(SteadyMotion)), _section(TimedPoses, poses=_list(_pose()))]}
 
 
 def _joints() -> Schema:
@@ -225,8 +221,10 @@ def _value(check: Check) -> Schema:
         return PLAIN[check]
     form = FORMS[check]
     if isinstance(form, tuple):
-        return {"anyOf": [_value(each) for each in form]}
-    return {**_value(form), **({"minItems": LEAST[check]} if check in LEAST else {})}
+        schema: Schema = {"anyOf": [_value(each) for each in form]}
+    else:
+        schema = _value(form)
+    return {**schema, **LISTS.get(check, {})}
 
 
 def _number(check: Number) -> Schema:
@@ -252,11 +250,24 @@ def _object(keys: Mapping[str, Schema], required: Collection[str] = (), about: s
 
 
 def _one_key(keys: Mapping[str, Schema]) -> Schema:
-    return {**_object(keys), "minProperties": 1, "maxProperties": 1}
+    """Return the schema of an object in which exactly one key is given."""
+    nullable = _object({key: _nullable(schema) for key, schema in keys.items()})
+    return {**nullable, "minProperties": 1, "oneOf": [_given(key) for key in keys]}
 
 
 def _some(schema: Schema) -> Schema:
-    return {**schema, "minProperties": 1}
+    """Return the schema of an object in which something is given: not only nulls."""
+    return {**schema, "minProperties": 1, "not": {"additionalProperties": {"type": "null"}}}
+
+
+def _not_both(schema: Schema, one: str, other: str) -> Schema:
+    """Return the schema of an object in which at most one of two keys is given."""
+    return {**schema, "allOf": [*schema.get("allOf", []), {"not": _given(one, other)}]}
+
+
+def _given(*keys: str) -> Schema:
+    """Return the schema of an object in which all these keys are given, and not as null."""
+    return {"required": [*keys], "properties": {key: {"not": {"type": "null"}} for key in keys}}
 
 
 def _list(item: Schema) -> Schema:
@@ -265,10 +276,11 @@ def _list(item: Schema) -> Schema:
 
 def _nullable(schema: Schema) -> Schema:
     """Return the schema of a key that may be left out or null, which is the same."""
+    if "not" in schema or "allOf" in schema:  # they would refuse null
+        about = {"description": schema["description"]} if "description" in schema else {}
+        return {**about, "anyOf": [schema, {"type": "null"}]}
     if "anyOf" in schema:
         return {**schema, "anyOf": [*schema["anyOf"], {"type": "null"}]}
     if "enum" in schema:
         return {**schema, "enum": [*schema["enum"], None]}
-    if "not" in schema:  # nothing meets what is asked of texts or mappings alone, and so what must not be
-        return {"anyOf": [schema, {"type": "null"}]}
     return {**schema, "type": [schema["type"], "null"]}

@@ -121,6 +121,46 @@ def test_both_refuse_the_same_broken_scenes(folder: Path) -> None:
             both += 1
 
 
+def test_null_is_the_same_as_leaving_out_and_both_say_so(folder: Path) -> None:
+    """At every place in turn both take it, or both refuse it; and so with an empty mapping."""
+    whole = yaml.safe_load(FULL)
+    for row, (_, name) in enumerate(containers(whole)):
+        for value in (None, {}):
+            changed = copy.deepcopy(whole)
+            place, key = list(containers(changed))[row]
+            place[key] = value
+            refused, wrong = said(changed, folder)
+            if (name, value) == ("robot", None):  # which may come from --robot
+                assert wrong is None
+            elif refused is None or not ABOUT_MEANING.search(refused):
+                assert (refused is None) == (wrong is None), (name, value, refused, wrong)
+
+
+@pytest.mark.parametrize(
+    ("section", "right"),
+    [
+        ({"robot": {"name": "panda", "urdf": None, "srdf": None, "package_dirs": None}}, True),
+        ({"robot": {"name": None, "urdf": "planar_arm.urdf"}}, True),
+        ({"robot": {"name": "panda", "srdf": "planar_arm.srdf"}}, False),
+        ({"robot": {"name": None, "urdf": None}}, False),
+        ({"robot": {"name": "panda", "group": ["a", "a"]}}, False),
+        ({"start": {"joints": [1, 2], "state": None}}, True),
+        ({"goal": {"joints": None, "state": None}}, False),
+        ({"goal": {"joints": [1, 2], "state": "there"}}, False),
+        ({"timing": {"duration": 2, "scale": None}}, True),
+        ({"timing": {"duration": 2, "scale": 1.0}}, False),
+        ({"timing": {"rate": None}}, False),
+        ({"self_collision": {"clearance": None}}, False),
+        ({"obstacles": [{"shape": {"type": "sphere", "radius": 1}, "motion": {"velocity": None}}]}, False),
+        ({"goal": {"pose": {"link": "a", "position": [1, 0, 0], "rpy": None, "quaternion_xyzw": [0, 0, 0, 1]}}}, True),
+        ({"goal": {"pose": {"link": "a", "position": [1, 0, 0], "rpy": [0, 0, 0], "quaternion_xyzw": None}}}, True),
+    ],
+)
+def test_both_count_what_is_given_and_not_null(section: dict[str, Any], right: bool, folder: Path) -> None:
+    refused, wrong = said({**yaml.safe_load(FULL), **section}, folder)
+    assert (refused is None, wrong is None) == (right, right), (refused, wrong)
+
+
 def break_at_random(content: Any, rng: np.random.Generator) -> str:
     """Change one place of a scene; return what was done."""
     places = list(containers(content))
