@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from hdplan.scenes.errors import FieldError, nearest
 
 Check = Callable[[Any], Any]
+NEEDED: Any = None  # default of a required field after optional ones: its check refuses it and says what is needed
 
 FilePath = str | os.PathLike[str]
 Numbers = Sequence[float] | NDArray[Any]

@@ -22,6 +22,7 @@ from hdplan import control, distance
 SURFACE: dict[ModuleType, set[str]] = {
     hdplan: {
         *(
+            "AllOf",
             "Attached",
             "Box",
             "Budget",
@@ -34,7 +35,7 @@ SURFACE: dict[ModuleType, set[str]] = {
             "HdplanError",
         ),
         *("InputError", "Limits", "Mesh", "Obstacle", "OutOfTime", "PathConstraints", "Payload", "PlanResult"),
-        *("PlannerSettings", "Points", "Pose", "PoseTarget", "Problem", "Robot", "RobotSpec", "Scene"),
+        *("PlannerSettings", "Points", "Pose", "PoseTarget", "Problem", "Relative", "Robot", "RobotSpec", "Scene"),
         *("SelfCollision", "Solution", "Sphere", "SteadyMotion", "TimedPoses", "Timing", "Trajectory", "Upright"),
         *("Within", "__version__", "build", "certify", "check_configuration", "control", "distance"),
         *("inverse_kinematics", "load_robot", "load_scene", "plan", "solve"),

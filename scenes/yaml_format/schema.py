@@ -17,7 +17,7 @@ from typing import Any
 from hdplan.scenes.attached import Attached, Payload, body_inertia
 from hdplan.scenes.limits import JointQuantity, Limits, ranges
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses, rising_times
-from hdplan.scenes.path_constraints import AXES, Upright, Within, direction, extent
+from hdplan.scenes.path_constraints import AXES, Relative, Upright, Within, direction, extent
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.poses import rotation
 from hdplan.scenes.robot_spec import RobotSpec, group_of, pair
@@ -99,9 +99,7 @@ def scene_schema() -> Schema:
                 },
                 "limits": _nullable(_some(_section(Limits, position=_some(_value(ranges))))),
                 "payload": _nullable(_section(Payload)),
-                "path": _nullable(
-                    _some(_object({"upright": _nullable(_section(Upright)), "position": _nullable(_placed(Within))}))
-                ),
+                "path": _nullable(_some(_path())),
                 "timing": _nullable(_not_both(_some(_section(Timing)), "duration", "scale")),
                 "planner": _nullable(_section(PlannerSettings)),
             },
@@ -142,6 +140,15 @@ def _placed(kind: Any) -> Schema:
     return {**own, "properties": {**own["properties"], **pose["properties"]}, "allOf": pose["allOf"]}
 
 
+def _path() -> Schema:
+    constraints = {
+        "upright": _section(Upright),
+        "position": _placed(Within),
+        "relative": _section(Relative, pose=_pose()),
+    }
+    return _object({name: _nullable(schema) for name, schema in constraints.items()})
+
+
 def _robot() -> Schema:
     robot = _not_both(_section(RobotSpec, without=("source",), base=_pose()), "name", "srdf")
     robot = _not_both(robot, "name", "package_dirs")
@@ -177,13 +184,14 @@ def _joints() -> Schema:
 
 def _goal() -> dict[str, Schema]:
     pose = _placed(PoseTarget)
-    pose["required"] = ["link", "position"]
+    pose["required"] = ["position"]
     pose["properties"]["position"] = _value(Row(Number(unit="m"), 3))
     return {
         "joints": {"anyOf": [*_joints()["anyOf"], {**_list(_joints()), "minItems": 1}]},
         "state": TEXT,
         "pose": pose,
         "poses": {**_list(pose), "minItems": 1},
+        "all": {**_list(_object({"pose": {**pose, "required": ["link", "position"]}}, ["pose"])), "minItems": 2},
     }
 
 

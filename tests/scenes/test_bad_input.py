@@ -222,7 +222,26 @@ CASES = {
     "no poses": (goal("{poses: []}"), ["goal.poses: ", "one or more", "list of 0"]),
     "poses as a mapping": (goal("{poses: {link: a}}"), ["goal.poses: ", "list of poses", "mapping"]),
     "one of several joint goals is none": (goal("{joints: [[0, 1], 3]}"), ["goal.joints[1]: ", "found 3"]),
-    "no link": (goal("{pose: {position: [0, 0, 0]}}"), ["goal.pose: ", "'link' is missing"]),
+    "no pose of all": (goal("{all: []}"), ["goal.all: ", "two or more", "list of 0"]),
+    "one pose of all": (
+        goal("{all: [{pose: {link: a, position: [0, 0, 0], free_rotation: all}}]}"),
+        ["goal.all: ", "two or more", "list of 1"],
+    ),
+    "not a pose of all": (goal("{all: [{joints: [0]}, {joints: [0]}]}"), ["goal.all[0]: ", "'joints'"]),
+    "a pose of all without a link": (
+        goal(
+            "{all: [{pose: {link: a, position: [0, 0, 0], free_rotation: all}}, "
+            "{pose: {position: [0, 0, 0], free_rotation: all}}]}"
+        ),
+        ["goal.all[1].pose: ", "names no link"],
+    ),
+    "two poses of one link": (
+        goal(
+            "{all: [{pose: {link: a, position: [0, 0, 0], free_rotation: all}}, "
+            "{pose: {link: a, position: [0, 0, 0], free_rotation: all}}]}"
+        ),
+        ["goal.all[1].pose: ", "'a' has a pose already"],
+    ),
     "no position": (goal("{pose: {link: a}}"), ["goal.pose: ", "'position' is missing"]),
     "no orientation": (aim("position: [0, 0, 0]"), ["goal.pose: ", "no orientation", "free_rotation: all"]),
     "two orientations": (

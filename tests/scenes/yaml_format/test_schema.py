@@ -22,11 +22,13 @@ SHIPPED = shipped_scenes()
 FILE = SHIPPED["empty"].parents[1] / "scene.schema.json"
 VALIDATOR = Draft7Validator(scene_schema())
 
-ABOUT_MEANING = re.compile(  # what the reader refuses and a schema cannot say: numbers and sections together, files
+# What the reader refuses and a schema cannot say: numbers and sections together, files, keys that JSON does not have.
+ABOUT_MEANING = re.compile(
     r"must be a unit quaternion|must be points that span|is not physical|must increase|with low < high|is taken by an"
     r"|(torque|duration|acceleration) is missing|must be a (file|directory), but|must be as many as|has no meaning"
     r"|stands beside|has no orientation|rows at a rate of|must name two different links|is infinite along"
-    r"|which has a length above 0|a whole number .* found -?[0-9]+\.0"
+    r"|which has a length above 0|a whole number .* found -?[0-9]+\.0|keys must be names"
+    r"|must be another link than|names no link|has a pose already"
 )
 
 FULL = """
@@ -46,7 +48,10 @@ goal: {poses: [{link: tool, position: [1, 0, 0], rpy: [0, 0, 0], position_tolera
 self_collision: {clearance: 0.01}
 limits: {position: {a: [-1, 1]}, velocity: urdf, acceleration: 4, jerk: [1, 2, 3], torque: {a: 5}}
 payload: {link: tool, mass: 5, com: [0, 0, 0.08], inertia: [0.01, 0, 0, 0.01, 0, 0.01]}
-path: {upright: {link: tool, axis: -z, tolerance: 0.1}, position: {link: tool, size: [1, .inf, 1], position: [0, 0, 0]}}
+path:
+  upright: {link: tool, axis: -z, tolerance: 0.1}
+  position: {link: tool, size: [1, .inf, 1], position: [0, 0, 0]}
+  relative: {link: tool, to: a, pose: {position: [0, 0, 1], rpy: [0, 0, 1]}, position_tolerance: 0.01}
 timing: {duration: 2, rate: 50}
 planner: {waypoints: 40, clearance: 0.005, gamma: 3, swept: true, normals: sphere, distance: fcl}
 """
