@@ -344,7 +344,7 @@ def test_random_scenes_of_every_field_read_back_the_same(tmp_path: Path) -> None
         scene = Maker(seed).scene()
         assert_same(scene, tmp_path)
         look(scene)
-    aside = {"source", "notes", "field", "scale", "kind"}  # of the file; of a base there is one kind; timing.scale stands in place of a duration, below
+    aside = {"source", "notes", "field", "scale", "kind"}  # of the file; timing.scale stands for a duration, below
     for kind in kinds:
         placed = {"name", "pose"} if issubclass(kind, Shape) else set()  # which the scene gives to the obstacle
         assert {each.name for each in dataclasses.fields(kind)} - seen[kind] <= aside | placed, kind
