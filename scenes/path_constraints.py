@@ -1,4 +1,5 @@
-"""Path constraints, which hold along the whole motion: a link upright, a point of a link within a box."""
+"""Path constraints, which hold along the whole motion: a link upright, a point of a link within a box, a link's pose
+relative to another."""
 
 from __future__ import annotations
 
@@ -79,8 +80,24 @@ class Within(Checked):
 
 
 @dataclass(frozen=True, repr=False)
+class Relative(Checked):
+    """A link keeps its pose relative to another link along the whole motion, as two tools do that hold one object."""
+
+    link: Name
+    to: Name  # the other link
+    pose: Pose | None = None  # of the link's frame, in that of `to`; None: as it is at the start
+    position_tolerance: Annotated[float, Number(high=1.0, above=0.0, unit="m")] = 5e-3  # of the link's origin [m]
+    orientation_tolerance: Annotated[float, Number(high=math.pi, above=0.0, unit="rad")] = 0.05  # angle [rad]
+
+    def _check_whole(self) -> None:
+        if self.link == self.to:
+            raise FieldError(f"must be another link than 'link', found {self.to!r} twice", "to")
+
+
+@dataclass(frozen=True, repr=False)
 class PathConstraints(Checked):
     """Constraints on the whole motion, between the waypoints too."""
 
     upright: Upright | None = None
     position: Within | None = None
+    relative: Relative | None = None

@@ -10,7 +10,7 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import FieldError
@@ -23,10 +23,9 @@ from hdplan.scenes.robot_spec import RobotSpec, robot_spec
 from hdplan.scenes.shapes import Solid
 from hdplan.scenes.targets import AnyConfiguration, AnyGoal, Configuration, Goals, JointTarget, goal_of
 from hdplan.scenes.timing import Timing
-from hdplan.scenes.values import Checked, checked, path_of
+from hdplan.scenes.values import NEEDED, Checked, checked, path_of
 
 SCENE_FILES = (".yaml", ".yml")
-NEEDED: Any = None  # default of a required field after optional ones: its check refuses it and says what is needed
 
 
 @dataclass(frozen=True, repr=False)

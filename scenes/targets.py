@@ -6,11 +6,12 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from hdplan.scenes.errors import FieldError
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.values import (
+    NEEDED,
     Checked,
     Choice,
     JointValue,
@@ -53,8 +54,8 @@ class JointTarget(Checked):
 class PoseTarget(Checked):
     """A goal pose of a link: its origin within a ball, its orientation within an angle."""
 
-    link: Name
-    pose: Pose  # of the link's frame, in the world
+    link: Name | None = None  # None: the end effector of the planned joints
+    pose: Pose = NEEDED  # of the link's frame, in the world
     position_tolerance: Annotated[float, Number(high=1.0, above=0.0, unit="m")] = 1e-3  # of the link's origin [m]
     orientation_tolerance: Annotated[float, Number(high=math.pi, above=0.0, unit="rad")] = 1e-2
     """How far its orientation may deviate, beside its free rotation [rad]."""
@@ -63,6 +64,11 @@ class PoseTarget(Checked):
     field: str = dataclasses.field(
         default="goal", compare=False, repr=False
     )  # where it stands in the file: "goal.poses[1]"
+
+    @property
+    def poses(self) -> tuple[PoseTarget, ...]:
+        """The poses that are reached together: this one alone."""
+        return (self,)
 
     def _check_whole(self) -> None:
         if self.free_rotation != "all":
@@ -73,10 +79,45 @@ class PoseTarget(Checked):
             raise FieldError(NO_TURN, "pose.quaternion_xyzw")
 
 
+def _together(value: object) -> tuple[object, ...]:
+    if not isinstance(value, list | tuple) or len(value) < 2 or {type(each) for each in value} != {PoseTarget}:
+        raise wrong("a list of two or more PoseTargets", value)
+    return tuple(value)
+
+
+@dataclass(frozen=True, repr=False)
+class AllOf(Checked):
+    """Goal poses of different links, reached together by one configuration: one for each of two arms."""
+
+    poses: Annotated[tuple[PoseTarget, ...], _together]
+    field: str = dataclasses.field(default="goal", compare=False, repr=False)  # where it stands in the file: "goal.all"
+
+    if TYPE_CHECKING:
+
+        def __init__(self, poses: Sequence[PoseTarget], field: str = "goal") -> None: ...
+
+    def _check_whole(self) -> None:
+        if wrong_one := unlike_the_others(self.poses):
+            raise FieldError(wrong_one[1], f"poses[{wrong_one[0]}]")
+
+
+def unlike_the_others(poses: Sequence[PoseTarget]) -> tuple[int, str] | None:
+    """Return which of several poses is not of a link of its own, and what is wrong; None if all are."""
+    links = [target.link for target in poses]
+    for i, link in enumerate(links):
+        if link is None:
+            return i, "names no link: each of several poses must name its own"
+        if link in links[:i]:
+            return i, f"the link {link!r} has a pose already: each of several poses must name its own"
+    return None
+
+
 def _choices(value: object) -> tuple[object, ...]:
     kinds = {type(target) for target in value} if isinstance(value, list | tuple) else set()
-    if not isinstance(value, list | tuple) or kinds not in ({JointTarget}, {PoseTarget}):
-        raise wrong("a list of one or more JointTargets, or of PoseTargets", value)
+    if not isinstance(value, list | tuple) or kinds not in ({JointTarget}, {PoseTarget}, {AllOf}):
+        raise wrong("a list of one or more JointTargets, or of PoseTargets, or one AllOf", value)
+    if kinds == {AllOf} and len(value) > 1:
+        raise wrong("one AllOf alone", value)
     return tuple(value)
 
 
@@ -84,7 +125,8 @@ def _choices(value: object) -> tuple[object, ...]:
 class Goals(Checked):
     """A goal with a choice: any of these targets will do, and any configuration that reaches a pose."""
 
-    targets: Annotated[tuple[JointTarget, ...] | tuple[PoseTarget, ...], _choices]  # configurations by values, or poses
+    targets: Annotated[tuple[JointTarget, ...] | tuple[PoseTarget, ...] | tuple[AllOf], _choices]
+    """Configurations by values, poses, or poses of several links together."""
     field: str = dataclasses.field(
         default="goal", compare=False, repr=False
     )  # where it stands in the file, for error messages
@@ -112,25 +154,28 @@ class Configuration:
 
 
 AnyConfiguration = JointTarget | Numbers | Mapping[str, float] | str
-AnyGoal = AnyConfiguration | Goals | PoseTarget | Sequence[AnyConfiguration | PoseTarget]
+AnyGoal = AnyConfiguration | Goals | PoseTarget | AllOf | Sequence[AnyConfiguration | PoseTarget]
 
 
 def goal_of(value: object) -> JointTarget | Goals:
-    """Return a goal in any of its forms: a configuration, a link's pose, or a list of either, any of which will do."""
+    """Return a goal in any of its forms: a configuration, a link's pose, or a list of either, any of which will do; or
+    poses of several links together."""
     if isinstance(value, Goals):
         return value
-    if isinstance(value, PoseTarget):
-        return Goals((value,))
+    if isinstance(value, PoseTarget | AllOf):
+        return Goals((value,))  # type: ignore[arg-type]
     if not is_row(value) or not any(is_row(each) or isinstance(each, _SEVERAL) for each in value):
-        return Configuration("goal", f"{Configuration.allowed}, a PoseTarget, or a list of any one of these")(value)
+        return Configuration("goal", f"{Configuration.allowed}, a PoseTarget, a list of any one of these, or an AllOf")(
+            value
+        )
     targets = []
     for i, each in enumerate(value):
         place = f"goal[{i}]"
-        if isinstance(each, PoseTarget):
+        if isinstance(each, PoseTarget | AllOf):
             targets.append(dataclasses.replace(each, field=place))
         else:
             targets.append(checked(Configuration(place), each, f"[{i}]"))
     return Goals(targets)  # type: ignore[arg-type]
 
 
-_SEVERAL = (Mapping, JointTarget, PoseTarget)  # not a joint value, and so one of several targets
+_SEVERAL = (Mapping, JointTarget, PoseTarget, AllOf)  # not a joint value, and so one of several targets

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from hdplan.scenes.errors import FieldError, nearest
 
 Check = Callable[[Any], Any]
+NEEDED: Any = None  # default of a required field after optional ones: its check refuses it and says what is needed
 
 FilePath = str | os.PathLike[str]
 Numbers = Sequence[float] | NDArray[Any]
@@ -247,7 +248,7 @@ def describe(value: object) -> str:
             return f"a list of {len(value)}"
         case dict():
             return "a mapping"
-        case np.ndarray() if value.ndim:
+        case np.ndarray():
             return f"an array of shape {value.shape}"
     try:
         return shorten(" ".join(str(value).split()))

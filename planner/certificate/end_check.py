@@ -12,7 +12,7 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import naming
 from hdplan.scenes.scene import Scene
-from hdplan.scenes.targets import JointTarget, PoseTarget
+from hdplan.scenes.targets import AllOf, JointTarget, PoseTarget
 
 Array = NDArray[np.float64]
 
@@ -56,13 +56,16 @@ class EndCheck:
         misses = [self._missing(q, target) for target in goal.targets]
         return misses[0] if all(misses) else None
 
-    def _missing(self, q: Array, target: JointTarget | PoseTarget) -> str | None:
+    def _missing(self, q: Array, target: JointTarget | PoseTarget | AllOf) -> str | None:
         if isinstance(target, JointTarget):
             return self._off("last", q, self.robot.configuration(target), target.field)
         from hdplan.planner.certificate.pose_goals import miss_of  # only for a pose
 
-        miss = miss_of(self.robot, target, q)
-        return None if miss.within(target) else f"the last waypoint has {target.link} {miss} away from {target.field}"
+        for pose in target.poses:  # together: each of them counts
+            miss = miss_of(self.robot, pose, q)
+            if not miss.within(pose):
+                return f"the last waypoint has {pose.link} {miss} away from {pose.field}"
+        return None
 
     def _off(self, which: str, row: Array, target: Array, field: str) -> str | None:
         """Say how the first or last waypoint differs from the configuration of a field; None if it does not."""

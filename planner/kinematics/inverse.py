@@ -1,4 +1,4 @@
-"""The pose of a link, linearized, and the damped step that brings it closer to a target.
+"""The poses of links, linearized, and the damped step that brings them closer to their targets.
 
 Damped least squares, dq = Jᵀ (J Jᵀ + λ² I)⁻¹ e, within the joint limits, for many configurations at once (Nakamura &
 Hanafusa, "Inverse kinematic solutions with singularity robustness", 1986). Free rotations are taken out of J and e.
@@ -14,8 +14,8 @@ from scipy.spatial.transform import Rotation
 from hdplan.planner.kinematics.forward import Kinematics, kinematics_of
 from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.array_types import Array
-from hdplan.scenes.targets import PoseTarget
+from hdplan.scenes.array_types import Array, Mask
+from hdplan.scenes.targets import AllOf, PoseTarget
 
 DAMPING = 0.02  # λ: keeps steps short near a singular configuration
 LONGEST = 0.4  # [rad] or [m] of one step of a joint
@@ -56,6 +56,50 @@ class LinkPose(NamedTuple):
         moved = self.arm.supports[joint][:, None]
         jacobian = np.concatenate([linear, turning], axis=2) * moved
         return np.concatenate([wanted[:3, 3] - origin, turn], axis=1), jacobian.transpose(0, 2, 1)
+
+
+class Aim(NamedTuple):
+    """Poses that one configuration is to reach together, one for each of k links."""
+
+    links: tuple[LinkPose, ...]
+    tolerances: Array  # (k, 2) [m] and [rad]
+
+    @classmethod
+    def at(cls, robot: Robot, target: PoseTarget | AllOf) -> Aim:
+        """Take a robot and its goal. Raises InputError as `link_frame`."""
+        tolerances = [(pose.position_tolerance, pose.orientation_tolerance) for pose in target.poses]
+        return cls(tuple(LinkPose.of(robot, pose) for pose in target.poses), np.array(tolerances))
+
+    @property
+    def robot(self) -> Robot:
+        """The robot."""
+        return self.links[0].robot
+
+    @property
+    def arm(self) -> Kinematics:
+        """Its kinematics."""
+        return self.links[0].arm
+
+    def linearized(self, q: Array) -> tuple[Array, Array]:
+        """The pose errors (B, 6 k), one link after the other, and their Jacobian (B, 6 k, n)."""
+        errors, jacobians = zip(*(link.linearized(q) for link in self.links), strict=True)
+        return np.concatenate(errors, axis=1), np.concatenate(jacobians, axis=1)
+
+    def sizes(self, error: Array) -> Array:
+        """How far each link is away [m], and turned away [rad] (B, k, 2)."""
+        return np.asarray(np.linalg.norm(self._parts(error), axis=3))
+
+    def within(self, error: Array, share: float) -> Mask:
+        """Whether all errors are within a share of the tolerances (B,)."""
+        return np.asarray((self.sizes(error) <= share * self.tolerances).all(axis=(1, 2)))
+
+    def beyond(self, error: Array, share: float) -> Array:
+        """The part of the errors (B, 6 k) beyond a share of the tolerances."""
+        left = np.maximum(0.0, 1.0 - share * self.tolerances / np.maximum(self.sizes(error), 1e-300))
+        return np.asarray(self._parts(error) * left[..., None]).reshape(error.shape)
+
+    def _parts(self, error: Array) -> Array:
+        return error.reshape(len(error), len(self.links), 2, 3)
 
 
 def damped_step(robot: Robot, q: Array, error: Array, jacobian: Array, longest: float = LONGEST) -> Array:

@@ -101,7 +101,7 @@ class GravityMeasure:
         """Evaluate."""
         torque, slope = self.torques(kinematics)
         torque, slope, scale = torque[:, self.joints], slope[:, self.joints], ARM / self.limits
-        return Measures(scale * np.abs(torque), (scale * np.sign(torque))[..., None] * slope)
+        return Measures((scale * torque)[..., None], (scale[:, None] * slope)[..., None, :])
 
 
 class StaticTorque(Hinge):

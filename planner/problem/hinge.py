@@ -1,8 +1,12 @@
-"""A penalty that keeps quantities below a bound along a motion: m measures g(q) in [m], each with a bound t.
+"""A penalty that keeps quantities below a bound along a motion: m measures in [m], each with a bound t.
 
 The penalty is a squared hinge that sets in a band b below the bound, as an obstacle's does within its activation:
 
     Σ_samples w_s Σ ½ max(g − (t − b), 0)²,    b = min(t/2, BAND)
+
+A measure is the length g = ‖v‖ of a vector v(q), most often of one number. Its residual is what is too much of the
+vector, r = (1 − (t − b)/g) v, with dr = u (u · dv) + (1 − (t − b)/g) (dv − u (u · dv)), u = v/g: so a step sees every
+direction in which the vector is too long, not that along it alone.
 
 The depth is the share of the band that is used up times `planner.activation`, plus any excess over t. A motion thus
 counts as clear while half of the band is left, as room for what happens between the samples.
@@ -27,8 +31,8 @@ BAND = 0.02  # [m] largest width of the band below the bound in which the penalt
 class Measures:
     """m measures at B configurations."""
 
-    value: Array  # (B, m) g, never negative [m]
-    slope: Array  # (B, m, n) dg/dq
+    value: Array  # (B, m, k) v [m]
+    slope: Array  # (B, m, k, n) dv/dq
 
 
 class Measure(Protocol):
@@ -52,12 +56,19 @@ class Hinge(Term):
         self.name, self.measure, self.activation = name, measure, activation
 
     def inside(self, kinematics: KinematicsBatch) -> tuple[Array, Array]:
-        """How far each measure has entered its band (B, m) [m], 0 where it has not, and the derivative (B, m, n) of
-        that."""
+        """The residuals (B, m k) [m], as long as each measure has entered its band, and their derivative (B, m k, n); 0
+        where it has not."""
         found = self.measure(kinematics)
         bound = self.measure.bound
-        inside = np.maximum(found.value - (bound - _band(bound)), 0.0)
-        return inside, found.slope * (inside > 0.0)[..., None]
+        length = np.linalg.norm(found.value, axis=2)
+        inside = np.maximum(length - (bound - _band(bound)), 0.0)
+        entered = (inside > 0.0)[..., None]
+        divisor = np.where(entered, length[..., None], 1.0)
+        unit = np.where(entered, found.value / divisor, 0.0)
+        along = unit[..., None] * (unit[..., None, :] @ found.slope)
+        across = (inside[..., None] / divisor)[..., None] * (found.slope - along)
+        count = len(inside), unit.shape[1] * unit.shape[2]
+        return (inside[..., None] * unit).reshape(count), (along + across).reshape(*count, -1)
 
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
         """How much of the band is used up, as a depth (B,) [m], the same all along the motion."""
@@ -74,6 +85,7 @@ class Hinge(Term):
 
     def _depth(self, inside: Array) -> Array:
         band = _band(self.measure.bound)
+        inside = np.linalg.norm(inside.reshape(len(inside), len(band), -1), axis=2)
         depth: Array = (self.activation * inside / band + np.maximum(inside - band, 0.0)).max(axis=1)
         return depth
 

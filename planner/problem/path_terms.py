@@ -1,11 +1,13 @@
-"""Path constraints as penalties: the axis of a link stays upright, a point of a link stays in a box.
+"""Path constraints as penalties: the axis of a link stays upright, a point of a link stays in a box, a link keeps its
+pose relative to another.
 
 Each constraint is one or more measures in [m] that must stay below a bound (`hinge`).
 
 *Upright*: g = LEVER θ, with θ the angle between the axis a and the upward direction z. Its slope, dθ/dq_j = −ω_j · (a ×
 z)/‖a × z‖, has length one in ω at every angle: it neither vanishes nor grows towards a half turn, where any direction
 will do; at θ = 0 the hinge is inactive. *Within*: g = |u| in each axis of the box, u the position of the point in the
-box.
+box. *Relative*: g = ‖p − c‖, the link's origin p and the point c of the other link at which it is to be, and g = LEVER
+‖φ‖, the rotation vector φ of the turn from the rotation that is asked for to the link's.
 """
 
 from __future__ import annotations
@@ -13,20 +15,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from hdplan.planner.kinematics.forward import KinematicsBatch
-from hdplan.planner.problem.hinge import Hinge, Measures
-from hdplan.planner.robot.link_frame import link_frame
-from hdplan.planner.robot.robot import Robot
+from hdplan.planner.problem.hinge import Hinge, Measure, Measures
+from hdplan.planner.robot.link_frame import link_frame, relative_links
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.errors import naming
 from hdplan.scenes.once import read_only
-from hdplan.scenes.path_constraints import Upright, Within
+from hdplan.scenes.path_constraints import Relative, Upright, Within
 
 LEVER = 1.0  # [m] lever arm that turns an angle into a length
 BEYOND = 1.2  # of the way back to the constraint that a step aims for: damped steps fall short
 UP = read_only(np.array([0.0, 0.0, 1.0]))  # in the world
+NO_TURN = 1e-4  # [rad] below which the series of a rotation vector is cut off after its first terms
 PARALLEL = 1e-12  # sine below which two directions have no axis of their own
 
 
@@ -51,7 +54,7 @@ class UprightMeasure:
         aside = np.where(sine[:, None] > PARALLEL, across / np.maximum(sine, PARALLEL)[:, None], [1.0, 0.0, 0.0])
         angle = np.arctan2(sine, axis @ UP)
         slope = -(kinematics.angular @ aside[..., None])[..., 0] * self.moves
-        return Measures(LEVER * angle[:, None], LEVER * slope[:, None])
+        return Measures(LEVER * angle[:, None, None], LEVER * slope[:, None, None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +73,49 @@ class WithinMeasure:
         place = kinematics.rotations[:, self.joint] @ self.point + kinematics.translations[:, self.joint]
         velocity = (kinematics.linear + np.cross(kinematics.angular, place[:, None])) * self.moves[:, None]
         off = (place - self.centre) @ self.axes.T
-        return Measures(np.abs(off), np.sign(off)[..., None] * (self.axes @ velocity.transpose(0, 2, 1)))
+        return Measures(off[..., None], (self.axes @ velocity.transpose(0, 2, 1))[..., None, :])
+
+
+@dataclass(frozen=True, eq=False)
+class RelativeMeasure:
+    """How far a link is from its pose in another link's frame: the way to its place, and the rotation vector of the
+    turn to it, times LEVER. Joints that carry both links change neither."""
+
+    joints: tuple[int, int]  # of the model, that carry the link and the other one
+    placements: tuple[Array, Array]  # (4, 4) in their frames: of the link, and of where it is to be
+    moves: tuple[Mask, Mask]  # (n,) coordinates that move the one and not the other
+    bound: Array  # (2,) [m]
+
+    def __call__(self, kinematics: KinematicsBatch) -> Measures:
+        """Evaluate."""
+        places, turns, linear, angular = [], [], [], []
+        for joint, placement, moves in zip(self.joints, self.placements, self.moves, strict=True):
+            rotation = kinematics.rotations[:, joint]
+            place = rotation @ placement[:3, 3] + kinematics.translations[:, joint]
+            places.append(place)
+            turns.append(rotation @ placement[:3, :3])
+            linear.append((kinematics.linear + np.cross(kinematics.angular, place[:, None])) * moves[:, None])
+            angular.append(kinematics.angular * moves[:, None])
+        turn = turns[0] @ turns[1].transpose(0, 2, 1)
+        vector = Rotation.from_matrix(turn).as_rotvec()
+        faster = angular[0] - angular[1] @ turn.transpose(0, 2, 1)
+        return Measures(
+            np.stack([places[0] - places[1], LEVER * vector], axis=1),
+            np.stack(
+                [(linear[0] - linear[1]).transpose(0, 2, 1), LEVER * _rate(vector) @ faster.transpose(0, 2, 1)], axis=1
+            ),
+        )
+
+
+def _rate(vector: Array) -> Array:
+    """The derivative (B, 3, 3) of a rotation vector φ (B, 3) by the angular velocity, both in the outer frame:
+    I − ½ [φ]× + (1/θ² − cot(θ/2)/(2 θ)) [φ]×²."""
+    angle = np.linalg.norm(vector, axis=1)
+    small = angle < NO_TURN
+    wide = np.where(small, 1.0, angle)
+    share = np.where(small, 1.0 / 12.0, 1.0 / wide**2 - 0.5 / (wide * np.tan(0.5 * wide)))
+    cross = np.cross(vector[:, None], np.eye(3)).transpose(0, 2, 1)
+    return np.eye(3) - 0.5 * cross + share[:, None, None] * (cross @ cross)
 
 
 def path_terms(setup: Setup, supports: Mask) -> tuple[PathTerm, ...]:
@@ -78,11 +123,12 @@ def path_terms(setup: Setup, supports: Mask) -> tuple[PathTerm, ...]:
 
     Raises InputError for a link that the robot lacks or that does not move.
     """
-    scene, robot = setup.scene, setup.robot
-    given = (("path.upright", scene.path.upright), ("path.position", scene.path.position))
+    scene = setup.scene
+    path = scene.path
+    given = (("path.upright", path.upright), ("path.position", path.position), ("path.relative", path.relative))
     with naming(scene.source):
         return tuple(
-            PathTerm(field, _measure(asked, field, robot, supports), scene.planner.activation)
+            PathTerm(field, _measure(asked, field, setup, supports), scene.planner.activation)
             for field, asked in given
             if asked is not None
         )
@@ -95,7 +141,13 @@ def to_path(terms: tuple[PathTerm, ...], kinematics: KinematicsBatch) -> tuple[A
     return -BEYOND * np.concatenate(inside, axis=1), np.concatenate(slopes, axis=1)
 
 
-def _measure(asked: Upright | Within, field: str, robot: Robot, supports: Mask) -> UprightMeasure | WithinMeasure:
+def _measure(asked: Upright | Within | Relative, field: str, setup: Setup, supports: Mask) -> Measure:
+    robot = setup.robot
+    if isinstance(asked, Relative):
+        joints, (own, other), pose = relative_links(setup.scene, robot, asked)
+        first, second = (supports[joint] for joint in joints)
+        bound = np.array([asked.position_tolerance, LEVER * asked.orientation_tolerance])
+        return RelativeMeasure(joints, (own, other @ pose), (first & ~second, second & ~first), bound)
     frame = robot.model.frames[link_frame(robot, asked.link, field)]
     joint, placement = int(frame.parentJoint), frame.placement
     if isinstance(asked, Upright):

@@ -15,7 +15,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.self_pairs import MOVE_AS_ONE
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError, nearest
-from hdplan.scenes.robot_files.description import link_pair
+from hdplan.scenes.robot_files.link_pairs import link_pair
 
 
 def with_attached(robot: Robot, attached: tuple[Attached, ...]) -> Robot:

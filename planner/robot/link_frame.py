@@ -1,22 +1,108 @@
-"""A link of a robot as a frame of its Pinocchio model, looked up by name for goals and path constraints."""
+"""A robot's links as frames of its Pinocchio model: found by name, for goals and for path constraints."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.path_constraints import Relative
+from hdplan.scenes.scene import Scene
+
+Array = NDArray[np.float64]
 
 AXES = ("x", "y", "z")
 
 
-def link_frame(robot: Robot, link: str, field: str) -> int:
-    """Return the index of a link among the model's frames. Raises InputError, naming the scene's `field`, for a link
-    that the robot does not have or that does not move."""
-    frames = robot.model.frames
-    links = {str(frame.name): index for index, frame in enumerate(frames) if frame.type == pin.FrameType.BODY}
+def link_frame(robot: Robot, link: str | None, field: str) -> int:
+    """Return the index of a link among the model's frames; without a name, of the end effector's.
+
+    Raises InputError, naming the scene's `field`, for a link that the robot does not have or that does not move, and as
+    `end_effector`.
+    """
+    name = end_effector(robot, field) if link is None else link
+    index = _frame(robot, name, f"{field}.link")
+    if robot.model.frames[index].parentJoint == 0:
+        raise InputError(f"{field}.link: '{name}' is fixed to the world, so no motion can move it")
+    return index
+
+
+def end_effector(robot: Robot, field: str) -> str:
+    """Return the link that a goal is about where it names none, one that every planned joint moves: the one with the
+    SRDF's end effector, or else the last one of the group's chain, or of the planned joints.
+
+    Raises InputError, naming the scene's `field`, where there is not one such link: the planned joints branch, as two
+    arms do, or several end effectors are at their end.
+    """
+    model = robot.model
+    last = [joint for joint in range(1, model.njoints) if len(model.supports[joint]) == model.njoints]
+    links = _links(robot)
+    hands = {hand.link for hand in robot.semantics.end_effectors if hand.link in links}
+    found = sorted(link for link in hands if model.frames[links[link]].parentJoint in last)
+    if last and not found:
+        before = _last_joint(robot, last[0])
+        found = [link for link, index in links.items() if model.frames[index].parentFrame == before][:1]
+    if len(found) != 1:
+        why = f"its end effectors are {', '.join(found)}" if found else "no one link is moved by all planned joints"
+        raise InputError(f"{field}: the key 'link' is missing, and {robot.name} has no one end effector: {why}")
+    return found[0]
+
+
+def _last_joint(robot: Robot, joint: int) -> int:
+    """Return the frame of the last joint of the planned group, which may be a fixed one behind a joint of the model."""
+    frames, planned = robot.model.frames, set(robot.joint_names)
+    groups = [set(joints) for joints in robot.semantics.groups.values()]
+    whole = [joints for joints in groups if planned <= joints and not joints & set(robot.locked)]
+    fixed = [
+        index
+        for index, frame in enumerate(frames)
+        if frame.type == pin.FrameType.FIXED_JOINT and frame.parentJoint == joint and whole and frame.name in whole[0]
+    ]
+    return fixed[-1] if fixed else int(robot.model.getFrameId(robot.model.names[joint], pin.FrameType.JOINT))
+
+
+class TwoLinks(NamedTuple):
+    """Two links, one of which is to keep its pose in the other's frame."""
+
+    joints: tuple[int, int]  # of the model, that carry the link and the other one; 0: the world
+    placements: tuple[Array, Array]  # (4, 4) of the two in their joints' frames
+    pose: Array  # (4, 4) of the link's frame in the other's, to be kept
+
+
+def relative_links(scene: Scene, robot: Robot, asked: Relative) -> TwoLinks:
+    """Look up the two links of ``path.relative``, and their relative pose at the scene's start where none is given.
+
+    Raises InputError for a link that the robot does not have, for two that do not move relative to each other, and for
+    a start that does not fit the robot.
+    """
+    field = "path.relative"
+    frames = [
+        robot.model.frames[_frame(robot, name, f"{field}.{key}")]
+        for name, key in ((asked.link, "link"), (asked.to, "to"))
+    ]
+    link, other = (int(frame.parentJoint) for frame in frames)
+    if link == other:
+        raise InputError(f"{field}: '{asked.link}' and '{asked.to}' do not move relative to each other")
+    placements = (frames[0].placement.homogeneous, frames[1].placement.homogeneous)
+    if asked.pose is not None:
+        return TwoLinks((link, other), placements, asked.pose.matrix)
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, robot.pin_q(robot.configuration(scene.start, scene.from_request)))
+    held = (data.oMi[other] * frames[1].placement).actInv(data.oMi[link] * frames[0].placement)
+    return TwoLinks((link, other), placements, held.homogeneous)
+
+
+def _frame(robot: Robot, link: str, field: str) -> int:
+    links = _links(robot)
     if link not in links:
-        raise InputError(f"{field}.link: unknown link '{link}'{nearest(link, links)}")
-    if frames[links[link]].parentJoint == 0:
-        raise InputError(f"{field}.link: '{link}' is fixed to the world, so no motion can move it")
+        raise InputError(f"{field}: unknown link '{link}'{nearest(link, links)}")
     return links[link]
+
+
+def _links(robot: Robot) -> dict[str, int]:
+    frames = robot.model.frames
+    return {str(frame.name): index for index, frame in enumerate(frames) if frame.type == pin.FrameType.BODY}

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+import coal
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.files import Stamps, stamps_of
 from hdplan.scenes.once import ForkSafeLock
 from hdplan.scenes.poses import Vector3
+from hdplan.scenes.robot_files.urdf_text import read_description
 from hdplan.scenes.shapes import Mesh
 
 Result = TypeVar("Result")
@@ -104,19 +106,40 @@ def read_visuals(urdf: Path) -> tuple[tuple[str, pin.SE3, pin.GeometryObject, Me
 
 def _read_urdf(urdf: Path, kind: pin.GeometryType) -> tuple[pin.Model, pin.GeometryModel, dict[str, MeshElement]]:
     """Read a robot and one kind of its geometry, with a sphere in place of every mesh; and the meshes, by Pinocchio's
-    names for the geometry."""
-    model = _quietly(lambda: pin.buildModelFromUrdf(str(urdf)), urdf)
-    root = ElementTree.parse(urdf).getroot()
+    names for the geometry. Capsules and ellipsoids, which its reader passes over, are put in place here."""
+    root = read_description(urdf).root
+    whole = ElementTree.tostring(root, encoding="unicode")
+    model = _quietly(lambda: pin.buildModelFromXML(whole), urdf)
     meshes: dict[str, MeshElement] = {}
+    solids: dict[str, Any] = {}
     for link in root.findall("link"):
         name = link.get("name", "")
         for i, shape in enumerate(link.findall(f"{kind.name.lower()}/geometry")):
-            for mesh in shape.findall("mesh"):
-                meshes[f"{name}_{i}"] = MeshElement(name, mesh.get("filename", ""), mesh.get("scale", "1 1 1"))
-                shape.remove(mesh)
+            for found in [each for each in shape if each.tag in ("mesh", "capsule", "ellipsoid")]:
+                if found.tag == "mesh":
+                    meshes[f"{name}_{i}"] = MeshElement(name, found.get("filename", ""), found.get("scale", "1 1 1"))
+                else:
+                    with naming(f"robot.urdf: {urdf}: link '{name}'"):
+                        solids[f"{name}_{i}"] = _solid(found)
+                shape.remove(found)
                 ElementTree.SubElement(shape, "sphere", radius="1")  # in its place
     text = ElementTree.tostring(root, encoding="unicode")
-    return model, _quietly(lambda: pin.buildGeomFromUrdfString(model, text, kind), urdf), meshes
+    geometry = _quietly(lambda: pin.buildGeomFromUrdfString(model, text, kind), urdf)
+    for item in geometry.geometryObjects:
+        if item.name in solids:
+            item.geometry = solids[item.name]
+    return model, geometry, meshes
+
+
+def _solid(element: ElementTree.Element) -> Any:
+    """Return a capsule or ellipsoid as coal's. Raises InputError for sizes that are none."""
+    try:
+        if element.tag == "capsule":
+            return coal.Capsule(float(element.get("radius", "")), float(element.get("length", "")))
+        x, y, z = map(float, element.get("radii", "").split())
+        return coal.Ellipsoid(x, y, z)
+    except ValueError:
+        raise InputError(f"{element.tag}: its sizes must be numbers [m], found {dict(element.attrib)}") from None
 
 
 def _mesh_file(address: str, urdf: Path, package_dirs: tuple[Path, ...]) -> Path:

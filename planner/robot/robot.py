@@ -30,8 +30,9 @@ from hdplan.scenes.errors import FEW, InputError, listed, naming, nearest
 from hdplan.scenes.files import Stamps, stamps_of
 from hdplan.scenes.once import freeze
 from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_files.description import LinkPair, Semantics, Tree, link_pair, read_semantics, read_tree
+from hdplan.scenes.robot_files.description import Semantics, Tree, read_semantics, read_tree
 from hdplan.scenes.robot_files.library import description_of
+from hdplan.scenes.robot_files.link_pairs import LinkPair, link_pair
 from hdplan.scenes.robot_spec import RobotSpec, robot_spec
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.values import checked
@@ -173,7 +174,9 @@ def load_robot(robot: str | RobotSpec) -> Robot:
     name, urdf, srdf, package_dirs = description_of(spec)
     files = stamps_of((urdf,) if srdf is None else (urdf, srdf))
     tree = read_tree(urdf)
+    files += stamps_of(tree.files[1:])  # known only now
     semantics = read_semantics(srdf, tree) if srdf is not None else Semantics()
+    semantics = replace(semantics, disabled=semantics.disabled | tree.excluded)
     full, geometry, meshes = read_model(urdf, package_dirs)
     if len(geometry.geometryObjects) != tree.collisions:  # what is left out would be proven free
         read = len(geometry.geometryObjects)

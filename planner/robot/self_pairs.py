@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from hdplan.planner.robot.pin_model import motion_axes
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import InputError, nearest
-from hdplan.scenes.robot_files.description import LinkPair, Semantics, Tree, link_pair
+from hdplan.scenes.robot_files.description import Semantics, Tree
+from hdplan.scenes.robot_files.link_pairs import LinkPair, link_pair
 from hdplan.scenes.robot_spec import RobotSpec
 
 if TYPE_CHECKING:

@@ -10,11 +10,12 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from hdplan.planner.robot.joint_limits import joint_limits
+from hdplan.planner.robot.link_frame import end_effector
 from hdplan.planner.robot.robot import SAME_PLACE, Robot
 from hdplan.planner.robot.scene_robot import check_robot, load_scene_robot
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.scene import Scene
-from hdplan.scenes.targets import Goals, JointTarget
+from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
 from hdplan.scenes.values import instance
 
 Array = NDArray[np.float64]
@@ -44,10 +45,11 @@ class Setup:
         """
         instance(scene, Scene, "scene")
         if robot is None:
-            return cls(scene, load_scene_robot(scene))
-        instance(robot, Robot, "robot")
-        check_robot(scene, robot)
-        return cls(scene, robot)
+            robot = load_scene_robot(scene)
+        else:
+            instance(robot, Robot, "robot")
+            check_robot(scene, robot)
+        return cls(_with_links(scene, robot), robot)
 
     def aiming_at(self, goal: JointTarget) -> Setup:
         """Return the same with another goal."""
@@ -99,3 +101,18 @@ class Setup:
                 held = ", ".join(f"{joint} at {state[joint]:g}, held at {robot.locked[joint]:g}" for joint in off)
                 notes.append(f"{target.field}: state '{target.state}' has {held}")
         return tuple(notes)
+
+
+def _with_links(scene: Scene, robot: Robot) -> Scene:
+    """Return the scene with the end effector named in goal poses that name no link."""
+    goal = scene.goal
+    if isinstance(goal, JointTarget) or all(getattr(target, "link", "") is not None for target in goal.targets):
+        return scene
+    with naming(scene.source):
+        targets = [
+            replace(target, link=end_effector(robot, target.field))
+            if isinstance(target, PoseTarget) and target.link is None
+            else target
+            for target in goal.targets
+        ]
+    return replace(scene, goal=replace(goal, targets=targets))  # type: ignore[arg-type]

@@ -23,7 +23,7 @@ from hdplan.planner.search.inverse_kinematics import STARTS, reaching
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.path_constraints import PathConstraints
-from hdplan.scenes.targets import JointTarget, PoseTarget
+from hdplan.scenes.targets import AllOf, JointTarget, PoseTarget
 
 if TYPE_CHECKING:
     from hdplan.planner.problem.path_terms import PathTerm
@@ -116,17 +116,31 @@ def _free(certifier: Certifier, reached: Array, start: Array) -> list[tuple[floa
     return sorted(scored, key=lambda each: each[0])
 
 
-def _refusal(target: JointTarget | PoseTarget, certifier: Certifier, reached: Array, nearest: Miss | None) -> str:
-    if isinstance(target, PoseTarget) and not len(reached):
-        allowed = Miss(
-            target.position_tolerance, 0.0 if target.free_rotation == "all" else target.orientation_tolerance
+def _refusal(
+    target: JointTarget | PoseTarget | AllOf, certifier: Certifier, reached: Array, nearest: tuple[Miss, ...] | None
+) -> str:
+    if not isinstance(target, JointTarget) and nearest is not None and not len(reached):
+        names = " and ".join(f"'{pose.link}'" for pose in target.poses)
+        cannot = (
+            f"link {names} cannot be brought there"
+            if len(target.poses) == 1
+            else f"links {names} cannot be brought there together"
         )
-        return (
-            f"link '{target.link}' cannot be brought there: the best of {STARTS} tries is off by {nearest}, "
-            f"allowed are {allowed}"
-        )
+        off, allowed = _listed(nearest), _listed(_tolerances(target))
+        return f"{cannot}: the best of {STARTS} tries is off by {off}, allowed are {allowed}"
     fault = _fault(certifier, reached[0])
     return fault if nearest is None else f"none of {_configurations(len(reached))} found is valid; the nearest: {fault}"
+
+
+def _tolerances(target: PoseTarget | AllOf) -> tuple[Miss, ...]:
+    return tuple(
+        Miss(pose.position_tolerance, 0.0 if pose.free_rotation == "all" else pose.orientation_tolerance)
+        for pose in target.poses
+    )
+
+
+def _listed(misses: tuple[Miss, ...]) -> str:
+    return "; ".join(str(miss) for miss in misses)
 
 
 def _fault(certifier: Certifier, q: Array) -> str:

@@ -1,4 +1,5 @@
-"""Inverse kinematics from many starts: the configurations that bring a link to a pose.
+"""Inverse kinematics from many starts: the configurations that bring a link to a pose, or several links
+each to its own.
 
 Damped least squares, dq = Jᵀ (J Jᵀ + λ² I)⁻¹ e, within the joint limits, for many starts at once (Nakamura & Hanafusa,
 "Inverse kinematic solutions with singularity robustness", 1986). At first only the part of the error e beyond a share
@@ -16,13 +17,13 @@ from numpy.typing import ArrayLike
 
 from hdplan.planner.certificate.pose_goals import Miss, miss_of
 from hdplan.planner.kinematics.forward import Kinematics
-from hdplan.planner.kinematics.inverse import LinkPose, damped_step
+from hdplan.planner.kinematics.inverse import Aim, damped_step
 from hdplan.planner.robot.robot import Robot
-from hdplan.scenes.array_types import Array, Mask
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.poses import Pose
-from hdplan.scenes.targets import PoseTarget
+from hdplan.scenes.targets import AllOf, PoseTarget
 from hdplan.scenes.values import Whole, checked, instance
 
 if TYPE_CHECKING:
@@ -80,66 +81,47 @@ def inverse_kinematics(
 
 
 def reaching(
-    robot: Robot, target: PoseTarget, start: Array, rng: np.random.Generator, path: tuple[PathTerm, ...] = ()
-) -> tuple[Array, Miss]:
-    """Return configurations (K, n) that reach a pose, APART from each other and nearest to `start` first, and the least
-    miss of all tries. Path constraints guide the search too, but do not decide the result."""
-    pose = LinkPose.of(robot, target)
+    robot: Robot, target: PoseTarget | AllOf, start: Array, rng: np.random.Generator, path: tuple[PathTerm, ...] = ()
+) -> tuple[Array, tuple[Miss, ...]]:
+    """Return configurations (K, n) that reach a pose, or poses of several links together, APART from each other and
+    nearest to `start` first, and the least miss of all tries, of each link. Path constraints guide the search too, but
+    do not decide the result."""
+    aim = Aim.at(robot, target)
     q = np.vstack([np.clip(start, robot.lower, robot.upper), robot.draw(rng, STARTS - 1)])
     going = np.arange(len(q))
     if path:
         from hdplan.planner.problem.path_terms import to_path
     for _ in range(STEPS):
         check_time("looking for configurations that reach the goal")
-        error, jacobian = pose.linearized(q[going])
-        missing, far = _beyond(error, target), ~_within(error, target, ENOUGH)
+        error, jacobian = aim.linearized(q[going])
+        missing, far = aim.beyond(error, AIM), ~aim.within(error, ENOUGH)
         if path:
-            astray, slope = to_path(path, pose.arm.evaluate(q[going]))
+            astray, slope = to_path(path, aim.arm.evaluate(q[going]))
             missing, jacobian = np.concatenate([missing, astray], axis=1), np.concatenate([jacobian, slope], axis=1)
             far |= astray.any(axis=1)
         going, missing, jacobian = going[far], missing[far], jacobian[far]
         if not len(going):
             break
         q[going] = damped_step(robot, q[going], missing, jacobian)
-    error, _ = pose.linearized(q)
-    position, angle = _sizes(error)
-    best = int(np.argmin(np.maximum(position / target.position_tolerance, angle / target.orientation_tolerance)))
-    least = Miss(float(position[best]), float(angle[best]))
-    met = _centred(pose, q[_within(error, target, AT_MOST)])
-    met = _fewest_turns(robot, pose.arm, met, start)
+    error, _ = aim.linearized(q)
+    sizes = aim.sizes(error)
+    best = sizes[int(np.argmin((sizes / aim.tolerances).max(axis=(1, 2))))]
+    least = tuple(Miss(position, angle) for position, angle in best.tolist())
+    met = _centred(aim, q[aim.within(error, AT_MOST)])
+    met = _fewest_turns(robot, aim.arm, met, start)
     return _apart(met[np.argsort(np.linalg.norm(met - start, axis=1), kind="stable")]), least
 
 
-def _centred(pose: LinkPose, q: Array) -> Array:
-    """Move configurations that reach the pose on towards its centre, as long as both errors shrink."""
-    error, jacobian = pose.linearized(q)
+def _centred(aim: Aim, q: Array) -> Array:
+    """Move configurations that reach the aim on towards its centre, as long as no error grows."""
+    error, jacobian = aim.linearized(q)
     for _ in range(CENTRING):
-        moved = damped_step(pose.robot, q, error, jacobian)
-        error_moved, jacobian_moved = pose.linearized(moved)
-        better = np.all(np.stack(_sizes(error_moved)) <= np.stack(_sizes(error)), axis=0)[:, None]
+        moved = damped_step(aim.robot, q, error, jacobian)
+        error_moved, jacobian_moved = aim.linearized(moved)
+        better = np.all(aim.sizes(error_moved) <= aim.sizes(error), axis=(1, 2))[:, None]
         q, error = np.where(better, moved, q), np.where(better, error_moved, error)
         jacobian = np.where(better[..., None], jacobian_moved, jacobian)
     return q
-
-
-def _sizes(error: Array) -> tuple[Array, Array]:
-    return np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)
-
-
-def _within(error: Array, target: PoseTarget, share: float) -> Mask:
-    position, angle = _sizes(error)
-    within: Mask = (position <= share * target.position_tolerance) & (angle <= share * target.orientation_tolerance)
-    return within
-
-
-def _beyond(error: Array, target: PoseTarget) -> Array:
-    """The part of the error (B, 6) beyond AIM of the tolerances."""
-    position, angle = _sizes(error)
-    left = [
-        np.maximum(0.0, 1.0 - AIM * tolerance / np.maximum(size, 1e-300))[:, None]
-        for size, tolerance in ((position, target.position_tolerance), (angle, target.orientation_tolerance))
-    ]
-    return np.concatenate([error[:, :3] * left[0], error[:, 3:] * left[1]], axis=1)
 
 
 def _fewest_turns(robot: Robot, arm: Kinematics, q: Array, start: Array) -> Array:

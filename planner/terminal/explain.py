@@ -20,7 +20,7 @@ from hdplan.planner.terminal.explain_effects import counted, effects
 from hdplan.scenes.limits import QUANTITIES
 from hdplan.scenes.obstacles import SteadyMotion, TimedPoses
 from hdplan.scenes.planner_settings import PlannerSettings
-from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
+from hdplan.scenes.targets import Goals, JointTarget
 
 Rows = list[tuple[str, str]]
 
@@ -78,10 +78,13 @@ def _choice(goal: JointTarget | Goals) -> Rows:
         return []
     from hdplan.planner.certificate.pose_goals import pose_words
 
-    return [
-        (target.field, pose_words(target) if isinstance(target, PoseTarget) else "one of several configurations")
-        for target in goal.targets
-    ]
+    rows: Rows = []
+    for target in goal.targets:
+        if isinstance(target, JointTarget):
+            rows.append((target.field, "one of several configurations"))
+        else:
+            rows += [(pose.field, pose_words(pose)) for pose in target.poses]
+    return rows
 
 
 def _joints(problem: Problem) -> Rows:

@@ -16,7 +16,7 @@ from hdplan.planner.robot.joint_limits import DERIVATIVES, asked_limits
 from hdplan.scenes.limits import QUANTITIES, JointValues
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
-from hdplan.scenes.targets import Goals, PoseTarget
+from hdplan.scenes.targets import AllOf, Goals, JointTarget
 from hdplan.scenes.timing import Timing
 
 
@@ -120,28 +120,38 @@ def _carried(problem: Problem) -> tuple[Effect, ...]:
 
 def _ends(scene: Scene) -> tuple[Effect, ...]:
     targets = scene.goal.targets if isinstance(scene.goal, Goals) else ()
-    kind = "pose" if any(isinstance(target, PoseTarget) for target in targets) else "configuration"
-    reaching = " of the configurations that reach it" * (kind == "pose")
-    choice = f"{counted(len(targets), kind)}:{reaching} the best certified wins"
+    if targets and isinstance(targets[0], AllOf):
+        choice = (
+            f"{len(targets[0].poses)} poses together: of the configurations that reach them the best certified wins"
+        )
+    else:
+        kind = "configuration" if targets and isinstance(targets[0], JointTarget) else "pose"
+        reaching = " of the configurations that reach it" * (kind == "pose")
+        choice = f"{counted(len(targets), kind)}:{reaching} the best certified wins"
+    kinds = "goal.pose, goal.poses[], goal.all[] or several goal.joints[]"
     base = scene.robot.base
     x, y, z = base.position
     upside = ", upside down" * bool(base.matrix[2, 2] < 0.0)
     return (
-        Effect("choice of goals", choice if targets else "", "needs goal.pose, goal.poses[] or several goal.joints[]"),
+        Effect("choice of goals", choice if targets else "", f"needs {kinds}"),
         Effect("base", f"stands at ({x:g}, {y:g}, {z:g}){upside}" if base != Pose() else "", "needs robot.base"),
     )
 
 
 def _on_the_way(scene: Scene) -> tuple[Effect, ...]:
-    upright, within = scene.path.upright, scene.path.position
-    tilted, boxed = "", ""
+    upright, within, relative = scene.path.upright, scene.path.position, scene.path.relative
+    tilted, boxed, held = "", "", ""
     if upright:
         axis = _numbers(upright.axis)
         tilted = f"axis {axis} of {upright.link} points up all the way, tilted by {upright.tolerance:g} rad at most"
     if within:
         size, centre = _numbers(within.size), _numbers(within.pose.position)
         boxed = f"point {_numbers(within.point)} of {within.link} stays in the box of size {size} m around {centre}"
-    return Effect("path.upright", tilted, "needs path.upright"), Effect("path.position", boxed, "needs path.position")
+    if relative:
+        allowed = f"{relative.position_tolerance * 1e3:g} mm and {relative.orientation_tolerance:g} rad"
+        held = f"{relative.link} keeps its pose at {relative.to}, within {allowed}"
+    given = (("path.upright", tilted), ("path.position", boxed), ("path.relative", held))
+    return tuple(Effect(name, on, f"needs {name}") for name, on in given)
 
 
 def _numbers(vector: Sequence[float]) -> str:

@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterable, Mapping
 
 from hdplan.scenes.fields import Field
 from hdplan.scenes.moveit.fields import MESSAGES
-from hdplan.scenes.robot_files.description import LinkPair, link_pair
+from hdplan.scenes.robot_files.link_pairs import LinkPair, link_pair
 
 SHOWN = 3  # pairs that a note names
 

@@ -15,16 +15,11 @@ from pathlib import Path
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.files import read_file
 from hdplan.scenes.poses import Pose, compose
+from hdplan.scenes.robot_files.link_pairs import LinkPair, link_pair
 from hdplan.scenes.robot_files.urdf_check import check_urdf, read_origin
+from hdplan.scenes.robot_files.urdf_text import read_description
 from hdplan.scenes.robot_files.urdf_words import check_shapes, check_srdf_words, check_urdf_words
-
-DEEPEST = 64  # levels of elements
-LinkPair = tuple[str, str]  # two different links, in alphabetical order
-
-
-def link_pair(a: str, b: str) -> LinkPair:
-    """Return the pair in alphabetical order."""
-    return (a, b) if a <= b else (b, a)
+from hdplan.scenes.robot_files.xml_text import DEEPEST, parse
 
 
 @dataclass(frozen=True)
@@ -38,6 +33,8 @@ class Tree:
     name: str = ""  # of the robot
     fixed: Mapping[str, Pose] = field(default_factory=dict)  # child link of a fixed joint -> pose in its parent
     notes: tuple[str, ...] = ()  # what was ignored
+    files: tuple[Path, ...] = ()  # that it was read from
+    excluded: frozenset[LinkPair] = frozenset()  # pairs that are not checked, where the description itself says so
 
     def chain(self, tip: str, base: str) -> tuple[str, ...]:
         """Return the joints of a chain as MoveIt defines it: those from the tip up to the base (or the root). If the
@@ -138,33 +135,13 @@ class Semantics:
         return found
 
 
-def _parse(path: Path, what: str) -> ElementTree.Element:
-    with naming(f"robot.{what}: {path}"):
-        data = read_file(path)
-    try:
-        root = ElementTree.fromstring(data)
-        _check_depth(root)
-    except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise InputError(f"robot.{what}: {path}: not well-formed XML: {error}") from None
-    if root.tag != "robot":
-        raise InputError(f"robot.{what}: {path}: the root element is <{root.tag}>, expected <robot>")
-    return root
-
-
-def _check_depth(root: ElementTree.Element) -> None:
-    """Refuse elements that are nested too deeply, as Pinocchio's reader is recursive."""
-    level = [root]
-    for _ in range(DEEPEST):
-        level = [below for element in level for below in element]
-    if level:
-        raise ValueError(f"elements are nested more than {DEEPEST} levels deep")
-
-
 def read_tree(path: Path) -> Tree:
-    """Read a URDF file's links and joints. Raises InputError for a file that is missing, not XML, or faulty."""
-    root = _parse(path, "urdf")
+    """Read the links and joints of a URDF, or of what can be had as one. Raises InputError for a file that is missing,
+    not XML, or faulty."""
+    description = read_description(path)
+    root = description.root
     with naming(f"robot.urdf: {path}"):
-        notes = (*check_urdf_words(root), *check_shapes(root))
+        notes = (*description.notes, *check_urdf_words(root), *check_shapes(root))
         check_urdf(root)
     parent: dict[str, tuple[str, str]] = {}
     fixed: dict[str, Pose] = {}
@@ -181,14 +158,16 @@ def read_tree(path: Path) -> Tree:
             mimics[joint.get("name", "")] = (mimic.get("joint", ""), factor, offset)
     links = tuple(link.get("name", "") for link in root.findall("link"))
     collisions = len(root.findall("link/collision"))
-    return Tree(links, parent, mimics, collisions, root.get("name", ""), fixed, notes)
+    return Tree(
+        links, parent, mimics, collisions, root.get("name", ""), fixed, notes, description.files, description.excluded
+    )
 
 
 def read_semantics(path: Path, tree: Tree) -> Semantics:
     """Read an SRDF file. Raises InputError for a file that is missing or not XML, a group that contains itself, or a
     state that is not a number."""
-    root = _parse(path, "srdf")
     with naming(f"robot.srdf: {path}"):
+        root = parse(read_file(path), ("robot",))
         notes = check_srdf_words(root, tree.links, tree.joints)
         groups = _groups(root, tree)
         states = _states(root)

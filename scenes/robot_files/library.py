@@ -99,4 +99,4 @@ def description_of(spec: RobotSpec) -> tuple[str, Path, Path | None, tuple[Path,
     if spec.urdf is None:
         raise InputError("robot: neither name nor urdf is given")
     urdf = Path(os.path.realpath(spec.urdf))  # unlike Path.resolve, no error for links that lead to each other
-    return urdf.stem, urdf, spec.srdf, (*spec.package_dirs, *urdf.parents)
+    return urdf.stem.removesuffix(".urdf"), urdf, spec.srdf, (*spec.package_dirs, *urdf.parents)

@@ -18,6 +18,7 @@ SIZES = {  # attributes of each shape with their number of values, all of which 
     "sphere": {"radius": 1},
     "cylinder": {"radius": 1, "length": 1},
     "capsule": {"radius": 1, "length": 1},
+    "ellipsoid": {"radii": 3},
     "mesh": {},
 }
 BOUNDED = ("revolute", "prismatic")

@@ -18,7 +18,7 @@ ELEMENTS = {
     "link": ("inertial", "visual", "collision", "collision_checking"),  # the last is Pinocchio's, for capsules
     "inertial": ("origin", "mass", "inertia"),
     "collision": ("origin", "geometry", "material", "verbose"),
-    "geometry": ("box", "cylinder", "sphere", "capsule", "mesh"),
+    "geometry": ("box", "cylinder", "sphere", "capsule", "ellipsoid", "mesh"),
     "joint": ("origin", "parent", "child", "axis", "calibration", "dynamics", "limit", "mimic", "safety_controller"),
 }
 ATTRIBUTES = {
@@ -33,6 +33,7 @@ ATTRIBUTES = {
     "cylinder": ("radius", "length"),
     "sphere": ("radius",),
     "capsule": ("radius", "length"),
+    "ellipsoid": ("radii",),
     "mesh": ("filename", "scale"),
     "parent": ("link",),
     "child": ("link",),

@@ -10,7 +10,7 @@ from hdplan.scenes.attached import Payload
 from hdplan.scenes.fields import Field
 from hdplan.scenes.limits import QUANTITIES, Limits
 from hdplan.scenes.obstacles import SelfCollision, SteadyMotion, TimedPoses
-from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
+from hdplan.scenes.path_constraints import PathConstraints, Relative, Upright, Within
 from hdplan.scenes.pose_fields import pose_of, read_pose
 from hdplan.scenes.timing import Timing
 
@@ -51,11 +51,12 @@ def read_payload(section: Field) -> Payload:
 
 
 def read_path(section: Field) -> PathConstraints:
-    """Read path constraints: ``upright`` and ``position``."""
-    keys = _filled(section, ("upright", "position"))
+    """Read path constraints: ``upright``, ``position`` and ``relative``."""
+    keys = _filled(section, ("upright", "position", "relative"))
     return PathConstraints(
         _upright(keys["upright"]) if "upright" in keys else None,
         _within(keys["position"]) if "position" in keys else None,
+        _relative(keys["relative"]) if "relative" in keys else None,
     )
 
 
@@ -68,6 +69,13 @@ def _within(section: Field) -> Within:
     keys = section.mapping(("link", "size", "position", "rpy", "quaternion_xyzw", "point"), required=["link", "size"])
     values = {name: keys[name] for name in ("link", "size", "point") if name in keys}
     return section.make(Within, **values, pose=pose_of(section, keys))
+
+
+def _relative(section: Field) -> Relative:
+    allowed = ("link", "to", "pose", "position_tolerance", "orientation_tolerance")
+    keys = section.mapping(allowed, required=["link", "to"])
+    pose = {"pose": read_pose(keys["pose"])} if "pose" in keys else {}
+    return section.make(Relative, **{**keys, **pose})
 
 
 def read_timing(section: Field) -> Timing:

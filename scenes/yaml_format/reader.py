@@ -19,6 +19,7 @@ from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.pose_fields import read_pose
 from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_files.urdf_text import ENDINGS
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import FilePath, checked, path_of
@@ -50,7 +51,6 @@ SECTIONS = (
     "timing",
     "planner",
 )
-DESCRIPTIONS = (".urdf",)  # endings of files that hold a robot
 ROBOT_KEYS = ("name", "urdf", "srdf", "package_dirs", "group", "base", "locked", "ignore_pairs")
 
 
@@ -129,7 +129,7 @@ def read_robot(robot: FilePath) -> tuple[RobotSpec, tuple[str, ...]]:
     is_name = len(file.parts) == 1 and not file.suffix
     if is_name and not os.path.isfile(file):
         return RobotSpec(name=str(robot), source="--robot"), ()
-    if file.suffix.lower() in DESCRIPTIONS:
+    if file.suffix.lower() in ENDINGS:
         if not os.path.isfile(file):
             raise InputError(f"{file}: no such file")
         return RobotSpec(urdf=file, source=str(file)), ()

@@ -17,7 +17,7 @@ from typing import Any
 from hdplan.scenes.attached import Attached, Payload, body_inertia
 from hdplan.scenes.limits import JointQuantity, Limits, ranges
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses, rising_times
-from hdplan.scenes.path_constraints import AXES, Upright, Within, direction, extent
+from hdplan.scenes.path_constraints import AXES, Relative, Upright, Within, direction, extent
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.poses import rotation
 from hdplan.scenes.robot_spec import RobotSpec, group_of, pair
@@ -45,7 +45,11 @@ from hdplan.scenes.yaml_format.shapes import CLASSES, SHAPE_KEYS
 
 Schema = dict[str, Any]
 
-TEXT: Schema = {"type": "string", "pattern": r"\S", "not": {"pattern": r"[\x00-\x1f\x7f-\x9f\u2028\u2029]"}}
+TEXT: Schema = {
+    "type": "string",
+    "pattern": r"\S",
+    "not": {"type": "string", "pattern": r"[\x00-\x1f\x7f-\x9f\u2028\u2029]"},
+}
 FORMS: Mapping[Check, Check | tuple[Check, ...]] = {  # of checks that a schema cannot express in full: one of these
     rotation: Row(Number(), 4),
     direction: (Choice(AXES), Row(Number(), 3)),
@@ -57,7 +61,11 @@ FORMS: Mapping[Check, Check | tuple[Check, ...]] = {  # of checks that a schema 
     pair: Row(text, 2),
     group_of: (text, Row(text)),
 }
-LEAST = {volume: 4, rising_times: 2}  # fewest values in a list
+LISTS: Mapping[Check, Schema] = {  # what else holds of lists
+    volume: {"minItems": 4},
+    rising_times: {"minItems": 2},
+    group_of: {"minItems": 1, "uniqueItems": True},
+}
 BEYOND = 1e308  # only infinity is greater
 PLAIN: Mapping[Check, Schema] = {
     text: TEXT,
@@ -87,12 +95,12 @@ def scene_schema() -> Schema:
                 "goal": _one_key(_goal()),
                 "from_request": {"type": ["boolean", "null"]},
                 "self_collision": {
-                    "anyOf": [{"type": ["boolean", "null"]}, _filled(SelfCollision, without=("checked",))]
+                    "anyOf": [{"type": ["boolean", "null"]}, _some(_section(SelfCollision, without=("checked",)))]
                 },
-                "limits": _nullable(_filled(Limits, position=_some(_value(ranges)))),
+                "limits": _nullable(_some(_section(Limits, position=_some(_value(ranges))))),
                 "payload": _nullable(_section(Payload)),
-                "path": _nullable(_some(_object({"upright": _section(Upright), "position": _placed(Within)}))),
-                "timing": _nullable({**_filled(Timing), "not": {"required": ["duration", "scale"]}}),
+                "path": _nullable(_some(_path())),
+                "timing": _nullable(_not_both(_some(_section(Timing)), "duration", "scale")),
                 "planner": _nullable(_section(PlannerSettings)),
             },
             required=("hdplan", "start", "goal"),
@@ -126,35 +134,32 @@ def _field(field: dataclasses.Field[Any], schema: Schema) -> Schema:
     return {**_nullable(schema), **({"default": field.default} if shown else {})}
 
 
-def _filled(kind: Any, without: Collection[str] = (), **instead: Schema) -> Schema:
-    """Return a section that must not be empty, and whose keys must not be null."""
-    schema = _section(kind, without, **instead)
-    found = {name: instead.get(name) or _value(checks_of(kind)[name]) for name in schema["properties"]}
-    return _some({**schema, "properties": found})
-
-
 def _placed(kind: Any) -> Schema:
     """Return a section with the keys of a pose beside its own."""
     own, pose = _section(kind, without=("pose", "field")), _pose()
-    return {**own, "properties": {**own["properties"], **pose["properties"]}, "not": pose["not"]}
+    return {**own, "properties": {**own["properties"], **pose["properties"]}, "allOf": pose["allOf"]}
+
+
+def _path() -> Schema:
+    constraints = {
+        "upright": _section(Upright),
+        "position": _placed(Within),
+        "relative": _section(Relative, pose=_pose()),
+    }
+    return _object({name: _nullable(schema) for name, schema in constraints.items()})
 
 
 def _robot() -> Schema:
-    robot = _section(RobotSpec, without=("source",), base=_pose())
-    plain = {"name": TEXT, "urdf": TEXT}  # one of them is required, so neither may be null
-    return {
-        **robot,
-        "properties": {**robot["properties"], **plain},
-        "oneOf": [{"required": [name]} for name in plain],
-        "dependencies": {"srdf": ["urdf"], "package_dirs": ["urdf"]},
-    }
+    robot = _not_both(_section(RobotSpec, without=("source",), base=_pose()), "name", "srdf")
+    robot = _not_both(robot, "name", "package_dirs")
+    return {**robot, "oneOf": [_given("name"), _given("urdf"), {"type": "null"}]}
 
 
 def _pose() -> Schema:
     turns = {"quaternion_xyzw": _value(rotation), "rpy": _value(Row(Number(unit="rad"), 3))}
     keys = {"position": _value(Row(Number(unit="m"), 3)), **turns}
     about = "A pose: position, and a unit quaternion (x, y, z, w) or roll, pitch and yaw as in URDF."
-    return {**_object({name: _nullable(key) for name, key in keys.items()}, (), about), "not": {"required": [*turns]}}
+    return _not_both(_object({name: _nullable(key) for name, key in keys.items()}, (), about), *turns)
 
 
 def _shape() -> Schema:
@@ -168,7 +173,7 @@ def _shape() -> Schema:
 
 
 def _motion() -> Schema:
-    return {"anyOf": [_filled(SteadyMotion), _section(TimedPoses, poses=_list(_pose()))]}
+    return {"anyOf": [_some(_section(SteadyMotion)), _section(TimedPoses, poses=_list(_pose()))]}
 
 
 def _joints() -> Schema:
@@ -179,13 +184,14 @@ def _joints() -> Schema:
 
 def _goal() -> dict[str, Schema]:
     pose = _placed(PoseTarget)
-    pose["required"] = ["link", "position"]
+    pose["required"] = ["position"]
     pose["properties"]["position"] = _value(Row(Number(unit="m"), 3))
     return {
         "joints": {"anyOf": [*_joints()["anyOf"], {**_list(_joints()), "minItems": 1}]},
         "state": TEXT,
         "pose": pose,
         "poses": {**_list(pose), "minItems": 1},
+        "all": {**_list(_object({"pose": {**pose, "required": ["link", "position"]}}, ["pose"])), "minItems": 2},
     }
 
 
@@ -219,8 +225,10 @@ def _value(check: Check) -> Schema:
         return PLAIN[check]
     form = FORMS[check]
     if isinstance(form, tuple):
-        return {"anyOf": [_value(each) for each in form]}
-    return {**_value(form), **({"minItems": LEAST[check]} if check in LEAST else {})}
+        schema: Schema = {"anyOf": [_value(each) for each in form]}
+    else:
+        schema = _value(form)
+    return {**schema, **LISTS.get(check, {})}
 
 
 def _number(check: Number) -> Schema:
@@ -246,11 +254,24 @@ def _object(keys: Mapping[str, Schema], required: Collection[str] = (), about: s
 
 
 def _one_key(keys: Mapping[str, Schema]) -> Schema:
-    return {**_object(keys), "minProperties": 1, "maxProperties": 1}
+    """Return the schema of an object in which exactly one key is given."""
+    nullable = _object({key: _nullable(schema) for key, schema in keys.items()})
+    return {**nullable, "minProperties": 1, "oneOf": [_given(key) for key in keys]}
 
 
 def _some(schema: Schema) -> Schema:
-    return {**schema, "minProperties": 1}
+    """Return the schema of an object in which something is given: not only nulls."""
+    return {**schema, "minProperties": 1, "not": {"type": "object", "additionalProperties": {"type": "null"}}}
+
+
+def _not_both(schema: Schema, one: str, other: str) -> Schema:
+    """Return the schema of an object in which at most one of two keys is given."""
+    return {**schema, "allOf": [*schema.get("allOf", []), {"not": _given(one, other)}]}
+
+
+def _given(*keys: str) -> Schema:
+    """Return the schema of an object in which all these keys are given, and not as null."""
+    return {"type": "object", "required": [*keys], "properties": {key: {"not": {"type": "null"}} for key in keys}}
 
 
 def _list(item: Schema) -> Schema:

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from hdplan.scenes.fields import Field
 from hdplan.scenes.pose_fields import pose_of
-from hdplan.scenes.targets import FREE_ROTATIONS, NO_TURN, Goals, JointTarget, PoseTarget
+from hdplan.scenes.targets import FREE_ROTATIONS, NO_TURN, AllOf, Goals, JointTarget, PoseTarget, unlike_the_others
 from hdplan.scenes.values import JointValue, Named, Row
 
-GOAL_KEYS = ("joints", "state", "pose", "poses")
+GOAL_KEYS = ("joints", "state", "pose", "poses", "all")
 POSE_KEYS = (
     "link",
     "position",
@@ -44,7 +44,8 @@ def _joints(joints: Field, name: str) -> JointTarget:
 
 
 def read_goal(section: Field) -> JointTarget | Goals:
-    """Read one configuration, or a goal with a choice: several configurations, a link's pose, or several poses."""
+    """Read one configuration, or a goal with a choice: several configurations, a link's pose, several poses, or poses
+    of several links together."""
     keys = section.mapping(GOAL_KEYS)
     if len(keys) != 1:
         found = " and ".join(f"'{key}'" for key in keys) or "none of them"
@@ -53,6 +54,8 @@ def read_goal(section: Field) -> JointTarget | Goals:
         return Goals((_pose_target(keys["pose"]),))
     if "poses" in keys:
         return Goals(tuple(_pose_target(pose) for pose in _at_least_one(keys["poses"], "poses")))
+    if "all" in keys:
+        return Goals((_all_of(keys["all"]),))
     if "joints" in keys and isinstance(keys["joints"].value, list) and _holds_containers(keys["joints"].value):
         entries = keys["joints"].items(of="configurations")
         return Goals(tuple(_joints(joints, joints.key) for joints in entries))
@@ -70,14 +73,24 @@ def _at_least_one(section: Field, of: str) -> list[Field]:
     return entries
 
 
+def _all_of(section: Field) -> AllOf:
+    entries = [entry.mapping(("pose",), required=["pose"])["pose"] for entry in section.items(of="goals")]
+    if len(entries) < 2:
+        raise section.wrong("a list of two or more goals, each with the key pose")
+    poses = [_pose_target(entry) for entry in entries]
+    if wrong_one := unlike_the_others(poses):
+        raise entries[wrong_one[0]].error(wrong_one[1])
+    return AllOf(poses, section.key)
+
+
 def _pose_target(section: Field) -> PoseTarget:
-    keys = section.mapping(POSE_KEYS, required=["link", "position"])
+    keys = section.mapping(POSE_KEYS, required=["position"])
     free = keys["free_rotation"].choice(FREE_ROTATIONS) if "free_rotation" in keys else PoseTarget.free_rotation
     turn = next((keys[key] for key in ("quaternion_xyzw", "rpy", "orientation_tolerance") if key in keys), None)
     if free == "all" and turn is not None:
         raise turn.error(NO_TURN)
     if free != "all" and "quaternion_xyzw" not in keys and "rpy" not in keys:
         raise section.error("has no orientation: give 'quaternion_xyzw' or 'rpy', or free_rotation: all")
-    values = {name: keys[name] for name in ("position_tolerance", "orientation_tolerance") if name in keys}
+    values = {name: keys[name] for name in ("link", "position_tolerance", "orientation_tolerance") if name in keys}
     pose = pose_of(section, keys)
-    return section.make(PoseTarget, field=section.key, link=keys["link"], pose=pose, free_rotation=free, **values)
+    return section.make(PoseTarget, field=section.key, pose=pose, free_rotation=free, **values)

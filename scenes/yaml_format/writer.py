@@ -16,7 +16,7 @@ from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, Timed
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
-from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
+from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 from hdplan.scenes.yaml_format.shapes import shape_entry
 from hdplan.scenes.yaml_text import flow_style
 
@@ -99,6 +99,13 @@ def _effects(scene: Scene) -> dict[str, Any]:
     if (within := path.position) is not None:
         entry = {"link": within.link, "size": list(within.size), **_pose(within.pose), "point": list(within.point)}
         sections["path"]["position"] = entry
+    if (relative := path.relative) is not None:
+        pose = {} if relative.pose is None else {"pose": _pose(relative.pose)}
+        allowed = {
+            "position_tolerance": relative.position_tolerance,
+            "orientation_tolerance": relative.orientation_tolerance,
+        }
+        sections["path"]["relative"] = {"link": relative.link, "to": relative.to, **pose, **allowed}
     if timing is not None:
         when = {"scale": timing.scale} if timing.duration is None else {"duration": timing.duration}
         sections["timing"] = {**when, "rate": timing.rate}
@@ -117,6 +124,8 @@ def _pose(pose: Pose) -> dict[str, Any]:
 
 def _target(target: JointTarget | Goals) -> dict[str, Any]:
     if isinstance(target, Goals):
+        if isinstance(target.targets[0], AllOf):
+            return {"all": [{"pose": _pose_target(each)} for each in target.targets[0].poses]}
         poses = [_pose_target(each) for each in target.targets if isinstance(each, PoseTarget)]
         if len(poses) == 1:
             return {"pose": poses[0]}
@@ -132,7 +141,8 @@ def _pose_target(target: PoseTarget) -> dict[str, Any]:
     placement = {"position": list(target.pose.position)} if free else _pose(target.pose)
     turn = {} if free else {"orientation_tolerance": target.orientation_tolerance}
     tolerances = {"position_tolerance": target.position_tolerance, **turn}
-    return {"link": target.link, **placement, **tolerances, "free_rotation": target.free_rotation}
+    link = {} if target.link is None else {"link": target.link}
+    return {**link, **placement, **tolerances, "free_rotation": target.free_rotation}
 
 
 def _path(path: Path) -> str:

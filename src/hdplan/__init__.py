@@ -45,19 +45,20 @@ if TYPE_CHECKING:
     from hdplan.scenes.errors import HdplanError, InputError, OutOfTime
     from hdplan.scenes.limits import Limits
     from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
-    from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
+    from hdplan.scenes.path_constraints import PathConstraints, Relative, Upright, Within
     from hdplan.scenes.planner_settings import PlannerSettings
     from hdplan.scenes.poses import Pose
     from hdplan.scenes.robot_spec import RobotSpec
     from hdplan.scenes.scene import Scene
     from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Sphere
-    from hdplan.scenes.targets import PoseTarget
+    from hdplan.scenes.targets import AllOf, PoseTarget
     from hdplan.scenes.timing import Timing
     from hdplan.scenes.yaml_format.reader import load_scene
 
 __version__ = "0.1.0"
 
 _HOMES = {  # of names, below hdplan
+    "AllOf": "scenes.targets",
     "Attached": "scenes.attached",
     "Box": "scenes.shapes",
     "Budget": "planner.solvers.solution",
@@ -81,6 +82,7 @@ _HOMES = {  # of names, below hdplan
     "Pose": "scenes.poses",
     "PoseTarget": "scenes.targets",
     "Problem": "planner.problem.problem",
+    "Relative": "scenes.path_constraints",
     "Robot": "planner.robot.robot",
     "RobotSpec": "scenes.robot_spec",
     "Scene": "scenes.scene",
@@ -104,6 +106,7 @@ _HOMES = {  # of names, below hdplan
 }
 
 __all__ = [
+    "AllOf",
     "Attached",
     "Box",
     "Budget",
@@ -127,6 +130,7 @@ __all__ = [
     "Pose",
     "PoseTarget",
     "Problem",
+    "Relative",
     "Robot",
     "RobotSpec",
     "Scene",

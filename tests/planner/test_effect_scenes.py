@@ -49,6 +49,12 @@ NEEDED: list[tuple[str, Change, Status, str]] = [
     ("panda_vase", no_own_clearance, Status.TOO_CLOSE, "vase come within "),
     ("panda_fold", no_self_collision, Status.IN_CONTACT, "panda_link0 and "),
     ("panda_cable", no_ranges, Status.OUTSIDE_LIMITS, "joint 'panda_joint2' at -0.7"),
+    (
+        "baxter_bimanual_carry",
+        no_path,
+        Status.OFF_PATH,
+        "orientation_tolerance: right_gripper is turned by 0.3",
+    ),
     ("ur5_ceiling", no_base, Status.IN_CONTACT, "divider overlap by "),
 ]
 

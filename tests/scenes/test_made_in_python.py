@@ -16,13 +16,13 @@ from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import FieldError, InputError
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
-from hdplan.scenes.path_constraints import Upright, Within
+from hdplan.scenes.path_constraints import Relative, Upright, Within
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Mesh, Points, Sphere
-from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
+from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.values import Checked
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
@@ -281,6 +281,8 @@ def test_the_short_forms_say_what_the_long_ones_say(tmp_path: Path) -> None:
         ("default", JointTarget("goal", state="default")),
         (tool, Goals((tool,))),
         ([tool, anyhow], Goals((tool, anyhow))),
+        (AllOf([tool, anyhow]), Goals((AllOf((tool, anyhow)),))),
+        ([AllOf([tool, anyhow])], Goals((AllOf((tool, anyhow)),))),
         (many, Goals(tuple(JointTarget("goal", tuple(row)) for row in many.tolist()))),
         (
             [list(joints), zeros],
@@ -380,7 +382,10 @@ def test_what_is_harmless_becomes_what_the_reader_makes() -> None:
         (lambda: scene_of(start=(0.0, NAN)), r"Scene.start\[1\]: must be a finite number \[rad or m\], found nan"),
         (lambda: scene_of(start={"j": "a"}), "Scene.start.j: must be a finite number"),
         (lambda: scene_of(goal=[[0.0], [NAN]]), r"Scene.goal\[1\]\[0\]: must be a finite number"),
-        (lambda: scene_of(goal=np.empty((0, 7))), "Scene.goal: must be a list .* or a list of any one of these"),
+        (
+            lambda: scene_of(goal=np.empty((0, 7))),
+            "Scene.goal: must be a list .* any one of these, or an AllOf",
+        ),
         (lambda: scene_of(goal=[[0.0], PoseTarget("hand", Pose())]), "Scene.goal.targets: must be a list of one or"),
         (lambda: scene_of(obstacles=Obstacle("a", BOX_MADE)), "Scene.obstacles: must be a list"),
         (lambda: scene_of(obstacles=[3]), r"Scene.obstacles\[0\]: must be an Obstacle, or one of the shapes Box, Sph"),
@@ -391,6 +396,21 @@ def test_what_is_harmless_becomes_what_the_reader_makes() -> None:
         ),
         (lambda: Box([1, 1, 1], pose=[0, 0]), "Box.pose: must be a Pose, or a position of three numbers"),
         (lambda: Box([1, 1, 1], pose=[0, 0, NAN]), r"Box.pose.position\[2\]: must be a finite number"),
+        (lambda: PoseTarget("hand"), "PoseTarget.pose: must be of the class Pose, found nothing"),
+        (lambda: AllOf([PoseTarget("hand", Pose())]), "AllOf.poses: must be a list of two or more PoseTargets"),
+        (
+            lambda: AllOf([PoseTarget("hand", Pose()), PoseTarget("hand", Pose())]),
+            r"AllOf.poses\[1\]: the link 'hand' has a pose already",
+        ),
+        (
+            lambda: AllOf([PoseTarget("hand", Pose()), PoseTarget(pose=Pose())]),
+            r"AllOf.poses\[1\]: names no link",
+        ),
+        (
+            lambda: scene_of(goal=[AllOf([PoseTarget("a", Pose()), PoseTarget("b", Pose())]), [0.0] * 7]),
+            "Scene.goal.targets: must be a list of one or more",
+        ),
+        (lambda: Relative("hand", "hand"), "Relative.to: must be another link than 'link', found 'hand' twice"),
         (lambda: PoseTarget("hand", [0, 0, 1]), "PoseTarget.pose: must be of the class Pose"),
         (lambda: Pose.from_rpy([0, 0, 0], [0, NAN, 0]), r"rpy\[1\]: must be a finite number \[rad\], found nan"),
         (lambda: scene_of(obstacles=[Obstacle("a", BOX_MADE)] * 2), "'a' is taken by an earlier obstacle"),

@@ -11,6 +11,7 @@ from hdplan.scenes.shapes import Mesh
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 
 NAMES = {
+    "baxter_bimanual_carry",
     "empty",
     "kinova_shelf",
     "panda_bookshelf",
@@ -72,5 +73,5 @@ def test_a_misspelt_name_is_answered_with_the_nearest(tmp_path: Path, monkeypatc
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=r"panda_coridor: no such file .*'panda_corridor'"):
         load_scene("panda_coridor")
-    with pytest.raises(InputError, match=r"zzz\.yaml: no such file \(shipped scenes: empty, kinova_shelf"):
+    with pytest.raises(InputError, match=r"zzz\.yaml: no such file \(shipped scenes: baxter_bimanual_carry, empty"):
         load_scene("zzz.yaml")

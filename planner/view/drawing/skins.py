@@ -31,7 +31,7 @@ from hdplan.planner.geometry.shapes import operations, shape_of
 from hdplan.planner.robot.pin_model import read_visuals
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Rows
-from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.errors import InputError, listed, naming
 from hdplan.scenes.files import Stamps, stamps_of
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import freeze
@@ -73,7 +73,8 @@ class _Part:
 
 def visual_skins(robot: Robot, spec: RobotSpec) -> tuple[tuple[Skin, ...], tuple[str, ...]]:
     """Return what the robot looks like, one skin per link and colour, and what it holds; none if its URDF holds no
-    visuals. And words for the meshes that are left out, as they are missing or cannot be read.
+    visuals. And words for the meshes that are left out, as they are missing or cannot be read: a link of which nothing
+    is left is drawn by its collision geometry.
 
     Raises InputError for a URDF that is not valid.
     """
@@ -82,24 +83,33 @@ def visual_skins(robot: Robot, spec: RobotSpec) -> tuple[tuple[Skin, ...], tuple
     for *_, named in read_visuals(urdf):
         with contextlib.suppress(InputError):  # said when it is to be drawn
             files += [named.found(urdf, package_dirs)[0]] if named else []
-    own, left_out = _visual_skins(robot, urdf, package_dirs, stamps_of(dict.fromkeys([urdf, *files])))
+    own, failed = _visual_skins(robot, urdf, package_dirs, stamps_of(dict.fromkeys([urdf, *files])))
+    bare = {link for link, _ in failed} - {skin.link for skin in own}
     held = {attached.name for attached in robot.attached}
-    drawn = (*own, *(skin for skin in collision_skins(robot, HELD) if skin.link in held)) if own and held else own
-    return drawn, left_out
+    drawn = own
+    if own and bare:  # without any, the whole robot is shown in its collision geometry
+        drawn = (*drawn, *(skin for skin in collision_skins(robot) if skin.link in bare))
+    if own and held:
+        drawn = (*drawn, *(skin for skin in collision_skins(robot, HELD) if skin.link in held))
+    words = [said for _, said in failed]
+    if instead := [link for link in robot.links if own and link in bare]:
+        words.append(f"drawn by their collision geometry: {listed(instead)}")
+    return drawn, tuple(words)
 
 
 @functools.lru_cache(maxsize=8)
 def _visual_skins(
     robot: Robot, urdf: Path, package_dirs: tuple[Path, ...], stamps: Stamps
-) -> tuple[tuple[Skin, ...], tuple[str, ...]]:
-    """Make them once, as long as the files, by `stamps`, stay as they are."""
+) -> tuple[tuple[Skin, ...], tuple[tuple[str, str], ...]]:
+    """Make them once, as long as the files, by `stamps`, stay as they are; and what is wrong with others, with their
+    links."""
     parts: dict[tuple[str, Color], list[trimesh.Trimesh]] = {}
-    left_out: list[str] = []
+    failed: list[tuple[str, str]] = []
     for link, placement, item, named in read_visuals(urdf):
         try:
             found = _parts(link, *named.found(urdf, package_dirs)) if named else _primitive(item)
         except InputError as error:
-            left_out.append(str(error))
+            failed.append((link, str(error)))
             continue
         own: Color = _rgb(item.meshColor)
         for part in found:
@@ -111,7 +121,7 @@ def _visual_skins(
         frame = robot.model.frames[robot.model.getFrameId(link, pin.FrameType.BODY)]
         whole = trimesh.util.concatenate(meshes).apply_transform(frame.placement.homogeneous)
         skins.append(_skin(link, int(frame.parentJoint), whole, color))
-    return tuple(skins), tuple(left_out)
+    return tuple(skins), tuple(failed)
 
 
 @functools.lru_cache(maxsize=8)

@@ -145,7 +145,7 @@ def test_pairs_that_never_touch_are_checked_where_more_is_asked(tmp_path: Path) 
         assert judged.certified is certified, judged.text
         assert load_scene_robot(scene).self_pairs == ((("base", "tip"),) if clearance else ())
         if clearance:
-            with pytest.raises(InputError, match="leaves out pairs of links that the scene's keeps apart"):
+            with pytest.raises(InputError, match="base and tip are not checked against each other, the scene's are"):
                 Setup.of(scene, load_robot(spec))
 
 

@@ -62,7 +62,7 @@ def test_what_is_found_reaches_the_pose_within_limits(name: str, free: str) -> N
     rng = np.random.default_rng(5)
     for q in robot.draw(rng, 3):
         target = target_at(link, placed(robot, link, q), free)
-        found, least = reaching(robot, target, start, np.random.default_rng(0))
+        found, (least,) = reaching(robot, target, start, np.random.default_rng(0))
         assert len(found)
         assert least.within(target)
         for row in found:

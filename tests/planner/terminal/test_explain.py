@@ -79,7 +79,10 @@ attached:
 self_collision: {clearance: 0.01}
 limits: {position: {panda_joint1: [-2, 2]}, velocity: 1.5, acceleration: 8, jerk: 80, torque: urdf}
 payload: {link: panda_hand, mass: 1.0}
-path: {upright: {link: panda_hand, tolerance: 0.5}, position: {link: panda_hand, size: [.inf, 5, 5]}}
+path:
+  upright: {link: panda_hand, tolerance: 0.5}
+  position: {link: panda_hand, size: [.inf, 5, 5]}
+  relative: {link: panda_hand, to: panda_link6, position_tolerance: 0.5, orientation_tolerance: 3}
 timing: {duration: 4}
 start: {state: default}
 goal: {joints: [[0.5, -0.785, 0, -2.356, 0, 1.571, 0.785], [-0.5, -0.785, 0, -2.356, 0, 1.571, 0.785]]}
@@ -101,6 +104,7 @@ def test_every_effect_has_its_line(tmp_path: Path) -> None:
         ("base", "stands at (0, 0, 1.6), upside down"),
         ("moving obstacles", "1; each sample of the motion meets them where they are at its time"),
         ("path.upright", "axis (0, 0, 1) of panda_hand points up all the way, tilted by 0.5 rad at most"),
+        ("path.relative", "panda_hand keeps its pose at panda_link6, within 500 mm and 3 rad"),
         ("times", "minimum jerk in 4 s, 100 rows per second"),
     ):
         assert on[name] == words

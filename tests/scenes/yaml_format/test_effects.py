@@ -14,7 +14,7 @@ from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import QUANTITIES, JointValues, Limits
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
-from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
+from hdplan.scenes.path_constraints import PathConstraints, Relative, Upright, Within
 from hdplan.scenes.poses import Pose, Vector3
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
@@ -97,6 +97,9 @@ def test_what_is_not_said_keeps_its_default(tmp_path: Path) -> None:
     assert read(tmp_path, "self_collision: true\nlimits:\n") == plain
     assert read(tmp_path, "self_collision: false\n").self_collision == SelfCollision(checked=False)
     assert read(tmp_path, "path: {upright: {link: hand}}\n").path.upright == Upright("hand")
+    held = read(tmp_path, "path: {relative: {link: hand, to: other, pose: {position: [0, 0, 1]}}}\n").path.relative
+    assert held == Relative("hand", "other", Pose((0.0, 0.0, 1.0)))
+    assert read(tmp_path, "path: {relative: {link: hand, to: other}}\n").path.relative == Relative("hand", "other")
     assert not read(tmp_path, "limits: {position: {j1: [0, 1]}}\n").timed
     said = read(tmp_path, "limits: {acceleration: 2}\ntiming: {scale: 0.5}\n")
     assert said.timing == Timing(scale=0.5)
@@ -205,6 +208,19 @@ CASES = {
     # path
     "path empty": ("path: {}\n", "path: is empty", "upright, position"),
     "path misspelt": ("path: {uprigth: {}}\n", "path: unknown key 'uprigth'", "did you mean 'upright'"),
+    "relative without to": ("path: {relative: {link: a}}\n", "path.relative: the key 'to' is missing"),
+    "relative to itself": ("path: {relative: {link: a, to: a}}\n", "path.relative.to: must be another link", "'a'"),
+    "relative within nothing": (
+        "path: {relative: {link: a, to: b, position_tolerance: 0}}\n",
+        "path.relative.position_tolerance: ",
+        "greater than 0",
+    ),
+    "relative beyond a half turn": (
+        "path: {relative: {link: a, to: b, orientation_tolerance: 3.2}}\n",
+        "path.relative.orientation_tolerance: ",
+        "3.14159",
+    ),
+    "relative, half a pose": ("path: {relative: {link: a, to: b, pose: {rpy: [0, 0]}}}\n", "path.relative.pose.rpy: "),
     "upright without link": ("path: {upright: {axis: z}}\n", "path.upright: the key 'link' is missing"),
     "axis unknown": ("path: {upright: {link: a, axis: w}}\n", "path.upright.axis: unknown value 'w'", "-x, -y, -z"),
     "axis of no length": ("path: {upright: {link: a, axis: [0, 0, 0]}}\n", "path.upright.axis: ", "length above 0"),

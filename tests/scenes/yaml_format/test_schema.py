@@ -22,11 +22,13 @@ SHIPPED = shipped_scenes()
 FILE = SHIPPED["empty"].parents[1] / "scene.schema.json"
 VALIDATOR = Draft7Validator(scene_schema())
 
-ABOUT_MEANING = re.compile(  # what the reader refuses and a schema cannot say: numbers and sections together, files
+# What the reader refuses and a schema cannot say: numbers and sections together, files, keys that JSON does not have.
+ABOUT_MEANING = re.compile(
     r"must be a unit quaternion|must be points that span|is not physical|must increase|with low < high|is taken by an"
     r"|(torque|duration|acceleration) is missing|must be a (file|directory), but|must be as many as|has no meaning"
     r"|stands beside|has no orientation|rows at a rate of|must name two different links|is infinite along"
-    r"|which has a length above 0|a whole number .* found -?[0-9]+\.0"
+    r"|which has a length above 0|a whole number .* found -?[0-9]+\.0|keys must be names"
+    r"|must be another link than|names no link|has a pose already"
 )
 
 FULL = """
@@ -46,7 +48,10 @@ goal: {poses: [{link: tool, position: [1, 0, 0], rpy: [0, 0, 0], position_tolera
 self_collision: {clearance: 0.01}
 limits: {position: {a: [-1, 1]}, velocity: urdf, acceleration: 4, jerk: [1, 2, 3], torque: {a: 5}}
 payload: {link: tool, mass: 5, com: [0, 0, 0.08], inertia: [0.01, 0, 0, 0.01, 0, 0.01]}
-path: {upright: {link: tool, axis: -z, tolerance: 0.1}, position: {link: tool, size: [1, .inf, 1], position: [0, 0, 0]}}
+path:
+  upright: {link: tool, axis: -z, tolerance: 0.1}
+  position: {link: tool, size: [1, .inf, 1], position: [0, 0, 0]}
+  relative: {link: tool, to: a, pose: {position: [0, 0, 1], rpy: [0, 0, 1]}, position_tolerance: 0.01}
 timing: {duration: 2, rate: 50}
 planner: {waypoints: 40, clearance: 0.005, gamma: 3, swept: true, normals: sphere, distance: fcl}
 """
@@ -114,6 +119,46 @@ def test_both_refuse_the_same_broken_scenes(folder: Path) -> None:
         else:
             assert wrong is not None, (what, refused)
             both += 1
+
+
+def test_null_is_the_same_as_leaving_out_and_both_say_so(folder: Path) -> None:
+    """At every place in turn both take it, or both refuse it; and so with an empty mapping."""
+    whole = yaml.safe_load(FULL)
+    for row, (_, name) in enumerate(containers(whole)):
+        for value in (None, {}):
+            changed = copy.deepcopy(whole)
+            place, key = list(containers(changed))[row]
+            place[key] = value
+            refused, wrong = said(changed, folder)
+            if (name, value) == ("robot", None):  # which may come from --robot
+                assert wrong is None
+            elif refused is None or not ABOUT_MEANING.search(refused):
+                assert (refused is None) == (wrong is None), (name, value, refused, wrong)
+
+
+@pytest.mark.parametrize(
+    ("section", "right"),
+    [
+        ({"robot": {"name": "panda", "urdf": None, "srdf": None, "package_dirs": None}}, True),
+        ({"robot": {"name": None, "urdf": "planar_arm.urdf"}}, True),
+        ({"robot": {"name": "panda", "srdf": "planar_arm.srdf"}}, False),
+        ({"robot": {"name": None, "urdf": None}}, False),
+        ({"robot": {"name": "panda", "group": ["a", "a"]}}, False),
+        ({"start": {"joints": [1, 2], "state": None}}, True),
+        ({"goal": {"joints": None, "state": None}}, False),
+        ({"goal": {"joints": [1, 2], "state": "there"}}, False),
+        ({"timing": {"duration": 2, "scale": None}}, True),
+        ({"timing": {"duration": 2, "scale": 1.0}}, False),
+        ({"timing": {"rate": None}}, False),
+        ({"self_collision": {"clearance": None}}, False),
+        ({"obstacles": [{"shape": {"type": "sphere", "radius": 1}, "motion": {"velocity": None}}]}, False),
+        ({"goal": {"pose": {"link": "a", "position": [1, 0, 0], "rpy": None, "quaternion_xyzw": [0, 0, 0, 1]}}}, True),
+        ({"goal": {"pose": {"link": "a", "position": [1, 0, 0], "rpy": [0, 0, 0], "quaternion_xyzw": None}}}, True),
+    ],
+)
+def test_both_count_what_is_given_and_not_null(section: dict[str, Any], right: bool, folder: Path) -> None:
+    refused, wrong = said({**yaml.safe_load(FULL), **section}, folder)
+    assert (refused is None, wrong is None) == (right, right), (refused, wrong)
 
 
 def break_at_random(content: Any, rng: np.random.Generator) -> str:

@@ -19,13 +19,13 @@ from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
-from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
+from hdplan.scenes.path_constraints import PathConstraints, Relative, Upright, Within
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
-from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
+from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 from hdplan.scenes.yaml_format.writer import scene_text
@@ -255,14 +255,18 @@ class Maker:
     def pose_target(self, field: str) -> PoseTarget:
         free = str(self.rng.choice(["none", "x", "y", "z", "all"]))
         if free == "all":
-            return PoseTarget(self.name(), Pose(self.vector()), self.number(high=1.0), free_rotation=free, field=field)
+            link = self.maybe(self.name(), None)
+            return PoseTarget(link, Pose(self.vector()), self.number(high=1.0), free_rotation=free, field=field)
         tolerances = self.number(high=1.0), self.number(high=3.0)
         return PoseTarget(self.name(), self.pose(), *tolerances, free, field=field)
 
     def goal(self) -> JointTarget | Goals:
-        match int(self.rng.integers(4)):
+        match int(self.rng.integers(5)):
             case 0:
                 return self.target("goal")
+            case 4:
+                poses = [replace(self.pose_target(f"goal.all[{i}].pose"), link=f"link {i}") for i in range(3)]
+                return Goals((AllOf(poses, "goal.all"),))
             case 1:
                 return Goals((self.pose_target("goal.pose"),))
             case 2:
@@ -290,6 +294,8 @@ class Maker:
         payload = Payload(self.name(), self.number(), self.vector(), (0.01, 0.0, 0.0, 0.01, 0.0, 0.01))
         upright = Upright(self.name(), (x, y, z), self.number(high=3.0))
         within = Within(self.name(), (np.inf, self.number(), self.number()), self.pose(), self.vector())
+        pose = self.maybe(self.pose(), None)
+        relative = Relative(f"a {self.name()}", f"b {self.name()}", pose, self.number(high=1.0), self.number(high=3.0))
         timing = Timing(self.number(0.1), rate=float(self.rng.uniform(1, 1000)))
         settings = PlannerSettings(
             17, self.number(high=1.0), self.number(high=1.0), 5, 1e-5, "fcl", "box", True, "faces"
@@ -309,7 +315,7 @@ class Maker:
             self_collision=own[int(self.rng.integers(3))],
             limits=limits,
             payload=self.maybe(payload, None),
-            path=PathConstraints(self.maybe(upright, None), self.maybe(within, None)),
+            path=PathConstraints(self.maybe(upright, None), self.maybe(within, None), self.maybe(relative, None)),
             timing=timing,
         )
 

@@ -1,0 +1,333 @@
+"""The path constraints of a scene: what a configuration takes of each, and no more than what on a part of a motion.
+
+On a part of the motion q(s) = q_m + s δ + e(s), |s| ≤ 1, |e_j(s)| ≤ ε_j (`Curve.part`), everything taken at q_m:
+
+*Upright.* The link's axis a is turned by the revolute joints that carry it. With a' = Σ_j δ_j z_j × a and ‖∂²a/∂q_i
+∂q_j‖ ≤ 1, the chord to the upward direction z is at most
+
+    ‖a(s) − z‖ ≤ max_{s = ±1} ‖a − z + s a'‖ + ½ (Σ_j |δ_j|)² + Σ_j ε_j,    angle = 2 arcsin(chord/2),
+
+as the norm is convex in s, and a joint that is off by ε_j turns the axis by no more than that. Coarser: the angle grows
+by Σ_j |δ_j| + ε_j at most.
+
+*Within.* The point's place u in the axes of the box is, with p' and R of `motion_bounds`, in each axis at most
+
+    |u(s)| ≤ max_{s = ±1} |u + s u'| + R,    or    |u| + Σ_j (|δ_j| + ε_j) ρ_j.
+
+*Relative.* What joints do that carry both links changes neither the distance of two points on them nor the angle
+between them, so only those count that carry one of the two: A the first, B the other. The link's origin p is to be at
+the point c of the other link,
+
+    ‖p(s) − c(s)‖ ≤ max_{s = ±1} ‖p − c + s (p' − c')‖ + R_A + R_B,    or    ‖p − c‖ + Σ_{A, B} (|δ_j| + ε_j) ρ_j.
+
+Its rotation P is to be that of the other times what is asked for, C. The chord d = ‖P − C‖_F/√2 = 2 sin(angle/2) is
+convex in a straight P − C; with P' = [Ω_A]× P, C' = [Ω_B]× C, Ω = Σ δ_j z_j over the revolute joints, and ‖∂²P/∂q_i
+∂q_j‖_F = ‖[z_i]× [z_j]×‖_F = √(1 + (z_i · z_j)²) ≤ √2,
+
+    d(s) ≤ max_{s = ±1} ‖P − C + s (P' − C')‖_F/√2 + ½ (Σ_A |δ_j|)² + ½ (Σ_B |δ_j|)² + Σ_{A, B} ε_j,
+
+as a joint that is off by ε_j turns P by a chord of no more than that. Coarser: the angle grows by Σ_{A, B} |δ_j| + ε_j.
+
+Angles in [rad], distances in [m]. Placements are Pinocchio's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from hdplan.planner.motion.motion_bounds import Array, Chain, Mask, Motion, cross
+from hdplan.planner.robot.link_frame import link_frame, relative_links
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.errors import naming
+from hdplan.scenes.once import read_only
+from hdplan.scenes.path_constraints import Relative, Upright, Within
+
+UP = read_only(np.array([0.0, 0.0, 1.0]))  # in the world
+
+
+class Part(NamedTuple):
+    """k parts of a motion."""
+
+    chain: Chain
+    rotations: Array  # (k, joints, 3, 3) at their midpoints
+    origins: Array  # (k, joints, 3)
+    delta: Array  # (k, n) δ
+    off: Array  # (k, n) ε
+    travel: Array  # (n, 2) the range of each coordinate over the whole motion
+
+    @property
+    def axes(self) -> Array:
+        """The joints' axes (k, n, 3) in the world."""
+        return np.asarray(np.einsum("knij,nj->kni", self.rotations[:, 1:], self.chain.axes))
+
+    def moved(self, joint: int, point: Array, moves: Mask) -> tuple[Array, Motion]:
+        """Return where a point (3,) of a joint's frame is (k, 3), and what the joints `moves` (n,) do to it."""
+        place = self.rotations[:, joint] @ point + self.origins[:, joint]
+        axes, points = self.axes, self.origins[:, 1:]
+        everywhere = self.chain.reach(joint, point[None], 0.0, self.travel)
+        joints, radii, half = np.array([joint]), np.zeros(1), np.abs(self.delta) + self.off
+        reach = self.chain.local_reach(everywhere[None], joints, place[:, None], radii, axes, points, half)[:, 0]
+        return place, Motion.of(self.chain, self.delta * moves, self.off * moves, axes, points, reach)
+
+
+class Held(Protocol):
+    """One thing that is to hold all along the way."""
+
+    @property
+    def field(self) -> str:
+        """Of the scene."""
+        ...
+
+    @property
+    def link(self) -> str:
+        """Whose it is."""
+        ...
+
+    @property
+    def allowed(self) -> float:
+        """How much is allowed [rad] or [m]."""
+        ...
+
+    @property
+    def scale(self) -> float:
+        """What is little and what is much of it [rad] or [m]."""
+        ...
+
+    def found(self, rotations: Array, origins: Array) -> Array:
+        """What k configurations take of it (k,) [rad] or [m], exact to rounding."""
+        ...
+
+    def bound(self, part: Part, found: Array) -> Array:
+        """No more than what is taken (k,) on parts, at whose midpoints it is `found` (k,)."""
+        ...
+
+    def broken(self, found: float) -> str:
+        """Say what was found where it is not kept."""
+        ...
+
+    def kept(self, worst: float) -> str:
+        """Say what is proven of the whole motion."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class HeldUpright:
+    """A link's axis, to be kept upright."""
+
+    link: str
+    joint: int  # of the model, that carries the link
+    axis: Array  # (3,) unit, in the joint's frame
+    allowed: float  # [rad]
+    field: str = "path.upright"
+
+    @property
+    def scale(self) -> float:
+        """The tolerance."""
+        return self.allowed
+
+    def found(self, rotations: Array, origins: Array) -> Array:
+        """The angle (k,) to the upward direction, exact: Kahan's formula, as good near 0 and π as elsewhere."""
+        axis = rotations[:, self.joint] @ self.axis
+        chord, other = np.linalg.norm(axis - UP, axis=1), np.linalg.norm(axis + UP, axis=1)
+        return np.asarray(2.0 * np.arctan2(chord, other))
+
+    def bound(self, part: Part, found: Array) -> Array:
+        """No greater angle (k,) on the parts."""
+        turning = part.chain.carried_by[self.joint] & part.chain.revolute
+        axis, off = part.rotations[:, self.joint] @ self.axis, (part.off * turning).sum(axis=1)
+        delta = part.delta * turning
+        slope, turn = cross(np.einsum("kn,knc->kc", delta, part.axes), axis), np.abs(delta).sum(axis=1)
+        ends = np.maximum(np.linalg.norm(axis - UP + slope, axis=1), np.linalg.norm(axis - UP - slope, axis=1))
+        return _no_greater_angle(ends + 0.5 * turn**2 + off, found + turn + off)
+
+    def broken(self, found: float) -> str:
+        """Such as "panda_hand is tilted by 0.2 rad, 0.1 are allowed"."""
+        return f"{self.link} is tilted by {found:.3g} rad, {self.allowed:g} are allowed"
+
+    def kept(self, worst: float) -> str:
+        """Such as "panda_hand upright within 0.083 of 0.1 rad"."""
+        return f"{self.link} upright within {worst:.3g} of {self.allowed:g} rad"
+
+
+@dataclass(frozen=True, eq=False)
+class HeldWithin:
+    """A point of a link, to be kept in a box: by how much it is beyond the nearest side, negative inside."""
+
+    link: str
+    joint: int
+    point: Array  # (3,) in the joint's frame
+    box: Array  # (4, 4) the box in the world
+    half: Array  # (3,) half its edges; inf where any place will do
+    allowed: float = 0.0  # [m]
+    field: str = "path.position"
+
+    @property
+    def scale(self) -> float:
+        """Half the shortest edge."""
+        return float(self.half.min())
+
+    def found(self, rotations: Array, origins: Array) -> Array:
+        """How far beyond the box (k,), exact along its axes."""
+        place = rotations[:, self.joint] @ self.point + origins[:, self.joint]
+        return np.asarray((np.abs(self._in_box(place - self.box[:3, 3])) - self.half).max(axis=1))
+
+    def bound(self, part: Part, found: Array) -> Array:
+        """No greater excursion (k,) on the parts."""
+        place, motion = part.moved(self.joint, self.point, part.chain.carried_by[self.joint])
+        now = self._in_box(place - self.box[:3, 3])
+        slope = self._in_box(cross(motion.omega, place) + motion.velocity)
+        second = np.maximum(np.abs(now + slope), np.abs(now - slope)) + motion.second[:, None]
+        return np.asarray(np.minimum((second - self.half).max(axis=1), found + motion.first))
+
+    def _in_box(self, vectors: Array) -> Array:
+        return np.asarray(vectors @ self.box[:3, :3])
+
+    def broken(self, found: float) -> str:
+        """Such as "the point of tool0 is 5 mm outside its box"."""
+        side = "outside" if found > 0.0 else "inside"
+        return f"the point of {self.link} is {abs(found) * 1e3:.3g} mm {side} its box"
+
+    def kept(self, worst: float) -> str:
+        """Such as "the point of tool0 at least 2 mm inside its box"."""
+        return f"the point of {self.link} at least {max(0.0, -worst) * 1e3:.3g} mm inside its box"
+
+
+@dataclass(frozen=True, eq=False)
+class HeldAt:
+    """A link's origin, to be kept at a point of another link."""
+
+    link: str
+    to: str
+    joints: tuple[int, int]  # that carry the two; 0: the world
+    points: tuple[Array, Array]  # (3,) in the joints' frames: the origin, and where it is to be
+    allowed: float  # [m]
+    field: str = "path.relative.position_tolerance"
+
+    @property
+    def scale(self) -> float:
+        """The tolerance."""
+        return self.allowed
+
+    def found(self, rotations: Array, origins: Array) -> Array:
+        """The distance (k,) between the two points, exact."""
+        one, other = (
+            rotations[:, joint] @ point + origins[:, joint]
+            for joint, point in zip(self.joints, self.points, strict=True)
+        )
+        return np.asarray(np.linalg.norm(one - other, axis=1))
+
+    def bound(self, part: Part, found: Array) -> Array:
+        """No greater distance (k,) on the parts."""
+        (here, first), (there, second) = (
+            part.moved(joint, point, moves)
+            for joint, point, moves in zip(self.joints, self.points, _apart(part.chain, self.joints), strict=True)
+        )
+        slope = cross(first.omega, here) + first.velocity - cross(second.omega, there) - second.velocity
+        ends = np.maximum(*(np.linalg.norm(here - there + sign * slope, axis=1) for sign in (1.0, -1.0)))
+        return np.asarray(np.minimum(ends + first.second + second.second, found + first.first + second.first))
+
+    def broken(self, found: float) -> str:
+        """Such as "right_hand is 7 mm away from its place at left_hand, 5 mm are allowed"."""
+        away = f"{self.link} is {found * 1e3:.3g} mm away from its place at {self.to}"
+        return f"{away}, {self.allowed * 1e3:g} mm are allowed"
+
+    def kept(self, worst: float) -> str:
+        """Such as "right_hand within 3.2 of 5 mm of its place at left_hand"."""
+        return f"{self.link} within {worst * 1e3:.3g} of {self.allowed * 1e3:g} mm of its place at {self.to}"
+
+
+@dataclass(frozen=True, eq=False)
+class HeldTurn:
+    """A link's rotation, to be kept against another link's."""
+
+    link: str
+    to: str
+    joints: tuple[int, int]  # that carry the two; 0: the world
+    turns: tuple[Array, Array]  # (3, 3) in the joints' frames: the link's, and what it is to be
+    allowed: float  # [rad]
+    field: str = "path.relative.orientation_tolerance"
+
+    @property
+    def scale(self) -> float:
+        """The tolerance."""
+        return self.allowed
+
+    def _both(self, rotations: Array) -> tuple[Array, Array]:
+        one, other = (rotations[:, joint] @ turn for joint, turn in zip(self.joints, self.turns, strict=True))
+        return one, other
+
+    def found(self, rotations: Array, origins: Array) -> Array:
+        """The angle (k,) between the two, exact, near 0 and π too."""
+        one, other = self._both(rotations)
+        between = other.transpose(0, 2, 1) @ one
+        sine = 0.5 * np.linalg.norm([between[:, i, j] - between[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))], axis=0)
+        return np.asarray(np.arctan2(sine, 0.5 * (np.trace(between, axis1=1, axis2=2) - 1.0)))
+
+    def bound(self, part: Part, found: Array) -> Array:
+        """No greater angle (k,) on the parts."""
+        one, other = self._both(part.rotations)
+        slope, bent, turned = np.zeros_like(one), np.zeros(len(one)), np.zeros(len(one))
+        for rotation, moves, sign in zip((one, other), _apart(part.chain, self.joints), (1.0, -1.0), strict=True):
+            delta, off = (values * (moves & part.chain.revolute) for values in (part.delta, part.off))
+            omega, turn = np.einsum("kn,knc->kc", delta, part.axes), np.abs(delta).sum(axis=1)
+            columns = cross(omega[:, None], rotation.transpose(0, 2, 1))
+            slope = slope + sign * columns.transpose(0, 2, 1)
+            bent, turned = bent + 0.5 * turn**2 + off.sum(axis=1), turned + turn + off.sum(axis=1)
+        ends = np.maximum(*(np.linalg.norm(one - other + sign * slope, axis=(1, 2)) for sign in (1.0, -1.0)))
+        return _no_greater_angle(ends / np.sqrt(2.0) + bent, found + turned)
+
+    def broken(self, found: float) -> str:
+        """Such as "right_hand is turned by 0.2 rad against left_hand, 0.05 are allowed"."""
+        return f"{self.link} is turned by {found:.3g} rad against {self.to}, {self.allowed:g} are allowed"
+
+    def kept(self, worst: float) -> str:
+        """Such as "right_hand turned within 0.02 of 0.05 rad against left_hand"."""
+        return f"{self.link} turned within {worst:.3g} of {self.allowed:g} rad against {self.to}"
+
+
+def held_by(setup: Setup) -> tuple[Held, ...]:
+    """Return what the scene's path constraints ask for. Raises InputError for a link that the robot lacks or that does
+    not move."""
+    path = setup.scene.path
+    with naming(setup.scene.source):
+        return (
+            *(_upright(setup, path.upright) if path.upright else ()),
+            *(_within(setup, path.position) if path.position else ()),
+            *(_relative(setup, path.relative) if path.relative else ()),
+        )
+
+
+def _upright(setup: Setup, asked: Upright) -> tuple[Held, ...]:
+    frame = setup.robot.model.frames[link_frame(setup.robot, asked.link, "path.upright")]
+    axis = np.array(asked.axis) / np.linalg.norm(asked.axis)
+    return (HeldUpright(asked.link, int(frame.parentJoint), frame.placement.rotation @ axis, asked.tolerance),)
+
+
+def _within(setup: Setup, asked: Within) -> tuple[Held, ...]:
+    frame = setup.robot.model.frames[link_frame(setup.robot, asked.link, "path.position")]
+    point, half = frame.placement.act(np.array(asked.point)), 0.5 * np.array(asked.size)
+    return (HeldWithin(asked.link, int(frame.parentJoint), point, asked.pose.matrix, half),)
+
+
+def _relative(setup: Setup, asked: Relative) -> tuple[Held, ...]:
+    joints, (own, other), pose = relative_links(setup.scene, setup.robot, asked)
+    wanted = other @ pose
+    places, turns = (own[:3, 3], wanted[:3, 3]), (own[:3, :3], wanted[:3, :3])
+    return (
+        HeldAt(asked.link, asked.to, joints, places, asked.position_tolerance),
+        HeldTurn(asked.link, asked.to, joints, turns, asked.orientation_tolerance),
+    )
+
+
+def _apart(chain: Chain, joints: tuple[int, int]) -> tuple[Mask, Mask]:
+    """Which coordinates (n,) move the first of two joints' frames and not the other, and the other way round."""
+    first, second = (chain.carried_by[joint] for joint in joints)
+    return first & ~second, second & ~first
+
+
+def _no_greater_angle(chord: Array, coarse: Array) -> Array:
+    """The smaller of two bounds (k,) of angles: of a chord of the unit circle that is no longer, and a coarse one."""
+    return np.asarray(np.minimum(2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0)), coarse))

@@ -1,0 +1,64 @@
+"""A robot's description as URDF, whatever it is written in: URDF itself, xacro, or MJCF.
+
+File -> the root element of its URDF, the files that it includes, and the pairs of links that it excludes itself. Of
+xacro that is what the xacrodoc library makes of it, with the defaults of its arguments.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+from pathlib import Path
+
+from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.files import read_file
+from hdplan.scenes.once import ForkSafeLock
+from hdplan.scenes.robot_files.link_pairs import LinkPair
+from hdplan.scenes.robot_files.mjcf import as_urdf
+from hdplan.scenes.robot_files.xml_text import parse
+
+_expanding = ForkSafeLock()  # xacro keeps what it works on in its module
+ENDINGS = (".urdf", ".xacro", ".xml")  # of files that hold a robot
+
+
+@dataclass(frozen=True)
+class Description:
+    """What a robot's file says, as URDF."""
+
+    root: ElementTree.Element
+    files: tuple[Path, ...]  # that it was read from: the file itself, and those that it includes
+    excluded: frozenset[LinkPair] = frozenset()  # pairs of links that it says are not to be checked
+    notes: tuple[str, ...] = ()  # what was ignored
+
+
+def read_description(path: Path) -> Description:
+    """Read a robot's description. Raises InputError for a file that is missing, not XML, or no robot, for what of an
+    MJCF cannot be had as URDF, and where xacro cannot be read."""
+    with naming(f"robot.urdf: {path}"):
+        data = read_file(path)
+        files: tuple[Path, ...] = (path,)
+        if path.suffix.lower() == ".xacro":
+            data, included = _expanded(path)
+            files = (path, *included)
+        root = parse(data, ("robot", "mujoco"))
+        if root.tag == "robot":
+            return Description(root, files)
+        urdf, excluded, notes = as_urdf(root, path)
+        return Description(urdf, files, excluded, notes)
+
+
+def _expanded(path: Path) -> tuple[bytes, tuple[Path, ...]]:
+    """Return the URDF that a xacro file is a recipe for, and the files that it includes."""
+    try:
+        import xacro
+        from xacrodoc import packages  # finds packages without ROS
+    except ImportError:
+        raise InputError("xacro files need xacrodoc, which is not installed: pip install xacrodoc") from None
+    with _expanding:
+        packages.walk_up_from(path)
+        xacro.all_includes.clear()
+        try:
+            text = xacro.process_file(str(path)).toxml()
+        except Exception as error:  # whatever the expressions in the file come to
+            raise InputError(f"xacro: {' '.join(str(error).split()) or type(error).__name__}") from None
+        return text.encode(), tuple(dict.fromkeys(Path(file).absolute() for file in xacro.all_includes))
