@@ -106,7 +106,8 @@ class Solid:
             return mesh
         reach = WELD * float(np.linalg.norm(self.box[1] - self.box[0]))
         _, first, cell = np.unique(np.floor(mesh.vertices / reach), axis=0, return_index=True, return_inverse=True)
-        joined = connected(*cKDTree(mesh.vertices[first]).query_pairs(reach, output_type="ndarray").T, len(first))
+        one, other = cKDTree(mesh.vertices[first]).query_pairs(reach, output_type="ndarray").T
+        joined = connected(one, other, len(first))
         label = joined[cell.ravel()]
         corners = label[mesh.triangles]
         proper = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
