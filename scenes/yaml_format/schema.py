@@ -20,7 +20,7 @@ from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, Timed
 from hdplan.scenes.path_constraints import AXES, Relative, Upright, Within, direction, extent
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.poses import rotation
-from hdplan.scenes.robot_spec import RobotSpec, group_of, pair
+from hdplan.scenes.robot_spec import PlanarBase, RobotSpec, group_of, pair, span
 from hdplan.scenes.shapes import axis_factors, volume
 from hdplan.scenes.targets import PoseTarget
 from hdplan.scenes.timing import Timing
@@ -59,6 +59,7 @@ FORMS: Mapping[Check, Check | tuple[Check, ...]] = {  # of checks that a schema 
     rising_times: Row(Number(low=0.0, unit="s")),
     ranges: Named(Row(JointValue, 2)),
     pair: Row(text, 2),
+    span: Row(JointValue, 2),
     group_of: (text, Row(text)),
 }
 LISTS: Mapping[Check, Schema] = {  # what else holds of lists
@@ -150,7 +151,9 @@ def _path() -> Schema:
 
 
 def _robot() -> Schema:
-    robot = _not_both(_section(RobotSpec, without=("source",), base=_pose()), "name", "srdf")
+    robot = _not_both(
+        _section(RobotSpec, without=("source",), base=_pose(), base_joints=_section(PlanarBase)), "name", "srdf"
+    )
     robot = _not_both(robot, "name", "package_dirs")
     return {**robot, "oneOf": [_given("name"), _given("urdf"), {"type": "null"}]}
 
