@@ -31,7 +31,7 @@ LARGEST = 1e100  # [m] beyond, squares and cubes of lengths overflow
 GOLDEN = (1.0 + np.sqrt(5.0)) / 2.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ConvexBody:
     """A convex polytope swept by a sphere: V, F and E of the paper's Definition III.1, and a radius.
 
@@ -44,6 +44,12 @@ class ConvexBody:
     edges: Array  # (E, 3) unit edge directions, equal up to sign counted once
     edge_counts: Array  # (E,) how many edges run along each of them
     radius: float = 0.0  # [m] of the sphere that sweeps the polytope, >= 0
+
+    def __repr__(self) -> str:
+        """Say how large it is."""
+        swept = f", swept by a sphere of {self.radius:g} m" if self.radius else ""
+        count = len(self.vertices)
+        return f"<ConvexBody: {count} {'vertex' if count == 1 else 'vertices'}{swept}>"
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays. Raises InputError for invalid ones."""

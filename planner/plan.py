@@ -128,6 +128,8 @@ def plan(
     several = isinstance(scene.goal, Goals)
     if several:
         notes = (*notes, _taken(searches, taken, goals))
+    elif taken == 0:
+        notes = (*notes, *setup.turned)
     return PlanResult(
         scene=scene.name,
         robot=robot.name,
@@ -147,9 +149,12 @@ def plan(
 
 def _goals(certifier: Certifier, seed: int) -> tuple[tuple[JointTarget, ...], tuple[str, ...]]:
     """Return the configurations to plan to, and notes on how they were found if the scene leaves a choice."""
-    goal = certifier.scene.goal
+    setup, goal = certifier.setup, certifier.scene.goal
     if isinstance(goal, JointTarget):
-        return (goal,), ()
+        if not setup.turned:
+            return (goal,), ()
+        near = JointTarget(goal.field, tuple(setup.query.goal.tolist()))
+        return (near, goal), ()  # something may stand in the short way
     from hdplan.planner.search.goals import goal_choice
 
     return goal_choice(certifier, seed)

@@ -52,11 +52,13 @@ class FieldError(InputError):
 
 
 def nearest(name: str, allowed: Iterable[str], otherwise: str = "") -> str:
-    """Return `` (did you mean 'x'?)`` for the closest allowed name; if none is close, `otherwise`, or all of them."""
+    """Return `` (did you mean 'x'?)`` for the closest allowed name, whatever its case; if none is close, `otherwise`,
+    or all of them."""
     names = sorted(allowed)
-    close = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
+    by_lower = {each.lower(): each for each in names}
+    close = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.6)
     if close:
-        return f" (did you mean '{close[0]}'?)"
+        return f" (did you mean '{by_lower[close[0]]}'?)"
     if otherwise:
         return f" ({otherwise})"
     return f" (allowed: {', '.join(names)})" if names else " (none is allowed here)"

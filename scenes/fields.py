@@ -152,7 +152,7 @@ class Field:
         with self._naming():
             return check(value)
 
-    def make(self, kind: Callable[..., T], **values: object) -> T:
+    def make(self, kind: Callable[..., T], /, **values: object) -> T:
         """Return an object of one of a scene's classes, made of fields or of values read from them. What the class
         refuses is reported at the field in the file, as its attributes have the names of the keys."""
         given = {name: value.value if isinstance(value, Field) else value for name, value in values.items()}

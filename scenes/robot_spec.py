@@ -11,6 +11,7 @@ from hdplan.scenes.errors import FieldError
 from hdplan.scenes.poses import AnyPose, Placement, Pose
 from hdplan.scenes.values import (
     Checked,
+    Choice,
     FilePath,
     JointValue,
     Name,
@@ -44,6 +45,34 @@ def group_of(value: object) -> str | tuple[str, ...]:
     return names
 
 
+def span(value: object) -> tuple[float, float]:
+    """Return the range of a joint, from low to high."""
+    low, high = Row(JointValue, 2)(value)
+    if not low < high:
+        raise wrong("a range from low to high", value)
+    return low, high
+
+
+Span = Annotated[tuple[float, float], span]
+
+
+@dataclass(frozen=True, repr=False)
+class PlanarBase(Checked):
+    """A mobile base as three planned joints: `base_x` and `base_y` slide along the axes of the base's pose, then
+    `base_yaw` turns about z."""
+
+    x: Span  # [m]
+    y: Span  # [m]
+    yaw: Span  # [rad]
+    kind: Annotated[str, Choice(("planar",))] = "planar"
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self, x: Sequence[float], y: Sequence[float], yaw: Sequence[float], kind: str = "planar"
+        ) -> None: ...
+
+
 @dataclass(frozen=True, repr=False)
 class RobotSpec(Checked):
     """Which robot, where it stands, which joints are planned and which are locked."""
@@ -57,6 +86,7 @@ class RobotSpec(Checked):
     group: Annotated[str | tuple[str, ...], group_of] | None = None
     """Which joints are planned: those of a group of the SRDF, or these joints; None: those of the arm."""
     base: Placement = field(default_factory=Pose)  # of the URDF's root link
+    base_joints: PlanarBase | None = None  # planned joints that carry the root link; at 0 it stands there
     locked: Annotated[Mapping[str, float], Named(JointValue)] = field(default_factory=dict)  # joint -> [rad] or [m]
     ignore_pairs: Annotated[tuple[tuple[str, str], ...], Row(pair, of="link pairs")] = ()  # not checked
     source: str = field(default="", compare=False)  # for error messages: file or option; empty: the scene's file
@@ -71,6 +101,7 @@ class RobotSpec(Checked):
             package_dirs: Sequence[FilePath] = (),
             group: str | Sequence[str] | None = None,
             base: AnyPose = Pose(),
+            base_joints: PlanarBase | None = None,
             locked: Mapping[str, float] = {},
             ignore_pairs: Sequence[Sequence[str]] = (),
             source: str = "",

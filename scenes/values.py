@@ -248,7 +248,7 @@ def describe(value: object) -> str:
             return f"a list of {len(value)}"
         case dict():
             return "a mapping"
-        case np.ndarray() if value.ndim:
+        case np.ndarray():
             return f"an array of shape {value.shape}"
     try:
         return shorten(" ".join(str(value).split()))

@@ -143,9 +143,12 @@ def test_each_can_be_looked_at() -> None:
     problem, controller = hdplan.build(scene), control.Controller.of(scene)
     result = hdplan.plan(scene)
     shown = (problem, problem.robot, hdplan.solve(problem), result, result.trajectory, result.certificate, controller)
-    for it in (*shown, controller.barriers):
+    body = hdplan.distance.ConvexBody.capsule(0.1, 0.3)
+    distances = hdplan.distance.hdsdf_compiled(body, body), hdplan.distance.hdsdf_batch(body, body)
+    for it in (*shown, controller.barriers, body, *distances):
         assert "\n" not in repr(it)
         assert len(repr(it)) < 500, repr(it)
+        assert " object at " not in repr(it)
     assert result.certificate.text in repr(result)
     assert "panda" in repr(problem.robot)
 

@@ -37,7 +37,7 @@ CPU_NUMBERS = 2**16  # ... few enough that this many numbers stay in the cache
 GPU_NUMBERS = 2**25  # a GPU needs many; this takes about 1 GB
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class BatchDistance(BodyDistance[Array]):
     """D of two bodies (Definition III.2) at poses (..., 4, 4); leading axes broadcast.
 
@@ -68,6 +68,10 @@ class BatchDistance(BodyDistance[Array]):
     shaping_length: float  # [m]
     witness_count: int
     dtype: str  # "float64" or "float32"
+
+    def __repr__(self) -> str:
+        """Say its settings, and where it runs."""
+        return f"<BatchDistance: gamma {self.gamma}, {self.dtype}, on {self.device}>"
 
     @property
     def device(self) -> str:

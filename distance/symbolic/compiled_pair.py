@@ -47,6 +47,11 @@ class CompiledDistance(BodyDistance[Array]):
         self._length = np.array([[shaping_length]])
         self._witness_count = witness_count
 
+    def __repr__(self) -> str:
+        """Say of which bodies it is, and its settings."""
+        body_a, body_b, gamma, normals, _ = self._settings
+        return f"<CompiledDistance of {body_a} and {body_b}: gamma {gamma}, normals {normals}>"
+
     def __getstate__(self) -> dict[str, Any]:
         """The state for another process, which compiles its own functions, or finds them in the cache."""
         return vars(self) | {"_functions": {}}

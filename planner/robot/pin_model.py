@@ -28,6 +28,7 @@ from hdplan.scenes.files import Stamps, stamps_of
 from hdplan.scenes.once import ForkSafeLock
 from hdplan.scenes.poses import Vector3
 from hdplan.scenes.robot_files.urdf_text import read_description
+from hdplan.scenes.robot_spec import PlanarBase
 from hdplan.scenes.shapes import Mesh
 
 Result = TypeVar("Result")
@@ -54,8 +55,11 @@ class MeshElement:
             return _mesh_file(self.address, urdf, package_dirs), (x, y, z)
 
 
-def read_model(urdf: Path, package_dirs: tuple[Path, ...]) -> tuple[pin.Model, pin.GeometryModel, Stamps]:
-    """Read a robot and its collision geometry; package:// addresses are looked up below `package_dirs`.
+def read_model(
+    urdf: Path, package_dirs: tuple[Path, ...], base_joints: PlanarBase | None = None
+) -> tuple[pin.Model, pin.GeometryModel, Stamps]:
+    """Read a robot, on the joints of a mobile base, if any, and its collision geometry; package:// addresses are looked
+    up below `package_dirs`.
 
     Meshes are read by `load_mesh`, like those of scenes: Pinocchio's own reader accepts damaged files in part, and on
     some it hangs or crashes the process. The stamps of the mesh files, taken before reading, are returned too.
@@ -63,7 +67,7 @@ def read_model(urdf: Path, package_dirs: tuple[Path, ...]) -> tuple[pin.Model, p
     Raises:
         InputError: the URDF is not valid, or a mesh is missing, damaged or flat.
     """
-    model, geometry, named = _read_urdf(urdf, pin.GeometryType.COLLISION)
+    model, geometry, named = _read_urdf(urdf, pin.GeometryType.COLLISION, base_joints)
     meshes: dict[str, tuple[str, Path, Vector3]] = {}  # name of the geometry -> link, file, scale
     for name, told in named.items():
         with naming(f"robot.urdf: {urdf}"):
@@ -104,10 +108,12 @@ def read_visuals(urdf: Path) -> tuple[tuple[str, pin.SE3, pin.GeometryObject, Me
     )
 
 
-def _read_urdf(urdf: Path, kind: pin.GeometryType) -> tuple[pin.Model, pin.GeometryModel, dict[str, MeshElement]]:
+def _read_urdf(
+    urdf: Path, kind: pin.GeometryType, base_joints: PlanarBase | None = None
+) -> tuple[pin.Model, pin.GeometryModel, dict[str, MeshElement]]:
     """Read a robot and one kind of its geometry, with a sphere in place of every mesh; and the meshes, by Pinocchio's
     names for the geometry. Capsules and ellipsoids, which its reader passes over, are put in place here."""
-    root = read_description(urdf).root
+    root = read_description(urdf, base_joints).root
     whole = ElementTree.tostring(root, encoding="unicode")
     model = _quietly(lambda: pin.buildModelFromXML(whole), urdf)
     meshes: dict[str, MeshElement] = {}

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from hdplan.planner.robot.pin_model import move_base, read_model, without_joints
+from hdplan.planner.robot.pin_model import motion_axes, move_base, read_model, without_joints
 from hdplan.planner.robot.self_pairs import (
     ALWAYS_TOUCHING,
     CONTACT_SAMPLES,
@@ -33,6 +33,7 @@ from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_files.description import Semantics, Tree, read_semantics, read_tree
 from hdplan.scenes.robot_files.library import description_of
 from hdplan.scenes.robot_files.link_pairs import LinkPair, link_pair
+from hdplan.scenes.robot_files.urdf_text import BASE_JOINTS
 from hdplan.scenes.robot_spec import RobotSpec, robot_spec
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.values import checked
@@ -83,6 +84,12 @@ class Robot:
     def n(self) -> int:
         """Number of planned joints."""
         return len(self.joint_names)
+
+    @property
+    def turning(self) -> NDArray[np.bool_]:
+        """Which joints turn, rather than slide (n,)."""
+        joints = itertools.islice(self.model.joints, 1, None)
+        return np.array([bool(np.any(motion_axes(joint)[1])) for joint in joints])
 
     def draw(self, rng: np.random.Generator, count: int) -> Array:
         """Return random configurations (count, n), uniform within the limits, or within one turn for a joint with a
@@ -140,6 +147,12 @@ class Robot:
             np.array([named[joint] for joint in self.joint_names], dtype=np.float64), where, from_request
         )
 
+    def nearest_turn(self, q: Array, near: Array) -> Array:
+        """Return configurations q (..., n) as near to another one as whole turns of joints without limits bring them:
+        q_i + 2πk is the same place for every whole k, and the values that the joint passes on the way are free."""
+        turns = np.round((near - q) / (2 * math.pi))
+        return np.where(np.isinf(self.lower) & np.isinf(self.upper) & self.turning, q + 2 * math.pi * turns, q)
+
     def index_of(self, joint: str, where: str) -> int:
         """Return the index of a planned joint. Raises InputError, naming `where`, for any other name."""
         if joint in self.locked:
@@ -173,11 +186,11 @@ def load_robot(robot: str | RobotSpec) -> Robot:
     spec: RobotSpec = checked(robot_spec, robot, "robot")
     name, urdf, srdf, package_dirs = description_of(spec)
     files = stamps_of((urdf,) if srdf is None else (urdf, srdf))
-    tree = read_tree(urdf)
+    tree = read_tree(urdf, spec.base_joints)
     files += stamps_of(tree.files[1:])  # known only now
     semantics = read_semantics(srdf, tree) if srdf is not None else Semantics()
     semantics = replace(semantics, disabled=semantics.disabled | tree.excluded)
-    full, geometry, meshes = read_model(urdf, package_dirs)
+    full, geometry, meshes = read_model(urdf, package_dirs, spec.base_joints)
     if len(geometry.geometryObjects) != tree.collisions:  # what is left out would be proven free
         read = len(geometry.geometryObjects)
         raise InputError(f"robot.urdf: {urdf}: only {read} of {tree.collisions} collision geometries could be read")
@@ -193,6 +206,8 @@ def load_robot(robot: str | RobotSpec) -> Robot:
                 "only joints with one coordinate can be planned"
             )
     planned, group, notes = _planned(joints, spec, tree, semantics, name)
+    if spec.base_joints is not None:
+        planned += [joint for joint in BASE_JOINTS if joint not in (*planned, *spec.locked)]
     held = {joint: _held_at(joint, full, spec, tree, semantics) for joint in joints if joint not in planned}
     notes += [*tree.notes, *semantics.notes]
     if not geometry.geometryObjects:

@@ -174,6 +174,7 @@ def _load_once(spec: RobotSpec) -> Robot:
         spec.package_dirs,
         spec.group,
         spec.base.matrix.tobytes(),
+        spec.base_joints,
         tuple(sorted(spec.locked.items())),
         spec.ignore_pairs,
     )

@@ -35,6 +35,7 @@ class Setup:
 
     scene: Scene
     robot: Robot
+    aimed: bool = False  # at just this goal: joints without limits take its values as they stand
 
     @classmethod
     def of(cls, scene: Scene, robot: Robot | None = None) -> Setup:
@@ -53,11 +54,12 @@ class Setup:
 
     def aiming_at(self, goal: JointTarget) -> Setup:
         """Return the same with another goal."""
-        return replace(self, scene=replace(self.scene, goal=goal))
+        return replace(self, scene=replace(self.scene, goal=goal), aimed=True)
 
     @cached_property
     def query(self) -> Query:
-        """The scene's start and goal. Raises InputError, naming the scene's file, for ends that do not fit the robot.
+        """The scene's start and goal, which joints without limits reach the short way round, a whole turn away from its
+        value or more. Raises InputError, naming the scene's file, for ends that do not fit the robot.
 
         A goal that leaves a choice (`Goals`) is not a single configuration: `search.goals.settled` chooses one.
         """
@@ -65,7 +67,8 @@ class Setup:
         if isinstance(scene.goal, Goals):
             raise InputError(f"{scene.source}: {scene.goal.field}: leaves a choice; one configuration is needed here")
         with naming(scene.source):
-            return Query(*(robot.configuration(target, scene.from_request) for target in (scene.start, scene.goal)))
+            start, goal = (robot.configuration(target, scene.from_request) for target in (scene.start, scene.goal))
+        return Query(start, goal if self.aimed else robot.nearest_turn(goal, start))
 
     @cached_property
     def limits(self) -> dict[str, Array]:
@@ -82,7 +85,21 @@ class Setup:
     @cached_property
     def notes(self) -> tuple[str, ...]:
         """Notes for the user on what was changed, assumed or left out."""
-        return (*self.scene.notes, *self.robot.notes, *self.left_out)
+        return (*self.scene.notes, *self.robot.notes, *self.left_out, *self.turned)
+
+    @property
+    def turned(self) -> tuple[str, ...]:
+        """A note on goals of joints without limits that are reached whole turns away from their values."""
+        scene, robot = self.scene, self.robot
+        if self.aimed or isinstance(scene.goal, Goals) or not np.isinf(robot.lower).any():
+            return ()
+        asked, goal = robot.configuration(scene.goal, scene.from_request), self.query.goal
+        off = [
+            f"{joint} at {goal[i]:.6g} instead of {asked[i]:.6g}"
+            for i, joint in enumerate(robot.joint_names)
+            if goal[i] != asked[i]
+        ]
+        return (f"{scene.goal.field}: whole turns away, by the short way round: {', '.join(off)}",) if off else ()
 
     @property
     def left_out(self) -> tuple[str, ...]:

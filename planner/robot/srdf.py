@@ -31,7 +31,7 @@ def srdf_of(spec: RobotSpec) -> tuple[str, dict[str, int]]:
     name, urdf, srdf, _ = description_of(spec)
     if srdf is not None:
         raise InputError(f"--srdf: {name} has an SRDF: {srdf}")
-    tree = read_tree(urdf)
+    tree = read_tree(urdf, spec.base_joints)
     robot = load_robot(spec)
     movable = tuple(joint for joint in (*robot.joint_names, *robot.locked) if joint not in tree.coupled)
     whole = load_robot(replace(spec, group=movable, locked={}))

@@ -65,6 +65,7 @@ def goal_choice(certifier: Certifier, seed: int = 0) -> Choice:
                 reached, nearest = reaching(robot, target, start, rng, path)
                 if path and not len(reached):  # to say whether the pose or the path is to blame
                     reached, nearest = reaching(robot, target, start, rng)
+            reached = robot.nearest_turn(reached, start)
             free = _free(certifier, reached, start)
             if free and nearest is not None:
                 words.append(f"{target.field}: {_configurations(len(reached))} found; free and compared: {len(free)}")

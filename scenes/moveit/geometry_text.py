@@ -21,8 +21,8 @@ from hdplan.scenes.files import read_file
 from hdplan.scenes.values import shorten
 
 ENDING = ".scene"
-SIZES = {"sphere": 1, "box": 3, "cylinder": 2, "cone": 2}  # numbers of each kind
-REFUSED = ("mesh", "plane")
+SIZES = {"sphere": 1, "box": 3, "cylinder": 2}  # numbers of each kind
+REFUSED = ("cone", "mesh", "plane")
 
 
 def read_geometry(file: Path) -> Field:
@@ -85,7 +85,7 @@ class _Words:
         sizes = self._numbers(SIZES[kind], f"the size of a {kind}")
         if not min(sizes) > 0.0:
             raise self._error(f"the {kind} of {name!r} must have sizes greater than 0 [m], found {min(sizes):g}")
-        return {"type": kind, "dimensions": sizes[::-1] if kind in ("cylinder", "cone") else sizes}  # height, radius
+        return {"type": kind, "dimensions": sizes[::-1] if kind == "cylinder" else sizes}  # height, radius
 
     def _pose(self) -> dict[str, list[float]]:
         return {"position": self._numbers(3, "a position"), "orientation": self._numbers(4, "a quaternion")}

@@ -62,7 +62,7 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
     request_keys = request.mapping(MESSAGES["MotionPlanRequest"], required=["goal_constraints"])
     with naming(robot.source or scene.document.file):
         name, urdf, srdf, _ = description_of(robot)
-        tree = read_tree(urdf)
+        tree = read_tree(urdf, robot.base_joints)
         semantics = Semantics() if srdf is None else read_semantics(srdf, tree)
     model = scene_keys.get("robot_model_name")
     if model and model.value != "" and model.text() not in (name, tree.name):

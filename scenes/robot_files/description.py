@@ -20,6 +20,7 @@ from hdplan.scenes.robot_files.urdf_check import check_urdf, read_origin
 from hdplan.scenes.robot_files.urdf_text import read_description
 from hdplan.scenes.robot_files.urdf_words import check_shapes, check_srdf_words, check_urdf_words
 from hdplan.scenes.robot_files.xml_text import DEEPEST, parse
+from hdplan.scenes.robot_spec import PlanarBase
 
 
 @dataclass(frozen=True)
@@ -135,10 +136,10 @@ class Semantics:
         return found
 
 
-def read_tree(path: Path) -> Tree:
-    """Read the links and joints of a URDF, or of what can be had as one. Raises InputError for a file that is missing,
-    not XML, or faulty."""
-    description = read_description(path)
+def read_tree(path: Path, base_joints: PlanarBase | None = None) -> Tree:
+    """Read the links and joints of a URDF, or of what can be had as one, on the joints of a mobile base, if any. Raises
+    InputError for a file that is missing, not XML, or faulty."""
+    description = read_description(path, base_joints)
     root = description.root
     with naming(f"robot.urdf: {path}"):
         notes = (*description.notes, *check_urdf_words(root), *check_shapes(root))

@@ -16,8 +16,10 @@ from hdplan.scenes.once import ForkSafeLock
 from hdplan.scenes.robot_files.link_pairs import LinkPair
 from hdplan.scenes.robot_files.mjcf import as_urdf
 from hdplan.scenes.robot_files.xml_text import parse
+from hdplan.scenes.robot_spec import PlanarBase
 
 _expanding = ForkSafeLock()  # xacro keeps what it works on in its module
+BASE_JOINTS = ("base_x", "base_y", "base_yaw")  # of a planar base
 ENDINGS = (".urdf", ".xacro", ".xml")  # of files that hold a robot
 
 
@@ -31,9 +33,12 @@ class Description:
     notes: tuple[str, ...] = ()  # what was ignored
 
 
-def read_description(path: Path) -> Description:
-    """Read a robot's description. Raises InputError for a file that is missing, not XML, or no robot, for what of an
-    MJCF cannot be had as URDF, and where xacro cannot be read."""
+def read_description(path: Path, base_joints: PlanarBase | None = None) -> Description:
+    """Read a robot's description, its root link carried by the joints of a mobile base, if there is one.
+
+    Raises InputError for a file that is missing, not XML, or no robot, for what of an MJCF cannot be had as URDF, and
+    where xacro cannot be read.
+    """
     with naming(f"robot.urdf: {path}"):
         data = read_file(path)
         files: tuple[Path, ...] = (path,)
@@ -41,10 +46,34 @@ def read_description(path: Path) -> Description:
             data, included = _expanded(path)
             files = (path, *included)
         root = parse(data, ("robot", "mujoco"))
-        if root.tag == "robot":
-            return Description(root, files)
-        urdf, excluded, notes = as_urdf(root, path)
-        return Description(urdf, files, excluded, notes)
+        excluded, notes = frozenset[LinkPair](), tuple[str, ...]()
+        if root.tag == "mujoco":
+            root, excluded, notes = as_urdf(root, path)
+        if base_joints is not None:
+            _carry(root, base_joints)
+        return Description(root, files, excluded, notes)
+
+
+def _carry(root: ElementTree.Element, base: PlanarBase) -> None:
+    """Put the joints of a planar base under the root link. URDF wants limits of effort and velocity; 0 stands for none.
+
+    Raises InputError where the description has such joints or links.
+    """
+    children = {child.get("link") for child in root.findall("joint/child")}
+    below = next((link.get("name", "") for link in root.findall("link") if link.get("name") not in children), "")
+    steps = (("x", "prismatic", "1 0 0"), ("y", "prismatic", "0 1 0"), ("yaw", "revolute", "0 0 1"))
+    links = ("base_origin", "base_at_x", "base_at_y")
+    taken = {each.get("name") for tag in ("link", "joint") for each in root.findall(tag)}
+    if clash := taken & {*links, *BASE_JOINTS}:
+        raise InputError(f"robot.base_joints: the description has a '{min(map(str, clash))}' of its own")
+    for parent, child, (axis, kind, along) in zip(links, (*links[1:], below), steps, strict=True):
+        ElementTree.SubElement(root, "link", name=parent)
+        joint = ElementTree.SubElement(root, "joint", name=f"base_{axis}", type=kind)
+        ElementTree.SubElement(joint, "parent", link=parent)
+        ElementTree.SubElement(joint, "child", link=child)
+        ElementTree.SubElement(joint, "axis", xyz=along)
+        low, high = getattr(base, axis)
+        ElementTree.SubElement(joint, "limit", lower=repr(low), upper=repr(high), effort="0", velocity="0")
 
 
 def _expanded(path: Path) -> tuple[bytes, tuple[Path, ...]]:

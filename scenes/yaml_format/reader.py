@@ -20,7 +20,7 @@ from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.pose_fields import read_pose
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_files.urdf_text import ENDINGS
-from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.robot_spec import PlanarBase, RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import FilePath, checked, path_of
 from hdplan.scenes.yaml_format.effects import (
@@ -51,7 +51,7 @@ SECTIONS = (
     "timing",
     "planner",
 )
-ROBOT_KEYS = ("name", "urdf", "srdf", "package_dirs", "group", "base", "locked", "ignore_pairs")
+ROBOT_KEYS = ("name", "urdf", "srdf", "package_dirs", "group", "base", "base_joints", "locked", "ignore_pairs")
 
 
 def load_scene(path: FilePath, request: FilePath | None = None, robot: FilePath | None = None) -> Scene:
@@ -180,7 +180,11 @@ def _read_hdplan(top: Field, robot: RobotSpec | None) -> Scene:
 def _robot(section: Field) -> RobotSpec:
     keys = section.mapping(ROBOT_KEYS)
     base = read_pose(keys["base"]) if "base" in keys else Pose()
-    spec = section.make(RobotSpec, **{**keys, "base": base})
+    values: dict[str, object] = {**keys, "base": base}
+    if "base_joints" in keys:
+        said = keys["base_joints"].mapping(("kind", "x", "y", "yaw"), required=["x", "y", "yaw"])
+        values["base_joints"] = keys["base_joints"].make(PlanarBase, **said)
+    spec = section.make(RobotSpec, **values)
     directories = keys["package_dirs"].items(of="directories") if "package_dirs" in keys else []
     folders = tuple(directory.path(directory=True) for directory in directories)
     urdf, srdf = (keys[name].path() if name in keys else None for name in ("urdf", "srdf"))

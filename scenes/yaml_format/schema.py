@@ -20,7 +20,7 @@ from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, Timed
 from hdplan.scenes.path_constraints import AXES, Relative, Upright, Within, direction, extent
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.poses import rotation
-from hdplan.scenes.robot_spec import RobotSpec, group_of, pair
+from hdplan.scenes.robot_spec import PlanarBase, RobotSpec, group_of, pair, span
 from hdplan.scenes.shapes import axis_factors, volume
 from hdplan.scenes.targets import PoseTarget
 from hdplan.scenes.timing import Timing
@@ -45,7 +45,11 @@ from hdplan.scenes.yaml_format.shapes import CLASSES, SHAPE_KEYS
 
 Schema = dict[str, Any]
 
-TEXT: Schema = {"type": "string", "pattern": r"\S", "not": {"pattern": r"[\x00-\x1f\x7f-\x9f\u2028\u2029]"}}
+TEXT: Schema = {
+    "type": "string",
+    "pattern": r"\S",
+    "not": {"type": "string", "pattern": r"[\x00-\x1f\x7f-\x9f\u2028\u2029]"},
+}
 FORMS: Mapping[Check, Check | tuple[Check, ...]] = {  # of checks that a schema cannot express in full: one of these
     rotation: Row(Number(), 4),
     direction: (Choice(AXES), Row(Number(), 3)),
@@ -55,6 +59,7 @@ FORMS: Mapping[Check, Check | tuple[Check, ...]] = {  # of checks that a schema 
     rising_times: Row(Number(low=0.0, unit="s")),
     ranges: Named(Row(JointValue, 2)),
     pair: Row(text, 2),
+    span: Row(JointValue, 2),
     group_of: (text, Row(text)),
 }
 LISTS: Mapping[Check, Schema] = {  # what else holds of lists
@@ -146,9 +151,11 @@ def _path() -> Schema:
 
 
 def _robot() -> Schema:
-    robot = _not_both(_section(RobotSpec, without=("source",), base=_pose()), "name", "srdf")
+    robot = _not_both(
+        _section(RobotSpec, without=("source",), base=_pose(), base_joints=_section(PlanarBase)), "name", "srdf"
+    )
     robot = _not_both(robot, "name", "package_dirs")
-    return {**robot, "oneOf": [_given("name"), _given("urdf")]}
+    return {**robot, "oneOf": [_given("name"), _given("urdf"), {"type": "null"}]}
 
 
 def _pose() -> Schema:
@@ -257,7 +264,7 @@ def _one_key(keys: Mapping[str, Schema]) -> Schema:
 
 def _some(schema: Schema) -> Schema:
     """Return the schema of an object in which something is given: not only nulls."""
-    return {**schema, "minProperties": 1, "not": {"additionalProperties": {"type": "null"}}}
+    return {**schema, "minProperties": 1, "not": {"type": "object", "additionalProperties": {"type": "null"}}}
 
 
 def _not_both(schema: Schema, one: str, other: str) -> Schema:
@@ -267,7 +274,7 @@ def _not_both(schema: Schema, one: str, other: str) -> Schema:
 
 def _given(*keys: str) -> Schema:
     """Return the schema of an object in which all these keys are given, and not as null."""
-    return {"required": [*keys], "properties": {key: {"not": {"type": "null"}} for key in keys}}
+    return {"type": "object", "required": [*keys], "properties": {key: {"not": {"type": "null"}} for key in keys}}
 
 
 def _list(item: Schema) -> Schema:
@@ -276,9 +283,6 @@ def _list(item: Schema) -> Schema:
 
 def _nullable(schema: Schema) -> Schema:
     """Return the schema of a key that may be left out or null, which is the same."""
-    if "not" in schema or "allOf" in schema:  # they would refuse null
-        about = {"description": schema["description"]} if "description" in schema else {}
-        return {**about, "anyOf": [schema, {"type": "null"}]}
     if "anyOf" in schema:
         return {**schema, "anyOf": [*schema["anyOf"], {"type": "null"}]}
     if "enum" in schema:

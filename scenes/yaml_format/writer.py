@@ -25,7 +25,7 @@ VERSION = 1
 
 def scene_text(scene: Scene) -> str:
     """Return the scene as YAML. Files that it names are written with absolute paths, so it may be saved anywhere."""
-    spec = scene.robot
+    spec, moved = scene.robot, scene.robot.base_joints
     robot = {
         "name": spec.name,
         "urdf": spec.urdf and _path(spec.urdf),
@@ -33,6 +33,7 @@ def scene_text(scene: Scene) -> str:
         "package_dirs": [_path(folder) for folder in spec.package_dirs],
         "group": list(spec.group) if isinstance(spec.group, tuple) else spec.group,
         "base": _pose(spec.base),
+        "base_joints": {key: list(getattr(moved, key)) for key in ("x", "y", "yaw")} if moved else None,
         "locked": dict(spec.locked),
         "ignore_pairs": [list(pair) for pair in spec.ignore_pairs],
     }

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import os
+import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
-from hdplan.scenes.errors import InputError
+from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.shapes import Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
 
 HEAD = "hdplan: 1\nrobot: {name: panda}\n"
@@ -332,3 +337,16 @@ def test_robot_file_missing(tmp_path: Path) -> None:
     file.write_text(HEAD + ENDS, encoding="utf-8")
     assert error(file, robot="no/robot.yaml") == "no/robot.yaml: no such file"
     assert error(file, robot="robot.yaml") == "robot.yaml: no such file"
+
+
+@pytest.mark.parametrize("change", [str.upper, str.title, str.swapcase, lambda name: name[1:], lambda name: f"{name}s"])
+def test_a_name_is_found_again_whatever_its_case(change: Callable[[str], str]) -> None:
+    names = ("panda", "ur5", "xarm7", "Jaco", "KUKA")
+    for name in names:
+        assert nearest(change(name), names) == f" (did you mean '{name}'?)"
+
+
+@pytest.mark.parametrize("array", [np.array(0.1), np.array([0.1]), np.zeros((2, 3))])
+def test_an_array_where_a_number_belongs_is_called_one(array: Any) -> None:
+    with pytest.raises(InputError, match=re.escape(f"found an array of shape {array.shape}")):
+        Sphere(array)

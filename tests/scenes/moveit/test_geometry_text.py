@@ -162,7 +162,7 @@ def test_a_file_that_was_cut_off_is_refused_wherever(tmp_path: Path, text: str) 
     [
         ("box", "mesh", "line 6: a mesh in MoveIt scenes is not supported yet"),
         ("box", "plane", "line 6: a plane in MoveIt scenes is not supported yet"),
-        ("cylinder", "cone", "'cone' is not supported yet"),
+        ("cylinder", "cone", "a cone in MoveIt scenes is not supported yet"),
         ("sphere", "spere", r"line 24: unknown shape 'spere' of 'ball' \(did you mean 'sphere'"),
         ("0.25\n", "-0.25\n", "line 25: the sphere of 'ball' must have sizes greater than 0"),
         ("0.1 0.2 0.3", "0.1 0.2 nan", "line 7: found 'nan', but a number of the size of a box"),

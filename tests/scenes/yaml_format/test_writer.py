@@ -22,7 +22,7 @@ from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, Timed
 from hdplan.scenes.path_constraints import PathConstraints, Relative, Upright, Within
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.robot_spec import PlanarBase, RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
@@ -283,7 +283,9 @@ class Maker:
     def scene(self) -> Scene:
         spec = RobotSpec(name=self.name()) if self.rng.random() < 0.5 else RobotSpec(urdf=HOOK, srdf=HOOK)
         folders = () if spec.name else (HOOK.parent,)
-        spec = replace(spec, package_dirs=folders, base=self.pose(), group=self.maybe(self.name(), None))
+        group = self.maybe(self.name(), (f"a {self.name()}", f"b {self.name()}"))
+        mobile = self.maybe(PlanarBase((-1.0, 1e-7), (0.0, 2.0), (-7.0, 1.0)), None)
+        spec = replace(spec, package_dirs=folders, base=self.pose(), group=group, base_joints=mobile)
         spec = replace(spec, locked={self.name(): -1e-7}, ignore_pairs=((self.name(), self.name()),))
         axis = self.rng.normal(size=3)
         x, y, z = (axis / np.linalg.norm(axis)).tolist()
@@ -342,7 +344,7 @@ def test_random_scenes_of_every_field_read_back_the_same(tmp_path: Path) -> None
         scene = Maker(seed).scene()
         assert_same(scene, tmp_path)
         look(scene)
-    aside = {"source", "notes", "field", "scale"}  # of the file; timing.scale stands in place of a duration, below
+    aside = {"source", "notes", "field", "scale", "kind"}  # of the file; timing.scale stands for a duration, below
     for kind in kinds:
         placed = {"name", "pose"} if issubclass(kind, Shape) else set()  # which the scene gives to the obstacle
         assert {each.name for each in dataclasses.fields(kind)} - seen[kind] <= aside | placed, kind
