@@ -1,4 +1,4 @@
-"""Lazy imports of a package: names from modules below it, imported on first use, so that start-up stays quick."""
+"""Lazy imports, so that start-up stays quick: a package's names from modules below it, and heavy libraries."""
 
 from __future__ import annotations
 
@@ -17,3 +17,15 @@ def lazy_imports(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]
         raise AttributeError(f"module {package!r} has no attribute {name!r}")
 
     return find
+
+
+class LazyModule:
+    """A library that is imported when something of it is used for the first time."""
+
+    def __init__(self, name: str) -> None:
+        """Take the library's name."""
+        self._name = name
+
+    def __getattr__(self, attribute: str) -> Any:
+        """Return what the library has by this name."""
+        return getattr(import_module(self._name), attribute)

@@ -99,6 +99,19 @@ def test_import_and_help_load_nothing_heavy() -> None:
     assert done.stdout.strip() == "[]"
 
 
+def test_a_plan_with_a_known_arm_loads_only_what_it_needs() -> None:
+    """Graphs, optimizers, splines and readers of mesh formats cost a start more than planning does."""
+    code = (
+        "import sys, hdplan;"
+        "assert hdplan.plan(hdplan.load_scene('panda_corridor')).certified;"
+        "rare = {'trimesh', 'fcl', 'jax', 'matplotlib', 'viser', 'daqp', 'toppra', 'coacd',"
+        " 'scipy.optimize', 'scipy.interpolate', 'scipy.sparse.csgraph', 'scipy.sparse.linalg'};"
+        "print(sorted(rare & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
 def test_modules_open_with_a_docstring() -> None:
     for path in FILES:
         source = path.read_text(encoding="utf-8")

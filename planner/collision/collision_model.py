@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hdplan.distance.cache import content_key, load, store
 from hdplan.planner.collision.broad_phase import body_pairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_link_body
 from hdplan.planner.collision.hdsdf import HdsdfPairs
@@ -19,6 +20,7 @@ from hdplan.planner.kinematics.forward import Kinematics, kinematics_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.once import made_once
 
+VERSION = "1"  # to be changed with anything that changes which bodies overlap, so that old cache entries are not used
 TRIALS = 200  # random configurations at which pairs of outer bodies are tested for overlap
 GAMMA, LENGTH = 2, 1e-3  # of the distance that tests them; its sign, which alone counts here, depends on neither
 SELF_ACTIVATION = 0.005  # [m] links of one arm are close by design: their penalty sets in late
@@ -90,13 +92,32 @@ def _separable_pairs(
             pairs.append((fewer, more, a, b))
     if not pairs:
         return (), ()
-    laid_out = body_pairs(bodies, planes, [(i, j) for i, j, _, _ in pairs], 0.0, kinematics.supports)
-    configurations = robot.draw(np.random.default_rng(0), TRIALS)
-    drawn = kinematics.evaluate(configurations)
+    unresolved = _often_overlapping(robot, kinematics, bodies, planes, pairs)
+    return tuple((i, j) for i, j, a, b in pairs if (a, b) not in unresolved), unresolved
+
+
+def _often_overlapping(
+    robot: Robot,
+    kinematics: Kinematics,
+    bodies: tuple[LinkBody, ...],
+    planes: tuple[HalfspaceBody, ...],
+    pairs: list[tuple[int, int, str, str]],
+) -> tuple[LinkPair, ...]:
+    """The links whose bodies, of these pairs, overlap in more than OFTEN of TRIALS; cached on disk by content."""
+    from hdplan.planner.collision.separation_bounds import content_of
+
+    rows, names = [(i, j) for i, j, _, _ in pairs], [(a, b) for _, _, a, b in pairs]
+    key = content_key(VERSION, *content_of(robot, bodies, rows), *(name for pair in names for name in pair))
+    known = load("overlaps", key)
+    if known is not None:
+        return tuple((a, b) for a, b in known)
+    laid_out = body_pairs(bodies, planes, rows, 0.0, kinematics.supports)
+    drawn = kinematics.evaluate(robot.draw(np.random.default_rng(0), TRIALS))
     sample, pair = laid_out.close(drawn)
     distance, _, _ = HdsdfPairs(laid_out, GAMMA, LENGTH)(drawn, sample, pair)
     overlaps: dict[LinkPair, set[int]] = {}
     for s, p in zip(sample[distance < 0].tolist(), pair[distance < 0].tolist(), strict=True):
-        overlaps.setdefault(pairs[p][2:], set()).add(s)
-    unresolved = tuple(names for names, seen in overlaps.items() if len(seen) > OFTEN * TRIALS)
-    return tuple((i, j) for i, j, a, b in pairs if (a, b) not in unresolved), unresolved
+        overlaps.setdefault(names[p], set()).add(s)
+    unresolved = tuple(links for links, seen in overlaps.items() if len(seen) > OFTEN * TRIALS)
+    store("overlaps", key, unresolved)
+    return unresolved

@@ -13,12 +13,11 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import coal
 import numpy as np
 import pinocchio as pin
-import trimesh
 from scipy.spatial import ConvexHull, QhullError
 from threadpoolctl import threadpool_limits
 
@@ -33,8 +32,14 @@ from hdplan.planner.geometry.shapes import operations, shape_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.lazy_imports import LazyModule
 from hdplan.scenes.once import ForkSafeLock
 from hdplan.scenes.progress import tell
+
+if TYPE_CHECKING:
+    import trimesh
+else:
+    trimesh = LazyModule("trimesh")
 
 FIT_VERSION = "8"  # to be changed with anything that changes a fit, so that old cache entries are not used
 FIXED = {"capsule": (1, 2), "outer-4": (1, 4), "outer-12": (3, 4)}  # the one candidate of each of these settings

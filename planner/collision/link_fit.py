@@ -9,14 +9,20 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from scipy.spatial import ConvexHull
 
 from hdplan.planner.collision.sphere_swept_fit import Reference, Swept, Target, finished, rough_fits, spread
 from hdplan.planner.collision.standing_out import outside
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.lazy_imports import LazyModule
+
+if TYPE_CHECKING:
+    import trimesh
+else:
+    trimesh = LazyModule("trimesh")
 
 GOOD_MEAN, GOOD_P95 = 0.0095, 0.0185  # outside the link's hull [m]: the first candidate this tight is taken
 PROMISING = 0.020  # beyond the faces of the link's hull [m]: a rough fit with more will not become good

@@ -60,7 +60,7 @@ def distances_kept(
     the robot's limits: a lower bound, or 0 where nothing above `wanted` [m] is proven."""
     if not pairs:
         return np.zeros(0)
-    key = content_key(VERSION, *_content(robot, bodies, pairs), np.float64(wanted).tobytes())
+    key = content_key(VERSION, *content_of(robot, bodies, pairs), np.float64(wanted).tobytes())
     known = load("separation", key)
     if known is None:
         laid_out = body_pairs(bodies, planes, pairs, 0.0, kinematics.supports)
@@ -157,7 +157,7 @@ def _ranges(robot: Robot, kinematics: Kinematics) -> tuple[Array, Array]:
     return np.where(whole, -np.pi, robot.lower), np.where(whole, np.pi, robot.upper)
 
 
-def _content(robot: Robot, bodies: Sequence[LinkBody], pairs: Sequence[tuple[int, int]]) -> list[bytes | str]:
+def content_of(robot: Robot, bodies: Sequence[LinkBody], pairs: Sequence[tuple[int, int]]) -> list[bytes | str]:
     """All that determines the bounds: the kinematic tree with its limits, the bodies, and the pairs."""
     model = robot.model
     parts: list[bytes | str] = [robot.lower.tobytes(), robot.upper.tobytes()]

@@ -16,14 +16,19 @@ import re
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
 
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.lazy_imports import LazyModule
 from hdplan.scenes.once import ForkSafeLock
+
+if TYPE_CHECKING:
+    import trimesh
+else:
+    trimesh = LazyModule("trimesh")
 
 Triangles = tuple[Array, Rows]  # vertices (m, 3) in the file's unit, corners (F, 3): rows of vertices
 
@@ -172,15 +177,17 @@ def _off(data: bytes, path: Path) -> Triangles:
 # --- formats that trimesh reads ---------------------------------------------------------------------------------------
 
 
-class _Beside(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
-    """Finds the files that a mesh file refers to; regular ones only."""
+def _beside(path: Path) -> Any:
+    """Return what finds the files that a mesh file refers to; regular ones only."""
 
-    def get(self, name: str) -> bytes:
-        """Return a file's content."""
-        found = Path(self.parent) / name
-        if not os.path.isfile(found) or found.stat().st_size > MOST_BYTES:
-            raise InputError(f"names the file {_shown(name)}, which is missing, no regular file, or too large")
-        return bytes(super().get(name))
+    class Beside(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
+        def get(self, name: str) -> bytes:
+            found = Path(self.parent) / name
+            if not os.path.isfile(found) or found.stat().st_size > MOST_BYTES:
+                raise InputError(f"names the file {_shown(name)}, which is missing, no regular file, or too large")
+            return bytes(super().get(name))
+
+    return Beside(str(path))
 
 
 def _ply(data: bytes, path: Path) -> Triangles:
@@ -219,7 +226,7 @@ def read_scene(data: bytes, path: Path) -> trimesh.Scene:
         log.addHandler(quiet)
         try:
             kind = path.suffix.lower().lstrip(".")
-            return trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=_Beside(str(path)), process=False)
+            return trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=_beside(path), process=False)
         finally:
             log.removeHandler(quiet)
 

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
 
 from hdplan.planner.geometry.mesh_files import read_mesh_file
@@ -80,9 +78,8 @@ class TriangleMesh:
 
     def components(self) -> tuple[TriangleMesh, ...]:
         """Split the mesh into the parts that share no vertex."""
-        corners, size = self.triangles, len(self.vertices)
-        links = (np.ones(2 * len(corners)), (corners[:, [0, 1]].ravel(), corners[:, [1, 2]].ravel()))
-        _, label = connected_components(coo_matrix(links, shape=(size, size)), directed=False)
+        corners = self.triangles
+        label = connected(corners[:, [0, 1]].ravel(), corners[:, [1, 2]].ravel(), len(self.vertices))
         kinds = np.unique(label[corners[:, 0]])
         if len(kinds) == 1:
             return (self,)
@@ -133,6 +130,20 @@ def load_mesh(shape: Mesh, field: str) -> TriangleMesh:
         if len(mesh.triangles) == 0 or thinness(mesh.vertices) <= FLAT:
             raise InputError("is flat; a body with some thickness is needed")
     return mesh
+
+
+def connected(one: Rows, other: Rows, count: int) -> Rows:
+    """Return for each of `count` nodes the number of the connected part in which it lies; node one[k] and node other[k]
+    are linked."""
+    part: Rows = np.arange(count)  # the least node that each is known to be connected with
+    while len(one):
+        low, high = np.minimum(part[one], part[other]), np.maximum(part[one], part[other])
+        apart = low != high
+        one, other = one[apart], other[apart]
+        np.minimum.at(part, high[apart], low[apart])
+        while (part[part] != part).any():
+            part = part[part]
+    return np.asarray(np.unique(part, return_inverse=True)[1])
 
 
 def thinness(points: Array) -> float:

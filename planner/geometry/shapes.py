@@ -10,18 +10,23 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import coal
 import numpy as np
 import pinocchio as pin
-import trimesh
 
 from hdplan.planner.geometry.coal_shapes import convex_hull, triangle_tree
 from hdplan.planner.geometry.meshes import FLAT, TriangleMesh, load_mesh, thinness
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.lazy_imports import LazyModule
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
+
+if TYPE_CHECKING:
+    import trimesh
+else:
+    trimesh = LazyModule("trimesh")
 
 SECTIONS = 48  # of a round body, for drawing
 ROUND_SIDES = 16  # of the prism around a cylinder

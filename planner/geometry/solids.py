@@ -23,12 +23,10 @@ from functools import cached_property
 
 import coal
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from hdplan.planner.geometry.coal_shapes import triangle_tree
-from hdplan.planner.geometry.meshes import TriangleMesh
+from hdplan.planner.geometry.meshes import TriangleMesh, connected
 from hdplan.scenes.array_types import Array, Mask, Rows
 from hdplan.scenes.once import freeze, read_only
 
@@ -70,8 +68,7 @@ class Shells:
         # each triangle is there twice, as it is and reversed: connected ones are oriented alike
         same = rising[one] != rising[other]
         joined = np.concatenate([face[other] + count * ~same, (face[other] + count * same)])
-        pairs = (np.ones(len(joined)), (np.concatenate([face[one], face[one] + count]), joined))
-        _, way = connected_components(coo_matrix(pairs, shape=(2 * count, 2 * count)), directed=False)
+        way = connected(np.concatenate([face[one], face[one] + count]), joined, 2 * count)
         _, shell = np.unique(np.minimum(way[:count], way[count:]), return_inverse=True)
         number = int(shell.max()) + 1
         lead = np.unique(shell, return_index=True)[1]  # the first triangle of each shell keeps its orientation
@@ -109,8 +106,8 @@ class Solid:
             return mesh
         reach = WELD * float(np.linalg.norm(self.box[1] - self.box[0]))
         _, first, cell = np.unique(np.floor(mesh.vertices / reach), axis=0, return_index=True, return_inverse=True)
-        near, size = cKDTree(mesh.vertices[first]).query_pairs(reach, output_type="ndarray"), len(first)
-        _, joined = connected_components(coo_matrix((np.ones(len(near)), near.T), shape=(size, size)), directed=False)
+        one, other = cKDTree(mesh.vertices[first]).query_pairs(reach, output_type="ndarray").T
+        joined = connected(one, other, len(first))
         label = joined[cell.ravel()]
         corners = label[mesh.triangles]
         proper = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
@@ -124,9 +121,8 @@ class Solid:
     @cached_property
     def parts(self) -> Array:
         """A point (c, 3) on each part that is connected by its vertices."""
-        corners, size = self.mesh.triangles, len(self.mesh.vertices)
-        links = (np.ones(2 * len(corners)), (corners[:, [0, 1]].ravel(), corners[:, [1, 2]].ravel()))
-        _, label = connected_components(coo_matrix(links, shape=(size, size)), directed=False)
+        corners = self.mesh.triangles
+        label = connected(corners[:, [0, 1]].ravel(), corners[:, [1, 2]].ravel(), len(self.mesh.vertices))
         used = np.unique(corners)
         return read_only(self.mesh.vertices[used[np.unique(label[used], return_index=True)[1]]])
 

@@ -12,8 +12,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
 
 from hdplan.planner.problem.problem import Problem
 from hdplan.scenes.array_types import Array, Rows
@@ -88,6 +86,9 @@ class Roadmap:
         Only a path that would be taken is scored closely, and it is taken if it is still the cheapest then (the lazy
         evaluation of Bohlin & Kavraki, 2000): few samples may miss a thin bar.
         """
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import dijkstra
+
         while True:
             graph = coo_array((self.costs, self.edges.T), shape=(len(self.nodes),) * 2).tocsr()
             _, before = dijkstra(graph, directed=False, indices=0, return_predecessors=True)

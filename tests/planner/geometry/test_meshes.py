@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from hdplan.planner.certificate.exact_proximity import (
     MOST_PIECES,
@@ -17,7 +19,7 @@ from hdplan.planner.certificate.exact_proximity import (
 )
 from hdplan.planner.collision.convex_pieces import convex_pieces
 from hdplan.planner.collision.halfspace_bodies import from_obstacle
-from hdplan.planner.geometry.meshes import TriangleMesh, load_mesh
+from hdplan.planner.geometry.meshes import TriangleMesh, connected, load_mesh
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.shapes import Mesh, Sphere
@@ -193,3 +195,13 @@ def test_a_mesh_that_takes_too_long_to_split_is_planned_around_as_its_hull(
     assert "rings.obj could not be split into convex pieces within 0.5 s: its hull is planned around" in note
     assert ((mesh.vertices @ body.normals.T) <= body.supports + 1e-6).all()
     assert not list((tmp_path / "cache").glob("convex_pieces/*"))
+
+
+def test_connected_parts_are_those_of_a_graph_library() -> None:
+    random = np.random.default_rng(0)
+    for count, links in ((1, 0), (5, 0), (5, 20), (40, 25), (300, 200), (300, 299), (2000, 1900)):
+        one, other = random.integers(count, size=(2, links))
+        graph = coo_matrix((np.ones(links), (one, other)), shape=(count, count))
+        np.testing.assert_array_equal(connected(one, other, count), connected_components(graph, directed=False)[1])
+    chain = random.permutation(5000)  # the longest way from one node to another
+    assert np.unique(connected(chain[1:], chain[:-1], 5000)).tolist() == [0]
