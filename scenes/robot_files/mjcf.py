@@ -167,6 +167,8 @@ class _Model:
 
     def _joint(self, own: dict[str, str], called: str, kind: str, ends: tuple[str, str], origin: Pose) -> None:
         where = f"joint '{called}'"
+        if any(joint.get("name") == called for joint in self.urdf.findall("joint")):
+            raise InputError(f"{where}: the name is taken; names must differ")
         limited = own.get("limited", "auto")
         if limited == "auto":
             limited = "true" if "range" in own and self.compiler.get("autolimits", "true") == "true" else "false"

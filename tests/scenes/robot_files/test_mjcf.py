@@ -235,6 +235,7 @@ def test_what_a_model_says_of_joints_masks_defaults_and_pairs(tmp_path: Path) ->
         ('body2="left"', 'body2="lft"', "contact: exclude: unknown body 'lft'"),
         ('childclass="big"', 'childclass="bigg"', "unknown class 'bigg'"),
         ('name="left"', 'name="arm"', "body 'arm': the name is taken"),
+        ('name="turn"', 'name="slide"', "joint 'slide': the name is taken"),
         ('pos="0 0 1"', 'pos="0 0"', "body 'arm': pos must be 3 finite numbers, found '0 0'"),
         ('pos="0 0 1"', 'quat="0 0 0 0"', "body 'arm': a direction must not be 0"),
         ('pos="0 0 1"', 'quat="1 0 0 0" zaxis="0 0 1"', "body 'arm': quat and zaxis say the same"),
