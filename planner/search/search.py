@@ -135,6 +135,13 @@ class Search:
         smoothness, _ = self.problem.smoothness.value(self.best.solution.trajectory.positions)
         return (0.0, smoothness)
 
+    @property
+    def best_rank(self) -> tuple[float, ...]:
+        """A rank that no motion of this search exceeds: of all motions between its ends the straight line, at equal
+        steps, has the least smoothness cost."""
+        smoothness, _ = self.problem.smoothness.value(self.problem.polyline())
+        return (0.0, smoothness)
+
     def certify_last(self) -> bool:
         """Certify a motion whose certificate was interrupted; False if there is none."""
         if self.last is not None:
@@ -174,11 +181,14 @@ class Search:
 
 def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Array | None]) -> None:
     """Give each goal its first guesses, then each its next ones, until one is certified after a whole round or time is
-    up. With one goal that is one guess after another. `warm` holds a guess (N, n) per goal, or None, that is tried
-    before all others."""
+    up. With one goal that is one guess after another. A goal is passed over whose straight line is less smooth than a
+    certified motion to another: no motion to it would be chosen. `warm` holds a guess (N, n) per goal, or None, that is
+    tried before all others."""
     lines = [(search, _guesses(search.problem, seed, begin)) for search, begin in zip(searches, warm, strict=True)]
     while not any(search.certified for search in searches):
         for search, guesses in lines:
+            if any(other.certified and other.rank() < search.best_rank for other in searches):
+                continue
             over = any(search.attempt(guess) for guess in itertools.islice(guesses, GUESSES))
             if over and not search.certified:
                 return

@@ -22,7 +22,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.goals import goal_choice
 from hdplan.planner.search.roadmap import Roadmap, onto_path
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
+from hdplan.scenes.path_constraints import PathConstraints, Relative, Upright, Within
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
@@ -31,11 +31,12 @@ from hdplan.scenes.yaml_format.reader import load_scene
 Array = NDArray[np.float64]
 
 LINKS = {"panda_carry": "panda_hand", "ur5_table": "tool0", "kinova_shelf": "j2s6s200_end_effector"}
+OTHERS = {"panda_carry": "panda_link2", "ur5_table": "upper_arm_link", "kinova_shelf": "j2s6s200_link_base"}
 TURNED = Pose((0.4, 0.1, 0.3), (0.1, 0.2, -0.3, math.sqrt(1 - 0.14)))
 BAND, HALF_STEP = 0.02, 1e-6
 
 
-def held(name: str, **given: Upright | Within) -> Scene:
+def held(name: str, **given: Upright | Within | Relative) -> Scene:
     scene = load_scene(name)
     return dataclasses.replace(scene, obstacles=(), attached=(), path=PathConstraints(**given))
 
@@ -46,6 +47,10 @@ def upright(name: str, tolerance: float = 0.1, axis: tuple[float, float, float] 
 
 def within(name: str, size: tuple[float, float, float] = (0.02, math.inf, 0.5)) -> Scene:
     return held(name, position=Within(LINKS[name], size, TURNED, (0.01, 0.02, 0.1)))
+
+
+def relative(name: str) -> Scene:
+    return held(name, relative=Relative(LINKS[name], OTHERS[name], TURNED, 0.05, 0.3))
 
 
 def between(scene: Scene, start: Array, goal: Array) -> Scene:
@@ -60,7 +65,7 @@ def cost(problem: Problem, q: Array) -> Array:
 
 
 @pytest.mark.parametrize("name", LINKS)
-@pytest.mark.parametrize("make", [upright, within])
+@pytest.mark.parametrize("make", [upright, within, relative])
 def test_slopes_are_those_of_the_penalty(name: str, make: object) -> None:
     problem = build(make(name))  # type: ignore[operator]
     (term,) = problem.terms.path
