@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import re
 from typing import Any
 
 import numpy as np
@@ -139,9 +140,18 @@ def library() -> ctypes.CDLL | None:
     """The compiled loops; None without a C compiler."""
     found = c_library("close_pairs", SOURCE)
     if found is not None:
-        found.place.restype = found.not_separated.restype = None
-        found.close_to_standing.restype = found.close_to_moving.restype = ctypes.c_longlong
+        for result, name, given in re.findall(r"^(void|long long) (\w+)\((.*?)\) {", SOURCE, re.M | re.S):
+            function = getattr(found, name)
+            function.restype = ctypes.c_longlong if result == "long long" else None
+            function.argtypes = [_type(argument) for argument in given.split(",")]
     return found
+
+
+def _type(argument: str) -> type:
+    """The type of a declared argument: an array's address, a whole number or a number."""
+    if "*" in argument:
+        return ctypes.c_void_p
+    return ctypes.c_longlong if "long long" in argument else ctypes.c_double
 
 
 def placed(loops: ctypes.CDLL, placements: Array, joint: Rows, points: Array) -> Array:
@@ -173,14 +183,5 @@ def not_separated(loops: ctypes.CDLL, sample: Rows, pair: Rows, *arguments: int 
 
 def _call(function: Any, *arguments: float | Array | Rows | Mask) -> Any:
     """Call a C function with numbers and arrays, which it takes as contiguous."""
-    alive: list[Any] = []
-    given: list[Any] = []
-    for each in arguments:
-        if isinstance(each, int):
-            given.append(ctypes.c_longlong(each))
-        elif isinstance(each, float):
-            given.append(ctypes.c_double(each))
-        else:
-            alive.append(np.ascontiguousarray(each))
-            given.append(ctypes.c_void_p(alive[-1].ctypes.data))
-    return function(*given)
+    given = [each if isinstance(each, int | float) else np.ascontiguousarray(each) for each in arguments]
+    return function(*(each if isinstance(each, int | float) else each.__array_interface__["data"][0] for each in given))

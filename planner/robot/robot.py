@@ -214,7 +214,7 @@ def load_robot(robot: str | RobotSpec) -> Robot:
         notes.append(f"no link of {name} has collision geometry, so it cannot touch anything")
     by_default = [f"{joint} at {value:g}" for joint, value in held.items() if joint not in spec.locked]
     if by_default:
-        notes.append(f"joints held: {', '.join(by_default)}")
+        notes.append(f"joints held: {listed(by_default)}")
 
     apart = never_in_contact(full, geometry, held) if srdf is None else ()
     model, collision = without_joints(full, geometry, held)

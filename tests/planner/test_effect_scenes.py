@@ -14,6 +14,7 @@ from hdplan.planner.certificate.certifier import Status, certify
 from hdplan.planner.plan import plan
 from hdplan.planner.result import verdict
 from hdplan.planner.terminal.explain import explain
+from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import SelfCollision
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.poses import Pose
@@ -93,3 +94,21 @@ def test_a_path_that_constrains_nothing_leaves_the_plan_as_it_is() -> None:
     free = plan(no_path(scene))
     bound = plan(dataclasses.replace(scene, path=dataclasses.replace(scene.path, upright=None)))
     assert bound.trajectory.positions.tobytes() == free.trajectory.positions.tobytes()
+
+
+def test_tiago_needs_its_group() -> None:
+    """Without it all its joints are to be planned: the goal misses most of them, and what helps is said in a line."""
+    scene = load_scene("tiago_shelf")
+    whole = replace(scene, robot=replace(scene.robot, group=None))
+    with pytest.raises(InputError, match=r"8 joint values, but tiago plans .* \d+ more; robot\.group .* robot\.locked"):
+        plan(whole)
+
+
+def test_pr2_needs_what_its_start_says_of_the_other_arm() -> None:
+    """Held elsewhere, the left arm is in the right one's way."""
+    scene = load_scene("pr2_shelf")
+    assert scene.start.by_name is not None
+    right = {joint: value for joint, value in scene.start.by_name.items() if joint.startswith("r_")}
+    other = {**right, "l_shoulder_pan_joint": -0.6, "l_elbow_flex_joint": -0.2}
+    with pytest.raises(InputError, match=r"in collision: .*l_.* and r_|in collision: .*r_.* and l_"):
+        plan(scene.with_start({**other, "r_shoulder_pan_joint": 0.5, "r_elbow_flex_joint": -0.2}))

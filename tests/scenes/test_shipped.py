@@ -27,6 +27,8 @@ NAMES = {
     "panda_table_pick",
     "panda_vase",
     "planar_arm",
+    "pr2_shelf",
+    "tiago_shelf",
     "ur5_ceiling",
     "ur5_pallet",
     "ur5_payload",

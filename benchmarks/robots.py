@@ -1,0 +1,157 @@
+"""Every robot that goes by name: what it costs to fit, build, solve and certify random motions among random obstacles.
+
+    python benchmarks/robots.py [NAME ...] [--motions N] [--limit SECONDS] [--seed N]
+
+Prints a Markdown table, a row for each robot as soon as it is there; without names, of all robots. Each robot runs in a
+process of its own, ended at the limit of processor time. Times are seconds of processor time: fit and load once (fit
+with an empty cache), build, solve and certify for a motion, at the median; a plan's time is split among them as the
+clock has them. Ends are random configurations within the
+limits that touch nothing; a robot for which none is found says so, as does one that cannot be loaded.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+import numpy as np
+import pinocchio as pin
+
+import hdplan
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.collision.link_bodies import fit_report
+from hdplan.planner.result import PlanResult
+from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.errors import HdplanError, InputError, OutOfTime
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_files.library import robot_names
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Sphere
+
+HEAD = ("robot", "joints", "links", "bodies", "outside mm", "certified", "load", "fit", "build", "solve", "certify")
+TRIES = 200  # random configurations that an end is looked for among
+OBSTACLES = 4
+PLAN_LIMIT = 20.0  # [s] for one plan
+
+
+def row(name: str, motions: int, seed: int) -> list[str]:
+    """Return a robot's row. Raises HdplanError where it can have none."""
+    began = time.process_time()
+    robot = load_robot(name)
+    loaded = time.process_time()
+    report = fit_report(robot)
+    fitted = time.process_time()
+    if not report:
+        raise InputError("no link has collision geometry: it can touch nothing")
+    rng = np.random.default_rng(seed)
+    certified, times = 0, []
+    for _ in range(motions):
+        scene = random_scene(name, robot, rng)
+        began_plan = time.process_time()
+        try:
+            result = hdplan.plan(scene, seed=seed, time_limit=PLAN_LIMIT)
+        except OutOfTime:
+            continue
+        certified += result.certified
+        times.append(split(result, time.process_time() - began_plan))
+    if not times:
+        raise InputError(f"no motion within {PLAN_LIMIT:g} s, of {motions} tried")
+    return [
+        *(name, str(robot.n), str(len(robot.links)), str(sum(each.bodies for each in report))),
+        f"{1e3 * statistics.fmean(each.mean_outside for each in report):.1f}",
+        f"{certified} of {motions}",
+        *(f"{seconds:.2f}" for seconds in (loaded - began, fitted - loaded)),
+        *(f"{statistics.median(each[step] for each in times):.2f}" for step in ("build", "solve", "certify")),
+    ]
+
+
+def split(result: PlanResult, spent: float) -> dict[str, float]:
+    """Return the processor time [s] of a plan's steps: of the whole, the share that each has of the clock."""
+    clock: dict[str, float] = result.summary()["time_s"]
+    steps = {step: clock[step] for step in ("load", "build", "compile", "solve", "certify") if step in clock}
+    return {step: spent * seconds / sum(steps.values()) for step, seconds in steps.items()}
+
+
+def random_scene(name: str, robot: Robot, rng: np.random.Generator) -> Scene:
+    """Return a scene with obstacles within the robot's reach and two free ends."""
+    reach = max(0.3, float(np.abs([p for q in robot.draw(rng, 20) for p in positions(robot, q)]).max()))
+    obstacles = []
+    for i in range(OBSTACLES):
+        size = rng.uniform(0.03, 0.15) * reach
+        shape = Box(tuple((2 * size * rng.uniform(0.5, 1.0, 3)).tolist())) if i % 2 else Sphere(size)
+        direction = rng.normal(size=3)
+        place = direction / np.linalg.norm(direction) * rng.uniform(0.4, 1.0) * reach
+        obstacles.append(Obstacle(f"obstacle{i}", shape, Pose(tuple(place.tolist()))))
+    rest = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
+    spec = RobotSpec(name=name)
+    scene = Scene(robot=spec, obstacles=obstacles, start=rest, goal=rest)
+    certifier = Certifier(Setup.of(scene, robot))
+    free = (q for q in robot.draw(rng, TRIES) if not certifier.contacts(q))
+    ends = [q for q, _ in zip(free, range(2), strict=False)]
+    if len(ends) < 2:
+        raise InputError(f"fewer than two of {TRIES} random configurations are free")
+    return scene.with_start(ends[0]).with_goal(ends[1])
+
+
+def positions(robot: Robot, q: np.ndarray) -> list[np.ndarray]:
+    """Return where the origins of all frames are [m]."""
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, robot.pin_q(q))
+    return [pose.translation.copy() for pose in data.oMf]
+
+
+def alone(name: str, motions: int, seed: int, limit: float) -> list[str]:
+    """Return a robot's row, or why it has none, from a process of its own with an empty cache."""
+    with tempfile.TemporaryDirectory() as cache:
+        command = [sys.executable, __file__, name, "--motions", str(motions), "--seed", str(seed), "--row"]
+        done = subprocess.run(
+            command,
+            capture_output=True,
+            text=True,
+            env={**os.environ, "XDG_CACHE_HOME": cache},
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (int(limit), int(limit) + 1)),
+        )
+    if done.returncode < 0:
+        return [name, f"ended after {limit:g} s of processor time"]
+    try:
+        return list(json.loads(done.stdout.splitlines()[-1]))
+    except (ValueError, IndexError):
+        return [name, (done.stderr.strip().splitlines() or ["no answer"])[-1]]
+
+
+def line(cells: list[str]) -> str:
+    return f"| {' | '.join([*cells, *[''] * (len(HEAD) - len(cells))])} |"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*")
+    parser.add_argument("--motions", type=int, default=5)
+    parser.add_argument("--limit", type=float, default=300.0, help="seconds of processor time for a robot")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--row", action="store_true", help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.row:
+        try:
+            print(json.dumps(row(given.names[0], given.motions, given.seed)))
+        except HdplanError as error:
+            print(json.dumps([given.names[0], str(error)]))
+        return
+    print(line(list(HEAD)))
+    print(f"|{' --- |' * len(HEAD)}")
+    for name in given.names or robot_names():
+        print(line(alone(name, given.motions, given.seed, given.limit)), flush=True)
+
+
+if __name__ == "__main__":
+    main()
