@@ -1,32 +1,32 @@
-"""The path constraints of a scene: what a configuration takes of each, and no more than what on a part of a motion.
+"""The path constraints of a scene: the value of each at a configuration, and an upper bound on a part of the motion.
 
-On a part of the motion q(s) = q_m + s δ + e(s), |s| ≤ 1, |e_j(s)| ≤ ε_j (`Curve.part`), everything taken at q_m:
+On a part of the motion q(s) = q_m + s δ + e(s), |s| ≤ 1, |e_j(s)| ≤ ε_j (`Curve.part`), everything evaluated at q_m:
 
-*Upright.* The link's axis a is turned by the revolute joints that carry it. With a' = Σ_j δ_j z_j × a and ‖∂²a/∂q_i
+*Upright.* The link's axis a is rotated by the revolute joints that carry it. With a' = Σ_j δ_j z_j × a and ‖∂²a/∂q_i
 ∂q_j‖ ≤ 1, the chord to the upward direction z is at most
 
     ‖a(s) − z‖ ≤ max_{s = ±1} ‖a − z + s a'‖ + ½ (Σ_j |δ_j|)² + Σ_j ε_j,    angle = 2 arcsin(chord/2),
 
-as the norm is convex in s, and a joint that is off by ε_j turns the axis by no more than that. Coarser: the angle grows
+as the norm is convex in s, and a joint deviation of ε_j rotates the axis by no more than that. Coarser: the angle grows
 by Σ_j |δ_j| + ε_j at most.
 
-*Within.* The point's place u in the axes of the box is, with p' and R of `motion_bounds`, in each axis at most
+*Within.* Along each axis of the box, the point's coordinate u is bounded, with v' and R of `motion_bounds`, by
 
     |u(s)| ≤ max_{s = ±1} |u + s u'| + R,    or    |u| + Σ_j (|δ_j| + ε_j) ρ_j.
 
-*Relative.* What joints do that carry both links changes neither the distance of two points on them nor the angle
-between them, so only those count that carry one of the two: A the first, B the other. The link's origin p is to be at
+*Relative.* Joints that carry both links change neither the distance between points on them nor the angle between their
+frames, so only those count that carry one of the two: A the first link, B the other. The link's origin p is to be at
 the point c of the other link,
 
     ‖p(s) − c(s)‖ ≤ max_{s = ±1} ‖p − c + s (p' − c')‖ + R_A + R_B,    or    ‖p − c‖ + Σ_{A, B} (|δ_j| + ε_j) ρ_j.
 
-Its rotation P is to be that of the other times what is asked for, C. The chord d = ‖P − C‖_F/√2 = 2 sin(angle/2) is
-convex in a straight P − C; with P' = [Ω_A]× P, C' = [Ω_B]× C, Ω = Σ δ_j z_j over the revolute joints, and ‖∂²P/∂q_i
-∂q_j‖_F = ‖[z_i]× [z_j]×‖_F = √(1 + (z_i · z_j)²) ≤ √2,
+Its rotation P is to be C, the other link's times the relative rotation asked for. With the chord d = ‖P − C‖_F/√2 = 2
+sin(angle/2), P' = [Ω_A]× P, C' = [Ω_B]× C, Ω = Σ δ_j z_j over the revolute joints, and ‖∂²P/∂q_i ∂q_j‖_F = ‖[z_i]×
+[z_j]×‖_F = √(1 + (z_i · z_j)²) ≤ √2,
 
     d(s) ≤ max_{s = ±1} ‖P − C + s (P' − C')‖_F/√2 + ½ (Σ_A |δ_j|)² + ½ (Σ_B |δ_j|)² + Σ_{A, B} ε_j,
 
-as a joint that is off by ε_j turns P by a chord of no more than that. Coarser: the angle grows by Σ_{A, B} |δ_j| + ε_j.
+as a joint deviation of ε_j moves P by a chord of no more than that. Coarser: the angle grows by Σ_{A, B} |δ_j| + ε_j.
 
 Angles in [rad], distances in [m]. Placements are Pinocchio's.
 """
@@ -74,7 +74,7 @@ class Part(NamedTuple):
 
 
 class Held(Protocol):
-    """One thing that is to hold all along the way."""
+    """One constraint on the whole motion."""
 
     @property
     def field(self) -> str:
@@ -93,23 +93,23 @@ class Held(Protocol):
 
     @property
     def scale(self) -> float:
-        """What is little and what is much of it [rad] or [m]."""
+        """The scale of its values [rad] or [m], of which a share is accepted as slack."""
         ...
 
     def found(self, rotations: Array, origins: Array) -> Array:
-        """What k configurations take of it (k,) [rad] or [m], exact to rounding."""
+        """Return its value (k,) [rad] or [m] at k configurations, exact up to rounding."""
         ...
 
     def bound(self, part: Part, found: Array) -> Array:
-        """No more than what is taken (k,) on parts, at whose midpoints it is `found` (k,)."""
+        """Return an upper bound (k,) of its value on parts of the motion; at their midpoints it is `found` (k,)."""
         ...
 
     def broken(self, found: float) -> str:
-        """Say what was found where it is not kept."""
+        """Return a message on a value where it is violated."""
         ...
 
     def kept(self, worst: float) -> str:
-        """Say what is proven of the whole motion."""
+        """Return a message on the upper bound proven over the whole motion."""
         ...
 
 
