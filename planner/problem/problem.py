@@ -113,7 +113,7 @@ class Problem:
 
     def clip(self, positions: Array) -> Array:
         """Move interior waypoints into the joint limits and set the ends."""
-        result = np.clip(positions, self.robot.lower, self.robot.upper)
+        result = np.clip(positions, *self.robot.inner)
         result[0], result[-1] = self.start, self.goal
         return result
 
@@ -125,7 +125,7 @@ class Problem:
         if lengths[-1] == 0:
             return np.repeat(corners[:1], self.waypoints, axis=0)
         wanted = np.linspace(0, lengths[-1], self.waypoints)
-        return np.stack([np.interp(wanted, lengths, column) for column in corners.T], axis=1)
+        return self.clip(np.stack([np.interp(wanted, lengths, column) for column in corners.T], axis=1))
 
     def evaluate(self, positions: Array, weight: float) -> Evaluation:
         """Cost and derivatives at waypoints (N, n) with penalty weight w [1/m²]."""

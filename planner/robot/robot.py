@@ -58,6 +58,7 @@ class Robot:
     joint_names: tuple[str, ...]  # the n planned joints, one coordinate each
     lower: Array  # (n,) [rad or m], -inf for a continuous joint
     upper: Array  # (n,) [rad or m], inf for a continuous joint
+    inner: Array  # (2, n) lower and upper between the ends: narrower where an end lies beyond the robot's own limits
     locked: Mapping[str, float]  # joint -> the value at which it is held
     links: tuple[str, ...]  # links with collision geometry, from base to tip
     link_joint: Mapping[str, int]  # link -> index of the joint that carries it (0: fixed to the world)
@@ -229,13 +230,16 @@ def load_robot(robot: str | RobotSpec) -> Robot:
     bounded = np.array([joint.nq == 1 for joint in itertools.islice(model.joints, 1, None)])
     first = [joint.idx_q for joint in itertools.islice(model.joints, 1, None)]
     lower, upper = np.asarray(model.lowerPositionLimit)[first], np.asarray(model.upperPositionLimit)[first]
+    lower = np.where(bounded & (lower > -UNLIMITED), lower, -np.inf)
+    upper = np.where(bounded & (upper < UNLIMITED), upper, np.inf)
     loaded = Robot(
         name=name,
         model=model,
         collision=collision,
         joint_names=tuple(str(joint) for joint in model.names)[1:],
-        lower=np.where(bounded & (lower > -UNLIMITED), lower, -np.inf),
-        upper=np.where(bounded & (upper < UNLIMITED), upper, np.inf),
+        lower=lower,
+        upper=upper,
+        inner=np.stack([lower, upper]),
         locked=held,
         links=tuple(link_geometry),
         link_joint=link_joint,

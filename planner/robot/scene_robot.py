@@ -96,7 +96,8 @@ def _narrowed(robot: Robot, ranges: tuple[tuple[str, tuple[float, float]], ...])
                 f"found [{low:g}, {high:g}]"
             )
         lower[i], upper[i] = low, high
-    return replace(robot, lower=lower, upper=upper)
+    inner = np.stack([np.maximum(robot.inner[0], lower), np.minimum(robot.inner[1], upper)])
+    return replace(robot, lower=lower, upper=upper, inner=inner)
 
 
 @made_once(MOST)
@@ -135,7 +136,8 @@ def _holding(robot: Robot, attached: tuple[Attached, ...], stamps: Stamps) -> Ro
 
 
 def _with_room(robot: Robot, scene: Scene) -> Robot:
-    """Widen the limits, by at most ROOM, to ends of a request or a named state that lie beyond them."""
+    """Widen the limits, by at most ROOM, to ends of a request or a named state that lie beyond them; a plan goes beyond
+    the robot's own (`Robot.inner`) at these ends alone."""
     lower, upper = robot.lower.copy(), robot.upper.copy()
     ends = [target for target in (scene.start, scene.goal) if isinstance(target, JointTarget)]
     for target in ends:

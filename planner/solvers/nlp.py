@@ -55,7 +55,7 @@ def nlp(problem: Problem) -> Nlp:
         gradient += (ca.reshape(slope(looks, unused[0]), n, -1) @ ca.diag(scale)) @ spread.T
         blocks = ca.horzsplit(curvature(looks, *unused)[0], n)
         hessian += to_interior @ ca.diagcat(*(scale[s] * block for s, block in enumerate(blocks))) @ to_interior.T
-    lower, upper = np.tile(problem.robot.lower, count), np.tile(problem.robot.upper, count)
+    lower, upper = (np.tile(limit, count) for limit in problem.robot.inner)
     return Nlp(x, weight, cost, ca.vec(gradient[:, 1:-1]), hessian, lower, upper)
 
 

@@ -91,7 +91,7 @@ class Retimer:
     def _inset(self, waypoints: Array) -> Array:
         """Keep the inner waypoints INSET away from the joint limits: between rows, quintics deviate from the path by
         less."""
-        result = np.clip(waypoints, self.robot.lower + INSET, self.robot.upper - INSET)
+        result = np.clip(waypoints, self.robot.inner[0] + INSET, self.robot.inner[1] - INSET)
         result[0], result[-1] = waypoints[0], waypoints[-1]
         return result
 

@@ -56,8 +56,8 @@ def _step(problem: Problem, positions: Array, state: Evaluation, damping: float)
     count, n = interior.shape
     band = _band(problem.smoothness.matrix[1:-1, 1:-1], state, damping)
     gradient = state.gradient
-    outward = ((interior >= problem.robot.upper) & (gradient < 0)) | (
-        (interior <= problem.robot.lower) & (gradient > 0)
+    outward = ((interior >= problem.robot.inner[1]) & (gradient < 0)) | (
+        (interior <= problem.robot.inner[0]) & (gradient > 0)
     )
     band[0] += REST * outward.ravel()
     step = np.zeros_like(positions)

@@ -13,6 +13,7 @@ import pytest
 import trimesh
 
 from hdplan.planner.geometry.meshes import TriangleMesh
+from hdplan.planner.plan import plan
 from hdplan.planner.robot import pin_model
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
@@ -224,8 +225,14 @@ def test_limits_make_room_for_a_request_that_lies_a_little_beyond(panda: Robot) 
         assert np.sum(robot.upper != panda.upper) == 1
         np.testing.assert_array_equal(robot.lower, panda.lower)
         assert any("panda_joint4" in note and "widened" in note for note in robot.notes)
-        np.testing.assert_array_equal(Setup.of(scene, robot).query.goal, list(goal.values()))
+        setup = Setup.of(scene, robot)
+        np.testing.assert_array_equal(setup.query.goal, list(goal.values()))
         assert load_scene_robot(scene) is robot
+        np.testing.assert_array_equal(robot.inner, (panda.lower, panda.upper))
+        motion = plan(scene).trajectory.positions  # beyond the robot's own limits at the goal alone
+        assert motion[-1, joint] == goal["panda_joint4"]
+        assert (motion[:-1] <= panda.upper).all()
+        assert (motion[:-1] >= panda.lower).all()
 
 
 @pytest.mark.parametrize(("excess", "allowed"), [(0.0, True), (0.08, True), (0.12, False)])
