@@ -214,9 +214,9 @@ def test_every_step_is_reported_with_its_waypoints(problem: Problem, solver: str
 
 def test_the_weight_goes_up_until_bodies_keep_their_distance(problem: Problem) -> None:
     """The default solver ends clear, after weights that only rise; the first is the budget's."""
-    solution = solve(problem, budget=Budget(first_weight=7.0))
+    solution = solve(problem, budget=Budget(first_weight=100.0))
     weights = [step.weight for step in solution.steps]
-    assert weights[0] == 7.0
+    assert weights[0] == 100.0
     assert weights == sorted(weights)
     assert solution.status is SolverStatus.CLEAR
     assert solution.steps[-1].depth <= problem.scene.planner.activation
