@@ -166,22 +166,24 @@ def replay(setup: Setup, trajectory: Trajectory) -> Simulation:
     torques = limits.get("torque")
     first, last = (0.0, 1.0) if curve.times is None else (float(curve.times[0]), float(curve.times[-1]))
     count = max(int(np.ceil((last - first) / STEP)), 1) if timed else PATH_SAMPLES
-    times = np.linspace(first, last, count + 1)
+    by_file = times = np.linspace(first, last, count + 1)
     positions = curve.at_time(times)
     travel = np.ptp(positions, axis=0).tolist()
     peaks: list[dict[str, Peak]] = [{} for _ in range(robot.n)]
     for name, order in DERIVATIVES.items() if timed else ():
         for peak, found in zip(peaks, _rates(curve, order, times, limits.get(name)), strict=True):
             peak[name] = found
-    for name, along in _other_limits(certifier, curve, times) if timed else ():
-        for peak, values, limit in zip(peaks, along.T, limits[name].tolist(), strict=True):
-            peak[name] = _peak(values, times, limit)
     execution = None
     if torques is not None:
         execution = execute(Arm(setup.loaded_model, robot), curve, torques)
         times, positions = execution.times, execution.positions
-        for joint, peak in enumerate(peaks):  # the commanded torque counts, not that of the file alone
+        for joint, peak in enumerate(peaks):
             peak["torque"] = _peak(execution.asked[:, joint], execution.times, float(torques[joint]))
+    for check in certifier.limits if timed else ():
+        for name in check.limits.keys() - peaks[0].keys():  # neither a derivative nor measured in the execution
+            along = check.values(name, curve, *curve.interval_of(curve.parameter_of(by_file)))
+            for peak, values, limit in zip(peaks, along.T, check.limits[name].tolist(), strict=True):
+                peak[name] = _peak(values, by_file, limit)
     every = max(int(CLEARANCE_STEP / (times[1] - times[0])), 1) if timed else PATH_SAMPLES // 100
     samples = np.unique(np.r_[np.arange(0, len(times), every), len(times) - 1])
     closest, between_links = _closest(certifier, positions[samples], times[samples])
@@ -202,14 +204,6 @@ def replay(setup: Setup, trajectory: Trajectory) -> Simulation:
     )
     duration = last - first if timed else None
     return Simulation(duration, curve, joints, closest, between_links, len(samples), execution, failures)
-
-
-def _other_limits(certifier: Certifier, curve: Curve, times: Array) -> Iterator[tuple[str, Array]]:
-    """Yield the limited quantities that are not derivatives, by the file (k, n) at times (k,)."""
-    interval, fraction = curve.interval_of(curve.parameter_of(times))
-    for check in certifier.limits:
-        for name in check.limits.keys() - DERIVATIVES.keys():
-            yield name, check.values(name, curve, interval, fraction)
 
 
 def _rates(curve: Curve, order: int, times: Array, limit: Array | None) -> Iterator[Peak]:

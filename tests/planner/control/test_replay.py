@@ -5,14 +5,17 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from hdplan.planner.certificate import certifier
 from hdplan.planner.certificate.torque_check import check_torques
 from hdplan.planner.control.computed_torque import Arm, execute
 from hdplan.planner.control.replay import Simulation, replay
+from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot, load_robot
 from hdplan.planner.robot.setup import Setup
@@ -28,6 +31,7 @@ from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.timing import Timing
 
 Floats = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 SCENES = Path(__file__).resolve().parents[3] / "scenes" / "shipped"
 UPRIGHT = Pose((0, 0, 1), (0.7071067811865476, 0, 0, 0.7071067811865476))  # the planar arm in a vertical plane
@@ -186,6 +190,26 @@ def test_a_rate_beyond_its_limit_is_named(rate: str) -> None:
     assert re.search(
         rf"'panda_joint1' reaches an? {rate} of [\d.]+ at .* its limit is {getattr(BEYOND[rate], rate):g}", seen.text
     )
+
+
+def test_another_limit_is_shown_and_judged_as_its_check_has_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Here on what a joint has turned from 0: the largest is at the end of the reach."""
+
+    class Turned:
+        limits = MappingProxyType({"turn": np.full(7, 0.3)})
+
+        def values(self, quantity: str, curve: Curve, interval: Index, fraction: Floats) -> Floats:
+            assert quantity == "turn"
+            return curve.at(interval, fraction)
+
+    monkeypatch.setattr(certifier, "limit_checks", lambda setup: [Turned()])
+    motion = _reach(load_robot(PANDA))
+    seen = _replay(_scene(), motion)
+    for column, joint in zip(motion.positions.T, seen.joints, strict=True):
+        assert joint.peaks["turn"].value == pytest.approx(np.abs(column).max(), abs=1e-6)
+        assert joint.peaks["turn"].limit == 0.3
+    assert not seen.succeeded
+    assert "reaches a turn of" in seen.text
 
 
 def test_corners_are_infinite_accelerations() -> None:
