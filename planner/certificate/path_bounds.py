@@ -113,8 +113,19 @@ class Held(Protocol):
         ...
 
 
+class _WithTolerance:
+    """A constraint whose values are measured against its tolerance."""
+
+    allowed: float
+
+    @property
+    def scale(self) -> float:
+        """The tolerance."""
+        return self.allowed
+
+
 @dataclass(frozen=True, eq=False)
-class HeldUpright:
+class HeldUpright(_WithTolerance):
     """A link's axis, to be kept upright."""
 
     link: str
@@ -122,11 +133,6 @@ class HeldUpright:
     axis: Array  # (3,) unit, in the joint's frame
     allowed: float  # [rad]
     field: str = "path.upright"
-
-    @property
-    def scale(self) -> float:
-        """The tolerance."""
-        return self.allowed
 
     def found(self, rotations: Array, origins: Array) -> Array:
         """The angle (k,) to the upward direction, exact: Kahan's formula, as good near 0 and π as elsewhere."""
@@ -196,7 +202,7 @@ class HeldWithin:
 
 
 @dataclass(frozen=True, eq=False)
-class HeldAt:
+class HeldAt(_WithTolerance):
     """A link's origin, to be kept at a point of another link."""
 
     link: str
@@ -205,11 +211,6 @@ class HeldAt:
     points: tuple[Array, Array]  # (3,) in the joints' frames: the origin, and where it is to be
     allowed: float  # [m]
     field: str = "path.relative.position_tolerance"
-
-    @property
-    def scale(self) -> float:
-        """The tolerance."""
-        return self.allowed
 
     def found(self, rotations: Array, origins: Array) -> Array:
         """The distance (k,) between the two points, exact."""
@@ -240,7 +241,7 @@ class HeldAt:
 
 
 @dataclass(frozen=True, eq=False)
-class HeldTurn:
+class HeldTurn(_WithTolerance):
     """A link's rotation, to be kept against another link's."""
 
     link: str
@@ -249,11 +250,6 @@ class HeldTurn:
     turns: tuple[Array, Array]  # (3, 3) in the joints' frames: the link's, and what it is to be
     allowed: float  # [rad]
     field: str = "path.relative.orientation_tolerance"
-
-    @property
-    def scale(self) -> float:
-        """The tolerance."""
-        return self.allowed
 
     def _both(self, rotations: Array) -> tuple[Array, Array]:
         one, other = (rotations[:, joint] @ turn for joint, turn in zip(self.joints, self.turns, strict=True))

@@ -56,13 +56,14 @@ class BodyPairs:
         return (int(self.body_table.shape[1]) - 1) // 4
 
     def close(self, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
-        """Sample and pair indices (S,), samples ascending, whose bounding sphere reaches the enlarged box.
+        """Sample and pair indices (S,), samples ascending, whose bounding sphere reaches the enlarged box; with a C
+        compiler, only those of them that no plane of the enlarged body separates.
 
         Misses no HD-SDF D < 0, by WIDEST, and no Euclidean distance below the margin: the sphere contains the link
         body, and the box, enlarged by the margin along its axes, contains every point within the margin of the other
         body.
         """
-        centres, reach = self._placed_centres(kinematics), self.widest * self.radii
+        centres, reach = _placed(kinematics, self._body_joints, self.centres), self.widest * self.radii
         found = self._close_to_standing(centres, reach), self._close_to_moving(centres, reach, kinematics)
         sample, pair = (np.concatenate(parts) for parts in zip(*found, strict=True))
         if loops := close_pairs.library():
@@ -79,20 +80,11 @@ class BodyPairs:
     def close_between(self, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
         """The same for intervals between the configurations, (S,) intervals ascending, by a ball around a link body at
         both ends of each. Misses no D < 0 between the hull of the two and a standing body."""
-        centres = self._placed_centres(kinematics)
+        centres = _placed(kinematics, self._body_joints, self.centres)
         half = np.linalg.norm(np.diff(centres, axis=0), axis=2).max(axis=0, initial=0.0) / 2
         interval, pair = self._close_to_standing((centres[1:] + centres[:-1]) / 2, self.widest * (self.radii + half))
         order = np.argsort(interval, kind="stable")
         return interval[order], pair[order]
-
-    def _placed_centres(self, kinematics: KinematicsBatch) -> Array:
-        """The centres of the link bodies' spheres in the world (batch, A, 3)."""
-        joint = self._body_joints
-        if loops := close_pairs.library():
-            return close_pairs.placed(loops, kinematics.placements, joint, self.centres)
-        rotations, translations = kinematics.rotations[:, joint], kinematics.translations[:, joint]
-        centres: Array = (rotations @ self.centres[:, :, None])[..., 0] + translations
-        return centres
 
     @cached_property
     def _planes(self) -> tuple[Rows, Rows, Array]:
@@ -165,24 +157,30 @@ class BodyPairs:
         pair, body, box, joint = self._moving
         if not len(pair):
             return np.empty(0, np.int64), np.empty(0, np.int64)
-        rotations, translations = kinematics.rotations, kinematics.translations
+        origins = _placed(kinematics, self._box_joints, self.boxes[:, :3, 3])  # (batch, B, 3)
         if loops := close_pairs.library():
-            placements, local = kinematics.placements, self.boxes[:, :3, 3].copy()
-            origins = close_pairs.placed(loops, placements, self._box_joints, local)
+            placements = kinematics.placements
             return close_pairs.rows(
                 loops.close_to_moving,
                 *(*centres.shape[:2], centres, reach, len(self.boxes), origins, self._balls),
                 *(placements.shape[1], placements, len(pair), pair, body, box, joint, self.boxes, self.half_sizes),
             )
-        on = self._box_joints
-        origins = (rotations[:, on] @ self.boxes[:, :3, 3, None])[..., 0] + translations[:, on]  # (batch, B, 3)
         gaps = centres[:, body] - origins[:, box]  # (batch, P, 3)
         sample, row = np.nonzero(np.einsum("bpi,bpi->bp", gaps, gaps) < (reach[body] + self._balls[box]) ** 2)
         body, box, joint = body[row], box[row], joint[row]
-        local = (gaps[sample, row, None] @ rotations[sample, joint] @ self.boxes[box, :3, :3])[:, 0]
+        local = (gaps[sample, row, None] @ kinematics.rotations[sample, joint] @ self.boxes[box, :3, :3])[:, 0]
         outside = np.maximum(np.abs(local) - self.half_sizes[box], 0.0)
         near = np.einsum("si,si->s", outside, outside) < reach[body] ** 2
         return sample[near], pair[row[near]]
+
+
+def _placed(kinematics: KinematicsBatch, joint: Rows, points: Array) -> Array:
+    """Return points (k, 3) in the frames of joints (k,) in the world, at every sample (batch, k, 3)."""
+    if loops := close_pairs.library():
+        return close_pairs.placed(loops, kinematics.placements, joint, points)
+    rotations, translations = kinematics.rotations[:, joint], kinematics.translations[:, joint]
+    places: Array = (rotations @ points[:, :, None])[..., 0] + translations
+    return places
 
 
 def _spread(rows: Rows, values: Rows, count: int) -> Rows:

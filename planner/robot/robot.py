@@ -33,6 +33,7 @@ from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_files.description import Semantics, Tree, read_semantics, read_tree
 from hdplan.scenes.robot_files.library import description_of
 from hdplan.scenes.robot_files.link_pairs import LinkPair, link_pair
+from hdplan.scenes.robot_files.mjcf import UNLIMITED
 from hdplan.scenes.robot_files.urdf_text import BASE_JOINTS
 from hdplan.scenes.robot_spec import RobotSpec, robot_spec
 from hdplan.scenes.targets import JointTarget
@@ -43,7 +44,6 @@ Array = NDArray[np.float64]
 LIMIT_ROUNDING = 1e-3  # how far a MoveIt request may lie beyond a limit [rad or m], as it is rounded
 SAME_PLACE = 1e-6  # [rad or m] two values of a joint that differ by less are the same
 PLAN_LESS = "; robot.group plans only some of the joints, robot.locked holds others"
-UNLIMITED = 1e6  # [rad] a greater limit in a URDF stands for none
 GRIPPER = re.compile("finger|gripper|knuckle|thumb", re.IGNORECASE)  # joints of a hand: held
 ARM_GROUP = re.compile(r"(^|_)arm$|^manipulator$")  # the SRDF group that is planned, where several are given
 

@@ -31,7 +31,7 @@ TOP = (  # sections that say nothing of where bodies are, or are read here
 )
 IN_BODY = ("body", "joint", "geom", "inertial", "site", "camera", "light")
 ANGLE = ("degree", "radian")
-UNLIMITED = 1e6  # [m] written for a joint that slides without limits, as URDF has none of these
+UNLIMITED = 1e6  # [rad] or [m] a limit in a URDF that stands for none: it has no slides without limits
 TURNS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 
 
