@@ -18,6 +18,10 @@ import sys
 import tempfile
 import warnings
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from hdplan.distance.cache import cache_dir, content_key, write_whole
 from hdplan.distance.symbolic.compile_time import compiling
@@ -72,6 +76,52 @@ def c_library(name: str, source: str) -> ctypes.CDLL | None:
     """
     with compiling():
         return _loaded(name, source)
+
+
+def c_functions(name: str, source: str) -> ctypes.CDLL | None:
+    """Return the library of our own source, every function in it declared with the types of its arguments, for `call`.
+
+    Those that take addresses (`*`), whole numbers (`long long`) and numbers (`double`) are found; a `static` one is
+    not.
+    """
+    found = c_library(name, source)
+    if found is not None:
+        for result, function, given in re.findall(r"^(void|long long|double) (\w+)\((.*?)\) {", source, re.M | re.S):
+            declared = getattr(found, function)
+            declared.restype = {"void": None, "long long": ctypes.c_longlong, "double": ctypes.c_double}[result]
+            declared.argtypes = [_type(argument) for argument in given.split(",")]
+    return found
+
+
+def _type(argument: str) -> type:
+    if "*" in argument:
+        return ctypes.c_void_p
+    return ctypes.c_longlong if "long long" in argument else ctypes.c_double
+
+
+class Record:
+    """A C struct of whole numbers, and of arrays and other structs, which stay alive with it; another process makes its
+    own."""
+
+    def __init__(self, *fields: int | NDArray[Any] | Record) -> None:
+        """Take the fields in the struct's order."""
+        self.fields = tuple(np.ascontiguousarray(each) if isinstance(each, np.ndarray) else each for each in fields)
+        self.struct = np.array([_field(each) for each in self.fields], np.int64)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the fields: addresses are of this process."""
+        return Record, self.fields
+
+
+def _field(value: int | NDArray[Any] | Record) -> int:
+    array = value.struct if isinstance(value, Record) else value
+    return int(array.__array_interface__["data"][0]) if isinstance(array, np.ndarray) else array
+
+
+def call(function: Any, *arguments: float | NDArray[Any] | None) -> Any:
+    """Call a C function with numbers and arrays, which it takes as contiguous; None is no address."""
+    given = [np.ascontiguousarray(each) if isinstance(each, np.ndarray) else each for each in arguments]
+    return function(*(each.__array_interface__["data"][0] if isinstance(each, np.ndarray) else each for each in given))
 
 
 def _loaded(name: str, source: str) -> ctypes.CDLL | None:

@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hdplan.distance.symbolic.c_library import Record
 from hdplan.planner.collision import close_pairs
 from hdplan.planner.collision.halfspace_bodies import FEW, HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
@@ -63,17 +64,13 @@ class BodyPairs:
         body, and the box, enlarged by the margin along its axes, contains every point within the margin of the other
         body.
         """
-        centres, reach = _placed(kinematics, self._body_joints, self.centres), self.widest * self.radii
-        found = self._close_to_standing(centres, reach), self._close_to_moving(centres, reach, kinematics)
-        sample, pair = (np.concatenate(parts) for parts in zip(*found, strict=True))
         if loops := close_pairs.library():
             placements = kinematics.placements
-            kept = close_pairs.not_separated(
-                loops,
-                *(sample, pair, placements.shape[1], placements, self.joint_a, self.joint_b, self.body),
-                *(self.halfspace_body, self.vertex_slots, self.body_table, *self._planes),
-            )
-            sample, pair = sample[kept], pair[kept]
+            sample, pair = close_pairs.close_rows(loops, self.tables, len(placements), placements)
+        else:
+            centres, reach = _placed(kinematics, self._body_joints, self.centres), self.widest * self.radii
+            found = self._close_to_standing(centres, reach), self._close_to_moving(centres, reach, kinematics)
+            sample, pair = (np.concatenate(parts) for parts in zip(*found, strict=True))
         order = np.argsort(sample, kind="stable")
         return sample[order], pair[order]
 
@@ -81,10 +78,26 @@ class BodyPairs:
         """The same for intervals between the configurations, (S,) intervals ascending, by a ball around a link body at
         both ends of each. Misses no D < 0 between the hull of the two and a standing body."""
         centres = _placed(kinematics, self._body_joints, self.centres)
-        half = np.linalg.norm(np.diff(centres, axis=0), axis=2).max(axis=0, initial=0.0) / 2
-        interval, pair = self._close_to_standing((centres[1:] + centres[:-1]) / 2, self.widest * (self.radii + half))
+        half = np.linalg.norm(np.diff(centres, axis=1), axis=2).max(axis=1, initial=0.0) / 2
+        reach, centres = self.widest * (self.radii + half), (centres[:, 1:] + centres[:, :-1]) / 2
+        if loops := close_pairs.library():
+            interval, pair = close_pairs.close_rows(loops, self.tables, centres.shape[1], None, centres, reach)
+        else:
+            interval, pair = self._close_to_standing(centres, reach)
         order = np.argsort(interval, kind="stable")
         return interval[order], pair[order]
+
+    @cached_property
+    def tables(self) -> Record:
+        """For the loops in C: their struct of that name."""
+        first, number, planes = self._planes
+        return Record(
+            *(len(self.centres), len(self.boxes), len(self), int((self.joint_b == 0).sum()), self.vertex_slots),
+            *(self._body_joints, self._box_joints, np.argsort(self.joint_b > 0, kind="stable")),
+            *(self.joint_a, self.joint_b, self.body, self.halfspace_body, first, number),
+            *(self.centres, self.widest * self.radii, self.boxes[:, :3, 3], self._balls),
+            *(self.boxes, self.half_sizes, self.body_table, planes),
+        )
 
     @cached_property
     def _planes(self) -> tuple[Rows, Rows, Array]:
@@ -131,21 +144,15 @@ class BodyPairs:
     def _close_to_standing(self, centres: Array, reach: Array) -> tuple[Rows, Rows]:
         """`close` for the standing boxes; first all samples at once, by a ball around each body's whole motion."""
         pair, body, box = self._standing
-        if not len(pair) or not len(centres):
+        if not len(pair) or not centres.shape[1]:
             return np.empty(0, np.int64), np.empty(0, np.int64)
-        middle = (centres.min(axis=0) + centres.max(axis=0)) / 2  # (A, 3)
-        travel = np.linalg.norm(centres - middle, axis=2).max(axis=0)
-        if loops := close_pairs.library():
-            return close_pairs.rows(
-                loops.close_to_standing,
-                *(*centres.shape[:2], centres, reach, middle, travel, len(pair), pair, body, box),
-                *(self.boxes, self.half_sizes),
-            )
+        middle = (centres.min(axis=1) + centres.max(axis=1)) / 2  # (A, 3)
+        travel = np.linalg.norm(centres - middle[:, None], axis=2).max(axis=1)
         local = ((middle[body] - self.boxes[box, :3, 3])[:, None] @ self.boxes[box, :3, :3])[:, 0]
         outside = np.maximum(np.abs(local) - self.half_sizes[box], 0.0)
         pair = pair[np.einsum("pi,pi->p", outside, outside) < (reach + travel)[body] ** 2]
         body, box = self.body[pair], self.halfspace_body[pair]
-        gaps = centres.transpose(1, 0, 2)[body] - self.boxes[box, None, :3, 3]  # (P, batch, 3)
+        gaps = centres[body] - self.boxes[box, None, :3, 3]  # (P, batch, 3)
         outside = np.abs(gaps @ self.boxes[box, :3, :3])
         outside -= self.half_sizes[box, None]
         np.maximum(outside, 0.0, out=outside)
@@ -157,15 +164,8 @@ class BodyPairs:
         pair, body, box, joint = self._moving
         if not len(pair):
             return np.empty(0, np.int64), np.empty(0, np.int64)
-        origins = _placed(kinematics, self._box_joints, self.boxes[:, :3, 3])  # (batch, B, 3)
-        if loops := close_pairs.library():
-            placements = kinematics.placements
-            return close_pairs.rows(
-                loops.close_to_moving,
-                *(*centres.shape[:2], centres, reach, len(self.boxes), origins, self._balls),
-                *(placements.shape[1], placements, len(pair), pair, body, box, joint, self.boxes, self.half_sizes),
-            )
-        gaps = centres[:, body] - origins[:, box]  # (batch, P, 3)
+        origins = _placed(kinematics, self._box_joints, self.boxes[:, :3, 3])  # (B, batch, 3)
+        gaps = (centres[body] - origins[box]).transpose(1, 0, 2)  # (batch, P, 3)
         sample, row = np.nonzero(np.einsum("bpi,bpi->bp", gaps, gaps) < (reach[body] + self._balls[box]) ** 2)
         body, box, joint = body[row], box[row], joint[row]
         local = (gaps[sample, row, None] @ kinematics.rotations[sample, joint] @ self.boxes[box, :3, :3])[:, 0]
@@ -175,12 +175,10 @@ class BodyPairs:
 
 
 def _placed(kinematics: KinematicsBatch, joint: Rows, points: Array) -> Array:
-    """Return points (k, 3) in the frames of joints (k,) in the world, at every sample (batch, k, 3)."""
-    if loops := close_pairs.library():
-        return close_pairs.placed(loops, kinematics.placements, joint, points)
+    """Return points (k, 3) in the frames of joints (k,) in the world, at every sample (k, batch, 3)."""
     rotations, translations = kinematics.rotations[:, joint], kinematics.translations[:, joint]
     places: Array = (rotations @ points[:, :, None])[..., 0] + translations
-    return places
+    return places.transpose(1, 0, 2)
 
 
 def _spread(rows: Rows, values: Rows, count: int) -> Rows:

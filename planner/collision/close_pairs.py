@@ -1,36 +1,90 @@
-"""The loops of the broad phase in C: which balls reach which boxes, pair by pair and sample by sample.
+"""The loops of the broad phase in C: which balls reach which boxes, and which of them no plane separates.
 
-In: balls (centre, reach) on joints, boxes in the world or on joints, and placements of the joints at samples. Out: rows
-(sample, pair), pair by pair. `broad_phase` has the same in NumPy, for machines without a compiler. Rounding may decide
+In: the tables of body pairs, and placements of the joints at samples. Out: rows (sample, pair), pair by pair.
+`broad_phase` has the same in NumPy, without the planes, for machines without a compiler. Rounding may decide
 differently where a ball only just touches a box; there the distance is positive anyway.
+
+Samples that follow one another lie close together in a motion, so each pair is first asked with balls around GROUP of
+them, and before that with a ball around all.
 """
 
 from __future__ import annotations
 
 import ctypes
 import functools
-import re
-from typing import Any
 
 import numpy as np
 
-from hdplan.distance.symbolic.c_library import c_library
-from hdplan.scenes.array_types import Array, Mask, Rows
+from hdplan.distance.symbolic.c_library import Record, c_functions, call
+from hdplan.scenes.array_types import Array, Rows
 
-ROOM = 1 << 13  # rows that there is room for at first
+ROOM = 1 << 10  # rows that there is room for at first
+LEAST = 1e-9  # [m] by which a plane must separate, so that rounding decides nothing
 
 SOURCE = """
-/* Points (count, 3) in the frames of joints, in the world at every sample: (batch, count, 3). */
-void place(long long batch, long long joints, const double* placements, long long count, const long long* joint,
-           const double* points, double* placed) {
+#include <math.h>
+#include <stdlib.h>
+
+enum { GROUP = 8 };
+
+/* Everything about the pairs that stays, as `BodyPairs` has it. `middles` are the boxes' centres on their joints; the
+   planes (normal, support) of box b are number[b] rows from first[b] on; of the pairs in `order`, the first `standing`
+   have a box in the world. */
+typedef struct {
+  long long bodies, boxes, pairs, standing, slots;
+  const long long *body_joint, *box_joint, *order, *joint_a, *joint_b, *body, *box, *first, *number;
+  const double *centres, *reach, *middles, *balls, *at, *half, *table, *planes;
+} tables;
+
+/* What is done with a row that is close. */
+typedef void action(void* given, long long sample, long long pair);
+
+/* Points (count, 3) in the frames of joints, in the world at every sample: (count, batch, 3). */
+static void place(long long batch, long long joints, const double* placements, long long count, const long long* joint,
+                  const double* points, double* placed) {
   long long s, k;
   int i;
-  for (s = 0; s < batch; ++s)
-    for (k = 0; k < count; ++k) {
+  for (k = 0; k < count; ++k)
+    for (s = 0; s < batch; ++s) {
       const double *frame = placements + 12 * (s * joints + joint[k]), *p = points + 3 * k;
       for (i = 0; i < 3; ++i)
         *placed++ = frame[3 * i] * p[0] + frame[3 * i + 1] * p[1] + frame[3 * i + 2] * p[2] + frame[9 + i];
     }
+}
+
+/* For each of `count` paths (batch, 3): a ball (centre, radius) around all of it, then one around each group of
+   samples, with room for rounding. Centres are the middle samples: as good as any on a path that hardly bends. */
+static double* balls_around(long long count, long long batch, const double* paths) {
+  long long groups = (batch + GROUP - 1) / GROUP, k, g, s;
+  double* balls = malloc((count * (groups + 1) + 1) * 4 * sizeof(double));
+  int i;
+  for (k = 0; balls && k < count; ++k) {
+    const double* path = paths + 3 * batch * k;
+    double *all = balls + 4 * (groups + 1) * k, *ball = all + 4;
+    for (i = 0; i < 3; ++i) all[i] = path[3 * (batch / 2) + i];
+    all[3] = 0.0;
+    for (g = 0; g < groups; ++g, ball += 4) {
+      long long begin = g * GROUP, end = begin + GROUP < batch ? begin + GROUP : batch;
+      const double* middle = path + 3 * ((begin + end) / 2);
+      double x, y, z, most = 0.0;
+      for (s = begin; s < end; ++s) {
+        double apart;
+        x = path[3 * s] - middle[0];
+        y = path[3 * s + 1] - middle[1];
+        z = path[3 * s + 2] - middle[2];
+        apart = x * x + y * y + z * z;
+        most = apart > most ? apart : most;
+      }
+      for (i = 0; i < 3; ++i) ball[i] = middle[i];
+      ball[3] = sqrt(most) + 1e-12;
+      x = ball[0] - all[0];
+      y = ball[1] - all[1];
+      z = ball[2] - all[2];
+      x = sqrt(x * x + y * y + z * z) + ball[3] + 1e-12;
+      all[3] = x > all[3] ? x : all[3];
+    }
+  }
+  return balls;
 }
 
 /* Squared distance from a box, of a point given from its centre; `box` is its placement (4, 4), row by row. */
@@ -45,143 +99,134 @@ static double beyond(double x, double y, double z, const double* box, const doub
   return total;
 }
 
-/* Boxes that stand. First by a ball around each body's whole motion. */
-long long close_to_standing(long long batch, long long bodies, const double* centres, const double* reach,
-                            const double* middles, const double* travels, long long pairs, const long long* pair,
-                            const long long* body, const long long* box, const double* boxes, const double* half,
-                            long long room, long long* samples, long long* found) {
-  long long k, s, count = 0;
-  for (k = 0; k < pairs; ++k) {
-    long long a = body[k];
-    const double *at = boxes + 16 * box[k], *size = half + 3 * box[k], *p = middles + 3 * a;
-    double most = reach[a] + travels[a];
-    if (!(beyond(p[0] - at[3], p[1] - at[7], p[2] - at[11], at, size) < most * most)) continue;
-    most = reach[a] * reach[a];
-    for (s = 0; s < batch; ++s) {
-      p = centres + 3 * (s * bodies + a);
-      if (beyond(p[0] - at[3], p[1] - at[7], p[2] - at[11], at, size) < most) {
-        if (count < room) { samples[count] = s; found[count] = pair[k]; }
-        ++count;
-      }
+/* Whether a plane (normal, support) in the second frame b separates vertices in the first frame a, enlarged by
+   `radius`, by `least`. The plane *last, which separated them at the sample before, is tried first. */
+static int separated(const double* a, const double* b, long long slots, const double* vertices, double radius,
+                     long long number, const double* planes, double least, long long* last) {
+  double turn[9], shift[3];
+  long long tried, i, j;
+  for (i = 0; i < 3; ++i) {
+    shift[i] = b[i] * (a[9] - b[9]) + b[3 + i] * (a[10] - b[10]) + b[6 + i] * (a[11] - b[11]);
+    for (j = 0; j < 3; ++j) turn[3 * i + j] = b[i] * a[j] + b[3 + i] * a[3 + j] + b[6 + i] * a[6 + j];
+  }
+  for (tried = 0; tried < number; ++tried) {
+    long long which = tried == 0 ? *last : (tried <= *last ? tried - 1 : tried);
+    const double* n = planes + 4 * which;
+    double x = n[0] * turn[0] + n[1] * turn[3] + n[2] * turn[6], y = n[0] * turn[1] + n[1] * turn[4] + n[2] * turn[7];
+    double z = n[0] * turn[2] + n[1] * turn[5] + n[2] * turn[8];
+    double gap = x * vertices[0] + y * vertices[1] + z * vertices[2];
+    for (i = 1; i < slots; ++i) {
+      double along = x * vertices[3 * i] + y * vertices[3 * i + 1] + z * vertices[3 * i + 2];
+      gap = along < gap ? along : gap;
+    }
+    if (gap + n[0] * shift[0] + n[1] * shift[1] + n[2] * shift[2] - radius - n[3] > least) {
+      *last = which;
+      return 1;
     }
   }
-  return count;
+  return 0;
 }
 
-/* Boxes on joints, with their centres in the world (batch, number of boxes, 3) and the balls around them. */
-long long close_to_moving(long long batch, long long bodies, const double* centres, const double* reach,
-                          long long number, const double* origins, const double* balls, long long joints,
-                          const double* placements, long long pairs, const long long* pair, const long long* body,
-                          const long long* box, const long long* joint, const double* boxes, const double* half,
-                          long long room, long long* samples, long long* found) {
-  long long k, s, count = 0;
-  for (k = 0; k < pairs; ++k) {
-    long long a = body[k], b = box[k];
-    double near = reach[a] + balls[b], most = reach[a] * reach[a];
-    near *= near;
-    for (s = 0; s < batch; ++s) {
-      const double *p = centres + 3 * (s * bodies + a), *o = origins + 3 * (s * number + b);
-      double x = p[0] - o[0], y = p[1] - o[1], z = p[2] - o[2];
-      if (x * x + y * y + z * z < near) {
-        const double* frame = placements + 12 * (s * joints + joint[k]);
-        if (beyond(frame[0] * x + frame[3] * y + frame[6] * z, frame[1] * x + frame[4] * y + frame[7] * z,
-                   frame[2] * x + frame[5] * y + frame[8] * z, boxes + 16 * b, half + 3 * b) < most) {
-          if (count < room) { samples[count] = s; found[count] = pair[k]; }
-          ++count;
-        }
+/* Visit the rows (sample, pair) of balls that reach their box, pair by pair, that no plane of the box's body separates
+   by `least`. With `centres` (bodies, batch, 3) given, those of standing boxes only, without planes. Returns 0, or −1
+   without memory. */
+static int visit(const tables* t, long long batch, long long joints, const double* placements, const double* centres,
+                 const double* reach, double least, action* act, void* given) {
+  long long groups = (batch + GROUP - 1) / GROUP, pairs = centres ? t->standing : t->pairs, r, g, s;
+  long long boxes = t->pairs > t->standing && !centres ? t->boxes : 0;
+  double *placed, *origins, *around, *beside;
+  if (batch == 0) return 0;
+  placed = malloc(3 * batch * (t->bodies + boxes + 1) * sizeof(double));
+  if (!placed) return -1;
+  origins = placed + 3 * batch * t->bodies;
+  if (!centres) place(batch, joints, placements, t->bodies, t->body_joint, t->centres, placed);
+  place(batch, joints, placements, boxes, t->box_joint, t->middles, origins);
+  if (!centres) centres = placed; else placements = 0;
+  around = balls_around(t->bodies, batch, centres);
+  beside = balls_around(boxes, batch, origins);
+  for (r = 0; around && beside && r < pairs; ++r) {
+    long long k = t->order[r], a = t->body[k], b = t->box[k], last = 0;
+    int moving = t->joint_b[k] > 0;
+    const double *at = t->at + 16 * b, *half = t->half + 3 * b, *ball = around + 4 * (groups + 1) * a;
+    const double *other = moving ? beside + 4 * (groups + 1) * b : 0, *vertices = t->table + (4 * t->slots + 1) * a;
+    for (g = -1; g < groups; ++g, ball += 4, other += moving ? 4 : 0) {  /* −1: all samples */
+      double most = reach[a] + ball[3];
+      int far;
+      if (moving) {
+        double x = ball[0] - other[0], y = ball[1] - other[1], z = ball[2] - other[2];
+        most += t->balls[b] + other[3];
+        far = !(x * x + y * y + z * z < most * most);
+      } else far = !(beyond(ball[0] - at[3], ball[1] - at[7], ball[2] - at[11], at, half) < most * most);
+      if (far && g < 0) break;
+      if (far || g < 0) continue;
+      for (s = g * GROUP; s < batch && s < (g + 1) * GROUP; ++s) {
+        const double* p = centres + 3 * (batch * a + s);
+        most = reach[a] * reach[a];
+        if (moving) {
+          const double *o = origins + 3 * (batch * b + s), *frame = placements + 12 * (s * joints + t->joint_b[k]);
+          double x = p[0] - o[0], y = p[1] - o[1], z = p[2] - o[2], near = reach[a] + t->balls[b];
+          if (!(x * x + y * y + z * z < near * near)) continue;
+          if (!(beyond(frame[0] * x + frame[3] * y + frame[6] * z, frame[1] * x + frame[4] * y + frame[7] * z,
+                       frame[2] * x + frame[5] * y + frame[8] * z, at, half) < most)) continue;
+        } else if (!(beyond(p[0] - at[3], p[1] - at[7], p[2] - at[11], at, half) < most)) continue;
+        if (placements && separated(placements + 12 * (s * joints + t->joint_a[k]),
+                                    placements + 12 * (s * joints + t->joint_b[k]), t->slots, vertices,
+                                    vertices[4 * t->slots], t->number[b], t->planes + 4 * t->first[b], least, &last))
+          continue;
+        act(given, s, k);
       }
     }
   }
-  return count;
+  s = around && beside ? 0 : -1;
+  free(placed);
+  free(around);
+  free(beside);
+  return (int)s;
 }
 
-/* Of rows (sample, pair), pair by pair, those that no plane of the second body separates by `least`: `planes` are
-   (normal, support) in the second body's frame, those of box b from first[b] on. The plane that separated a pair at the
-   sample before is tried first. */
-void not_separated(long long rows, const long long* sample, const long long* pair, long long joints,
-                   const double* placements, const long long* joint_a, const long long* joint_b, const long long* body,
-                   const long long* box, long long slots, const double* table, const long long* first,
-                   const long long* number, const double* planes, double least, unsigned char* kept) {
-  long long r, tried, before = -1, last = 0;
-  for (r = 0; r < rows; ++r) {
-    long long k = pair[r], i, j;
-    const double *a = placements + 12 * (sample[r] * joints + joint_a[k]);
-    const double *b = placements + 12 * (sample[r] * joints + joint_b[k]);
-    const double *vertices = table + (4 * slots + 1) * body[k], *plane = planes + 4 * first[box[k]];
-    double turn[9], shift[3], gap = 0.0;
-    if (k != before) { before = k; last = 0; }
-    for (i = 0; i < 3; ++i) {
-      shift[i] = b[i] * (a[9] - b[9]) + b[3 + i] * (a[10] - b[10]) + b[6 + i] * (a[11] - b[11]);
-      for (j = 0; j < 3; ++j) turn[3 * i + j] = b[i] * a[j] + b[3 + i] * a[3 + j] + b[6 + i] * a[6 + j];
-    }
-    kept[r] = 1;
-    for (tried = 0; tried < number[box[k]]; ++tried) {
-      long long which = tried == 0 ? last : (tried <= last ? tried - 1 : tried);
-      const double* n = plane + 4 * which;
-      double x = n[0] * turn[0] + n[1] * turn[3] + n[2] * turn[6], y = n[0] * turn[1] + n[1] * turn[4] + n[2] * turn[7];
-      double z = n[0] * turn[2] + n[1] * turn[5] + n[2] * turn[8];
-      gap = x * vertices[0] + y * vertices[1] + z * vertices[2];
-      for (i = 1; i < slots; ++i) {
-        double along = x * vertices[3 * i] + y * vertices[3 * i + 1] + z * vertices[3 * i + 2];
-        gap = along < gap ? along : gap;
-      }
-      gap += n[0] * shift[0] + n[1] * shift[1] + n[2] * shift[2] - vertices[4 * slots] - n[3];
-      if (gap > least) { kept[r] = 0; last = which; break; }
-    }
-  }
+typedef struct { long long count, room, *samples, *pairs; } rows;
+
+static void keep(void* given, long long sample, long long pair) {
+  rows* kept = given;
+  if (kept->count < kept->room) { kept->samples[kept->count] = sample; kept->pairs[kept->count] = pair; }
+  ++kept->count;
+}
+
+/* Write those rows down; returns their number, which may exceed the room for them, or −1. */
+long long close_rows(const tables* t, long long batch, long long joints, const double* placements,
+                     const double* centres, const double* reach, double least, long long room, long long* samples,
+                     long long* pairs) {
+  rows kept;
+  kept.count = 0; kept.room = room; kept.samples = samples; kept.pairs = pairs;
+  if (visit(t, batch, joints, placements, centres, reach ? reach : t->reach, least, keep, &kept)) return -1;
+  return kept.count;
 }
 """
-
-LEAST = 1e-9  # [m] by which a plane must separate, so that rounding decides nothing
 
 
 @functools.cache
 def library() -> ctypes.CDLL | None:
     """The compiled loops; None without a C compiler."""
-    found = c_library("close_pairs", SOURCE)
-    if found is not None:
-        for result, name, given in re.findall(r"^(void|long long) (\w+)\((.*?)\) {", SOURCE, re.M | re.S):
-            function = getattr(found, name)
-            function.restype = ctypes.c_longlong if result == "long long" else None
-            function.argtypes = [_type(argument) for argument in given.split(",")]
-    return found
+    return c_functions("close_pairs", SOURCE)
 
 
-def _type(argument: str) -> type:
-    """The type of a declared argument: an array's address, a whole number or a number."""
-    if "*" in argument:
-        return ctypes.c_void_p
-    return ctypes.c_longlong if "long long" in argument else ctypes.c_double
-
-
-def placed(loops: ctypes.CDLL, placements: Array, joint: Rows, points: Array) -> Array:
-    """Return points (k, 3) in the frames of joints (k,) in the world, at every sample (batch, k, 3)."""
-    batch, joints = placements.shape[:2]
-    result = np.empty((batch, len(points), 3))
-    _call(loops.place, batch, joints, placements, len(points), joint, points, result)
-    return result
-
-
-def rows(loop: Any, *arguments: int | Array | Rows) -> tuple[Rows, Rows]:
-    """Call `close_to_standing` or `close_to_moving` with what it is given, up to `room`; return samples and pairs
-    (S,)."""
-    room = ROOM
+def close_rows(
+    loops: ctypes.CDLL,
+    tables: Record,
+    batch: int,
+    placements: Array | None,
+    centres: Array | None = None,
+    reach: Array | None = None,
+) -> tuple[Rows, Rows]:
+    """Return samples and pairs (S,) of the rows that are close, pair by pair: at placements (batch, joints, 12), or of
+    balls of other centres (bodies, batch, 3) and reaches (bodies,), with standing boxes."""
+    room, joints = ROOM, 0 if placements is None else placements.shape[1]
     while True:
         sample, pair = np.empty(room, np.int64), np.empty(room, np.int64)
-        count = int(_call(loop, *arguments, room, sample, pair))
+        given = (tables.struct, batch, joints, placements, centres, reach, LEAST, room, sample, pair)
+        count = int(call(loops.close_rows, *given))
+        if count < 0:
+            raise MemoryError
         if count <= room:
             return sample[:count], pair[:count]
         room = count
-
-
-def not_separated(loops: ctypes.CDLL, sample: Rows, pair: Rows, *arguments: int | Array | Rows) -> Mask:
-    """Return which rows (S,) no plane separates; `arguments` from `joints` to `planes` as in C."""
-    kept = np.empty(len(sample), np.bool_)
-    _call(loops.not_separated, len(sample), sample, pair, *arguments, LEAST, kept)
-    return kept
-
-
-def _call(function: Any, *arguments: float | Array | Rows | Mask) -> Any:
-    """Call a C function with numbers and arrays, which it takes as contiguous."""
-    given = [each if isinstance(each, int | float) else np.ascontiguousarray(each) for each in arguments]
-    return function(*(each if isinstance(each, int | float) else each.__array_interface__["data"][0] for each in given))

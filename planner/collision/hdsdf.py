@@ -32,13 +32,17 @@ class HdsdfPairs(PairDistance):
     @property
     def how(self) -> str:
         """Compiled or interpreted."""
-        compiled = all(kernel.is_compiled for kernel in self.kernels.values())
-        return f"HD-SDF, {'compiled C' if compiled else 'by CasADi’s interpreter: no C compiler'}"
+        return f"HD-SDF, {'compiled C' if self.is_compiled else 'by CasADi’s interpreter: no C compiler'}"
 
     @property
     def functions(self) -> Mapping[str, RowFunction]:
         """The kernels that the pairs need, by their number of planes."""
         return {f"{count} planes": self.kernels[count] for count in sorted(set(self.pairs.plane_slots.tolist()))}
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether all its kernels are C."""
+        return all(kernel.is_compiled for kernel in self.kernels.values())
 
     @property
     def symbolic(self) -> Callable[[int, int], Any]:

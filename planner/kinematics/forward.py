@@ -16,6 +16,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from hdplan.distance.symbolic.c_library import Record
+from hdplan.planner.kinematics import forward_loop
 from hdplan.planner.robot.pin_model import motion_axes
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
@@ -60,6 +62,7 @@ class Kinematics:
         n: number of coordinates. nj: number of joints, world included.
         supports: (nj, n) True where coordinate j moves joint i.
         function: CasADi Function q (n,) -> R (3, 3 nj), the rotations side by side, and t (3, nj).
+        tree: the same for `forward_loop`.
         state: CasADi Function q (n,) -> one vector: placements (nj, 12) and columns (n, 6), row by row, as in
             KinematicsBatch.
     """
@@ -71,6 +74,7 @@ class Kinematics:
         q = ca.SX.sym("q", self.n)
         rotations, translations = [ca.SX.eye(3)], [ca.SX.zeros(3, 1)]
         linear, angular = [], []
+        parents, coordinates, turns, placed, axes = [], [], [], [], []
         for index in range(1, self.nj):
             parent, placement = int(model.parents[index]), model.jointPlacements[index]
             at = int(model.joints[index].idx_v)
@@ -79,7 +83,12 @@ class Kinematics:
             rotation = rotations[parent] @ constant(placement.rotation)
             translation = translations[parent] + rotations[parent] @ constant(placement.translation)
             slide, axis = motion_axes(model.joints[index])
-            if np.any(axis):
+            parents.append(parent)
+            coordinates.append(at)
+            turns.append(bool(np.any(axis)))
+            placed.append([*_rounded(placement.rotation).ravel(), *_rounded(placement.translation)])
+            axes.append(_rounded(axis if turns[-1] else slide))
+            if turns[-1]:
                 direction = rotation @ constant(axis)
                 linear.append(ca.cross(translation, direction))
                 angular.append(direction)
@@ -91,6 +100,8 @@ class Kinematics:
                 translation = translation + direction * q[at]
             rotations.append(rotation)
             translations.append(translation)
+        counts = (np.array(each, np.int64) for each in (parents, coordinates, turns))
+        self.tree = Record(self.nj, self.n, *counts, np.array(placed, np.float64), np.array(axes, np.float64))
         freeze(self)
         side_by_side, origins = ca.densify(ca.horzcat(*rotations)), ca.densify(ca.horzcat(*translations))
         self.function = ca.Function("placements", [q], [side_by_side, origins], ["q"], ["R", "t"])
@@ -110,6 +121,8 @@ class Kinematics:
     def evaluate(self, q: ArrayLike) -> KinematicsBatch:
         """Return the kinematics of configurations q (B, n), or of one (n,) as a batch of one."""
         values = np.atleast_2d(np.asarray(q, dtype=np.float64))
+        if loops := forward_loop.library():
+            return KinematicsBatch(*forward_loop.forward(loops, self.tree, values, self.nj))
         count = len(values)
         capacity = 1 << max(count - 1, 0).bit_length()  # powers of two, so that there are few buffers
         mapped = self._maps.get(capacity)
@@ -147,7 +160,11 @@ class _MappedState(threading.local):
 
 def constant(values: Array) -> ca.DM:
     """Return a constant without its rounding noise: exact zeros keep the expressions sparse."""
-    return ca.sparsify(ca.DM(np.round(np.asarray(values, dtype=np.float64), 15)))
+    return ca.sparsify(ca.DM(_rounded(values)))
+
+
+def _rounded(values: Array) -> Array:
+    return np.asarray(np.round(values, 15), dtype=np.float64)
 
 
 def rotation_about(axis: Array, angle: ca.SX) -> ca.SX:

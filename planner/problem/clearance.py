@@ -8,13 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from hdplan.distance.symbolic.c_library import Record
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.collision.broad_phase import BodyPairs
+from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.kinematics.forward import KinematicsBatch
+from hdplan.planner.problem import loops
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.terms import Penalty, Term
 from hdplan.scenes.array_types import Array, Rows
@@ -61,8 +65,22 @@ class PairTerm(Term):
         gradient = (kinematics.columns[sample] @ wrench[kept, :, None])[:, :, 0] * self.pairs.moves[pair]
         return Inside(sample, pair, distance[kept], separation[kept], gradient)
 
+    def _compiled(self, kinematics: KinematicsBatch, weight: Array | None) -> tuple[float, Array, Array, Array] | None:
+        """The cost, gradient, curvature and depth of the samples in one loop of C, if everything in it is compiled."""
+        distance, found = self.distance, loops.library()
+        if found is None or not isinstance(distance, HdsdfPairs) or not distance.is_compiled:
+            return None
+        return loops.penalties(found, self.pairs, self._hinge, distance, kinematics, weight)
+
+    @cached_property
+    def _hinge(self) -> Record:
+        assert isinstance(self.distance, HdsdfPairs)
+        return loops.hinge(self.pairs, self.distance)
+
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
         """How far the worst pair may be inside its margin (B,) [m], the same all along the motion."""
+        if compiled := self._compiled(kinematics, None):
+            return compiled[-1]
         inside, result = self.inside(kinematics), np.zeros(len(kinematics.placements))
         np.maximum.at(result, inside.sample, -inside.separation)
         return result
@@ -79,6 +97,8 @@ class Clearance(PairTerm):
     def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
         """The penalty at the samples of a motion."""
         weight, (batch, n) = samples.weight, kinematics.columns.shape[:2]
+        if compiled := self._compiled(kinematics, weight):
+            return Penalty(*compiled)
         inside = self.inside(kinematics)
         sample, slope = inside.sample, inside.gradient
         scale = weight[sample] * inside.distance

@@ -135,8 +135,7 @@ class Problem:
         n, batch = positions.shape[1], len(self.samples.weight)
         total = sum((p.gradient for p in penalties), np.zeros((batch, n)))
         curvature = sum((p.curvature for p in penalties), np.zeros((batch, n, n)))
-        diagonal, coupling = self.samples.curvature_to_waypoints(curvature)
-        slope = self.samples.to_waypoints(total)
+        slope, diagonal, coupling = self.samples.to_waypoints(total, curvature)
         penalty = sum(p.cost for p in penalties)
         depth = np.max([np.zeros(batch), *(p.depth for p in penalties)], axis=0)
         for spanning in (term.over_motion(positions, self.kinematics) for term in self.terms):

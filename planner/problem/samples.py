@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from hdplan.planner.problem import loops
 from hdplan.scenes.array_types import Array, Rows
 
 MOST = 32  # samples on one interval, at most
@@ -48,25 +49,20 @@ class Samples:
         fraction = self.fraction[:, None]
         return (1 - fraction) * positions[self.interval] + fraction * positions[self.interval + 1]
 
-    def to_waypoints(self, gradient: Array) -> Array:
-        """Carry a gradient with respect to the samples (B, n) back to the waypoints (N, n)."""
-        fraction = self.fraction[:, None]
-        result = np.zeros((len(self.counts) + 1, gradient.shape[1]))
-        result[:-1] = self._sums((1 - fraction) * gradient)
-        result[1:] += self._sums(fraction * gradient)
-        return result
-
-    def curvature_to_waypoints(self, curvature: Array) -> tuple[Array, Array]:
-        """Carry second derivatives (B, n, n) to the waypoints: diagonal blocks (N, n, n), blocks between k and k+1
-        (N−1, n, n)."""
-        n, fraction = curvature.shape[1], self.fraction[:, None, None]
-        diagonal = np.zeros((len(self.counts) + 1, n, n))
-        ahead = fraction * curvature
-        both = fraction * ahead
-        coupling = self._sums(ahead - both)
+    def to_waypoints(self, gradient: Array, curvature: Array) -> tuple[Array, Array, Array]:
+        """Carry derivatives with respect to the samples, first (B, n) and second (B, n, n), back to the waypoints:
+        gradient (N, n), diagonal blocks (N, n, n), blocks between k and k+1 (N−1, n, n)."""
+        if compiled := loops.library():
+            return loops.to_waypoints(compiled, np.array(self.counts), self.fraction, gradient, curvature)
+        n, fraction = gradient.shape[1], self.fraction[:, None]
+        slope, diagonal = np.zeros((len(self.counts) + 1, n)), np.zeros((len(self.counts) + 1, n, n))
+        slope[:-1] = self._sums((1 - fraction) * gradient)
+        slope[1:] += self._sums(fraction * gradient)
+        ahead = fraction[..., None] * curvature
+        both = fraction[..., None] * ahead
         diagonal[1:] = self._sums(both)
         diagonal[:-1] += self._sums(curvature - 2 * ahead + both)
-        return diagonal, coupling
+        return slope, diagonal, self._sums(ahead - both)
 
     def _sums(self, values: Array) -> Array:
         """Sum over the samples of each interval (N−1, …)."""

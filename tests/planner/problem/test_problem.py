@@ -463,8 +463,9 @@ def test_terms_of_ones_own_add_to_the_cost_what_they_are_worth(panda: Problem) -
     plain = panda.evaluate(positions, WEIGHT)
     both = panda.with_term(Push(2.0)).with_term(Push(-0.5)).evaluate(positions, WEIGHT)
     assert both.penalty == pytest.approx(plain.penalty + 2 * 1.5)
-    carried = panda.samples.to_waypoints(np.full((len(panda.samples.weight), panda.robot.n), 1.5))[1:-1]
-    np.testing.assert_allclose(both.gradient, plain.gradient + WEIGHT * (carried + 1.5))
+    batch, n = len(panda.samples.weight), panda.robot.n
+    carried, _, _ = panda.samples.to_waypoints(np.full((batch, n), 1.5), np.zeros((batch, n, n)))
+    np.testing.assert_allclose(both.gradient, plain.gradient + WEIGHT * (carried[1:-1] + 1.5))
     assert [term.name for term in panda.with_term(Push(1.0)).terms] == [*(term.name for term in panda.terms), "push"]
 
 
