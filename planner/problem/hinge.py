@@ -68,7 +68,7 @@ class Hinge(Term):
         along = unit[..., None] * (unit[..., None, :] @ found.slope)
         across = (inside[..., None] / divisor)[..., None] * (found.slope - along)
         count = len(inside), unit.shape[1] * unit.shape[2]
-        return (inside[..., None] * unit).reshape(count), (along + across).reshape(*count, -1)
+        return (inside[..., None] * unit).reshape(count), (along + across).reshape(*count, found.slope.shape[-1])
 
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
         """How much of the band is used up, as a depth (B,) [m], the same all along the motion."""
@@ -85,7 +85,7 @@ class Hinge(Term):
 
     def _depth(self, inside: Array) -> Array:
         band = _band(self.measure.bound)
-        inside = np.linalg.norm(inside.reshape(len(inside), len(band), -1), axis=2)
+        inside = np.linalg.norm(inside.reshape(len(inside), len(band), inside.shape[1] // len(band)), axis=2)
         depth: Array = (self.activation * inside / band + np.maximum(inside - band, 0.0)).max(axis=1)
         return depth
 

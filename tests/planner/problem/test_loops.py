@@ -1,0 +1,84 @@
+"""Laws of the loops in C: the same as in NumPy but for rounding, in any thread and any process."""
+
+from __future__ import annotations
+
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from hdplan.distance.symbolic.c_library import compiler
+from hdplan.planner.build import build
+from hdplan.planner.collision import close_pairs
+from hdplan.planner.kinematics import forward_loop
+from hdplan.planner.problem import loops
+from hdplan.planner.problem.problem import Evaluation, Problem
+from hdplan.scenes.yaml_format.reader import load_scene
+
+Array = NDArray[np.float64]
+
+ROUNDING = 1e-9  # relative to the largest number of its kind: sums of a few hundred terms, in another order
+WEIGHT = 1e4  # of the penalty [1/m²]
+LIBRARIES = (close_pairs, forward_loop, loops)
+PARTS = ("gradient", "diagonal", "coupling", "depth")
+# Turning and sliding joints, links against links, obstacles that move, bodies that are held, path constraints.
+SCENES = ("panda_corridor", "panda_conveyor", "planar_arm", "tiago_shelf", "baxter_bimanual_carry")
+
+pytestmark = pytest.mark.skipif(not compiler(), reason="needs a C compiler")
+
+
+@pytest.fixture(scope="module", params=SCENES)
+def problem(request: pytest.FixtureRequest) -> Problem:
+    return build(load_scene(request.param))
+
+
+def motions(problem: Problem, count: int) -> list[Array]:
+    """The straight line, bent at random by ever more."""
+    rng, line = np.random.default_rng(21), problem.polyline()
+    return [problem.clip(line + share * rng.normal(size=line.shape)) for share in np.linspace(0.0, 0.6, count)]
+
+
+def in_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in LIBRARIES:
+        monkeypatch.setattr(module, "library", lambda: None)
+
+
+def assert_same(one: Evaluation, other: Evaluation) -> None:
+    assert one.cost == pytest.approx(other.cost, rel=ROUNDING)
+    for part in PARTS:
+        first, second = getattr(one, part), getattr(other, part)
+        np.testing.assert_allclose(first, second, rtol=0, atol=ROUNDING * max(np.abs(second).max(), 1.0))
+
+
+def test_as_in_numpy(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    tried = motions(problem, 5)
+    compiled = [problem.evaluate(positions, WEIGHT) for positions in tried]
+    depths = [problem.depth(positions, np.linspace(0, 1, len(positions))) for positions in tried]
+    assert any(each.penalty > 0.0 for each in compiled)
+    in_numpy(monkeypatch)
+    for positions, found, depth in zip(tried, compiled, depths, strict=True):
+        assert_same(found, problem.evaluate(positions, WEIGHT))
+        plain = problem.depth(positions, np.linspace(0, 1, len(positions)))
+        np.testing.assert_allclose(depth, plain, rtol=0, atol=ROUNDING)
+
+
+def test_threads_and_pickles_give_the_same_bits(problem: Problem) -> None:
+    tried = motions(problem, 8)
+    alone = [problem.evaluate(positions, WEIGHT) for positions in tried]
+    copied = pickle.loads(pickle.dumps(problem))  # what an evaluation has left behind in it travels
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(lambda positions: problem.evaluate(positions, WEIGHT), tried))
+    for one, other, third in zip(alone, together, (copied.evaluate(each, WEIGHT) for each in tried), strict=True):
+        for part in ("cost", *PARTS):
+            np.testing.assert_array_equal(getattr(one, part), getattr(other, part))
+            np.testing.assert_array_equal(getattr(one, part), getattr(third, part))
+
+
+def test_one_configuration_or_none(problem: Problem) -> None:
+    q = problem.polyline()
+    together = problem.depth(q)
+    for k in (0, len(q) // 2):
+        assert problem.depth(q[k : k + 1]) == pytest.approx(together[k], abs=ROUNDING)
+    assert problem.depth(q[:0]).shape == (0,)
