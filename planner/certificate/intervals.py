@@ -41,10 +41,12 @@ class Body:
         """Share its arrays read-only."""
         freeze(self)
 
-    def reach(self, chain: Chain, travel: Array) -> Array:
-        """Return ρ (n,) of `motion_bounds`, for joint coordinates in the ranges `travel` (n, 2)."""
+    def around(self, chain: Chain) -> tuple[float, float, float]:
+        """Return a cylinder around it about its joint's axis, as `Chain.around` does; nothing where it stands."""
+        if self.joint == 0:
+            return 0.0, 0.0, 0.0
         points = self.piece.vertices @ self.placement[:3, :3].T + self.placement[:3, 3]
-        return chain.reach(self.joint, points, self.piece.sweep, travel)
+        return chain.around(self.joint, points, self.piece.sweep)
 
 
 class Bodies:
@@ -118,10 +120,7 @@ class Bodies:
         """Return ρ (g, n) for all configurations of a motion."""
         low, high = curve.bounds()
         travel = np.stack([low.min(axis=0), high.max(axis=0)], axis=1)
-        if self.chain.revolute.all():  # without prismatic joints it is the same for every motion
-            rows = [_reach_of_turns(self.chain, body) for body in self.bodies]
-        else:
-            rows = [body.reach(self.chain, travel) for body in self.bodies]
+        rows = [self.chain.reach_around(body.joint, _around(self.chain, body), travel) for body in self.bodies]
         return np.array(rows).reshape(-1, len(travel))
 
 
@@ -131,8 +130,8 @@ def _lengths(vectors: Array) -> Array:
 
 
 @functools.lru_cache(maxsize=4096)
-def _reach_of_turns(chain: Chain, body: Body) -> Array:
-    return body.reach(chain, np.zeros((len(chain.axes), 2)))
+def _around(chain: Chain, body: Body) -> tuple[float, float, float]:
+    return body.around(chain)
 
 
 @dataclass(frozen=True, eq=False)
