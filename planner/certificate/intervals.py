@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.distance.compiled.c_library import Record
+from hdplan.planner.certificate import support_loop
 from hdplan.planner.certificate.exact_proximity import Piece, transform
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Array, Chain, Mask, Motion, cross
@@ -65,6 +67,11 @@ class Bodies:
         self.half = np.array([0.5 * (piece.high - piece.low) for piece in self.pieces]).reshape(-1, 3)  # box sizes / 2
         self.hollow = np.array([piece.surface is not None for piece in self.pieces], dtype=bool)
         self.drifting = np.array([body.obstacle_motion is not None for body in bodies], dtype=bool)  # (g,)
+
+    @cached_property
+    def record(self) -> Record:
+        """The pieces, for the loop in C."""
+        return support_loop.record(self.pieces)
 
     def speed(self, g: int) -> float:
         """Return the greatest speed of any point of a drifting body [m/s]."""
