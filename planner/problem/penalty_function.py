@@ -27,15 +27,15 @@ def places(n: int, waypoints: int) -> Rows:
 class PenaltyFunction:
     """The penalty of a problem. It holds functions that CasADi itself does not keep alive.
 
-    CasADi takes an exception in them for a point where the function is not defined, and tries another; it is kept in
-    `error`. A solver that cannot be interrupted is hurried to its end: from the time that `stop` says so, nothing is
-    evaluated any more, and the last values are returned everywhere.
+    CasADi takes an exception in them for a point where the function is not defined, and tries others. Who sets `stop`
+    hurries a solver to its end, as none can be interrupted: from the time that it says so, or that an evaluation fails,
+    nothing is evaluated any more, and the last values are returned everywhere. The failure is kept in `error`.
     """
 
     def __init__(self, problem: Problem) -> None:
         """Take a problem."""
         self.problem = problem
-        self.stop: Callable[[], bool] = _never
+        self.stop: Callable[[], bool] | None = None
         self.error: BaseException | None = None
         self._last: tuple[bytes, MotionPenalty] | None = None
         self._stopped = False
@@ -57,22 +57,19 @@ class PenaltyFunction:
         return np.frombuffer(self._last[0]) if self._stopped and self._last is not None else None
 
     def _at(self, x: Array) -> MotionPenalty:
+        key, problem = x.tobytes(), self.problem
+        if self._last is not None and (self._stopped or key == self._last[0]):
+            return self._last[1]
         try:
-            key = x.tobytes()
-            if self._last is None:
-                self._last = key, self._evaluated(x)
-            elif key != self._last[0]:
-                self._stopped = self._stopped or self.stop()
-                if not self._stopped:
-                    self._last = key, self._evaluated(x)
+            self._stopped = self._last is not None and self.stop is not None and self.stop()
+            if not self._stopped:
+                self._last = key, problem.penalty(np.vstack([problem.start, x[self._places], problem.goal]))
         except BaseException as error:
-            self.error = error
-            raise
+            if self._last is None or self.stop is None:
+                raise
+            self._stopped, self.error = True, error
+        assert self._last is not None
         return self._last[1]
-
-    def _evaluated(self, x: Array) -> MotionPenalty:
-        problem = self.problem
-        return problem.penalty(np.vstack([problem.start, x[self._places], problem.goal]))
 
     def _value(self, x: Array) -> Array:
         return np.array([self._at(x).cost])
@@ -91,10 +88,6 @@ class PenaltyFunction:
         blocks[:-1, n:, :n] = ahead
         blocks[:-1, :n, n:] = ahead.transpose(0, 2, 1)
         return blocks.ravel()
-
-
-def _never() -> bool:
-    return False
 
 
 class _External(ca.Callback):

@@ -37,11 +37,9 @@ def solve(plugin: str, options: Mapping[str, Any], problem: Problem, guess: Arra
         penalty = program.penalty
         penalty.stop = lambda: pressed.is_set() or budget.spent() or budget.stop()
         while progress.goes_on():
-            try:
-                found = run(x0=program.guess(positions), p=progress.weight, **program.bounds)["x"]
-            finally:
-                if penalty.error is not None:
-                    raise penalty.error from None
+            found = run(x0=program.guess(positions), p=progress.weight, **program.bounds)["x"]
+            if penalty.error is not None:
+                raise penalty.error
             trial = program.positions(np.array(found) if penalty.stopped_at is None else penalty.stopped_at)
             before, after = state.cost, problem.evaluate(trial, progress.weight)
             if after.cost <= (1 + SAME) * before:  # of equal costs the later run is closer to the minimum
