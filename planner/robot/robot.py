@@ -93,10 +93,12 @@ class Robot:
         return np.array([bool(np.any(motion_axes(joint)[1])) for joint in joints])
 
     def draw(self, rng: np.random.Generator, count: int) -> Array:
-        """Return random configurations (count, n), uniform within the limits, or within one turn for a joint with a
-        greater range."""
-        turning = self.upper - self.lower >= 2 * math.pi
-        low, high = np.where(turning, -math.pi, self.lower), np.where(turning, math.pi, self.upper)
+        """Return random configurations (count, n), uniform within the limits; a joint that may turn by more than one
+        turn, or slides without limits, is drawn from the 2π nearest to 0 that its limits leave."""
+        span = self.upper - self.lower
+        wide = (span >= 2 * math.pi) & (self.turning | np.isinf(span))
+        middle = np.clip(0.0, self.lower + math.pi, np.where(wide, self.upper - math.pi, np.inf))
+        low, high = np.where(wide, middle - math.pi, self.lower), np.where(wide, middle + math.pi, self.upper)
         return rng.uniform(low, high, size=(count, self.n))
 
     def pin_q(self, q: ArrayLike) -> Array:
