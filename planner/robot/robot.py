@@ -192,7 +192,6 @@ def load_robot(robot: str | RobotSpec) -> Robot:
     tree = read_tree(urdf, spec.base_joints)
     files += stamps_of(tree.files[1:])  # known only now
     semantics = read_semantics(srdf, tree) if srdf is not None else Semantics()
-    semantics = replace(semantics, disabled=semantics.disabled | tree.excluded)
     full, geometry, meshes = read_model(urdf, package_dirs, spec.base_joints)
     if len(geometry.geometryObjects) != tree.collisions:  # what is left out would be proven free
         read = len(geometry.geometryObjects)

@@ -81,7 +81,7 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
     attached = _all_attached(scene_keys.get("robot_state"), request_keys.get("start_state"), obstacles)
     if "allowed_collision_matrix" in scene_keys:
         objects = [*obstacles, *(part.name for part in attached)]
-        note_allowed(scene_keys["allowed_collision_matrix"], objects, semantics.disabled)
+        note_allowed(scene_keys["allowed_collision_matrix"], objects, semantics.disabled | tree.excluded)
     constraints = request_keys.get("path_constraints")
     return scene.make(
         Scene,
