@@ -277,7 +277,12 @@ def _planned(
     if isinstance(spec.group, tuple):
         return _listed_joints(spec.group, joints, candidates, spec, tree), None, []
     groups = {group: [joint for joint in candidates if joint in members] for group, members in semantics.groups.items()}
-    if spec.group is not None and semantics.groups:
+    if spec.group is not None:
+        if not semantics.groups:
+            raise InputError(
+                f"robot.group: no SRDF of {name} says which joints the group '{spec.group}' has; "
+                "robot.group: [joint, ..] names them, robot.srdf gives a SRDF"
+            )
         with naming("robot.group"):
             group = semantics.group(spec.group, (name, tree.name))
         planned = [joint for joint in groups[group] if joint not in spec.locked]
@@ -288,11 +293,6 @@ def _planned(
             )
         return planned, group, [f"planned joints: those of the SRDF's group '{group}'"]
     notes: list[str] = []
-    if spec.group is not None:
-        notes.append(
-            f"no SRDF of {name} says which joints the group '{spec.group}' has: all that can be are planned "
-            "(robot.group: [joint, ..] names them)"
-        )
     groups = {group: members for group, members in groups.items() if members}
     arms = [group for group in groups if ARM_GROUP.search(group)] if len(groups) > 1 else list(groups)
     chosen = None

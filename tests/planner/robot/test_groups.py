@@ -146,10 +146,11 @@ def test_a_group_that_is_not_there_is_refused_with_the_nearest(two_arms: RobotSp
         load_robot(replace(two_arms, group="tools"))
 
 
-def test_a_robot_without_groups_says_that_it_cannot_look_one_up() -> None:
-    robot = load_robot(RobotSpec(name="ur5", group="manipulator"))
-    assert robot.joint_names == load_robot(RobotSpec(name="ur5")).joint_names
-    assert any("'manipulator'" in note for note in robot.notes)
+def test_a_group_that_no_srdf_defines_is_refused() -> None:
+    """And never planned as all joints of the robot: tiago's 42, fingers and head, are not its arm."""
+    for name in ("ur5", "tiago"):
+        with pytest.raises(InputError, match=rf"robot\.group: no SRDF of {name} says which joints the group 'arm' has"):
+            load_robot(RobotSpec(name=name, group="arm"))
 
 
 @pytest.mark.parametrize("group", MEMBERS)
