@@ -17,7 +17,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hdplan.distance.symbolic.c_library import c_library
+from hdplan.distance.compiled.c_library import c_library
 from hdplan.scenes.array_types import Array, Rows
 
 # Calls the generated function once per row; `rows[i][k]` is the row of table i that evaluation k takes.

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hdplan.planner.certificate import support_loop
 from hdplan.planner.certificate.exact_proximity import DOUBTFUL, best_direction, direction
 from hdplan.planner.certificate.intervals import Bodies, Index, Intervals, Pairs
 from hdplan.planner.certificate.rounding import ROUNDING
@@ -124,6 +125,11 @@ class Bounds:
 
     def _extremes(self, nodes: Intervals, node: Index, body: Index, motion: Motion, normal: Array) -> Array:
         """Return max_{x ∈ body} n·(x + s x') for s = 0, 1, −1: (3, i)."""
+        if loops := support_loop.library():
+            places = nodes.rotation, nodes.origin
+            return support_loop.extremes(
+                loops, self.bodies.record, node, body, *places, normal, motion.omega, motion.velocity
+            )
         turn, slide = cross(normal, motion.omega), np.einsum("ij,ij->i", normal, motion.velocity)
         directions = np.stack([normal, normal + turn, normal - turn])  # (3, i, 3)
         values = np.einsum("sij,ij->si", directions, nodes.origin[node, body])

@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.distance.compiled.c_library import Record
+from hdplan.planner.certificate import support_loop
 from hdplan.planner.certificate.exact_proximity import Piece, transform
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Array, Chain, Mask, Motion, cross
@@ -41,10 +43,12 @@ class Body:
         """Share its arrays read-only."""
         freeze(self)
 
-    def reach(self, chain: Chain, travel: Array) -> Array:
-        """Return ρ (n,) of `motion_bounds`, for joint coordinates in the ranges `travel` (n, 2)."""
+    def around(self, chain: Chain) -> tuple[float, float, float]:
+        """Return a cylinder around it about its joint's axis, as `Chain.around` does; nothing where it stands."""
+        if self.joint == 0:
+            return 0.0, 0.0, 0.0
         points = self.piece.vertices @ self.placement[:3, :3].T + self.placement[:3, 3]
-        return chain.reach(self.joint, points, self.piece.sweep, travel)
+        return chain.around(self.joint, points, self.piece.sweep)
 
 
 class Bodies:
@@ -63,6 +67,11 @@ class Bodies:
         self.half = np.array([0.5 * (piece.high - piece.low) for piece in self.pieces]).reshape(-1, 3)  # box sizes / 2
         self.hollow = np.array([piece.surface is not None for piece in self.pieces], dtype=bool)
         self.drifting = np.array([body.obstacle_motion is not None for body in bodies], dtype=bool)  # (g,)
+
+    @cached_property
+    def record(self) -> Record:
+        """The pieces, for the loop in C."""
+        return support_loop.record(self.pieces)
 
     def speed(self, g: int) -> float:
         """Return the greatest speed of any point of a drifting body [m/s]."""
@@ -118,10 +127,7 @@ class Bodies:
         """Return ρ (g, n) for all configurations of a motion."""
         low, high = curve.bounds()
         travel = np.stack([low.min(axis=0), high.max(axis=0)], axis=1)
-        if self.chain.revolute.all():  # without prismatic joints it is the same for every motion
-            rows = [_reach_of_turns(self.chain, body) for body in self.bodies]
-        else:
-            rows = [body.reach(self.chain, travel) for body in self.bodies]
+        rows = [self.chain.reach_around(body.joint, _around(self.chain, body), travel) for body in self.bodies]
         return np.array(rows).reshape(-1, len(travel))
 
 
@@ -131,8 +137,8 @@ def _lengths(vectors: Array) -> Array:
 
 
 @functools.lru_cache(maxsize=4096)
-def _reach_of_turns(chain: Chain, body: Body) -> Array:
-    return body.reach(chain, np.zeros((len(chain.axes), 2)))
+def _around(chain: Chain, body: Body) -> tuple[float, float, float]:
+    return body.around(chain)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hdplan.distance.symbolic.c_library import Record
+from hdplan.distance.compiled.c_library import Record
 from hdplan.planner.collision import close_pairs
 from hdplan.planner.collision.halfspace_bodies import FEW, HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody

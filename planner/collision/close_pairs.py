@@ -15,7 +15,7 @@ import functools
 
 import numpy as np
 
-from hdplan.distance.symbolic.c_library import Record, c_functions, call
+from hdplan.distance.compiled.c_library import Record, c_functions, call
 from hdplan.scenes.array_types import Array, Rows
 
 ROOM = 1 << 10  # rows that there is room for at first

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdplan.distance.cache import content_key, load, store
+from hdplan.distance.compiled.cache import content_key, load, store
 from hdplan.planner.collision.broad_phase import body_pairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_link_body
 from hdplan.planner.collision.hdsdf import HdsdfPairs

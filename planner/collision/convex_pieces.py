@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hdplan.distance.cache import content_key, load, store
+from hdplan.distance.compiled.cache import content_key, load, store
 from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.scenes.array_types import Array
 

@@ -22,7 +22,7 @@ from scipy.spatial import ConvexHull, QhullError
 from threadpoolctl import threadpool_limits
 
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.cache import content_key, load, store
+from hdplan.distance.compiled.cache import content_key, load, store
 from hdplan.planner.collision.hull_distance import distance_to_hull
 from hdplan.planner.collision.link_fit import box_axes, fitted, hull_points
 from hdplan.planner.collision.shipped_bodies import shipped_bodies

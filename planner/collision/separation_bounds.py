@@ -32,7 +32,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdplan.distance.cache import content_key, load, store
+from hdplan.distance.compiled.cache import content_key, load, store
 from hdplan.planner.collision.broad_phase import body_pairs
 from hdplan.planner.collision.euclidean import FclPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody

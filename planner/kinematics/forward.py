@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from hdplan.distance.symbolic.c_library import Record
+from hdplan.distance.compiled.c_library import Record
 from hdplan.planner.kinematics import forward_loop
 from hdplan.planner.robot.pin_model import motion_axes
 from hdplan.planner.robot.robot import Robot

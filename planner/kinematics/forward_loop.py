@@ -7,7 +7,7 @@ import functools
 
 import numpy as np
 
-from hdplan.distance.symbolic.c_library import Record, c_functions, call
+from hdplan.distance.compiled.c_library import Record, c_functions, call
 from hdplan.scenes.array_types import Array
 
 SOURCE = """

@@ -27,7 +27,10 @@ axis j, can add: Σ_{k>j} (|δ_k| + ε_k) ρ_k.
 from __future__ import annotations
 
 import itertools
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -125,27 +128,46 @@ class Chain:
         `travel` (n, 2) is the range of each coordinate; only those of prismatic joints are used. ρ is 0 for joints that
         do not carry the body.
         """
-        rho = np.zeros(len(self.axes))
-        if joint == 0:
-            return rho
+        return self.reach_around(joint, self.around(joint, points, radius), travel)
+
+    def around(self, joint: int, points: Array, radius: float) -> tuple[float, float, float]:
+        """Return a cylinder about the axis of `joint` around `points`: its radius, and from where to where it goes
+        along the axis [m]."""
         axis = self.axes[joint - 1]
         along = points @ axis
         wide = float(np.linalg.norm(points - along[:, None] * axis, axis=1).max()) + radius
-        low, high = float(along.min()) - radius, float(along.max()) + radius
-        while True:
+        return wide, float(along.min()) - radius, float(along.max()) + radius
+
+    def reach_around(self, joint: int, cylinder: tuple[float, float, float], travel: Array) -> Array:
+        """Return ρ (n,) as `reach` does, for a body within a cylinder."""
+        rho = np.zeros(len(self.axes))
+        wide, low, high = cylinder
+        while joint > 0:
             index = joint - 1
             rho[index] = wide if self.revolute[index] else 1.0
             if not self.revolute[index]:
-                low, high = low + travel[index, 0], high + travel[index, 1]
-            placement, joint = self.model.jointPlacements[joint], int(self.model.parents[joint])
-            if joint == 0:
-                return rho
-            inner, axis = placement.rotation @ axis, self.axes[joint - 1]
-            ends = placement.translation + np.outer([low, high], inner)
-            along = ends @ axis
-            tilt = wide * float(np.sqrt(max(0.0, 1.0 - (inner @ axis) ** 2)))
-            wide += float(np.linalg.norm(ends - along[:, None] * axis, axis=1).max())
-            low, high = float(along.min()) - tilt, float(along.max()) + tilt
+                low, high = low + float(travel[index, 0]), high + float(travel[index, 1])
+            joint, offset, slope, beside, out, tilt = self._inward[joint]
+            sides = [math.hypot(*(b + place * o for b, o in zip(beside, out, strict=True))) for place in (low, high)]
+            tilt, ends = tilt * wide, (offset + slope * low, offset + slope * high)
+            wide, low, high = wide + max(sides), min(ends) - tilt, max(ends) + tilt
+        return rho
+
+    @cached_property
+    def _inward(self) -> tuple[tuple[int, float, float, Sequence[float], Sequence[float], float], ...]:
+        """For each joint: its parent; a point `place` along its axis lies at offset + slope place along the parent's
+        axis, beside + out place beside it; and the sine of the angle between the two axes."""
+        steps = []
+        for joint in range(self.model.njoints):
+            parent, placement = int(self.model.parents[joint]), self.model.jointPlacements[joint]
+            inner = placement.rotation @ self.axes[joint - 1]
+            axis, origin = self.axes[parent - 1], placement.translation
+            offset, slope = float(origin @ axis), float(inner @ axis)
+            sine = math.sqrt(max(0.0, 1.0 - slope**2))
+            steps.append(
+                (parent, offset, slope, (origin - offset * axis).tolist(), (inner - slope * axis).tolist(), sine)
+            )
+        return tuple(steps)
 
     def frames(self, configurations: Array) -> tuple[Array, Array]:
         """Return rotations (k, joints, 3, 3) and origins (k, joints, 3) of all joints of the model, by Pinocchio.

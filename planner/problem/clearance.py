@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hdplan.distance.symbolic.c_library import Record
+from hdplan.distance.compiled.c_library import Record
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.hdsdf import HdsdfPairs

@@ -12,7 +12,7 @@ import functools
 
 import numpy as np
 
-from hdplan.distance.symbolic.c_library import Record, c_functions, call
+from hdplan.distance.compiled.c_library import Record, c_functions, call
 from hdplan.planner.collision import close_pairs
 from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.hdsdf import HdsdfPairs

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.symbolic import c_library
+from hdplan.distance.compiled import c_library
 from tests.distance.hard_cases import HARD, Case, place
 
 Array = NDArray[np.float64]

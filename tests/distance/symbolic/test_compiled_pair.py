@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.compiled import c_library
 from hdplan.distance.numpy_reference.hdsdf import hdsdf, hdsdf_derivatives, separation
-from hdplan.distance.symbolic import c_library, compiled_pair
+from hdplan.distance.symbolic import compiled_pair
 from hdplan.distance.symbolic.compiled_pair import hdsdf_compiled, twist_function
 from hdplan.distance.symbolic.graph_distance import hdsdf_function
 from hdplan.distance.symbolic.row_function import RowFunction

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hdplan.distance.symbolic import c_library
-from hdplan.distance.symbolic.c_library import compiler
+from hdplan.distance.compiled import c_library
+from hdplan.distance.compiled.c_library import compiler
 from hdplan.distance.symbolic.halfspaces import halfspace_distance
 from hdplan.distance.symbolic.row_function import RowFunction
 

@@ -8,6 +8,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from hdplan.planner.certificate import support_loop
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.interval_bounds import Bounds, Items
 from hdplan.planner.certificate.intervals import Intervals
@@ -19,6 +20,7 @@ from hdplan.scenes.poses import Pose
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
 
+SAME = 1e-13  # [m] sums of three products, in another order
 LOOKS = 5  # places on an interval at which the exact distance is compared
 SHAPES = (Box((0.2, 0.1, 0.3)), Sphere(0.1), Cylinder(0.08, 0.3), Capsule(0.05, 0.2), Ellipsoid((0.04, 0.1, 0.2)))
 
@@ -46,7 +48,7 @@ def laid_out(request: pytest.FixtureRequest) -> LaidOut:
     more = tuple(
         Obstacle(
             f"more {k}",
-            SHAPES[k % 4],
+            SHAPES[k % len(SHAPES)],
             motion.poses[0] if isinstance(motion, TimedPoses) else Pose(tuple(rng.uniform(-1.5, 1.5, 3).tolist())),
             motion=motion,
         )
@@ -96,6 +98,20 @@ def test_no_bound_is_above_the_distance(laid_out: LaidOut) -> None:
     for bound in (by_ball, by_plane, by_best):
         assert np.all(bound.reshape(4, count) <= least)
     assert np.median(least.ravel() - by_best) < np.median(least.ravel() - by_ball)
+
+
+def test_the_loop_in_c_is_the_one_in_numpy(laid_out: LaidOut, monkeypatch: pytest.MonkeyPatch) -> None:
+    certifier, intervals, _ = laid_out
+    bounds, count = Bounds(certifier.sweep.bodies, certifier.sweep.pairs), len(certifier.sweep.pairs.a)
+    items = bounds.with_motion(intervals, Items.all(4, np.arange(count)))
+    normal = np.random.default_rng(8).normal(size=(4 * count, 3))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal[::7, 1] = np.nan  # nothing may pass for proven
+    compiled = bounds.by_plane(intervals, items, normal)
+    monkeypatch.setattr(support_loop, "library", lambda: None)
+    for found, expected in zip(compiled, bounds.by_plane(intervals, items, normal), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=0, atol=SAME)
+        assert np.isnan(found[::7]).all()
 
 
 def test_a_bound_over_all_is_no_better_than_over_one(laid_out: LaidOut) -> None:

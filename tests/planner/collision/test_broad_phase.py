@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
-from hdplan.distance.symbolic.c_library import compiler
+from hdplan.distance.compiled.c_library import compiler
 from hdplan.planner.collision import close_pairs
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_link_body, from_shape

@@ -12,7 +12,7 @@ import pytest
 from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 
-from hdplan.distance import cache
+from hdplan.distance.compiled import cache
 from hdplan.planner.collision import link_bodies as module
 from hdplan.planner.collision.descent import minimized
 from hdplan.planner.collision.hull_distance import distance_to_hull

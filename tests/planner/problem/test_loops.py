@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hdplan.distance.symbolic.c_library import compiler
+from hdplan.distance.compiled.c_library import compiler
 from hdplan.planner.build import build
 from hdplan.planner.collision import close_pairs
 from hdplan.planner.kinematics import forward_loop

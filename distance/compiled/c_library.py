@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.distance.cache import cache_dir, content_key, write_whole
-from hdplan.distance.symbolic.compile_time import compiling
+from hdplan.distance.compiled.cache import cache_dir, content_key, write_whole
+from hdplan.distance.compiled.compile_time import compiling
 from hdplan.scenes.deadline import check_time, most_seconds
 
 # None of these changes a value: without the last, machines with a fused multiply-add would round differently. The
