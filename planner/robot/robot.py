@@ -179,7 +179,8 @@ def load_robot(robot: str | RobotSpec) -> Robot:
     """Load a robot: one of example-robot-data by its name, or that of a RobotSpec, such as a URDF (and SRDF) file.
 
     The planned joints are those of the SRDF group that the specification names; without one, those of the SRDF's arm
-    group, or else all joints except those of a hand. Mimic joints and the joints that they follow are never planned.
+    group, or else all joints except those of a hand. Mimic joints, the joints that they follow, and those that the SRDF
+    calls passive are never planned.
     All other joints are held: at the scene's value (even beyond the limits), or else at the value of the first named
     state that has one, or else at 0, or as near to it as their limits allow.
 
@@ -273,7 +274,7 @@ def _planned(
     """Return the joints to plan, the SRDF's group that they are of, if any, and notes where a group chose them or could
     not."""
     coupled = tree.coupled
-    candidates = [joint for joint in joints if joint not in coupled]
+    candidates = [joint for joint in joints if joint not in coupled and joint not in semantics.passive]
     if isinstance(spec.group, tuple):
         return _listed_joints(spec.group, joints, candidates, spec, tree), None, []
     groups = {group: [joint for joint in candidates if joint in members] for group, members in semantics.groups.items()}
@@ -288,8 +289,8 @@ def _planned(
         planned = [joint for joint in groups[group] if joint not in spec.locked]
         if not planned:
             raise InputError(
-                f"robot.group: the group '{group}' has no joint that can be planned: not fixed or mimic joints, "
-                "joints that mimic joints follow, or those of robot.locked"
+                f"robot.group: the group '{group}' has no joint that can be planned: not fixed, mimic or passive "
+                "joints, joints that mimic joints follow, or those of robot.locked"
             )
         return planned, group, [f"planned joints: those of the SRDF's group '{group}'"]
     notes: list[str] = []
@@ -316,8 +317,10 @@ def _listed_joints(
         why = None
         if joint in spec.locked:
             why = "is held by robot.locked: leave it out of one of the two"
-        elif joint in joints and joint not in candidates:
+        elif joint in tree.coupled:
             why = "cannot be planned: it is a mimic joint, or one that a mimic joint follows"
+        elif joint in joints and joint not in candidates:
+            why = "cannot be planned: it is passive, says the SRDF"
         elif joint not in joints and joint in tree.joints:
             why = "cannot be planned: it is fixed"
         elif joint not in joints:

@@ -42,7 +42,12 @@ ATTRIBUTES = {
     "mimic": ("joint", "multiplier", "offset"),
 }
 ONCE = ("inertial", "origin", "mass", "inertia", "geometry", "parent", "child", "axis", "limit", "mimic")
-SRDF = ("group", "group_state", "end_effector", "virtual_joint", "passive_joint", "disable_collisions")
+SRDF = (
+    *("group", "group_state", "end_effector", "virtual_joint", "passive_joint"),
+    *("disable_collisions", "disable_default_collisions", "enable_collisions"),
+)
+PAIR, ONE = ("link1", "link2", "reason"), ("link",)
+ABOUT_COLLISIONS = {"disable_collisions": PAIR, "enable_collisions": PAIR, "disable_default_collisions": ONE}
 FLOATING = "root_joint"  # what Pinocchio calls the joint of a floating base
 NEARLY, NEARLY_SHORT = (
     0.7,
@@ -76,11 +81,14 @@ def check_srdf_words(root: ElementTree.Element, links: Collection[str], joints: 
         tag = _name(element)
         if tag not in SRDF:
             check_spelling(tag, SRDF, "element")
-        if tag == "disable_collisions":
+        if tag in ABOUT_COLLISIONS:
+            known = ABOUT_COLLISIONS[tag]
             for attribute in element.attrib:
-                if attribute not in ("link1", "link2", "reason"):
-                    check_spelling(attribute, ("link1", "link2"), "disable_collisions: attribute")
-            named["link"] += [element.get("link1", ""), element.get("link2", "")]
+                if attribute not in known:
+                    check_spelling(attribute, known, f"{tag}: attribute")
+            named["link"] += [element.get(key, "") for key in known if key != "reason"]
+        if tag == "passive_joint":
+            named["joint"].append(element.get("name", ""))
         if tag == "end_effector":
             named["link"].append(element.get("parent_link", ""))
             named["group"] += [element.get(key, "") for key in ("group", "parent_group") if element.get(key)]
