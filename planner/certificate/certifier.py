@@ -137,10 +137,11 @@ class Certifier:
         *,
         required: float | None = None,
         check_ends: bool = True,
-        stop_at_contact: bool = False,
+        suspect: tuple[int, float] | None = None,
     ) -> Certificate:
-        """Certify one trajectory; see `certify`. With `stop_at_contact` the first contact found ends the search, so
-        that the failures are not complete."""
+        """Certify one trajectory; see `certify`. A `suspect`, a place where contact is likely (a waypoint interval and
+        a fraction of it), is looked at first, and the first contact found anywhere ends the search, so that the
+        failures are not complete."""
         began = time.perf_counter()
         instance(trajectory, Trajectory, "trajectory")
         if required is not None:
@@ -153,7 +154,7 @@ class Certifier:
         limits = () if beyond else tuple(check.check(curve) for check in self.limits)
         required, reductions = self.asked(curve) if required is None else (required, ())
         floor = self._floor(required)
-        proof = Proof() if beyond else self.sweep.prove(curve, floor, stop_at_contact)
+        proof = Proof() if beyond else self.sweep.prove(curve, floor, suspect)
         path = None if self.path is None or beyond else self.path.prove(curve)
         kept, departures = (path.kept, path.departures) if path else ((), ())
         failures = tuple(self._place(spot, curve) for spot in proof.failures)

@@ -83,14 +83,15 @@ class Sweep:
         """Return the closest points (2, 3) [m] of two bodies at one configuration q (n,) and time [s], for pictures."""
         return self._standing(q, time).witnesses_at_start(pair)
 
-    def prove(self, curve: Curve, required: Array | float = 0.0, stop_at_contact: bool = False) -> Proof:
+    def prove(self, curve: Curve, required: Array | float = 0.0, suspect: tuple[int, float] | None = None) -> Proof:
         """Prove a motion, or find where it cannot be proven.
 
-        `required` [m], one for each pair (P,) or one for all, is what pairs must keep; at 0 they must not touch. With
-        `stop_at_contact` the first contact found ends the search: failures are then not complete.
+        `required` [m], one for each pair (P,) or one for all, is what pairs must keep; at 0 they must not touch. A
+        `suspect`, a waypoint interval and a fraction of it, is looked at first, and the first contact found anywhere
+        ends the search: failures are then not complete.
         """
         floor = np.broadcast_to(np.asarray(required, dtype=np.float64), self.pairs.a.shape)
-        return _Run(self, curve, floor, stop_at_contact).prove()
+        return _Run(self, curve, floor, suspect).prove()
 
     def _standing(self, q: Array, time: float) -> _Run:
         """Return a run that stands at one configuration and time."""
@@ -100,11 +101,11 @@ class Sweep:
 class _Run:
     """The proof of one motion in progress."""
 
-    def __init__(self, sweep: Sweep, curve: Curve, floor: Array, stop_at_contact: bool = False) -> None:
+    def __init__(self, sweep: Sweep, curve: Curve, floor: Array, suspect: tuple[int, float] | None = None) -> None:
         self.bodies, self.pairs, self.hollow = sweep.bodies, sweep.pairs, sweep.hollow
         self.bounds, self.containment = Bounds(sweep.bodies, sweep.pairs), sweep.containment
         self.curve, self.floor, self.rho = curve, floor, sweep.bodies.reach(curve)
-        self.stop_at_contact = stop_at_contact
+        self.suspect = suspect
         self.clearance = [np.inf, np.inf]
         self.closest: list[Spot | None] = [None, None]
         self.failures: dict[tuple[int, int], Spot] = {}
@@ -114,6 +115,8 @@ class _Run:
     def prove(self) -> Proof:
         for spot in self._inside():
             self._met(spot)
+        if self.suspect is not None:
+            self._look_at(*self.suspect)
         if len(self.pairs.a) and not self._settled():
             self._prove_all()
         return Proof(
@@ -146,6 +149,15 @@ class _Run:
                     return
                 if items:
                     nodes, items = self._halve(nodes, items)
+
+    def _look_at(self, interval: int, fraction: float) -> None:
+        """Record how close the pairs are at one place, those whose balls come too close there."""
+        nodes = self._place(np.array([interval]), np.array([fraction]), np.zeros(1))
+        items = Items.all(1, np.arange(len(self.pairs.a)))
+        bound, _ = self.bounds.by_ball(nodes, items)
+        items = items[bound <= self.floor]
+        if len(items):
+            self._exactly(nodes, self.bounds.with_motion(nodes, items))
 
     def at_start(self, within: float = np.inf, surfaces: bool = False) -> tuple[Spot, ...]:
         """Return the signed distances of all pairs at the first waypoint, except for those that bounding balls prove to
@@ -244,7 +256,7 @@ class _Run:
 
     def _settled(self) -> bool:
         """Whether a place found too close ends the search."""
-        return self.stop_at_contact and any(spot.touching for spot in self.failures.values())
+        return self.suspect is not None and any(spot.touching for spot in self.failures.values())
 
     def _open(self, nodes: Intervals, items: Items) -> Items:
         """Return the items neither proven far enough apart nor failed, recording what the proven ones keep."""

@@ -32,11 +32,15 @@ def run_robots(name: str | None, *, srdf: Path | None, as_json: bool) -> int:
 
 
 def _write_srdf(name: str | None, output: Path, *, as_json: bool) -> int:
-    from hdplan.planner.robot.srdf import srdf_of
+    from hdplan.planner.robot.srdf import MADE_HERE, srdf_of
 
     if name is None:
         raise InputError("--srdf: of which robot? Name it, or give its description")
     check_writable(output, (".srdf",))
+    if output.exists() and MADE_HERE not in output.read_text(encoding="utf-8", errors="replace"):
+        raise InputError(
+            f"--srdf: {output} exists, and was not made by hdplan: it is not overwritten; name another file"
+        )
     with waiting(f"comparing the links of {name}"):
         text, counts = srdf_of(named_or_read(name))
     write_output(output, text.encode())

@@ -93,10 +93,12 @@ class Robot:
         return np.array([bool(np.any(motion_axes(joint)[1])) for joint in joints])
 
     def draw(self, rng: np.random.Generator, count: int) -> Array:
-        """Return random configurations (count, n), uniform within the limits, or within one turn for a joint with a
-        greater range."""
-        turning = self.upper - self.lower >= 2 * math.pi
-        low, high = np.where(turning, -math.pi, self.lower), np.where(turning, math.pi, self.upper)
+        """Return random configurations (count, n), uniform within the limits; a joint that may turn by more than one
+        turn, or slides without limits, is drawn from the 2π nearest to 0 that its limits leave."""
+        span = self.upper - self.lower
+        wide = (span >= 2 * math.pi) & (self.turning | np.isinf(span))
+        middle = np.clip(0.0, self.lower + math.pi, np.where(wide, self.upper - math.pi, np.inf))
+        low, high = np.where(wide, middle - math.pi, self.lower), np.where(wide, middle + math.pi, self.upper)
         return rng.uniform(low, high, size=(count, self.n))
 
     def pin_q(self, q: ArrayLike) -> Array:
@@ -177,7 +179,8 @@ def load_robot(robot: str | RobotSpec) -> Robot:
     """Load a robot: one of example-robot-data by its name, or that of a RobotSpec, such as a URDF (and SRDF) file.
 
     The planned joints are those of the SRDF group that the specification names; without one, those of the SRDF's arm
-    group, or else all joints except those of a hand. Mimic joints and the joints that they follow are never planned.
+    group, or else all joints except those of a hand. Mimic joints, the joints that they follow, and those that the SRDF
+    calls passive are never planned.
     All other joints are held: at the scene's value (even beyond the limits), or else at the value of the first named
     state that has one, or else at 0, or as near to it as their limits allow.
 
@@ -190,7 +193,6 @@ def load_robot(robot: str | RobotSpec) -> Robot:
     tree = read_tree(urdf, spec.base_joints)
     files += stamps_of(tree.files[1:])  # known only now
     semantics = read_semantics(srdf, tree) if srdf is not None else Semantics()
-    semantics = replace(semantics, disabled=semantics.disabled | tree.excluded)
     full, geometry, meshes = read_model(urdf, package_dirs, spec.base_joints)
     if len(geometry.geometryObjects) != tree.collisions:  # what is left out would be proven free
         read = len(geometry.geometryObjects)
@@ -272,26 +274,26 @@ def _planned(
     """Return the joints to plan, the SRDF's group that they are of, if any, and notes where a group chose them or could
     not."""
     coupled = tree.coupled
-    candidates = [joint for joint in joints if joint not in coupled]
+    candidates = [joint for joint in joints if joint not in coupled and joint not in semantics.passive]
     if isinstance(spec.group, tuple):
         return _listed_joints(spec.group, joints, candidates, spec, tree), None, []
     groups = {group: [joint for joint in candidates if joint in members] for group, members in semantics.groups.items()}
-    if spec.group is not None and semantics.groups:
+    if spec.group is not None:
+        if not semantics.groups:
+            raise InputError(
+                f"robot.group: no SRDF of {name} says which joints the group '{spec.group}' has; "
+                "robot.group: [joint, ..] names them, robot.srdf gives a SRDF"
+            )
         with naming("robot.group"):
             group = semantics.group(spec.group, (name, tree.name))
         planned = [joint for joint in groups[group] if joint not in spec.locked]
         if not planned:
             raise InputError(
-                f"robot.group: the group '{group}' has no joint that can be planned: not fixed or mimic joints, "
-                "joints that mimic joints follow, or those of robot.locked"
+                f"robot.group: the group '{group}' has no joint that can be planned: not fixed, mimic or passive "
+                "joints, joints that mimic joints follow, or those of robot.locked"
             )
         return planned, group, [f"planned joints: those of the SRDF's group '{group}'"]
     notes: list[str] = []
-    if spec.group is not None:
-        notes.append(
-            f"no SRDF of {name} says which joints the group '{spec.group}' has: all that can be are planned "
-            "(robot.group: [joint, ..] names them)"
-        )
     groups = {group: members for group, members in groups.items() if members}
     arms = [group for group in groups if ARM_GROUP.search(group)] if len(groups) > 1 else list(groups)
     chosen = None
@@ -315,8 +317,10 @@ def _listed_joints(
         why = None
         if joint in spec.locked:
             why = "is held by robot.locked: leave it out of one of the two"
-        elif joint in joints and joint not in candidates:
+        elif joint in tree.coupled:
             why = "cannot be planned: it is a mimic joint, or one that a mimic joint follows"
+        elif joint in joints and joint not in candidates:
+            why = "cannot be planned: it is passive, says the SRDF"
         elif joint not in joints and joint in tree.joints:
             why = "cannot be planned: it is fixed"
         elif joint not in joints:

@@ -52,6 +52,7 @@ def excluded(robot: Robot, tree: Tree, semantics: Semantics, spec: RobotSpec) ->
     neighbours = [pair for pair in one_joint if not any(link in joint for link in tree.between(*pair))]
     return {
         **{link_pair(*pair): "robot.ignore_pairs" for pair in spec.ignore_pairs},
+        **dict.fromkeys(tree.excluded, "the MJCF"),
         **dict.fromkeys(semantics.disabled, "the SRDF"),
         **dict.fromkeys(neighbours, NEIGHBOURS),
         **{(a, b): MOVE_AS_ONE for a, b in pairs if joint[a] == joint[b]},

@@ -93,7 +93,8 @@ class Setup:
         scene, robot = self.scene, self.robot
         if self.aimed or isinstance(scene.goal, Goals) or not np.isinf(robot.lower).any():
             return ()
-        asked, goal = robot.configuration(scene.goal, scene.from_request), self.query.goal
+        goal = self.query.goal  # first, as it checks the values
+        asked = robot.configuration(scene.goal, scene.from_request)
         off = [
             f"{joint} at {goal[i]:.6g} instead of {asked[i]:.6g}"
             for i, joint in enumerate(robot.joint_names)

@@ -15,6 +15,7 @@ from hdplan.scenes.robot_files.description import read_tree
 from hdplan.scenes.robot_files.library import description_of
 from hdplan.scenes.robot_spec import RobotSpec
 
+MADE_HERE = "made by hdplan;"  # a comment in each
 REASONS = {NEIGHBOURS: "Adjacent", ALWAYS_TOUCHING: "Always", NEVER_TOUCHING: "Never"}  # as MoveIt calls them
 
 
@@ -42,7 +43,7 @@ def srdf_of(spec: RobotSpec) -> tuple[str, dict[str, int]]:
     }
     root = ElementTree.Element("robot", name=tree.name)
     said = f"always: at each of {CONTACT_SAMPLES} random configurations; never: by proof; adjacent: at one joint"
-    root.append(ElementTree.Comment(f" made by hdplan; link pairs that are not checked, {said} "))
+    root.append(ElementTree.Comment(f" {MADE_HERE} link pairs that are not checked, {said} "))
     for (a, b), reason in found.items():
         ElementTree.SubElement(root, "disable_collisions", link1=a, link2=b, reason=reason)
     ElementTree.indent(root)

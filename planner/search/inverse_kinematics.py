@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from hdplan.planner.certificate.pose_goals import Miss, miss_of
 from hdplan.planner.kinematics.forward import Kinematics
-from hdplan.planner.kinematics.inverse import Aim, damped_step
+from hdplan.planner.kinematics.inverse import DAMPING, LONGEST, Aim, damped_step
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.arrays import joint_numbers
@@ -34,6 +34,7 @@ STARTS = 128  # the scene's start, and random configurations
 STEPS = 80  # at most
 CENTRING = 6  # more of them, from within the tolerance towards its centre
 AIM, ENOUGH, AT_MOST = 0.5, 0.75, 0.99  # shares of a tolerance: aimed at, where a start has converged, accepted
+DRAWS, BACK = 12, 2  # steps towards the start, at most, each with some back to the pose
 APART = 0.6  # [rad] or [m] in some joint between two configurations that count as different
 
 
@@ -108,8 +109,10 @@ def reaching(
     best = sizes[int(np.argmin((sizes / aim.tolerances).max(axis=(1, 2))))]
     least = tuple(Miss(position, angle) for position, angle in best.tolist())
     met = _centred(aim, q[aim.within(error, AT_MOST)])
-    met = _fewest_turns(robot, aim.arm, met, start)
-    return _apart(met[np.argsort(np.linalg.norm(met - start, axis=1), kind="stable")]), least
+    met = _distinct(_fewest_turns(robot, aim.arm, met, start), start)
+    if not path:
+        met = _distinct(np.vstack([_drawn_near(aim, met, start), met]), start)
+    return met, least
 
 
 def _centred(aim: Aim, q: Array) -> Array:
@@ -124,6 +127,30 @@ def _centred(aim: Aim, q: Array) -> Array:
     return q
 
 
+def _drawn_near(aim: Aim, q: Array, start: Array) -> Array:
+    """Move configurations (B, n) that reach the aim towards `start` as far as they go on reaching it: along the arm's
+    self-motion and its free rotations, the part of the way that moves no link that counts."""
+    error, jacobian = aim.linearized(q)
+    for _ in range(DRAWS):
+        way = start - q
+        square = jacobian @ jacobian.transpose(0, 2, 1) + DAMPING**2 * np.eye(error.shape[1])
+        lost = np.linalg.solve(square, jacobian @ way[..., None])
+        step = way - (jacobian.transpose(0, 2, 1) @ lost)[..., 0]
+        step *= np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-12))
+        moved = np.clip(q + step, aim.robot.lower, aim.robot.upper)
+        for _ in range(BACK):
+            error_moved, jacobian_moved = aim.linearized(moved)
+            moved = damped_step(aim.robot, moved, error_moved, jacobian_moved)
+        error_moved, jacobian_moved = aim.linearized(moved)
+        nearer = np.linalg.norm(start - moved, axis=1) < np.linalg.norm(way, axis=1)
+        better = (aim.within(error_moved, ENOUGH) & nearer)[:, None]
+        if not better.any():
+            break
+        q, error = np.where(better, moved, q), np.where(better, error_moved, error)
+        jacobian = np.where(better[..., None], jacobian_moved, jacobian)
+    return q
+
+
 def _fewest_turns(robot: Robot, arm: Kinematics, q: Array, start: Array) -> Array:
     """The same placements (B, n), with whole turns of the joints undone towards `start` as far as the limits allow."""
     revolute = np.linalg.norm(arm.evaluate(start).angular[0], axis=1) > 0.5
@@ -131,10 +158,10 @@ def _fewest_turns(robot: Robot, arm: Kinematics, q: Array, start: Array) -> Arra
     return np.where(revolute & (nearer >= robot.lower) & (nearer <= robot.upper), nearer, q)
 
 
-def _apart(q: Array) -> Array:
-    """The rows that are APART from all rows kept before them."""
+def _distinct(q: Array, start: Array) -> Array:
+    """The rows nearest to `start` first, those that are APART from all before them."""
     kept: list[Array] = []
-    for row in q:
+    for row in q[np.argsort(np.linalg.norm(q - start, axis=1), kind="stable")]:
         if all(np.abs(row - other).max() > APART for other in kept):
             kept.append(row)
     return np.array(kept).reshape(-1, q.shape[1])

@@ -8,16 +8,28 @@ outer bodies at samples, and neither relies on the other.
 from __future__ import annotations
 
 import itertools
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import seeds
-from hdplan.planner.solvers.solution import FIRST_WEIGHT, RAISE, Budget, Iteration, Solution, Solver, SolverStatus
+from hdplan.planner.solvers.solution import (
+    FIRST_WEIGHT,
+    RAISE,
+    Budget,
+    Iteration,
+    Solution,
+    Solver,
+    SolverStatus,
+    is_clear,
+)
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import seconds_left
 
@@ -26,6 +38,7 @@ if TYPE_CHECKING:
 
 DETOUR_WEIGHT = FIRST_WEIGHT * RAISE**3  # [1/m²] keeps a guess that leads around obstacles there
 GUESSES = 3  # first guesses for a goal before the next goal's turn
+DENSER = 2  # times that solving continues at denser samples, before a certificate
 REPAIRS = 3  # times that solving continues from a motion whose certificate failed, before the next guess
 
 
@@ -88,10 +101,9 @@ class Search:
         guess, weight = first.positions, first.weight
         problem = self.problem.resampled(guess)
         for turn in range(1 + REPAIRS):
-            budget = Budget(self.deadline, first_weight=weight, report=self._report_step, stop=self.stop)
-            solution = self.last = self.solver.solve(problem, guess, budget)
+            problem, solution = self._solve(problem, guess, weight)
             certificate, intervals = self._certify(solution)
-            if solution.status is SolverStatus.INTERRUPTED or self.stop() or budget.spent():
+            if solution.status is SolverStatus.INTERRUPTED or self.stop() or time.perf_counter() > self.deadline:
                 return True
             if certificate.certified:
                 return True
@@ -102,6 +114,25 @@ class Search:
             guess, weight = solution.trajectory.positions, solution.weight * RAISE
             problem = problem.resampled(guess).refined(intervals)
         return False
+
+    def _solve(self, problem: Problem, guess: Array, weight: float) -> tuple[Problem, Solution]:
+        """Solve until the motion is clear at the samples that it needs itself, as it may move farther than the guess;
+        again at most DENSER times."""
+        budget = Budget(self.deadline, first_weight=weight, report=self._report_step, stop=self.stop)
+        for again in range(DENSER, -1, -1):
+            solution = self.last = self.solver.solve(problem, guess, budget)
+            positions = solution.trajectory.positions
+            finer = problem.resampled(positions)
+            if solution.status is not SolverStatus.CLEAR or not again or is_clear(finer, positions):
+                break
+            self._took(solution)
+            problem, guess, budget = finer, positions, replace(budget, first_weight=solution.weight)
+        return finer, solution
+
+    def _took(self, solution: Solution) -> None:
+        """Count a solution's iterations."""
+        self.iterations += solution.iterations
+        self.steps += tuple(self._numbered(step) for step in solution.steps)
 
     def _free_already(self, solution: Solution, guess: Array) -> bool:
         """Whether a guess (N, n) is certified as it is: where outer bodies overlap at an end although the links are
@@ -161,14 +192,15 @@ class Search:
     def _certify(self, solution: Solution) -> tuple[Certificate, list[int]]:
         """Certify a motion, and keep it if it is the best so far; also return the waypoint intervals that fail."""
         hopeless = solution.status is SolverStatus.STALLED  # rarely certified: the first contact found settles it
+        suspect = self._deepest(solution.trajectory.positions) if hopeless else None
         trajectory, parameter = solution.trajectory, None
         if self.retimer is not None:
             trajectory, parameter = self.retimer(trajectory)
-        certificate = self.certifier.certify(trajectory, required=self.required, stop_at_contact=hopeless)
+            suspect = None if suspect is None else _place_in(parameter, sum(suspect) / (self.problem.waypoints - 1))
+        certificate = self.certifier.certify(trajectory, required=self.required, suspect=suspect)
         self.last = None
-        self.iterations += solution.iterations
+        self._took(solution)
         self.certify_seconds += certificate.seconds
-        self.steps += tuple(self._numbered(step) for step in solution.steps)
         if self.best is None or _rank(certificate) < _rank(self.best.certificate):
             self.best = Best(solution, trajectory, certificate, self.steps, whole=not hopeless)
         self.report(Event(self.attempts, certificate=certificate))
@@ -177,6 +209,18 @@ class Search:
             last = self.problem.waypoints - 2
             failed = {min(int(parameter[row + end] * (last + 1)), last) for row in failed for end in (0, 1)}
         return certificate, sorted(failed)
+
+    def _deepest(self, positions: Array) -> tuple[int, float]:
+        """Where a motion (N, n) is deepest inside a margin: a waypoint interval, and a fraction of it."""
+        samples = self.problem.resampled(positions).samples
+        deepest = int(self.problem.depth(samples.configurations(positions), samples.parameter).argmax())
+        return int(samples.interval[deepest]), float(samples.fraction[deepest])
+
+
+def _place_in(parameters: Array, wanted: float) -> tuple[int, float]:
+    """The interval of ascending path parameters that holds one, and the fraction of it."""
+    row = int(np.clip(np.searchsorted(parameters, wanted, side="right") - 1, 0, len(parameters) - 2))
+    return row, float((wanted - parameters[row]) / (parameters[row + 1] - parameters[row]))
 
 
 def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Array | None]) -> None:

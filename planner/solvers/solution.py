@@ -176,6 +176,13 @@ def _allowed_depth(problem: Problem) -> Array:
     return allowed
 
 
+def is_clear(problem: Problem, positions: Array) -> bool:
+    """Whether every sample of a motion (N, n) keeps its distance."""
+    samples = problem.samples
+    depth = problem.depth(samples.configurations(positions), samples.parameter)
+    return bool(np.all(depth <= _allowed_depth(problem)))
+
+
 @dataclass(frozen=True)
 class Solver:
     """A solver: every term of every problem is its business."""

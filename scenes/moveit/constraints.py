@@ -1,4 +1,4 @@
-"""Constraints of a MoveIt motion plan request: the goal, by joints or by a link's pose, and path constraints.
+"""Constraints of a MoveIt motion plan request: the goal, by joints or by poses of links, and path constraints.
 
 The keys are the fields of moveit_msgs/Constraints and its parts. A `Scene` cannot express all that MoveIt allows; it is
 then narrower, so that whatever it allows MoveIt allows too, and a note says so:
@@ -25,7 +25,7 @@ from hdplan.scenes.moveit.messages import read_message_pose, read_orientation, r
 from hdplan.scenes.path_constraints import PathConstraints, Upright, Within
 from hdplan.scenes.poses import Pose, Quaternion, Vector3, compose
 from hdplan.scenes.shapes import Box, Shape, Sphere
-from hdplan.scenes.targets import Goals, JointTarget, PoseTarget
+from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 
 KINDS = ("joint_constraints", "position_constraints", "orientation_constraints")
 AXES = ("x", "y", "z")
@@ -37,7 +37,7 @@ SLANT = 1e-2  # [rad] by which an upright axis may be off; it is subtracted from
 
 
 def read_goal_constraints(section: Field, name: str, frames: Frames) -> JointTarget | Goals:
-    """Read the single goal: joint values, which are met exactly whatever their tolerances, or a link's pose.
+    """Read the single goal: joint values, which are met exactly whatever their tolerances, or poses of links.
 
     Raises:
         InputError: several goals, none, both kinds in one, or a pose that a scene cannot express.
@@ -50,7 +50,7 @@ def read_goal_constraints(section: Field, name: str, frames: Frames) -> JointTar
     if placed and "joint_constraints" in given:
         raise placed[0].error("is given beside joint_constraints; a goal is given by joints or by a pose, not by both")
     if placed:
-        return Goals((_pose_goal(goals[0], given, name, frames),))
+        return Goals((_pose_goal(given, name, frames),))  # type: ignore[arg-type]
     if "joint_constraints" not in given:
         raise goals[0].error("has no joint_constraints and no position_constraints, so there is no goal")
     return JointTarget(name, by_name=_joints(given["joint_constraints"]))
@@ -156,10 +156,31 @@ def _orientation(entry: Field, frames: Frames) -> _Orientation:
     return _Orientation(keys["link_name"].text(), quaternion, tolerance, free)
 
 
-def _pose_goal(goal: Field, given: dict[str, Field], name: str, frames: Frames) -> PoseTarget:
+def _pose_goal(given: dict[str, Field], name: str, frames: Frames) -> PoseTarget | AllOf:
+    """Read the pose of one link, or poses of several links that are reached together."""
     if "position_constraints" not in given:
         raise given["orientation_constraints"].error("has no position_constraints beside it; a goal needs both")
-    entry = _only(given["position_constraints"])
+    places = _by_link(given["position_constraints"])
+    turns = _by_link(given["orientation_constraints"]) if "orientation_constraints" in given else {}
+    for link, entry in turns.items():
+        if link not in places:
+            raise entry.error(f"turns {link!r}, which has no position_constraints beside it; a goal needs both")
+    poses = [_link_pose(entry, turns.get(link), name, frames) for link, entry in places.items()]
+    return poses[0] if len(poses) == 1 else AllOf(poses, name)
+
+
+def _by_link(section: Field) -> dict[str, Field]:
+    """Return constraints by the link that each is about, one for each."""
+    found: dict[str, Field] = {}
+    for entry in section.items(of="constraints"):
+        link = entry.mapping(required=["link_name"])["link_name"].text()
+        if link in found:
+            raise entry.error(f"is about {link!r} again; a goal takes one such constraint for each link")
+        found[link] = entry
+    return found
+
+
+def _link_pose(entry: Field, turned: Field | None, name: str, frames: Frames) -> PoseTarget:
     region = _region(entry, frames)
     if any(region.point):
         raise entry.error("has a target_point_offset, which is not supported in a goal: its pose is the link's")
@@ -172,10 +193,8 @@ def _pose_goal(goal: Field, given: dict[str, Field], name: str, frames: Frames) 
         case _:
             raise entry.error("has a region that is neither a box nor a sphere, which is not supported in a goal")
     turn = _Orientation(region.link, Pose().quaternion_xyzw, PoseTarget.orientation_tolerance, "all")
-    if "orientation_constraints" in given:
-        turn = _orientation(_only(given["orientation_constraints"]), frames)
-    if turn.link != region.link:
-        raise goal.error(f"names two links, {region.link!r} and {turn.link!r}; a goal is the pose of one")
+    if turned is not None:
+        turn = _orientation(turned, frames)
     if tolerance > LARGEST_BALL:
         entry.note(f"allows a sphere of radius {tolerance:g} m; one of {LARGEST_BALL:g} m is used")
     pose = Pose(region.pose.position, turn.quaternion)

@@ -81,7 +81,7 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
     attached = _all_attached(scene_keys.get("robot_state"), request_keys.get("start_state"), obstacles)
     if "allowed_collision_matrix" in scene_keys:
         objects = [*obstacles, *(part.name for part in attached)]
-        note_allowed(scene_keys["allowed_collision_matrix"], objects, semantics.disabled)
+        note_allowed(scene_keys["allowed_collision_matrix"], objects, semantics.disabled | tree.excluded)
     constraints = request_keys.get("path_constraints")
     return scene.make(
         Scene,
@@ -99,15 +99,19 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
 
 
 def _of_group(robot: RobotSpec, asked: Field, semantics: Semantics, names: Collection[str]) -> RobotSpec:
-    """Return the robot planned for the group that the request names; unchanged if it names none."""
+    """Return the robot planned for the group that the request names; unchanged, with a note, if it names none or no
+    SRDF says which joints it has."""
     if asked.value == "":
         return robot
     group, own = asked.text(), robot.group
-    if semantics.groups:  # without any, loading the robot reports it
-        with naming(f"{robot.source}: robot.group"):
-            own = semantics.group(own, names) if isinstance(own, str) else own
-        with naming(f"{asked.document.file}: {asked.key}"):
-            group = semantics.group(group, names)
+    if not semantics.groups:
+        if own is None:
+            asked.note(f"is {group!r}, of which no SRDF says which joints it has: all that can be are planned")
+        return robot
+    with naming(f"{robot.source}: robot.group"):
+        own = semantics.group(own, names) if isinstance(own, str) else own
+    with naming(f"{asked.document.file}: {asked.key}"):
+        group = semantics.group(group, names)
     if own not in (None, group):
         raise asked.error(f"is {group!r}, but the robot's own section says {own!r} (robot.group)")
     return dataclasses.replace(robot, group=group)

@@ -113,6 +113,7 @@ class Semantics:
     """Named state -> group that has a state of this name -> joint -> value."""
     end_effectors: tuple[EndEffector, ...] = ()
     disabled: frozenset[LinkPair] = frozenset()  # pairs that are not checked
+    passive: frozenset[str] = frozenset()  # joints that nothing drives
     notes: tuple[str, ...] = ()  # what was ignored
 
     def group(self, asked: str, robot: Collection[str]) -> str:
@@ -176,10 +177,20 @@ def read_semantics(path: Path, tree: Tree) -> Semantics:
         EndEffector(*(hand.get(key, "") for key in ("name", "parent_link", "group", "parent_group")))
         for hand in root.findall("end_effector")
     )
-    disabled = frozenset(
-        link_pair(pair.get("link1", ""), pair.get("link2", "")) for pair in root.findall("disable_collisions")
-    )
-    return Semantics(groups, states, hands, disabled, notes)
+    passive = frozenset(joint.get("name", "") for joint in root.findall("passive_joint"))
+    return Semantics(groups, states, hands, _disabled(root, tree.links), passive, notes)
+
+
+def _disabled(root: ElementTree.Element, links: Collection[str]) -> frozenset[LinkPair]:
+    """Return the pairs that an SRDF disables: all those of a link, but for the ones that it enables, and each by name,
+    whatever is enabled (as MoveIt reads them)."""
+
+    def pairs(tag: str) -> set[LinkPair]:
+        return {link_pair(each.get("link1", ""), each.get("link2", "")) for each in root.findall(tag)}
+
+    off = {each.get("link", "") for each in root.findall("disable_default_collisions")} & {*links}
+    by_link = {link_pair(link, other) for link in off for other in links if other != link}
+    return frozenset((by_link - pairs("enable_collisions")) | pairs("disable_collisions"))
 
 
 def _groups(root: ElementTree.Element, tree: Tree) -> dict[str, tuple[str, ...]]:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.poses import Pose, compose
 from hdplan.scenes.robot_files.link_pairs import LinkPair, link_pair
+from hdplan.scenes.robot_files.mjcf_words import check_mjcf_words
 
 Array = NDArray[np.float64]
 Element = ElementTree.Element
@@ -32,21 +33,29 @@ TOP = (  # sections that say nothing of where bodies are, or are read here
 IN_BODY = ("body", "joint", "geom", "inertial", "site", "camera", "light")
 ANGLE = ("degree", "radian")
 UNLIMITED = 1e6  # [rad] or [m] a limit in a URDF that stands for none: it has no slides without limits
+AS_GIVEN = {  # settings of the compiler by which it leaves the masses as they are, the default first
+    "inertiafromgeom": ("auto", "false"),
+    "settotalmass": ("-1", "0"),
+    "boundmass": ("0",),
+    "boundinertia": ("0",),
+    "balanceinertia": ("false",),
+}
 TURNS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 
 
 def as_urdf(root: Element, path: Path) -> tuple[Element, frozenset[LinkPair], tuple[str, ...]]:
     """Return a model as URDF, the pairs of links that its `contact` section excludes, and notes.
 
-    Geoms that collide with nothing (contype and conaffinity 0) are visuals, all others collision geometry; of bodies
-    without `inertial` the masses are not known, and so no torques.
+    Geoms that collide with nothing (contype and conaffinity 0, and in no pair of the `contact` section) are visuals,
+    all others collision geometry; of bodies without `inertial` the masses are not known, and so no torques.
 
     Raises:
-        InputError: an element, joint or geom that URDF cannot say; a number that is none.
+        InputError: an element, joint or geom that URDF cannot say; a misspelt attribute; a number that is none.
     """
     for section in root:
         if section.tag not in TOP:
             raise InputError(f"<{section.tag}> is not supported (allowed: {', '.join(TOP)})")
+    notes = check_mjcf_words(root)
     model = _Model.of(root, path)
     for world in root.findall("worldbody"):
         model.world(world)
@@ -58,12 +67,11 @@ def as_urdf(root: Element, path: Path) -> tuple[Element, frozenset[LinkPair], tu
         if not {a, b} <= links:
             raise InputError(f"contact: exclude: unknown body '{a if a not in links else b}'")
         excluded.add(link_pair(a, b))
-    notes: tuple[str, ...] = ()
-    if model.massless:
+    if without := model.without_masses():
         for link in model.urdf.findall("link"):
             for inertial in link.findall("inertial"):
                 link.remove(inertial)
-        notes = (f"no masses: body '{model.massless[0]}' has no inertial, which MuJoCo works out of its geoms",)
+        notes = (*notes, f"no masses: {without}")
     return model.urdf, frozenset(excluded), notes
 
 
@@ -76,6 +84,7 @@ class _Model:
     defaults: dict[str, dict[str, dict[str, str]]]  # class -> element -> attribute -> value
     meshes: dict[str, Element]
     urdf: Element
+    paired: frozenset[str | None]  # names of geoms that collide with one another whatever their masks
     massless: list[str] = field(default_factory=list)  # bodies with geoms and without inertial
     names: set[str] = field(default_factory=set)
 
@@ -87,9 +96,11 @@ class _Model:
         if compiler.get("angle", "degree") not in ANGLE:
             raise InputError(f"compiler: angle must be one of {', '.join(ANGLE)}, found '{compiler['angle']}'")
         urdf = ElementTree.Element("robot", name=root.get("model") or path.stem)
-        model = cls(path, compiler, {"main": {}}, {}, urdf)
-        for each in root.findall("default"):
-            model._read_defaults(each, "main", {})
+        paired = frozenset(pair.get(key) for pair in root.findall("contact/pair") for key in ("geom1", "geom2"))
+        model = cls(path, compiler, {"main": {}}, {}, urdf, paired)
+        for each in root.findall("default"):  # several are one
+            model._read_defaults(each, "main", model.defaults["main"])
+            model.defaults[each.get("class", "main")] = model.defaults["main"]
         for mesh in root.findall("asset/mesh"):
             file = mesh.get("file")
             if file is None:
@@ -104,7 +115,10 @@ class _Model:
                 own[each.tag] = {**own.get(each.tag, {}), **each.attrib}
         self.defaults[name] = own
         for below in element.findall("default"):
-            self._read_defaults(below, below.get("class", ""), own)
+            called = below.get("class", "")
+            if called in self.defaults:
+                raise InputError(f"default: the class '{called}' is there already; names must differ")
+            self._read_defaults(below, called, own)
 
     def world(self, world: Element) -> None:
         """Add the worldbody as the root link, and all bodies below it."""
@@ -185,7 +199,8 @@ class _Model:
 
     def _geom(self, link: Element, geom: Element, where: str, inherited: str) -> None:
         own = self._with_defaults(geom, inherited)
-        collides = any(_numbers(own, key, where, "1")[0] != 0 for key in ("contype", "conaffinity"))
+        masks = [_numbers(own, key, where, "1")[0] for key in ("contype", "conaffinity")]
+        collides = any(masks) or (own.get("name") in self.paired and "name" in own)
         kind = own.get("type", "sphere")
         known = ("box", "sphere", "cylinder", "capsule", "ellipsoid", "mesh")
         if kind not in known or (kind != "mesh" and "mesh" in own):
@@ -203,9 +218,8 @@ class _Model:
             size = [*size[:1], half]
         needed = {"box": 3, "ellipsoid": 3, "sphere": 1, "mesh": 0}.get(kind, 2)
         if len(size) < needed or not all(value > 0 for value in size[:needed]):
-            raise InputError(
-                f"{where}: size must be {needed} numbers greater than 0 [m], found '{own.get('size', '')}'"
-            )
+            numbers = f"{needed} numbers" if needed > 1 else "a number"
+            raise InputError(f"{where}: size must be {numbers} greater than 0 [m], found '{own.get('size', '')}'")
         part = ElementTree.SubElement(link, "collision" if collides else "visual")
         part.append(_origin(pose))
         shape = ElementTree.SubElement(ElementTree.SubElement(part, "geometry"), kind)
@@ -220,6 +234,13 @@ class _Model:
                 shape.attrib.update(self._mesh(own.get("mesh", ""), where))
             case _:
                 shape.attrib.update({"radius": repr(size[0]), "length": repr(2 * size[1])})
+
+    def without_masses(self) -> str | None:
+        """Say why the masses are not those of the `inertial` elements; None if they are."""
+        if self.massless:
+            return f"body '{self.massless[0]}' has no inertial, which MuJoCo works out of its geoms"
+        changed = [key for key, as_given in AS_GIVEN.items() if self.compiler.get(key, as_given[0]) not in as_given]
+        return f"compiler: {changed[0]} changes those of the file" if changed else None
 
     def _mesh(self, name: str, where: str) -> dict[str, str]:
         if name not in self.meshes:

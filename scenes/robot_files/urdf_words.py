@@ -42,7 +42,12 @@ ATTRIBUTES = {
     "mimic": ("joint", "multiplier", "offset"),
 }
 ONCE = ("inertial", "origin", "mass", "inertia", "geometry", "parent", "child", "axis", "limit", "mimic")
-SRDF = ("group", "group_state", "end_effector", "virtual_joint", "passive_joint", "disable_collisions")
+SRDF = (
+    *("group", "group_state", "end_effector", "virtual_joint", "passive_joint"),
+    *("disable_collisions", "disable_default_collisions", "enable_collisions"),
+)
+PAIR, ONE = ("link1", "link2", "reason"), ("link",)
+ABOUT_COLLISIONS = {"disable_collisions": PAIR, "enable_collisions": PAIR, "disable_default_collisions": ONE}
 FLOATING = "root_joint"  # what Pinocchio calls the joint of a floating base
 NEARLY, NEARLY_SHORT = (
     0.7,
@@ -58,7 +63,7 @@ def check_urdf_words(root: ElementTree.Element) -> tuple[str, ...]:
     """
     for element in root:
         if (tag := _name(element)) not in ("link", "joint"):
-            _check_spelling(tag, ("link", "joint"), "element")
+            check_spelling(tag, ("link", "joint"), "element")
     unknown: dict[str, None] = {}
     for element in root:
         if element.tag in ("link", "joint"):
@@ -75,12 +80,15 @@ def check_srdf_words(root: ElementTree.Element, links: Collection[str], joints: 
     for element in root:
         tag = _name(element)
         if tag not in SRDF:
-            _check_spelling(tag, SRDF, "element")
-        if tag == "disable_collisions":
+            check_spelling(tag, SRDF, "element")
+        if tag in ABOUT_COLLISIONS:
+            known = ABOUT_COLLISIONS[tag]
             for attribute in element.attrib:
-                if attribute not in ("link1", "link2", "reason"):
-                    _check_spelling(attribute, ("link1", "link2"), "disable_collisions: attribute")
-            named["link"] += [element.get("link1", ""), element.get("link2", "")]
+                if attribute not in known:
+                    check_spelling(attribute, known, f"{tag}: attribute")
+            named["link"] += [element.get(key, "") for key in known if key != "reason"]
+        if tag == "passive_joint":
+            named["joint"].append(element.get("name", ""))
         if tag == "end_effector":
             named["link"].append(element.get("parent_link", ""))
             named["group"] += [element.get(key, "") for key in ("group", "parent_group") if element.get(key)]
@@ -119,7 +127,7 @@ def _walk(element: ElementTree.Element, where: str, unknown: dict[str, None]) ->
     tag = _name(element)
     for attribute in element.attrib if tag in ATTRIBUTES else ():
         if attribute not in ATTRIBUTES[tag]:
-            _check_spelling(attribute, ATTRIBUTES[tag], f"{where}: {tag}: attribute")
+            check_spelling(attribute, ATTRIBUTES[tag], f"{where}: {tag}: attribute")
             unknown[f"{attribute} of {tag}"] = None
     if tag not in ELEMENTS:
         return
@@ -128,7 +136,7 @@ def _walk(element: ElementTree.Element, where: str, unknown: dict[str, None]) ->
         name = _name(child)
         if name not in ELEMENTS[tag]:
             if tag != "geometry":  # which contains one known shape, checked with its sizes
-                _check_spelling(name, ELEMENTS[tag], f"{where}: element")
+                check_spelling(name, ELEMENTS[tag], f"{where}: element")
                 unknown[f"{name} in {tag}"] = None
         elif name in seen and name in ONCE:
             raise InputError(f"{where}: <{name}> occurs twice in <{tag}>; only one is allowed")
@@ -137,11 +145,11 @@ def _walk(element: ElementTree.Element, where: str, unknown: dict[str, None]) ->
             _walk(child, where, unknown)
 
 
-def _check_spelling(word: str, known: Iterable[str], where: str) -> None:
+def check_spelling(word: str, known: Iterable[str], where: str) -> None:
     """Raise InputError for a word that is close to a known one, unless it is a compound of it (gear_velocity)."""
-    for right in known:
-        likeness = difflib.SequenceMatcher(None, word.lower(), right).ratio()
-        if likeness >= (NEARLY if len(right) > 4 else NEARLY_SHORT) and (
+    likeness = {right: difflib.SequenceMatcher(None, word.lower(), right).ratio() for right in known}
+    for right in sorted(likeness, key=likeness.__getitem__, reverse=True):
+        if likeness[right] >= (NEARLY if len(right) > 4 else NEARLY_SHORT) and (
             "_" not in word.strip("_") or right not in word
         ):
             raise InputError(f"{where} '{word}' is not known (did you mean '{right}'?)")

@@ -218,6 +218,25 @@ PLANAR = """<robot name="planar"><link name="base"/>
 </robot>"""
 
 
+def test_a_place_looked_at_first_changes_no_verdict(tmp_path: Path) -> None:
+    """Wherever it is: contact is found all the same, and what is free is certified with what it keeps."""
+    rng, verdicts = np.random.default_rng(31), []
+    spec = RobotSpec(name="panda")
+    robot = load_robot(spec)
+    for _ in range(12):
+        obstacles, waypoints = random_obstacles(rng, 3, tmp_path), random_waypoints(rng, robot, 5, 0.3)
+        certifier = Certifier(Setup.of(scene_of(spec, waypoints[0], waypoints[-1], *obstacles)))
+        motion = Trajectory(robot.joint_names, waypoints)
+        whole = certifier.certify(motion, check_ends=False)
+        for suspect in ((0, 0.0), (int(rng.integers(4)), float(rng.uniform())), (3, 1.0)):
+            first = certifier.certify(motion, check_ends=False, suspect=suspect)
+            assert first.status is whole.status
+            if first.certified:
+                assert first.clearance == pytest.approx(whole.clearance, rel=0.1, abs=1e-3)  # within the tolerances
+        verdicts.append(whole.certified)
+    assert {True, False} == set(verdicts)
+
+
 @pytest.fixture(scope="module")
 def planar(tmp_path_factory: pytest.TempPathFactory) -> RobotSpec:
     path = tmp_path_factory.mktemp("robot") / "planar.urdf"

@@ -146,10 +146,11 @@ def test_a_group_that_is_not_there_is_refused_with_the_nearest(two_arms: RobotSp
         load_robot(replace(two_arms, group="tools"))
 
 
-def test_a_robot_without_groups_says_that_it_cannot_look_one_up() -> None:
-    robot = load_robot(RobotSpec(name="ur5", group="manipulator"))
-    assert robot.joint_names == load_robot(RobotSpec(name="ur5")).joint_names
-    assert any("'manipulator'" in note for note in robot.notes)
+def test_a_group_that_no_srdf_defines_is_refused() -> None:
+    """And never planned as all joints of the robot: tiago's 42, fingers and head, are not its arm."""
+    for name in ("ur5", "tiago"):
+        with pytest.raises(InputError, match=rf"robot\.group: no SRDF of {name} says which joints the group 'arm' has"):
+            load_robot(RobotSpec(name=name, group="arm"))
 
 
 @pytest.mark.parametrize("group", MEMBERS)
@@ -372,6 +373,36 @@ def test_a_group_or_chain_of_what_is_not_there_is_named_in_a_note(two_arms: Robo
 STATES = """<group_state name="home" group="left"><joint name="left_a" value="0.1"/><joint name="left_b" value="0.2"/>
 </group_state><group_state name="home" group="both"><joint name="left_a" value="0.3"/><joint name="left_b" value="0.4"/>
 <joint name="right_a" value="0.5"/><joint name="right_b" value="0.6"/></group_state>"""
+
+
+def test_pairs_of_a_link_are_disabled_by_default_and_enabled_again_as_moveit_reads_them(two_arms: RobotSpec) -> None:
+    """Of `disable_default_collisions`, `enable_collisions` and `disable_collisions` each later one overrides."""
+    links = {"left_1", "left_2", "right_1", "right_2"}
+    _with(
+        two_arms,
+        '<disable_default_collisions link="left_2"/><enable_collisions link1="left_2" link2="right_1"/>'
+        '<enable_collisions link1="left_2" link2="right_2"/><disable_collisions link1="right_2" link2="left_2"/>',
+    )
+    robot = load_robot(two_arms)
+    disabled = {pair for pair, reason in robot.unchecked.items() if reason == "the SRDF"}
+    assert {pair for pair in disabled if {*pair} <= links} == {("left_2", "right_2")}  # and left_1, its neighbour
+    assert ("left_2", "right_1") in robot.self_pairs
+    assert ("left_1", "right_2") in robot.self_pairs
+
+
+def test_passive_joints_are_never_planned(two_arms: RobotSpec) -> None:
+    _with(two_arms, '<passive_joint name="left_b"/>')
+    for group in (None, "left", "both"):
+        robot = load_robot(replace(two_arms, group=group))
+        assert "left_b" not in robot.joint_names
+        assert robot.locked["left_b"] == 0.1  # the state's
+    with pytest.raises(InputError, match=r"robot\.group\[0\]: joint 'left_b' cannot be planned: .*passive"):
+        load_robot(replace(two_arms, group=("left_b",)))
+
+
+def _with(spec: RobotSpec, more: str) -> None:
+    assert spec.srdf is not None
+    spec.srdf.write_text(spec.srdf.read_text().replace("</robot>", f"{more}</robot>"))
 
 
 @pytest.mark.parametrize("turned", [False, True])

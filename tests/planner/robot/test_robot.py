@@ -12,7 +12,9 @@ import pinocchio as pin
 import pytest
 import trimesh
 
+from hdplan.planner.certificate.certifier import Status, certify
 from hdplan.planner.geometry.meshes import TriangleMesh
+from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.robot import pin_model
 from hdplan.planner.robot.robot import Robot, load_robot
@@ -51,6 +53,21 @@ def _file(folder: Path, kind: str = "revolute", offset: float = 1.0) -> Path:
     path = folder / "arm.urdf"
     path.write_text(ARM.format(kind=kind, offset=offset))
     return path
+
+
+def axes(folder: Path, spans: list[tuple[str, float, float]]) -> Robot:
+    """A chain of joints along z, one for each kind and span; a long bed, and a block behind the last joint."""
+    box = "<collision><geometry><box size='{}'/></geometry></collision>"
+    parts = [f"<link name='l0'>{box.format('9 1 0.1')}</link>"]
+    for i, (kind, low, high) in enumerate(spans, 1):
+        shape = box.format("0.2 0.2 0.2") if i == len(spans) else ""
+        parts.append(
+            f"<link name='l{i}'>{shape}</link><joint name='j{i}' type='{kind}'><axis xyz='1 0 0'/>"
+            f"<parent link='l{i - 1}'/><child link='l{i}'/>"
+            f"<limit lower='{low}' upper='{high}' effort='1' velocity='1'/></joint>"
+        )
+    (folder / "axes.urdf").write_text(f"<robot name='axes'>{''.join(parts)}</robot>")
+    return load_robot(RobotSpec(urdf=folder / "axes.urdf"))
 
 
 @pytest.fixture(scope="module")
@@ -429,3 +446,33 @@ def test_a_file_that_changes_while_it_is_read_is_read_again(tmp_path: Path, monk
     assert load_scene_robot(scene) is kept
     urdf.write_text(urdf.read_text().replace("ball.obj", "./ball.obj"))
     assert load_scene_robot(scene) is not kept
+
+
+def test_random_configurations_lie_within_the_limits_and_reach_all_of_them(tmp_path: Path) -> None:
+    """Slides are drawn from their whole range, however long, turning joints from one turn of it."""
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        spans = []
+        for _ in range(6):
+            kind, low = str(rng.choice(["prismatic", "revolute"])), float(rng.uniform(-20, 15))
+            spans.append((kind, low, low + float(rng.choice([0.1, 5.0, 7.0, 13.0, 40.0]))))
+        robot = axes(tmp_path, spans)
+        drawn = robot.draw(rng, 2000)
+        assert (drawn >= robot.lower).all()
+        assert (drawn <= robot.upper).all()
+        span = robot.upper - robot.lower
+        whole = np.where(robot.turning, np.minimum(span, 2 * np.pi), span)
+        assert (np.ptp(drawn, axis=0) > 0.98 * whole).all()
+    panda_like = axes(tmp_path, [("continuous", 0, 0), ("revolute", -7.0, 7.0), ("revolute", 0.0, 7.0)])
+    drawn = panda_like.draw(rng, 2000)
+    assert (np.abs(drawn[:, :2]) <= np.pi).all()
+    assert (drawn[:, 2] >= 0).all()
+
+
+def test_a_pair_apart_at_the_far_end_of_a_long_slide_is_checked(tmp_path: Path) -> None:
+    """The block lies on the bed for the slide's first metres, not at its end: a motion onto the bed is not free."""
+    robot = axes(tmp_path, [("prismatic", 0, 20), ("prismatic", 0, 0.1)])
+    assert robot.self_pairs == (("l0", "l2"),)
+    scene = Scene(robot=RobotSpec(urdf=tmp_path / "axes.urdf"), start=[10, 0], goal=[1, 0])
+    onto = Trajectory(robot.joint_names, np.array([[10.0, 0.0], [1.0, 0.0]]))
+    assert certify(scene, onto).status is Status.IN_CONTACT

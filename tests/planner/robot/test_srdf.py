@@ -163,6 +163,14 @@ def test_the_command_writes_the_file_whole_or_not_at_all(tmp_path: Path, capsys:
         with pytest.raises(InputError, match=said):
             run_robots(name, srdf=target, as_json=False)
         assert [path.name for path in tmp_path.iterdir()] == ["arm.urdf"]
+    out.write_text("<robot name='arm'><group name='theirs'/></robot>")
+    with pytest.raises(
+        InputError, match=r"--srdf: .*arm\.srdf exists, and was not made by hdplan: it is not overwritten"
+    ):
+        run_robots(robot, srdf=out, as_json=False)
+    assert "theirs" in out.read_text()
+    out.unlink()
+    assert run_robots(robot, srdf=out, as_json=False) == 0
     assert run_robots(robot, srdf=out, as_json=False) == 0
     assert "1 link pairs that need no check: 0 adjacent, 0 always, 1 never" in capsys.readouterr().out
     assert load_robot(RobotSpec(urdf=tmp_path / "arm.urdf", srdf=out)).unchecked == {("base", "tip"): "the SRDF"}

@@ -189,7 +189,7 @@ def test_what_a_model_says_of_joints_masks_defaults_and_pairs(tmp_path: Path) ->
     np.testing.assert_array_equal(robot.lower, [-0.2, -np.inf])
     np.testing.assert_array_equal(robot.upper, [0.3, np.inf])
     assert set(robot.links) == {"world", "base", "arm", "left"}
-    assert robot.unchecked["base", "left"] == "the SRDF"
+    assert robot.unchecked["base", "left"] == "the MJCF"
     (arm,), (left,), (base,) = (robot.link_geometry[link] for link in ("arm", "left", "base"))
     items = robot.collision.geometryObjects
     assert (items[arm].geometry.radius, items[left].geometry.radius) == (0.2, 0.1)
@@ -217,7 +217,7 @@ def test_what_a_model_says_of_joints_masks_defaults_and_pairs(tmp_path: Path) ->
         (
             '<geom size=".1"/>',
             '<geom size="-1"/>',
-            r"geom '0': size must be 1 numbers greater than 0 .*'-1'",
+            r"geom '0': size must be a number greater than 0 .*'-1'",
         ),
         ('<geom size=".1"/>', '<geom size="x"/>', "geom '0': size must be numbers, found 'x'"),
         ('mesh="ball"/>', 'mesh="bal"/>', "unknown mesh 'bal'"),
@@ -236,6 +236,15 @@ def test_what_a_model_says_of_joints_masks_defaults_and_pairs(tmp_path: Path) ->
         ('childclass="big"', 'childclass="bigg"', "unknown class 'bigg'"),
         ('name="left"', 'name="arm"', "body 'arm': the name is taken"),
         ('name="turn"', 'name="slide"', "joint 'slide': the name is taken"),
+        (
+            '<geom size=".1"/>',
+            '<geom typ="box" size=".1 .1 .1"/>',
+            r"attribute 'typ' is not known \(did you mean 'type'",
+        ),
+        ('range="0 90"', 'rnage="0 90"', r"joint 'l': attribute 'rnage' is not known \(did you mean 'range'"),
+        ('pos="0 0 1"', 'pso="0 0 1"', r"body 'arm': attribute 'pso' is not known \(did you mean 'pos'"),
+        ('<geom size=".2"/>', '<goem size=".2"/>', r"default: element 'goem' is not known \(did you mean 'geom'"),
+        ("<asset>", '<default><default class="big"/></default><asset>', "the class 'big' is there already"),
         ('pos="0 0 1"', 'pos="0 0"', "body 'arm': pos must be 3 finite numbers, found '0 0'"),
         ('pos="0 0 1"', 'quat="0 0 0 0"', "body 'arm': a direction must not be 0"),
         ('pos="0 0 1"', 'quat="1 0 0 0" zaxis="0 0 1"', "body 'arm': quat and zaxis say the same"),
@@ -247,3 +256,48 @@ def test_what_urdf_cannot_say_is_refused_by_name(old: str, new: str, said: str, 
     assert HAND.count(old) == 1
     with pytest.raises(InputError, match=rf"^robot\.urdf: .*robot\.xml: .*{said}"):
         load(tmp_path, HAND.replace(old, new))
+
+
+PLAIN = """<worldbody><geom name="floor" type="box" size="1 1 .1"/><body name="arm" pos="0 0 2"><joint name="j"/>
+<inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/><geom name="g" class="own" {}/></body></worldbody>"""
+
+
+def shape_of(robot: Robot, link: str) -> tuple[str, tuple[float, ...]]:
+    (index,) = robot.link_geometry[link]
+    geometry = robot.collision.geometryObjects[index].geometry
+    return type(geometry).__name__, sizes(geometry)
+
+
+def test_default_sections_are_merged_and_the_first_class_may_have_a_name(tmp_path: Path) -> None:
+    """As MuJoCo merges them: a class made in a later section inherits what earlier ones said."""
+    first = "<default class='all'><geom type='box' size='.1 .2 .3'/></default>"
+    robot = load(
+        tmp_path, PLAIN.format(""), first + "<default><default class='own'><geom rgba='1 0 0 1'/></default></default>"
+    )
+    assert shape_of(robot, "arm") == ("Box", (0.1, 0.2, 0.3))
+    robot = load(tmp_path, PLAIN.replace("own", "all").format(""), first)
+    assert shape_of(robot, "arm") == ("Box", (0.1, 0.2, 0.3))
+
+
+def test_geoms_of_a_contact_pair_collide_whatever_their_masks(tmp_path: Path) -> None:
+    head = "<default><default class='own'/></default>"
+    text = PLAIN.format("contype='0' conaffinity='0' size='.2'")
+    assert set(load(tmp_path, text, head).links) == {"world"}
+    robot = load(tmp_path, text, head + "<contact><pair geom1='g' geom2='floor'/></contact>")
+    assert shape_of(robot, "arm") == ("Sphere", (0.2,))
+
+
+@pytest.mark.parametrize(
+    "setting", ["inertiafromgeom='true'", "settotalmass='5'", "boundmass='2'", "balanceinertia='true'"]
+)
+def test_masses_that_the_compiler_changes_are_not_known(setting: str, tmp_path: Path) -> None:
+    text, head = PLAIN.format("size='.2'"), "<default><default class='own'/></default>"
+    assert load(tmp_path, text, head).model.inertias[1].mass == 1.0
+    robot = load(tmp_path, text, f"<compiler {setting}/>{head}")
+    assert robot.model.inertias[1].mass == 0.0
+    assert any(note.startswith(f"no masses: compiler: {setting.partition('=')[0]} changes") for note in robot.notes)
+
+
+def test_attributes_that_are_not_mujocos_are_named(tmp_path: Path) -> None:
+    robot = load(tmp_path, PLAIN.format("size='.2' zzz='1'"), "<default><default class='own'/></default>")
+    assert "not part of MJCF, ignored: zzz of geom" in robot.notes

@@ -117,9 +117,12 @@ def test_what_an_srdf_names_and_is_not_there_is_named(tmp_path: Path) -> None:
     (note,) = notes('<group_state name="s" group="a"><joint name="other" value="1"/></group_state>')
     assert "'other' (none is like it)" in note
     assert notes('<virtual_joint name="world" type="fixed"/><group name="a"><joint name="world"/></group>') == ()
+    (note,) = notes('<disable_default_collisions link="tipp"/><passive_joint name="turn"/>')
+    assert "links that the robot does not have: 'tipp'" in note
     for slip, words in (
         ('<disable_collision link1="base" link2="tip"/>', "'disable_collision' is not known"),
         ('<disable_collisions link1="base" link_2="tip"/>', "attribute 'link_2' is not known"),
+        ('<enable_collision link1="base" link2="tip"/>', "'enable_collision' is not known"),
         ('<group_sate name="s"/>', r"'group_sate' is not known \(did you mean 'group_state'\?\)"),
     ):
         with pytest.raises(InputError, match=words):
