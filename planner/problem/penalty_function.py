@@ -57,19 +57,18 @@ class PenaltyFunction:
         return np.frombuffer(self._last[0]) if self._stopped and self._last is not None else None
 
     def _at(self, x: Array) -> MotionPenalty:
-        key, problem = x.tobytes(), self.problem
-        if self._last is not None and (self._stopped or key == self._last[0]):
-            return self._last[1]
+        key, problem, last = x.tobytes(), self.problem, self._last
+        if last is not None and (self._stopped or key == last[0]):
+            return last[1]
         try:
-            self._stopped = self._last is not None and self.stop is not None and self.stop()
-            if not self._stopped:
-                self._last = key, problem.penalty(np.vstack([problem.start, x[self._places], problem.goal]))
+            self._stopped = last is not None and self.stop is not None and self.stop()
+            if last is None or not self._stopped:
+                last = self._last = key, problem.penalty(np.vstack([problem.start, x[self._places], problem.goal]))
         except BaseException as error:
-            if self._last is None or self.stop is None:
+            if last is None or self.stop is None:
                 raise
             self._stopped, self.error = True, error
-        assert self._last is not None
-        return self._last[1]
+        return last[1]
 
     def _value(self, x: Array) -> Array:
         return np.array([self._at(x).cost])
