@@ -18,6 +18,7 @@ import pytest
 
 import hdplan
 from hdplan import control, distance
+from hdplan.planner.robot.setup import Setup
 
 SURFACE: dict[ModuleType, set[str]] = {
     hdplan: {

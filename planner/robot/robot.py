@@ -220,9 +220,8 @@ def load_robot(robot: str | RobotSpec) -> Robot:
     for joint, (followed, factor, offset) in tree.mimics.items():
         should = factor * held.get(followed, 0.0) + offset
         if joint in held and joint not in lost and abs(held[joint] - should) > SAME_PLACE:
-            notes.append(
-                f"joint '{joint}' is held at {held[joint]:g}; following '{followed}' it would be at {should:g}"
-            )
+            follows = f"following '{followed}' it would be at {should:g}"
+            notes.append(f"joint '{joint}' is held at {held[joint]:g}; {follows}")
     by_default = [f"{joint} at {value:g}" for joint, value in held.items() if joint not in spec.locked]
     if by_default:
         notes.append(f"joints held: {listed(by_default)}")

@@ -87,9 +87,7 @@ def find_robot(name: str) -> RobotFiles:
     table = robot_names()
     if name not in table:
         if name.lower().endswith(ENDINGS):
-            raise InputError(
-                f"robot.name: {shorten(repr(name))} is a file, and goes by urdf, as in RobotSpec(urdf=...)"
-            )
+            raise InputError(f"robot.name: {shorten(repr(name))} is a file: it goes by urdf, as RobotSpec(urdf=...)")
         raise InputError(
             f"robot.name: unknown robot {shorten(repr(name))}{nearest(name, table, '`hdplan robots` lists them')}"
         )
