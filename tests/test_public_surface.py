@@ -18,6 +18,7 @@ import pytest
 
 import hdplan
 from hdplan import control, distance
+from hdplan.planner.robot.setup import Setup
 
 SURFACE: dict[ModuleType, set[str]] = {
     hdplan: {
@@ -145,7 +146,11 @@ def test_each_can_be_looked_at() -> None:
     shown = (problem, problem.robot, hdplan.solve(problem), result, result.trajectory, result.certificate, controller)
     body = hdplan.distance.ConvexBody.capsule(0.1, 0.3)
     distances = hdplan.distance.hdsdf_compiled(body, body), hdplan.distance.hdsdf_batch(body, body)
-    for it in (*shown, controller.barriers, body, *distances):
+    start = problem.robot.configuration(scene.start)
+    step = controller.step(start, control.standing(start + 0.1))
+    run = control.simulate(controller, start, control.standing(start + 0.1), 0.05)
+    twists = hdplan.distance.hdsdf_derivatives(body, np.eye(4), body, np.eye(4))
+    for it in (*shown, controller.barriers, body, *distances, step, run, twists, Setup.of(scene)):
         assert "\n" not in repr(it)
         assert len(repr(it)) < 500, repr(it)
         assert " object at " not in repr(it)
@@ -265,12 +270,19 @@ def test_inverse_kinematics_keeps_its_word() -> None:
     assert hdplan.inverse_kinematics(robot, "panda_hand", hdplan.Pose((9, 0, 0))).shape == (0, 7)
     for call, words in (
         (lambda: hdplan.inverse_kinematics("panda", "panda_hand", hdplan.Pose()), "robot: must be of the class Robot"),  # type: ignore[arg-type]
-        (lambda: hdplan.inverse_kinematics(robot, "panda_hnd", hdplan.Pose()), "pose.link: unknown link .*panda_hand"),
-        (lambda: hdplan.inverse_kinematics(robot, "panda_link0", hdplan.Pose()), "is fixed to the world"),
-        (lambda: hdplan.inverse_kinematics(robot, "panda_hand", [0, 0, 1]), "PoseTarget.pose: must be of the class"),  # type: ignore[arg-type]
+        (lambda: hdplan.inverse_kinematics(robot, "panda_hnd", hdplan.Pose()), "^link: unknown link .*panda_hand"),
+        (
+            lambda: hdplan.inverse_kinematics(robot, "panda_link0", hdplan.Pose()),
+            "^link: no planned joint moves 'panda_link0'",
+        ),
+        (lambda: hdplan.inverse_kinematics(robot, "panda_hand", [0, 0, 1]), "^pose: must be of the class"),  # type: ignore[arg-type]
         (lambda: hdplan.inverse_kinematics(robot, "panda_hand", hdplan.Pose(), near=[0, 1]), "near: shape"),
         (lambda: hdplan.inverse_kinematics(robot, "panda_hand", hdplan.Pose(), seed=-1), "seed: must be a whole"),
-        (lambda: hdplan.inverse_kinematics(robot, "panda_hand", hdplan.Pose(), free_rotation="w"), "unknown value 'w'"),
+        (
+            lambda: hdplan.inverse_kinematics(robot, "panda_hand", hdplan.Pose(), free_rotation="w"),
+            "^free_rotation: unknown value 'w'",
+        ),
+        (lambda: hdplan.inverse_kinematics(robot, None, hdplan.Pose()), "^link: must be a text"),  # type: ignore[arg-type]
     ):
         with pytest.raises(hdplan.InputError, match=words):
             call()

@@ -38,6 +38,11 @@ class Derivatives:
     gradient: Array  # (..., 12) by translations [-] and rotations [m/rad]
     hessian: Array  # (..., 12, 12) symmetric
 
+    def __repr__(self) -> str:
+        """Say of how many poses they are, or the value of one."""
+        one = f"D = {self.value:.6g} m" if not self.value.shape else f"{self.value.shape} values"
+        return f"<Derivatives: {one}, with gradient and Hessian>"
+
 
 def hdsdf(
     body_a: ConvexBody,

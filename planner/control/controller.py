@@ -92,6 +92,11 @@ class Step:
     distance_seconds: float
     program_seconds: float
 
+    def __repr__(self) -> str:
+        """Say what the command is, and how it came about."""
+        command = ", ".join(f"{value:.3g}" for value in self.velocity)
+        return f"<Step: {self.mode.value} at [{command}]>"
+
     @property
     def stopped(self) -> bool:
         """Whether the robot stands still for lack of a safe command."""

@@ -42,6 +42,11 @@ class Run:
     gave: Counter[tuple[str, str]]  # in how many periods the barrier of each pair was not met
     begin: float = 0.0  # start of the first period [s]
 
+    def __repr__(self) -> str:
+        """Say how long it is, and whether it completed its task."""
+        met = "task not completed" if self.met is None else f"task completed at {self.met:g} s"
+        return f"<Run: {len(self.modes)} periods of {self.period:g} s, {met}>"
+
     @property
     def times(self) -> Array:
         """The start of each period and the end of the last (N + 1,) [s]."""

@@ -21,13 +21,14 @@ AXES = ("x", "y", "z")
 def link_frame(robot: Robot, link: str | None, field: str) -> int:
     """Return the index of a link among the model's frames; without a name, of the end effector's.
 
-    Raises InputError, naming the scene's `field`, for a link that the robot does not have or that does not move, and as
-    `end_effector`.
+    Raises InputError, naming the scene's `field` (if any), for a link that the robot does not have or that does not
+    move, and as `end_effector`.
     """
     name = end_effector(robot, field) if link is None else link
-    index = _frame(robot, name, f"{field}.link")
+    where = f"{field}.link" if field else "link"
+    index = _frame(robot, name, where)
     if robot.model.frames[index].parentJoint == 0:
-        raise InputError(f"{field}.link: '{name}' is fixed to the world, so no motion can move it")
+        raise InputError(f"{where}: no planned joint moves '{name}': it is fixed to the world, or held")
     return index
 
 

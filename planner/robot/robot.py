@@ -215,6 +215,13 @@ def load_robot(robot: str | RobotSpec) -> Robot:
     notes += [*tree.notes, *semantics.notes]
     if not geometry.geometryObjects:
         notes.append(f"no link of {name} has collision geometry, so it cannot touch anything")
+    if lost := [joint for joint, (followed, _, _) in tree.mimics.items() if followed not in tree.joints]:
+        notes.append(f"joints that mimic one that {name} does not have, held: {listed(lost)}")
+    for joint, (followed, factor, offset) in tree.mimics.items():
+        should = factor * held.get(followed, 0.0) + offset
+        if joint in held and joint not in lost and abs(held[joint] - should) > SAME_PLACE:
+            follows = f"following '{followed}' it would be at {should:g}"
+            notes.append(f"joint '{joint}' is held at {held[joint]:g}; {follows}")
     by_default = [f"{joint} at {value:g}" for joint, value in held.items() if joint not in spec.locked]
     if by_default:
         notes.append(f"joints held: {listed(by_default)}")
@@ -334,9 +341,10 @@ def _held_at(joint: str, model: pin.Model, spec: RobotSpec, tree: Tree, semantic
     """Return the value of a joint that is not planned."""
     if joint in spec.locked:
         return float(spec.locked[joint])
-    if joint in tree.mimics and tree.mimics[joint][0] in model.names:
+    if joint in tree.mimics and tree.mimics[joint][0] in tree.joints:
         followed, factor, offset = tree.mimics[joint]
-        return factor * _held_at(followed, model, spec, tree, semantics) + offset
+        at = _held_at(followed, model, spec, tree, semantics) if followed in model.names else 0.0  # a fixed joint
+        return factor * at + offset
     states = semantics.named_states(None).values()
     value = next((state[joint] for state in states if joint in state), 0.0)
     index = model.getJointId(joint)

@@ -37,6 +37,10 @@ class Setup:
     robot: Robot
     aimed: bool = False  # at just this goal: joints without limits take its values as they stand
 
+    def __repr__(self) -> str:
+        """Name the scene and its robot."""
+        return f"<Setup of {self.scene.name}: {self.robot!r}>"
+
     @classmethod
     def of(cls, scene: Scene, robot: Robot | None = None) -> Setup:
         """Load a scene's robot, or take `robot` if it is already loaded.

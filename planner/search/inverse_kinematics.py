@@ -22,9 +22,10 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.deadline import check_time
+from hdplan.scenes.errors import FieldError
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.targets import AllOf, PoseTarget
-from hdplan.scenes.values import Whole, checked, instance
+from hdplan.scenes.values import Whole, checked, instance, text
 
 if TYPE_CHECKING:
     from hdplan.planner.problem.path_terms import PathTerm
@@ -70,7 +71,11 @@ def inverse_kinematics(
         InputError: an unknown link or one that is fixed to the world, or a value that is refused in a scene's goal too.
     """
     instance(robot, Robot, "robot")
-    target = PoseTarget(link, pose, position_tolerance, orientation_tolerance, free_rotation, field="pose")
+    link = checked(text, link, "link")
+    try:
+        target = PoseTarget(link, pose, position_tolerance, orientation_tolerance, free_rotation, field="")
+    except FieldError as error:  # of an argument here
+        raise FieldError(error.problem, error.where) from None
     bounded = np.isfinite(robot.lower) & np.isfinite(robot.upper)
     middle = np.where(bounded, 0.5 * (np.where(bounded, robot.lower, 0.0) + np.where(bounded, robot.upper, 0.0)), 0.0)
     start = np.clip(middle, robot.lower, robot.upper)

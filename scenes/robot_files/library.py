@@ -12,6 +12,7 @@ from importlib import metadata
 from pathlib import Path
 
 from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.robot_files.urdf_text import ENDINGS
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.values import shorten
 
@@ -85,6 +86,8 @@ def find_robot(name: str) -> RobotFiles:
     """Return the files of a robot by name. Raises InputError with the nearest name."""
     table = robot_names()
     if name not in table:
+        if name.lower().endswith(ENDINGS):
+            raise InputError(f"robot.name: {shorten(repr(name))} is a file: it goes by urdf, as RobotSpec(urdf=...)")
         raise InputError(
             f"robot.name: unknown robot {shorten(repr(name))}{nearest(name, table, '`hdplan robots` lists them')}"
         )

@@ -400,6 +400,30 @@ def test_passive_joints_are_never_planned(two_arms: RobotSpec) -> None:
         load_robot(replace(two_arms, group=("left_b",)))
 
 
+def test_a_mimic_joint_held_elsewhere_than_it_would_follow_is_named(two_arms: RobotSpec) -> None:
+    """What follows a fixed joint stands at its offset; what follows a joint that is not there is held, with a word."""
+    text = two_arms.urdf.read_text() if two_arms.urdf else ""
+
+    def follow(joint: str, followed: str) -> None:
+        head = f'<joint name="{joint}" type="prismatic">'
+        assert two_arms.urdf is not None
+        mimic = f'<mimic joint="{followed}" multiplier="2" offset="0.1"/>'
+        two_arms.urdf.write_text(text.replace(head, head + mimic))
+
+    follow("thumb", "left_b")
+    robot = load_robot(replace(two_arms, locked={"left_b": 0.2}))
+    assert robot.locked["thumb"] == 0.5
+    assert not any("following" in note for note in robot.notes)
+    off = load_robot(replace(two_arms, locked={"left_b": 0.2, "thumb": 0.0}))
+    assert "joint 'thumb' is held at 0; following 'left_b' it would be at 0.5" in off.notes
+    follow("thumb", "left_tool")
+    assert load_robot(two_arms).locked["thumb"] == 0.1
+    follow("thumb", "left_c")
+    lost = load_robot(two_arms)
+    assert lost.locked["thumb"] == 0.0
+    assert "joints that mimic one that pair does not have, held: thumb" in lost.notes
+
+
 def _with(spec: RobotSpec, more: str) -> None:
     assert spec.srdf is not None
     spec.srdf.write_text(spec.srdf.read_text().replace("</robot>", f"{more}</robot>"))
