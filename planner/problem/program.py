@@ -69,9 +69,8 @@ class Program:
     @property
     def waypoints(self) -> ca.MX:
         """The waypoints (n, N), both ends included, as expressions of x."""
-        columns = _stages(self.problem, self.x)
-        q, step, _ = columns[-1]
-        return ca.horzcat(*(stage[0] for stage in columns), q + step)
+        q, step, _ = _columns(self.problem, self.x)
+        return ca.horzcat(q, q[:, -1] + step[:, -1])
 
     def with_cost(self, cost: ca.MX) -> Program:
         """The same program with `cost`, an expression of x and p, added to f. Raises InputError for anything else."""
@@ -87,8 +86,9 @@ class Program:
         the waypoint (n,) and the step to the next (n,) a column (m,). Nothing is asked between waypoints. Raises
         InputError for another expression, and for bounds that do not fit it."""
         rows, low, high = list(self.rows), list(self.lower), list(self.upper)
-        for k, (q, step, _) in list(enumerate(_stages(self.problem, self.x)))[1:]:
-            value = each(q, step)
+        waypoints, steps, _ = (ca.horzsplit(part) for part in _columns(self.problem, self.x))
+        for k in range(1, len(rows)):
+            value = each(waypoints[k], steps[k])
             if not isinstance(value, ca.MX) or not value.is_column():
                 raise InputError(f"constraint: a column casadi.MX is expected, found {_words(value)}")
             self._refuse_strangers("constraint", value)
@@ -128,30 +128,25 @@ def program(problem: Problem) -> Program:
     settings, n = problem.smoothness, len(problem.start)
     h = 1 / (problem.waypoints - 1)
     x, p = ca.MX.sym("x", n * (3 * problem.waypoints - 4)), ca.MX.sym("p")
-    stages = _stages(problem, x)
     penalty = PenaltyFunction(problem)
-    cost = p * penalty.function(x)
-    rows = []
-    for (q, step, change), following in zip(stages, (*stages[1:], None), strict=True):
-        cost += ca.sumsqr(step) / (2 * h)
-        if following is None:
-            rows.append(q + step)
-        else:
-            cost += settings.acceleration * ca.sumsqr(change) / (2 * h**3)
-            rows.append(ca.vertcat(following[0] - q - step, following[1] - step - change))
-    equal = (*[np.zeros(2 * n)] * (len(stages) - 1), problem.goal)
+    q, step, change = _columns(problem, x)
+    cost = ca.sumsqr(step) / (2 * h) + settings.acceleration * ca.sumsqr(change) / (2 * h**3) + p * penalty.function(x)
+    dynamics = ca.vertcat(q[:, 1:] - q[:, :-1] - step[:, :-1], step[:, 1:] - step[:, :-1] - change)  # (2 n, N − 2)
+    rows = (*ca.horzsplit(dynamics), q[:, -1] + step[:, -1])
+    equal = (*[np.zeros(2 * n)] * (problem.waypoints - 2), problem.goal)
     lbx, ubx = np.full(x.numel(), -np.inf), np.full(x.numel(), np.inf)
     for bound, limit in ((lbx, problem.robot.inner[0]), (ubx, problem.robot.inner[1])):
         bound[places(n, problem.waypoints)] = limit
         bound[:n] = problem.start
-    return Program(problem, x, p, cost, tuple(rows), equal, equal, lbx, ubx, penalty)
+    return Program(problem, x, p, cost, rows, equal, equal, lbx, ubx, penalty)
 
 
-def _stages(problem: Problem, x: ca.MX) -> list[list[ca.MX]]:
-    """The waypoint, step and change of step of every stage (N − 1)."""
+def _columns(problem: Problem, x: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
+    """The waypoints and steps of every stage (n, N − 1), and the changes of step (n, N − 2)."""
     n = len(problem.start)
-    parts = [*ca.vertsplit(x, n), ca.MX(0, 1)]
-    return [parts[3 * k : 3 * k + 3] for k in range(problem.waypoints - 1)]
+    body, last = ca.vertsplit(x, [0, x.numel() - 2 * n, x.numel()])
+    q, step, change = ca.vertsplit(ca.reshape(body, 3 * n, problem.waypoints - 2), n)
+    return ca.horzcat(q, last[:n]), ca.horzcat(step, last[n:]), change
 
 
 def _bound(name: str, given: ArrayLike, size: int) -> Array:
