@@ -94,6 +94,7 @@ def main() -> None:
             scenes = []
             for problem in real_problems(options.folder, options.robot, options.every):
                 scene = dataclasses.replace(problem.load(), limits=LIMITS)
+                scene = dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, polish=rounds))
                 scenes.append(with_pose_goal(scene, HANDS[options.robot]) if kind == "pose" else scene)
             hdplan.plan(scenes[0], time_limit=options.time_limit)  # warm
             rows.append(row(scenes, f"{kind}, {rounds}", options.time_limit))

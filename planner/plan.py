@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,10 +14,12 @@ from hdplan.distance.compiled.compile_time import compile_time
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.lay_out import lay_out
+from hdplan.planner.problem.problem import Problem
 from hdplan.planner.result import PlanResult, Times
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.end_clearance import reachable_clearance
+from hdplan.planner.search.polish import polish
 from hdplan.planner.search.search import Event, Search, search_in_turn
 from hdplan.planner.search.warm_start import MOVED, rows_of, warm_start
 from hdplan.planner.solvers import solver_named
@@ -111,10 +114,13 @@ def plan(
             found = (*found, f"the guess's ends were moved by up to {moved:.3g} rad or m, to the scene's")
     try:
         search_in_turn(searches, seed, warm)
+        if (taken := _best(searches)) is not None and searches[taken].certified:
+            polish(searches, taken, lambda i, activation: _nearer(aims[i], activation), scene.planner.polish, seed)
     except KeyboardInterrupt:
         if not any(search.best is not None or search.certify_last() for search in searches):
             raise
-    taken = min((i for i, search in enumerate(searches) if search.best), key=lambda i: searches[i].rank())
+    taken = _best(searches)
+    assert taken is not None
     best = searches[taken].conclude()
     certified = sum(search.certify_seconds for search in searches)
     solved = time.perf_counter() - built - certified  # guesses included
@@ -142,6 +148,17 @@ def plan(
         goal=goals[taken] if several else None,
         asked=scene,
     )
+
+
+def _best(searches: Sequence[Search]) -> int | None:
+    """Return the search with the best motion; None if no search has any."""
+    return min((i for i, search in enumerate(searches) if search.best), key=lambda i: searches[i].rank(), default=None)
+
+
+def _nearer(setup: Setup, activation: float) -> Problem:
+    """Lay out the same problem with another activation [m]."""
+    scene = replace(setup.scene, planner=replace(setup.scene.planner, activation=activation))
+    return lay_out(replace(setup, scene=scene), setup.query)
 
 
 def _goals(certifier: Certifier, seed: int) -> tuple[tuple[JointTarget, ...], tuple[str, ...]]:

@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
 from hdplan.planner.collision.sphere_swept_fit import Reference, Swept, Target, finished, rough_fits, spread
 from hdplan.planner.collision.standing_out import outside
@@ -126,7 +126,7 @@ class _Link:
         """Return rough fits of the link cut along these axes, the tightest first."""
         targets = {axis: self.targets(slabs, axis) for axis in along}
         bodies = iter(rough_fits([each for axis in along for each in targets[axis]], vertices))
-        parts = {axis: list(itertools.islice(bodies, slabs)) for axis in along}
+        parts = {axis: list(itertools.islice(bodies, len(targets[axis]))) for axis in along}
         found = [_Rough(axis, targets[axis], parts[axis], self.hull.excess(*parts[axis])) for axis in along]
         return sorted(found, key=lambda each: each.excess)
 
@@ -142,20 +142,38 @@ class _Link:
         return self.cut[slabs, axis]
 
     def _slabs(self, count: int, axis: int) -> list[Target]:
+        """Return the targets of `count` slabs, or fewer: one that holds nothing, or nothing that has a volume, as
+        between parts of a link that stand apart, is taken together with the next."""
         height = self.corners @ self.axes[axis]
-        cuts = np.linspace(height.min(), height.max(), count + 1)
-        cuts[0], cuts[-1] = -np.inf, np.inf
+        cuts = np.linspace(height.min(), height.max(), count + 1)[1:-1].tolist()
+        low, parts = -np.inf, []
+        for high in (*cuts, np.inf):
+            points = _corners_of_volume(self._between(height, low, high))
+            if points is not None:
+                parts.append((low, high, points))
+                low = high
+        if low < np.inf:  # what is left is taken together with the last
+            low = parts.pop()[0] if parts else low
+            parts.append((low, np.inf, hull_points(self._between(height, low, np.inf))))
         return [
-            Target.of(self._between(height, low, high), self._between(height, low - REACH, high + REACH))
-            for low, high in itertools.pairwise(cuts)
+            Target.of(points, hull_points(self._between(height, low - REACH, high + REACH)))
+            for low, high, points in parts
         ]
 
     def _between(self, height: Array, low: float, high: float) -> Array:
-        """Return the corners of the hull of what lies between two heights: the link's own, and where edges cross."""
+        """Return points whose hull is that of what lies between two heights: corners there, and where edges cross."""
         points = [self.corners[(height >= low) & (height <= high)]]
         first, second = height[self.edges]
         for cut in (low, high):
             a, b = self.edges[:, (first < cut) != (second < cut)]
             share = (cut - height[a]) / (height[b] - height[a])
             points.append(self.corners[a] + share[:, None] * (self.corners[b] - self.corners[a]))
-        return hull_points(np.concatenate(points))
+        return np.concatenate(points)
+
+
+def _corners_of_volume(points: Array) -> Array | None:
+    """Return the corners of the hull of points (N, 3); None if it has no volume."""
+    try:
+        return hull_points(points) if len(points) else None
+    except QhullError:
+        return None

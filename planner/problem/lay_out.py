@@ -31,6 +31,7 @@ from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.scene import Scene
 
 SAMPLES_PER_INTERVAL = 2  # at least
+PLAIN, TIMED = 0.01, 0.05  # weight of the acceleration [–]: gentle bends are taken faster, but need more room
 
 
 def self_margin(scene: Scene) -> float:
@@ -117,7 +118,7 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
         kinematics=kinematics,
         bodies=bodies,
         halfspace_bodies=halfspace_bodies,
-        smoothness=Smoothness(settings.waypoints),
+        smoothness=Smoothness(settings.waypoints, TIMED if scene.timed else PLAIN),
         terms=terms,
         samples=Samples((SAMPLES_PER_INTERVAL,) * (settings.waypoints - 1)),
         unresolved=model.unresolved,

@@ -21,7 +21,7 @@ class Smoothness:
     """
 
     waypoints: int  # N
-    acceleration: float = 0.01  # α, relative to the squared duration
+    acceleration: float  # α, relative to the squared duration
 
     @cached_property
     def matrix(self) -> Array:

@@ -1,7 +1,8 @@
 """Goal configurations where the goal leaves a choice: those that reach it (`inverse_kinematics`) and are free, best
 first.
 
-They are ordered by joint-space distance from the start, times up to 2 where obstacles are close. The planner's
+They are ordered by joint-space distance from the start, or by the time that it takes where the scene asks for times,
+times up to 2 where obstacles are close. The planner's
 kinematics finds them, the certificate checks them with its own. One seeded generator makes all random draws: the same
 seed gives the same goals.
 """
@@ -113,8 +114,16 @@ def _free(certifier: Certifier, reached: Array, start: Array) -> list[tuple[floa
     for q in itertools.islice(fit, PICKED):
         place, _ = certifier.nearest(q, CLOSE, time)
         crowded = 0.0 if place is None else 1.0 - place.distance / CLOSE
-        scored.append((float(np.linalg.norm(q - start)) * (1.0 + crowded), q))
+        scored.append((_length(certifier.setup, q - start) * (1.0 + crowded), q))
     return sorted(scored, key=lambda each: each[0])
+
+
+def _length(setup: Setup, way: Array) -> float:
+    """How long a way (n,) is at least: the time [s] of its slowest joint where the scene asks for times, else in joint
+    space."""
+    if setup.scene.timed:
+        return float((np.abs(way) / setup.limits["velocity"]).max())
+    return float(np.linalg.norm(way))
 
 
 def _refusal(

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 DETOUR_WEIGHT = FIRST_WEIGHT * RAISE**3  # [1/m²] keeps a guess that leads around obstacles there
 GUESSES = 3  # first guesses for a goal before the next goal's turn
 DENSER = 2  # times that solving continues at denser samples, before a certificate
+GAIN = 1e-3  # [–] by which a motion must be better than another to take its place
 REPAIRS = 3  # times that solving continues from a motion whose certificate failed, before the next guess
 
 
@@ -146,6 +147,38 @@ class Search:
             self.best = before
         return certificate.certified
 
+    @property
+    def value(self) -> float:
+        """What the best motion costs: its duration [s] where the scene asks for times, else its smoothness cost."""
+        assert self.best is not None
+        return self._value(self.best.trajectory, self.best.solution)
+
+    def _value(self, trajectory: Trajectory, solution: Solution) -> float:
+        if self.retimer is not None:
+            assert trajectory.duration is not None
+            return trajectory.duration
+        smoothness, _ = self.problem.smoothness.value(solution.trajectory.positions)
+        return smoothness
+
+    def improve(self, problem: Problem, first: Guess, value: float) -> bool:
+        """Solve a problem to this goal from one guess; keep the motion if it is certified and costs less than
+        `value`."""
+        self.attempts += 1
+        self.steps = ()
+        _, solution = self._solve(problem.resampled(first.positions), first.positions, first.weight)
+        self._took(solution)
+        if solution.status is not SolverStatus.CLEAR:
+            return False
+        trajectory = solution.trajectory if self.retimer is None else self.retimer(solution.trajectory).trajectory
+        if self._value(trajectory, solution) >= (1.0 - GAIN) * value:
+            return False
+        certificate = self.certifier.certify(trajectory, required=self.required)
+        self.certify_seconds += certificate.seconds
+        self.report(Event(self.attempts, certificate=certificate))
+        if certificate.certified:
+            self.best = Best(solution, trajectory, certificate, self.steps, whole=True)
+        return certificate.certified
+
     def _report_step(self, step: Iteration, positions: Array) -> None:
         self.report(Event(self.attempts, step=self._numbered(step), positions=positions))
 
@@ -159,17 +192,16 @@ class Search:
         return self.best is not None and self.best.certificate.certified
 
     def rank(self) -> tuple[float, ...]:
-        """Order of searches, best first: certified with the least smoothness cost, then as `_rank`."""
+        """Order of searches, best first: certified at the least cost (`value`), then as `_rank`."""
         assert self.best is not None
-        if not self.certified:
-            return _rank(self.best.certificate)
-        smoothness, _ = self.problem.smoothness.value(self.best.solution.trajectory.positions)
-        return (0.0, smoothness)
+        return (0.0, self.value) if self.certified else _rank(self.best.certificate)
 
     @property
     def best_rank(self) -> tuple[float, ...]:
-        """A rank that no motion of this search exceeds: of all motions between its ends the straight line, at equal
-        steps, has the least smoothness cost."""
+        """A rank that no motion of this search exceeds: the straight line's. At equal steps it has the least smoothness
+        cost, and each joint at its greatest velocity the shortest time."""
+        if self.retimer is not None:
+            return (0.0, self.retimer.shortest(self.problem.start, self.problem.goal))
         smoothness, _ = self.problem.smoothness.value(self.problem.polyline())
         return (0.0, smoothness)
 

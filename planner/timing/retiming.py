@@ -33,7 +33,7 @@ from hdplan.scenes.timing import MOST_ROWS, Timing
 Array = NDArray[np.float64]
 
 GRID = 200  # intervals of the path for TOPP-RA
-WINDOWS = 14  # lengths of the averaging window that are tried
+WINDOWS = 20  # lengths of the averaging window that are tried
 LEAST_WINDOW, MOST_WINDOW = 0.01, 1.0  # [–] of the fastest motion's duration
 FEWEST_ROWS = 2  # in a window
 SAMPLES = 400  # of a law, to compare windows
@@ -62,6 +62,10 @@ class Retimer:
         self.velocity = setup.limits["velocity"]
         self.unbounded = scene.limits.acceleration is None  # so that there is no fastest motion
 
+    def shortest(self, start: Array, goal: Array) -> float:
+        """A time [s] that no motion between two configurations (n,) undercuts: each joint at its greatest velocity."""
+        return float((np.abs(goal - start) / self.velocity).max())
+
     def too_short(self, start: Array, goal: Array) -> str | None:
         """Say why no motion between two configurations (n,) is as short as the scene's duration; None if one may."""
         if self.timing.duration is None:
@@ -85,8 +89,11 @@ class Retimer:
         if np.ptp(path.positions, axis=0).max() < STANDS:
             shortest = 1.0 / self.timing.rate
             return self._timed(path, spline, MinimumJerk(shortest), shortest)
-        law = self._fastest(spline)
-        return self._timed(path, spline, law, duration or self._allowed(spline, law) / self.timing.scale)
+        laws = self._laws(spline)
+        if duration is not None:
+            return self._timed(path, spline, laws[0][1], duration)
+        law, duration = self._fastest(spline, laws)
+        return self._timed(path, spline, law, duration / self.timing.scale)
 
     def _inset(self, waypoints: Array) -> Array:
         """Keep the inner waypoints INSET away from the joint limits: between rows, quintics deviate from the path by
@@ -101,13 +108,27 @@ class Retimer:
         times, parameter, rows = _rows(spline, law, duration, self.timing.rate)
         return Timed(Trajectory(path.joint_names, rows[0], path.locked, times, rows[1], rows[2]), parameter)
 
-    def _fastest(self, spline: BSpline) -> Averaged:
-        """Return the law that is shortest once it is stretched to the limits."""
+    def _fastest(self, spline: BSpline, laws: list[tuple[float, Averaged]]) -> tuple[Averaged, float]:
+        """Return the law that is shortest on the executed curve, and its duration there. The quintics between rows
+        exceed a jerk that changes within a row, so a longer window may make a shorter motion."""
+        fastest, best = laws[0][1], np.inf
+        for shortest, law in laws:
+            if shortest >= best:
+                break
+            duration = self._allowed(spline, law)
+            if duration < best:
+                fastest, best = law, duration
+        return fastest, best
+
+    def _laws(self, spline: BSpline) -> list[tuple[float, Averaged]]:
+        """Return laws with windows of several lengths, each with its duration once it is stretched to the limits; the
+        shortest first."""
         knots, values, paces = self._time_optimal(spline)
         shortest = FEWEST_ROWS / self.timing.rate
         tried = np.maximum(knots[-1] * np.geomspace(LEAST_WINDOW, MOST_WINDOW, WINDOWS), shortest)
         laws = [Averaged(knots, values, paces, float(window)) for window in np.unique(tried)]
-        return min(laws, key=lambda law: law.duration * self._stretch_at_samples(spline, law))
+        stretched = [(law.duration * self._stretch_at_samples(spline, law), law) for law in laws]
+        return sorted(stretched, key=lambda each: each[0])
 
     def _time_optimal(self, spline: BSpline) -> tuple[Array, Array, Array]:
         """Return times, parameters u and paces du/dt of the fastest law within the limits known to TOPP-RA."""

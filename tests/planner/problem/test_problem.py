@@ -153,7 +153,7 @@ def test_smoothness_is_the_sum_that_it_says(count: int) -> None:
 
 
 def test_smoothness_sees_no_place_and_meets_two_neighbours() -> None:
-    matrix = Smoothness(9).matrix
+    matrix = Smoothness(9, 0.01).matrix
     close(matrix @ np.ones(9), np.zeros(9), 1e-10)
     assert np.all(np.linalg.eigvalsh(matrix[1:-1, 1:-1]) > 0)
     assert np.all(np.triu(matrix, 3) == 0)

@@ -123,7 +123,7 @@ def test_nothing_between_two_ends_is_smoother_than_the_straight_line() -> None:
     """So a goal whose straight line is less smooth than a certified motion cannot win."""
     rng = np.random.default_rng(4)
     for waypoints in (3, 8, 32):
-        smoothness = Smoothness(waypoints)
+        smoothness = Smoothness(waypoints, 0.01)
         first, last = rng.normal(size=(2, 14))
         line = first + np.linspace(0, 1, waypoints)[:, None] * (last - first)
         least, _ = smoothness.value(line)

@@ -1,0 +1,87 @@
+"""Laws of polishing: what comes out is certified, no worse than the first certified motion, and the same each time."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from hdplan.planner.plan import plan
+from hdplan.planner.problem.smoothness import Smoothness
+from hdplan.planner.result import PlanResult
+from hdplan.scenes.limits import Limits
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.yaml_format.reader import load_scene
+
+ROUNDS = 6
+
+
+def polished(scene: Scene, rounds: int) -> Scene:
+    return dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, polish=rounds))
+
+
+def timed(name: str) -> Scene:
+    return dataclasses.replace(load_scene(name), limits=Limits(velocity="urdf", acceleration=15.0, jerk=500.0))
+
+
+def duration(result: PlanResult) -> float:
+    assert result.trajectory.duration is not None
+    return result.trajectory.duration
+
+
+def smoothness(result: PlanResult) -> float:
+    cost, _ = Smoothness(len(result.trajectory), 0.01).value(result.trajectory.positions)
+    return cost
+
+
+@pytest.mark.parametrize(
+    ("scene", "cost"),
+    [
+        (load_scene("panda_cage"), smoothness),
+        (load_scene("panda_grasp"), smoothness),  # several goals
+        (timed("panda_bookshelf"), duration),
+        (load_scene("panda_conveyor"), duration),  # obstacles that move
+    ],
+    ids=lambda value: getattr(value, "name", None),
+)
+def test_a_polished_motion_is_certified_and_no_worse(scene: Scene, cost: Callable[[PlanResult], float]) -> None:
+    first, better, again = (plan(polished(scene, rounds)) for rounds in (0, ROUNDS, ROUNDS))
+    assert first.certified
+    assert better.certified
+    assert cost(better) <= cost(first)
+    assert better.trajectory.positions.tobytes() == again.trajectory.positions.tobytes()
+
+
+def test_a_motion_around_an_obstacle_gets_closer_and_shorter() -> None:
+    first, better = (plan(polished(load_scene("panda_cage"), rounds)) for rounds in (0, ROUNDS))
+    assert smoothness(better) < 0.99 * smoothness(first)
+    lengths = [np.linalg.norm(np.diff(r.trajectory.positions, axis=0), axis=1).sum() for r in (first, better)]
+    assert lengths[1] < lengths[0]
+
+
+def test_what_is_asked_for_is_kept() -> None:
+    """Closer, but never closer than the scene allows."""
+    scene = load_scene("panda_cage")
+    scene = dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, clearance=0.005, polish=ROUNDS))
+    result = plan(scene)
+    assert result.certified
+    assert result.certificate.clearance is not None
+    assert result.certificate.clearance >= 0.005
+
+
+def test_stopped_within_it_the_best_so_far_is_returned() -> None:
+    certified: list[bool] = []
+    scene = polished(load_scene("panda_cage"), 1000)
+
+    def stop() -> bool:
+        return sum(certified) >= 2
+
+    def report(event: object) -> None:
+        certificate = getattr(event, "certificate", None)
+        certified.append(certificate is not None and certificate.certified)
+
+    result = plan(scene, report=report, stop=stop)
+    assert result.certified
+    assert sum(certified) == 2
