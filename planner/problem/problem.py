@@ -161,11 +161,13 @@ class Problem:
         return MotionPenalty(penalty, slope, diagonal, coupling, depth)
 
     def casadi(self) -> Program:
-        """The problem as a CasADi program, for Ipopt, fatrop and other solvers of CasADi's: `nlp` is the dictionary of x,
-        p, f and g that `casadi.nlpsol` takes, `bounds` holds lbx, ubx, lbg and ubg, and `stages` the options by which
-        fatrop finds the stages. `guess(positions)` gives the x of waypoints (N, n), `positions(x)` the waypoints of an
-        x; `with_cost` and `with_constraint` add expressions of one's own. Keep the program as long as anything made
-        from it."""
+        """The problem as a CasADi program, for Ipopt, fatrop and other solvers of CasADi's.
+
+        `nlp` is the dictionary of x, p, f and g that `casadi.nlpsol` takes, `bounds` holds lbx, ubx, lbg and ubg, and
+        `stages` the options by which fatrop finds the stages. `guess(positions)` gives the x of waypoints (N, n),
+        `positions(x)` the waypoints of an x; `with_cost` and `with_constraint` add expressions of one's own. Keep the
+        program as long as anything made from it.
+        """
         from hdplan.planner.problem.program import program
 
         return program(self)
