@@ -64,7 +64,8 @@ class Roadmap:
         along = self.rng.uniform(size=(NODES, 1))
         middle = self.problem.start + along * (self.problem.goal - self.problem.start)
         spread = self.rng.choice(SPREADS, size=(NODES, 1))
-        drawn = middle + spread * (self.problem.robot.draw(self.rng, NODES) - middle)
+        drawn = self.problem.robot.nearest_turn(self.problem.robot.draw(self.rng, NODES), middle)
+        drawn = middle + spread * (drawn - middle)
         drawn = np.clip(drawn, self.problem.robot.lower, self.problem.robot.upper)
         if self.problem.terms.path:
             drawn = onto_path(self.problem, drawn)

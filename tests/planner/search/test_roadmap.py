@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,11 @@ from numpy.typing import NDArray
 from hdplan.planner.build import build
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import seeds
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
 
@@ -86,3 +92,23 @@ def test_start_and_goal_may_be_one() -> None:
         np.testing.assert_array_equal(guess[[0, -1]], [problem.start] * 2)
         assert np.isfinite(guess).all()
     assert np.ptp(first(problem, 0, 1)[0], axis=0).max() == 0
+
+
+ROUND = """<robot name="round"><link name="base"/><link name="arm"><collision><origin xyz="0.5 0 0"/><geometry>
+<box size="0.4 0.05 0.05"/></geometry></collision></link><joint name="turn" type="continuous"><parent link="base"/>
+<child link="arm"/><axis xyz="0 0 1"/></joint><link name="tip"><collision><origin xyz="0.3 0 0"/><geometry>
+<box size="0.3 0.05 0.05"/></geometry></collision></link><joint name="bend" type="continuous"><parent link="arm"/>
+<child link="tip"/><origin xyz="0.7 0 0"/><axis xyz="0 1 0"/></joint></robot>"""
+
+
+def test_guesses_for_joints_without_limits_are_the_same_whole_turns_away(tmp_path: Path) -> None:
+    """A start after seven turns is the same place: no guess is pulled back to where the joints are at 0."""
+    (tmp_path / "round.urdf").write_text(ROUND)
+    spec, ends = RobotSpec(urdf=tmp_path / "round.urdf"), np.array([[0.3, 0.1], [1.6, -0.2]])
+    post = Obstacle("post", Box((0.3, 0.3, 1.6)), Pose((0.6, 0.8, 0.3)))
+    at_zero, away = (
+        build(Scene(robot=spec, obstacles=[post], start=turned[0].tolist(), goal=turned[1].tolist()))
+        for turned in (ends, ends + 14 * np.pi)
+    )
+    for one, other in zip(first(at_zero, 0), first(away, 0), strict=True):
+        np.testing.assert_allclose(other - 14 * np.pi, one, rtol=0, atol=1e-9)
