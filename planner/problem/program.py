@@ -7,9 +7,9 @@ It is written stage by stage, as optimal control is: stage k = 0 … N − 2 has
     subject to  q_{k+1} = q_k + d_k,  d_{k+1} = d_k + a_k,  q_0 = start,  q_{N−2} + d_{N−2} = goal,  joint limits
 
 The penalty is `Problem.penalty`, called through an external function with declared derivatives. Its gradient is exact.
-Its Hessian is the Gauss-Newton curvature, positive semidefinite, and not the exact one: with the exact one, which is
-indefinite inside an obstacle, Ipopt needs more steps. As the stages may not be coupled by a Hessian, the block between
-q_k and q_{k+1} is written at stage k with δq_{k+1} = δq_k + δd_k; the step of a solver is the same.
+In place of its Hessian stands the Gauss-Newton curvature, positive semidefinite: near a minimum solvers converge
+linearly. As the stages may not be coupled by a Hessian, the block between q_k and q_{k+1} is written at stage k with
+δq_{k+1} = δq_k + δd_k; the step of a solver is the same.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from hdplan.planner.problem.problem import Problem
 from hdplan.planner.solvers.solution import SAME, Budget, Progress, Solution
 from hdplan.scenes.array_types import Array
 
-STEPS = 10  # of a run: more only polish a motion that the next weight bends anyway
+STEPS = 5  # of a run: more only polish a motion that the next weight bends anyway
 FIRST_BARRIER = 1e-4  # of a run: small, since it begins near the solution and few joints are at their limits
 PATIENCE = 1  # a run that gains little has converged
 QUIET = {"print_time": False, "error_on_fail": False, "show_eval_warnings": False}  # most runs end at their last step
