@@ -73,7 +73,10 @@ class Program:
         return ca.horzcat(q, q[:, -1] + step[:, -1])
 
     def with_cost(self, cost: ca.MX) -> Program:
-        """The same program with `cost`, an expression of x and p, added to f. Raises InputError for anything else."""
+        """The same program with `cost`, an expression of x and p, added to f. Raises InputError for anything else.
+
+        Of its Hessian fatrop sees only what lies within a stage.
+        """
         if not isinstance(cost, ca.MX) or not cost.is_scalar():
             raise InputError(f"cost: a scalar casadi.MX is expected, found {_words(cost)}")
         self._refuse_strangers("cost", cost)

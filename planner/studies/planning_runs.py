@@ -58,7 +58,7 @@ QUICK_VALUES: Mapping[str, tuple[Value, ...]] = {
     "shaping_length": (1e-4, 1e-3, 1e-2),
     "waypoints": (16, 32, 64),
     "swept": (False, True),
-    "solver": ("gauss_newton", "fatrop"),
+    "solver": ("gauss_newton", "chomp", "fatrop"),
 }
 NEAR = 0.05  # [m] largest distance of the configurations at which lost clearance is measured
 SCATTER = 0.3  # [rad] standard deviation of these about the straight line from start to goal
