@@ -208,6 +208,7 @@ def _shapes(random: np.random.Generator) -> dict[str, np.ndarray]:
         "egg": hull(ball * [0.1, 0.1, 0.2] + 5.0),
         "elbow": bent,
         "apart": np.concatenate([hull(0.05 * ball), hull(0.05 * ball + [0.6, 0.1, 0.0])]),
+        "tetrahedron": hull(0.3 * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])),
         "far apart": np.concatenate([hull(cube * 0.1 + [x, 0.0, 0.0]) for x in (-0.9, 0.9)]),
         "at a cut": np.concatenate([hull(cube * [0.1, 0.2, 0.2]), hull(cube * [0.05, 0.2, 0.2] + [0.45, 0.0, 0.0])]),
         "sheets": np.concatenate([hull(0.05 * ball), 0.1 * hull(cube)[:2] + [0.5, 0.0, 0.0]]),
@@ -220,7 +221,8 @@ def test_bodies_contain_whatever_a_link_looks_like_and_are_the_same_again() -> N
     for name, triangles in _shapes(np.random.default_rng(0)).items():
         bodies = fitted(triangles)
         assert contains(bodies, triangles), name
-        assert contains(fitted(triangles, ((3, 4),)), triangles), name  # cut where nothing may be
+        for slabs, vertices in ((3, 4), (1, 6), (3, 6)):  # cut where nothing may be, fewer corners than vertices
+            assert contains(fitted(triangles, ((slabs, vertices),)), triangles), name
         assert all(len(body.vertices) <= 6 for body in bodies)
         assert len(bodies) <= 3
         for body, other in zip(bodies, fitted(triangles), strict=True):
