@@ -1,52 +1,117 @@
-"""The shipped scenes by every solver: certified or not, proven clearance, smoothness, iterations, time.
+"""Every solver on the same problems with the same certificate: success, time, smoothness.
 
-    python benchmarks/solvers.py [SOLVER ...] [--time-limit S]
+    python benchmarks/solvers.py [DIR] [--every K] [--solvers NAME ...] [--time-limit S]
 
-Prints a Markdown table; warm, one run each.
+The problems are the shipped scenes and, with DIR, every K-th problem of MotionBenchMaker for Panda and UR5. Prints a
+table that sums up, and one of the shipped scenes; warm, one run each. Time is that of the whole plan, from the scene to
+the certificate. Smoothness is the cost that all minimize, without the penalty.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from problems import real_problems
 
 import hdplan
 from hdplan.planner.solvers import SOLVERS
 from hdplan.planner.studies.report import Cell, markdown_text
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.reader import shipped_scenes
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One plan."""
+
+    status: str
+    certified: bool
+    first: bool  # by the first guess
+    seconds: float
+    smoothness: float
 
 
 def main() -> None:
     """Run the benchmark from the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("solvers", nargs="*", default=["gauss_newton", "chomp"], help=f"of {', '.join(SOLVERS)}")
-    parser.add_argument("--time-limit", type=float, default=30.0)
+    parser.add_argument("folder", nargs="?", type=Path, metavar="DIR")
+    parser.add_argument("--every", type=int, default=10)
+    parser.add_argument("--solvers", nargs="+", default=list(SOLVERS), choices=SOLVERS)
+    parser.add_argument("--time-limit", type=float, default=10.0)
     options = parser.parse_args()
-    rows = []
-    for name in shipped_scenes():
-        scene = hdplan.load_scene(name)
-        hdplan.build(scene)  # fits and compiles what is not in the cache
-        for solver in options.solvers:
-            rows.append({"scene": name, "solver": solver, **outcome(scene, solver, options.time_limit)})
-            print(*rows[-1].values(), file=sys.stderr)
-    print(markdown_text(rows))
+    groups = {"shipped scenes": {name: hdplan.load_scene(name) for name in shipped_scenes()}}
+    if options.folder is not None:
+        for robot in ("panda", "ur5"):
+            found = real_problems(options.folder, robot, options.every)
+            groups[f"MotionBenchMaker, {robot}"] = {f"{each.set} {each.number}": each.load() for each in found}
+    outcomes = {
+        group: {name: planned(name, scene, options.solvers, options.time_limit) for name, scene in scenes.items()}
+        for group, scenes in groups.items()
+    }
+    print(markdown_text([row for group, found in outcomes.items() for row in summary(group, list(found.values()))]))
+    print("\nTime [s] and smoothness of each shipped scene:\n")
+    print(markdown_text([scene_row(name, found) for name, found in outcomes["shipped scenes"].items()]))
 
 
-def outcome(scene: hdplan.Scene, solver: str, time_limit: float) -> dict[str, Cell]:
-    """Plan, and return what came of it."""
-    try:
+def planned(name: str, scene: hdplan.Scene, solvers: Sequence[str], time_limit: float) -> dict[str, Outcome]:
+    """Plan with each solver."""
+    hdplan.build(scene)  # fits and compiles what is not in the cache
+    found = {}
+    for solver in solvers:
+        began = time.perf_counter()
         result = hdplan.plan(scene, solver=solver, time_limit=time_limit)
-    except InputError:  # ipopt cannot have every effect
-        result = None
-    clearance = result and result.certificate.clearance
+        seconds = time.perf_counter() - began
+        found[solver] = Outcome(
+            result.certificate.status.value,
+            result.certified,
+            result.attempts == 1,
+            seconds,
+            result.steps[-1].smoothness,
+        )
+        print(name, solver, *vars(found[solver]).values(), file=sys.stderr)
+    return found
+
+
+def summary(group: str, outcomes: Sequence[dict[str, Outcome]]) -> list[dict[str, Cell]]:
+    """One row for each solver."""
+    rows: list[dict[str, Cell]] = []
+    for solver in outcomes[0]:
+        own = [found[solver] for found in outcomes]
+        seconds = [outcome.seconds for outcome in own]
+        ratios = [
+            found[solver].smoothness / min(other.smoothness for other in found.values() if other.certified)
+            for found in outcomes
+            if found[solver].certified
+        ]
+        spread = (*np.quantile(seconds, [0.5, 0.95]), max(seconds))
+        rows.append(
+            {
+                "problems": group,
+                "solver": solver,
+                "certified": f"{sum(outcome.certified for outcome in own)} of {len(own)}",
+                "by the first guess": sum(outcome.certified and outcome.first for outcome in own),
+                "time median / p95 / worst [s]": " / ".join(f"{each:.2f}" for each in spread),
+                "smoothness over the least of all, median / p95": (
+                    " / ".join(f"{each:.2f}" for each in np.quantile(ratios, [0.5, 0.95])) if ratios else None
+                ),
+            }
+        )
+    return rows
+
+
+def scene_row(name: str, found: dict[str, Outcome]) -> dict[str, Cell]:
+    """Time and smoothness of each solver, or what came of it instead."""
     return {
-        "status": "refused" if result is None else result.certificate.status.value,
-        "proven clearance [mm]": None if clearance is None else f"{1e3 * clearance:.1f}",
-        "smoothness": result and result.steps[-1].smoothness,
-        "iterations": result and result.iterations,
-        "attempts": result and result.attempts,
-        "solve + certify [s]": result and f"{result.times.solve + result.times.certify:.2f}",
+        "scene": name,
+        **{
+            solver: f"{each.seconds:.2f}, {each.smoothness:.3g}" if each.certified else each.status
+            for solver, each in found.items()
+        },
     }
 
 

@@ -55,7 +55,7 @@ def plan(
 
     Args:
         scene: from load_scene, or a Scene made in Python.
-        solver: "gauss_newton", "chomp" or "ipopt".
+        solver: "gauss_newton", "chomp", "fatrop" or "ipopt".
         seed: of the random initial guesses; the same seed gives the same result, as far as the time limit allows.
         time_limit: [s] for solving and certifying; the best motion found by then is returned, and its status says how
             good it is. Within `deadline.time_limit` building counts too, and the certificate ends with it.
@@ -71,8 +71,7 @@ def plan(
     Raises:
         OutOfTime: a `deadline.time_limit` passed before there was a motion.
         InputError: for errors in the scene or robot, including a start or goal in collision or off a path constraint;
-            for ipopt with the distance fcl, swept bodies or path constraints; and for a guess whose joints are not the
-            robot's, or beyond their limits.
+            and for a guess whose joints are not the robot's, or beyond their limits.
     """
     instance(scene, Scene, "scene")
     seed = checked(Whole(0, 2**63 - 1), seed, "seed")
@@ -80,8 +79,6 @@ def plan(
     if guess is not None:
         instance(guess, Trajectory, "guess")
     run = solver_named(solver)
-    if lacking := run.lacking(scene):
-        raise InputError(f"solver {solver}: {lacking}")
     began = time.perf_counter()
     with naming(scene.source):
         scene.check_effects()

@@ -35,7 +35,7 @@ DOORS = ("distance.__init__", "planner.__init__", "scenes.__init__")  # give nam
 CERTIFICATE = {"scenes", "planner.geometry", "planner.robot", "planner.motion", "distance.compiled"}
 
 HOMES = {  # of each heavy library
-    "casadi": {"distance.symbolic", "planner.kinematics", "planner.solvers", "planner.solvers.methods"},
+    "casadi": {"distance.symbolic", "planner.kinematics", "planner.problem", "planner.solvers"},
     "jax": {"distance.batch"},
     "fcl": {"distance.baselines"},
     "viser": {"planner.view", "planner.view.drawing"},

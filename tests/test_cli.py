@@ -182,7 +182,7 @@ def test_plot_draws_any_trajectory(hdplan: Callable[..., Done]) -> None:
     assert Path("line.pdf").read_bytes().startswith(b"%PDF")
 
 
-@pytest.mark.parametrize("solver", ["chomp", "ipopt"])
+@pytest.mark.parametrize("solver", ["chomp", "fatrop", "ipopt"])
 def test_other_solvers(hdplan: Callable[..., Done], tmp_path: Path, solver: str) -> None:
     scene = arm_scene(tmp_path, obstacles=[], planner={"waypoints": 6})
     assert hdplan("plan", scene, "--solver", solver).code == 0
@@ -740,7 +740,7 @@ def test_a_terminal_sees_progress() -> None:
     assert "building the problem" in shown or "iteration" in shown  # whichever is on when the line is drawn
 
 
-@pytest.mark.parametrize("solver", ["gauss_newton", "chomp", "ipopt"])
+@pytest.mark.parametrize("solver", ["gauss_newton", "chomp", "fatrop", "ipopt"])
 def test_ctrl_c_ends_with_the_best_so_far(tmp_path: Path, solver: str) -> None:
     scene, best = arm_scene(tmp_path, obstacles=[BLOCKED]), tmp_path / "best.json"
     ours, theirs = pty.openpty()

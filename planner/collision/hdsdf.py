@@ -5,8 +5,7 @@ A lower bound in sign, an approximation in value: see `hdplan.distance.symbolic.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -43,13 +42,6 @@ class HdsdfPairs(PairDistance):
     def is_compiled(self) -> bool:
         """Whether all its kernels are C."""
         return all(kernel.is_compiled for kernel in self.kernels.values())
-
-    @property
-    def symbolic(self) -> Callable[[int, int], Any]:
-        """The same distance, up to second derivatives."""
-        return lambda planes, order: halfspace_distance(
-            self.pairs.vertex_slots, planes, self.gamma, self.shaping_length, order
-        )
 
     def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
         """Return D (S,) [m], its wrench (S, 6) and D̃ (S,) [m] for S pairs (row of the pairs) at samples."""

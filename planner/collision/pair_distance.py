@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from collections.abc import Mapping
+from typing import Protocol
 
 from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.kinematics.forward import KinematicsBatch
@@ -17,12 +17,6 @@ class PairDistance(Protocol):
     def functions(self) -> Mapping[str, RowFunction]:
         """The compiled functions that it calls, by purpose; none by default."""
         return {}
-
-    @property
-    def symbolic(self) -> Callable[[int, int], Any] | None:
-        """Returns D of one pair as a CasADi function, given its number of planes and the order of its exact
-        derivatives; None for a distance that has no such function."""
-        return None
 
     @property
     def how(self) -> str:

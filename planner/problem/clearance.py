@@ -89,11 +89,6 @@ class PairTerm(Term):
 class Clearance(PairTerm):
     """The clearance of body pairs at the samples of a motion: Σ_samples w_s Σ_pairs ½ min(D, 0)²."""
 
-    @property
-    def symbolic(self) -> bool:
-        """Whether its distance is."""
-        return self.distance.symbolic is not None
-
     def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
         """The penalty at the samples of a motion."""
         weight, (batch, n) = samples.weight, kinematics.columns.shape[:2]

@@ -39,11 +39,6 @@ class MovingClearance(Clearance):
         super().__init__("moving obstacles", pairs, distance)
         self.motions, self.law = tuple(motions), law
 
-    @property
-    def symbolic(self) -> bool:
-        """It is not: the graph does not know where the obstacles are."""
-        return False
-
     def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
         """The penalty at the samples of a motion."""
         return super().at_samples(self.met(kinematics, self.law.time_at(samples.parameter)), samples)

@@ -21,7 +21,7 @@ from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.smoothness import Smoothness
-from hdplan.planner.problem.terms import Term
+from hdplan.planner.problem.terms import MotionPenalty, Term
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from hdplan.planner.problem.gravity_torque import StaticTorque
     from hdplan.planner.problem.moving_clearance import MovingClearance
     from hdplan.planner.problem.path_terms import PathTerm
+    from hdplan.planner.problem.program import Program
     from hdplan.planner.problem.velocity_penalty import VelocityPenalty
 
 
@@ -130,6 +131,20 @@ class Problem:
     def evaluate(self, positions: Array, weight: float) -> Evaluation:
         """Cost and derivatives at waypoints (N, n) with penalty weight w [1/m²]."""
         smoothness, gradient = self.smoothness.value(positions)
+        found = self.penalty(positions)
+        return Evaluation(
+            cost=smoothness + weight * found.cost,
+            smoothness=smoothness,
+            penalty=found.cost,
+            depth=found.depth,
+            gradient=(gradient + weight * found.gradient)[1:-1],
+            diagonal=weight * found.diagonal[1:-1],
+            coupling=weight * found.coupling[1:-1],
+        )
+
+    def penalty(self, positions: Array) -> MotionPenalty:
+        """All terms but the smoothness at waypoints (N, n), without their weight; the depth is that of the samples
+        (B,)."""
         kinematics = self.kinematics.evaluate(self.samples.configurations(positions))
         penalties = [p for term in self.terms if (p := term.at_samples(kinematics, self.samples))]
         n, batch = positions.shape[1], len(self.samples.weight)
@@ -143,15 +158,19 @@ class Problem:
                 penalty, slope = penalty + spanning.cost, slope + spanning.gradient
                 diagonal, coupling = diagonal + spanning.diagonal, coupling + spanning.coupling
                 depth = np.maximum(depth, spanning.depth[self.samples.interval])
-        return Evaluation(
-            cost=smoothness + weight * penalty,
-            smoothness=smoothness,
-            penalty=penalty,
-            depth=depth,
-            gradient=(gradient + weight * slope)[1:-1],
-            diagonal=weight * diagonal[1:-1],
-            coupling=weight * coupling[1:-1],
-        )
+        return MotionPenalty(penalty, slope, diagonal, coupling, depth)
+
+    def casadi(self) -> Program:
+        """The problem as a CasADi program, for Ipopt, fatrop and other solvers of CasADi's.
+
+        `nlp` is the dictionary of x, p, f and g that `casadi.nlpsol` takes, `bounds` holds lbx, ubx, lbg and ubg, and
+        `stages` the options by which fatrop finds the stages. `guess(positions)` gives the x of waypoints (N, n),
+        `positions(x)` the waypoints of an x; `with_cost` and `with_constraint` add expressions of one's own. Keep the
+        program as long as anything made from it.
+        """
+        from hdplan.planner.problem.program import program
+
+        return program(self)
 
     def depth(self, configurations: Array, parameter: Array | None = None) -> Array:
         """How far the worst term is inside its margin at single configurations (B, n) -> (B,) [m]: at no particular

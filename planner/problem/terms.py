@@ -43,11 +43,6 @@ class Term:
 
     name: str  # as the user sees it
 
-    @property
-    def symbolic(self) -> bool:
-        """Whether `solvers.nlp` can write it as a CasADi graph, with exact second derivatives."""
-        return False
-
     def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty | None:
         """The penalty at the samples of a motion, with their weights; None for a term that has nothing there."""
         return None

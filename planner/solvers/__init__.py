@@ -41,17 +41,14 @@ def solve(
 
     Args:
         problem: what build returns.
-        solver: "gauss_newton", "chomp" or "ipopt".
+        solver: "gauss_newton", "chomp", "fatrop" or "ipopt".
         guess: the waypoints to begin with (N, n) [rad or m], in the order of the robot's joints.
         budget: what the solver may spend, and where it reports.
 
-    Raises InputError for an unknown solver, for a problem that it cannot solve, and for a guess of another shape or
-    with values beyond LARGEST.
+    Raises InputError for an unknown solver, and for a guess of another shape or with values beyond LARGEST.
     """
     run = solver_named(solver)
     instance(problem, Problem, "problem")
-    if lacking := run.lacking(problem.scene):
-        raise InputError(f"solver {solver}: {lacking}")
     budget = Budget() if budget is None else budget
     instance(budget, Budget, "budget")
     return run.solve(problem, problem.polyline() if guess is None else _checked(problem, guess), budget)

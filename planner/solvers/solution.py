@@ -17,7 +17,6 @@ import numpy as np
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.problem import Evaluation, Problem
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.scene import Scene
 
 
 class SolverStatus(enum.Enum):
@@ -186,8 +185,6 @@ def is_clear(problem: Problem, positions: Array) -> bool:
 
 @dataclass(frozen=True)
 class Solver:
-    """A solver, and what it can handle."""
+    """A solver: every term of every problem is its business."""
 
     solve: Callable[[Problem, Array, Budget], Solution]  # from a first guess (N, n)
-    lacking: Callable[[Scene], str | None] = lambda scene: None  # says what it cannot do that a scene asks for
-    live: bool = True  # whether its steps come often enough to be watched

@@ -49,7 +49,7 @@ VALUES: Mapping[str, tuple[Value, ...]] = {
     "shaping_length": (1e-4, 1e-3, 1e-2),  # [m]
     "waypoints": (16, 32, 64, 128),
     "swept": (False, True),
-    "solver": ("gauss_newton", "chomp", "ipopt"),
+    "solver": ("gauss_newton", "chomp", "fatrop", "ipopt"),
 }
 QUICK_VALUES: Mapping[str, tuple[Value, ...]] = {
     "link_bodies": ("capsule", "box", "fitted", "hull"),
@@ -58,7 +58,7 @@ QUICK_VALUES: Mapping[str, tuple[Value, ...]] = {
     "shaping_length": (1e-4, 1e-3, 1e-2),
     "waypoints": (16, 32, 64),
     "swept": (False, True),
-    "solver": ("gauss_newton", "chomp"),  # ipopt takes minutes
+    "solver": ("gauss_newton", "fatrop"),
 }
 NEAR = 0.05  # [m] largest distance of the configurations at which lost clearance is measured
 SCATTER = 0.3  # [rad] standard deviation of these about the straight line from start to goal

@@ -76,8 +76,8 @@ Solver = Annotated[
     str,
     typer.Option(
         metavar="NAME",
-        help="gauss_newton (exact derivatives, banded), chomp (covariant gradient descent) or ipopt (interior "
-        "point, exact Hessians).",
+        help="gauss_newton (damped steps, banded; the fastest), fatrop or ipopt (interior point, on the CasADi "
+        "program) or chomp (covariant gradient descent).",
     ),
 ]
 Distance = Annotated[

@@ -24,7 +24,7 @@ from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.search import Event
-from hdplan.planner.solvers import SOLVERS
+from hdplan.planner.solvers import DEFAULT, SOLVERS
 from hdplan.planner.timing.time_laws import MinimumJerk
 from hdplan.planner.view.drawing.colors import ITERATE
 from hdplan.planner.view.drawing.motion import sample_parameters
@@ -44,7 +44,6 @@ NAME = "planned"  # of the motion that Plan finds
 TIME_LIMIT = 30.0  # [s] for planning
 LOOK, LOOK_IN_ALL = 0.05, 4.0  # [s] for which an iteration is shown, and at most all of them together
 SETTLED = 10.0  # [s] that a new run waits at most until the last one's motion is shown
-WATCHED = [name for name, solver in SOLVERS.items() if solver.live]
 
 
 class Planning:
@@ -55,7 +54,7 @@ class Planning:
         self._viewer = viewer
         gui = viewer.server.gui
         self.handles = Handles(viewer)
-        self.solver = gui.add_dropdown("solver", WATCHED, initial_value=WATCHED[0])
+        self.solver = gui.add_dropdown("solver", list(SOLVERS), initial_value=DEFAULT)
         self.watch = gui.add_checkbox(
             "watch", True, hint=f"show every iteration for {LOOK:g} s, at most {LOOK_IN_ALL:g} s in all"
         )

@@ -107,7 +107,7 @@ def test_the_same_seed_gives_the_same_bytes() -> None:
     assert (one.iterations, one.attempts) == (other.iterations, other.attempts)
 
 
-@pytest.mark.parametrize("solver", ["chomp", "ipopt"])
+@pytest.mark.parametrize("solver", ["chomp", "fatrop", "ipopt"])
 def test_the_other_solvers_come_through_too(solver: str) -> None:
     scene = planar(waypoints=16)
     result = plan(scene, solver=solver, time_limit=60.0)

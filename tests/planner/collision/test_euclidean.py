@@ -276,9 +276,3 @@ def test_an_unknown_distance_is_refused_with_the_nearest() -> None:
     scene = load_scene("planar_arm")
     with pytest.raises(hdplan.InputError, match=r"distance: unknown value 'hdsd' \(did you mean 'hdsdf'\?\)"):
         dataclasses.replace(scene.planner, distance="hdsd")
-
-
-def test_ipopt_with_it_is_refused_before_anything_is_loaded() -> None:
-    scene = dataclasses.replace(with_fcl("planar_arm"), robot=RobotSpec(name="no such robot"))
-    with pytest.raises(hdplan.InputError, match="solver ipopt: needs exact second derivatives"):
-        hdplan.plan(scene, solver="ipopt")

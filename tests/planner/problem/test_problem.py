@@ -21,9 +21,6 @@ from hdplan.planner.problem.problem import SPACING, Problem
 from hdplan.planner.problem.samples import MOST, Samples
 from hdplan.planner.problem.smoothness import Smoothness
 from hdplan.planner.problem.terms import MotionPenalty, Penalty, Term
-from hdplan.planner.solvers import solve
-from hdplan.planner.solvers.nlp import Nlp, nlp
-from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacles import Obstacle, SelfCollision
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.poses import Pose
@@ -32,6 +29,7 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Cylinder, Points, Shape, Sphere
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.reader import load_scene
+from tests.planner.problem.whole_graph import WholeGraph, whole_graph
 
 Array = NDArray[np.float64]
 
@@ -61,8 +59,8 @@ def panda() -> Problem:
 
 
 @pytest.fixture(scope="module")
-def whole(planar: Problem) -> Nlp:
-    return nlp(planar)
+def whole(planar: Problem) -> WholeGraph:
+    return whole_graph(planar)
 
 
 def penalty(scene: Scene, configurations: Array) -> float:
@@ -202,7 +200,7 @@ def test_penalty_scales_with_its_weight_alone(planar: Problem) -> None:
 # --- the CasADi form --------------------------------------------------------------------------------------------------
 
 
-def test_casadi_form_has_the_same_cost_and_gradient(planar: Problem, whole: Nlp) -> None:
+def test_casadi_form_has_the_same_cost_and_gradient(planar: Problem, whole: WholeGraph) -> None:
     evaluate = ca.Function("evaluate", [whole.x, whole.weight], [whole.cost, whole.gradient])
     for weight in (1.0, WEIGHT, 1e7):
         for positions in motions(planar, 6, 0.4):
@@ -213,7 +211,7 @@ def test_casadi_form_has_the_same_cost_and_gradient(planar: Problem, whole: Nlp)
 
 
 def test_casadi_form_agrees_for_a_panda(panda: Problem) -> None:
-    whole = nlp(panda)
+    whole = whole_graph(panda)
     evaluate = ca.Function("evaluate", [whole.x, whole.weight], [whole.cost, whole.gradient])
     for positions in motions(panda, 3, 0.4):
         state = panda.evaluate(positions, WEIGHT)
@@ -222,7 +220,9 @@ def test_casadi_form_agrees_for_a_panda(panda: Problem) -> None:
         close(gradient, state.gradient.ravel(), WITNESS)
 
 
-def test_casadi_gradient_is_that_of_its_cost_and_the_hessian_that_of_the_gradient(planar: Problem, whole: Nlp) -> None:
+def test_casadi_gradient_is_that_of_its_cost_and_the_hessian_that_of_the_gradient(
+    planar: Problem, whole: WholeGraph
+) -> None:
     evaluate = ca.Function("evaluate", [whole.x, whole.weight], [whole.cost, whole.gradient, whole.hessian])
     automatic = ca.Function("automatic", [whole.x, whole.weight], [ca.gradient(whole.cost, whole.x)])
     for positions in motions(planar, 3, 0.3):
@@ -270,7 +270,7 @@ def two_arms(tmp_path: Path) -> Problem:
 def test_casadi_derivatives_are_those_of_the_cost_where_boxes_are_aligned(two_arms: Problem) -> None:
     """There projections tie, and both orders have to be closed forms; CasADi's own of the cost are the same."""
     assert {-1.0, 1.0} <= set(np.concatenate([term.pairs.moves.ravel() for term in two_arms.terms.pairs]))
-    whole = nlp(two_arms)
+    whole = whole_graph(two_arms)
     given = [whole.x, whole.weight]
     hessian, gradient = ca.hessian(whole.cost, whole.x)
     cost, slope = (ca.Function("part", given, [part]) for part in (whole.cost, whole.gradient))
@@ -288,7 +288,7 @@ def test_casadi_derivatives_are_those_of_the_cost_where_boxes_are_aligned(two_ar
         ca.jacobian(ca.vec(hessian), whole.x)
 
 
-def test_hessian_is_banded(planar: Problem, whole: Nlp) -> None:
+def test_hessian_is_banded(planar: Problem, whole: WholeGraph) -> None:
     """The penalty joins neighbours only; beyond them stands smoothness' second neighbour, and nothing further off."""
     n = planar.robot.n
     hessian = ca.Function("hessian", [whole.x, whole.weight], [whole.hessian])
@@ -302,11 +302,6 @@ def test_hessian_is_banded(planar: Problem, whole: Nlp) -> None:
                 close(blocks[row, column], smooth[row, column] * np.eye(n), EXACT)
     assert full.shape[0] == whole.hessian.sparsity().size1()
     assert whole.hessian.sparsity().nnz() <= (5 * len(blocks) - 6) * n * n
-
-
-def test_bounds_are_the_joint_limits(planar: Problem, whole: Nlp) -> None:
-    np.testing.assert_array_equal(whole.lower.reshape(-1, planar.robot.n), [planar.robot.lower] * 5)
-    np.testing.assert_array_equal(whole.upper.reshape(-1, planar.robot.n), [planar.robot.upper] * 5)
 
 
 # --- what a problem holds ---------------------------------------------------------------------------------------------
@@ -467,14 +462,3 @@ def test_terms_of_ones_own_add_to_the_cost_what_they_are_worth(panda: Problem) -
     carried, _, _ = panda.samples.to_waypoints(np.full((batch, n), 1.5), np.zeros((batch, n, n)))
     np.testing.assert_allclose(both.gradient, plain.gradient + WEIGHT * (carried[1:-1] + 1.5))
     assert [term.name for term in panda.with_term(Push(1.0)).terms] == [*(term.name for term in panda.terms), "push"]
-
-
-def test_a_graph_leaves_no_term_out(panda: Problem) -> None:
-    """A term that it cannot write is refused, not left out in silence."""
-    with pytest.raises(InputError, match="which the term 'push' does not have"):
-        nlp(panda.with_term(Push(1.0)))
-    with pytest.raises(InputError, match="which a path constraint"):
-        solve(build(load_scene("panda_cup")), solver="ipopt")
-    for name in ("panda_cup", "panda_conveyor", "panda_heavy"):
-        with pytest.raises(InputError, match=r"which the term .* does not have"):
-            nlp(build(load_scene(name)))

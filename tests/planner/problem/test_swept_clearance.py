@@ -15,7 +15,6 @@ from hdplan.planner.build import build
 from hdplan.planner.plan import plan
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.swept_clearance import SweptClearance
-from hdplan.planner.solvers.nlp import nlp
 from hdplan.planner.terminal.explain import explain
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
@@ -192,9 +191,5 @@ def test_explain_says_so(cage: Problem) -> None:
 
 
 def test_what_it_cannot_do_is_refused() -> None:
-    with pytest.raises(InputError, match=r"ipopt: .*planner\.swept"):
-        plan(swept("planar_arm"), solver="ipopt")
-    with pytest.raises(InputError, match=r"ipopt: .*the term .obstacles. does not"):
-        nlp(build(swept("planar_arm")))
     with pytest.raises(InputError, match=r"planner\.swept: true needs planner\.distance hdsdf, found fcl"):
         build(swept("planar_arm", distance="fcl"))

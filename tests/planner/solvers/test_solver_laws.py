@@ -46,12 +46,11 @@ FITTED = 1e-6  # [rad] the same where the links' bodies are symmetric only as fa
 MINIMUM = 1e-8  # [rad] from a closed-form minimum
 # Iterations within which the laws are looked at. A gradient step of chomp makes two runs that are one but for rounding,
 # or for their bodies' fit, part by some four times more; where the steps have come down to rounding, that decides which
-# of them are taken, and both runs are right. ipopt's are runs of 20 steps.
-FEW = {"gauss_newton": 60, "chomp": 7, "ipopt": 2}
+# of them are taken, and both runs are right. those of ipopt and fatrop are runs of 10 steps.
+FEW = {"gauss_newton": 60, "chomp": 7, "ipopt": 1, "fatrop": 1}
 PATIENCE = 20.0  # [s] after which a run from a wild guess counts as hanging; none needs more than 2
 
 every_solver = pytest.mark.parametrize("solver", SOLVERS)
-fast_solver = pytest.mark.parametrize("solver", [name for name in SOLVERS if name != "ipopt"])
 
 
 # --- scenes -----------------------------------------------------------------------------------------------------------
@@ -297,13 +296,9 @@ def test_smoothness_is_quadratic_and_its_hessian_exact() -> None:
 arms_and_solvers = pytest.mark.parametrize(
     ("name", "solver"),
     [
-        ("planar_arm", "gauss_newton"),
-        ("planar_arm", "chomp"),
-        ("planar_arm", "ipopt"),
-        ("panda_cage", "gauss_newton"),
-        ("panda_cage", "chomp"),
-        ("ur5_table", "gauss_newton"),
-        ("ur5_table", "chomp"),
+        *(("planar_arm", solver) for solver in SOLVERS),
+        *(("panda_cage", solver) for solver in SOLVERS),
+        *(("ur5_table", solver) for solver in SOLVERS),
     ],
 )
 
@@ -313,7 +308,7 @@ ELSEWHERE = about((0.3, -0.5, 0.7), 2.0, (1.3, -2.1, 0.7))
 @arms_and_solvers
 def test_robot_and_obstacles_moved_together_give_the_same_motion(name: str, solver: str) -> None:
     """Bodies, planes and broad phase live in the bodies' own frames: the world's frame enters by rounding alone."""
-    scene = shipped(name, 10 if solver == "ipopt" else None)
+    scene = shipped(name)
     there = carried(dataclasses.replace(scene, robot=dataclasses.replace(scene.robot, base=ELSEWHERE)), ELSEWHERE)
     one, other = run(scene, solver), run(there, solver)
     assert_same_motion(one, other.trajectory.positions, other, PATH)
@@ -351,7 +346,7 @@ def in_hulls(scene: Scene) -> Scene:
 @every_solver
 def test_a_mirrored_plane_gives_the_mirrored_motion(solver: str) -> None:
     """The planar arm seen in the x-z plane: q → −q."""
-    scene = shipped("planar_arm", 10 if solver == "ipopt" else None)
+    scene = shipped("planar_arm")
     scene = in_hulls(dataclasses.replace(scene, obstacles=(*scene.obstacles, BLOCK)))
     problem = build(scene)
     image = between(scene, -problem.start, -problem.goal)
@@ -408,7 +403,7 @@ def test_round_bodies_are_mirrored_too(symmetric_arm: Scene, shape: Sphere | Cyl
     assert_same_motion(one, SIGNS * other.trajectory.positions, other, FITTED)
 
 
-@fast_solver
+@every_solver
 def test_a_mirrored_scene_gives_the_mirrored_motion(symmetric_arm: Scene, solver: str) -> None:
     problem = build(symmetric_arm)
     image = between(symmetric_arm, SIGNS * problem.start, SIGNS * problem.goal)
@@ -426,11 +421,11 @@ def test_a_mirrored_scene_gives_the_mirrored_motion(symmetric_arm: Scene, solver
 @arms_and_solvers
 def test_the_way_back_is_the_way_there(name: str, solver: str) -> None:
     """From the straight line, and from a guess that is reversed as well."""
-    scene = shipped(name, 10 if solver == "ipopt" else None)
+    scene = shipped(name)
     problem = build(scene)
     back = between(scene, problem.goal, problem.start)
     bent = line(problem) + 0.2 * np.sin(np.linspace(0, 3, problem.waypoints))[:, None]
-    for guess in (None,) if solver == "ipopt" else (None, bent):
+    for guess in (None, bent):
         one, other = run(scene, solver, guess), run(back, solver, None if guess is None else guess[::-1])
         assert_same_motion(one, other.trajectory.positions[::-1], other, PATH)
 
@@ -482,7 +477,7 @@ def test_an_empty_scene_is_solved_by_the_straight_line(name: str, solver: str) -
     """From any guess."""
     scene = dataclasses.replace(shipped(name), obstacles=())
     problem = build(ignoring(scene))  # a wild guess may leave links on the wrong side of each other
-    for words, guess in {"line": line(problem), **wild_guesses(problem, 2 if solver == "ipopt" else 20)}.items():
+    for words, guess in {"line": line(problem), **wild_guesses(problem, 20)}.items():
         solution = solve(problem, solver=solver, guess=guess)
         assert solution.status is SolverStatus.CLEAR, words
         np.testing.assert_allclose(solution.trajectory.positions, line(problem), rtol=0, atol=MINIMUM, err_msg=words)
@@ -665,7 +660,8 @@ def assert_ends_well(problem: Problem, solver: str, guess: Array, words: str, it
     [
         ("planar_arm", "gauss_newton", 12, 15, 1000),
         ("planar_arm", "chomp", 12, 5, 1000),
-        ("planar_arm", "ipopt", 5, 0, 1),
+        ("planar_arm", "ipopt", 12, 5, 1000),
+        ("planar_arm", "fatrop", 12, 5, 1000),
         ("panda_cage", "gauss_newton", 16, 2, 1000),
         ("panda_cage", "chomp", 16, 0, 1000),
         ("ur5_table", "gauss_newton", 16, 2, 1000),
@@ -706,4 +702,4 @@ def test_joints_without_limits_come_back_from_anywhere(solver: str, tmp_path: Pa
     rng = np.random.default_rng(9)
     for scale in (1e3, 1e6):
         guess = scale * rng.uniform(-1, 1, (problem.waypoints, problem.robot.n))
-        assert_ends_well(problem, solver, guess, f"{scale:g}", 1 if solver == "ipopt" else 1000)
+        assert_ends_well(problem, solver, guess, f"{scale:g}")

@@ -28,7 +28,8 @@ from hdplan.scenes.yaml_format.reader import load_scene
 Array = NDArray[np.float64]
 
 MINIMUM = 1e-8  # [rad] from the closed-form minimum
-SAMPLED = {"gauss_newton": 30, "chomp": 60, "ipopt": 6}  # iterations that show what a law asks for; ipopt's are runs
+# Iterations that show what a law asks for; those of the last two are runs.
+SAMPLED = {"gauss_newton": 30, "chomp": 60, "ipopt": 6, "fatrop": 6}
 
 every_solver = pytest.mark.parametrize("solver", SOLVERS)
 

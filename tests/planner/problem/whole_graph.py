@@ -1,8 +1,8 @@
-"""The whole problem as one CasADi graph: for general solvers, and as an independent check of the fast evaluation.
+"""The witness of the fast evaluation: the whole problem as one CasADi graph, with exact Hessians.
 
 It has the same kinematics, distance functions, pairs and samples as `Problem.evaluate`, but every pair at every sample,
-without a broad phase. Gradient and Hessian are closed forms: the distance's own, chained through the geometric
-Jacobian.
+without a broad phase, loops of C or sums into a band. Gradient and Hessian are closed forms: the distance's own,
+chained through the geometric Jacobian. It knows the clearance terms only, and is far too slow to solve with.
 """
 
 from __future__ import annotations
@@ -13,30 +13,26 @@ import casadi as ca
 import numpy as np
 
 from hdplan.distance.symbolic.graph_distance import CLOSED
-from hdplan.planner.problem.clearance import PairTerm
+from hdplan.distance.symbolic.halfspaces import halfspace_distance
+from hdplan.planner.collision.hdsdf import HdsdfPairs
+from hdplan.planner.problem.clearance import Clearance, PairTerm
 from hdplan.planner.problem.problem import Problem
-from hdplan.scenes.array_types import Array
-from hdplan.scenes.errors import InputError
 
 
 @dataclass(frozen=True)
-class Nlp:
-    """Cost of x = the interior waypoints one after another (M n), bounds, and derivatives. There are no constraints
-    other than the bounds."""
+class WholeGraph:
+    """Cost of x = the interior waypoints one after another (M n), and derivatives."""
 
     x: ca.MX
     weight: ca.MX  # of the penalty, a parameter [1/m²]
     cost: ca.MX
     gradient: ca.MX  # (M n)
     hessian: ca.MX  # (M n, M n), banded
-    lower: Array  # (M n)
-    upper: Array  # (M n)
 
 
-def nlp(problem: Problem) -> Nlp:
-    """Write the problem as CasADi expressions. Raises InputError for a term without exact second derivatives."""
-    if lacking := [term.name for term in problem.terms if not term.symbolic]:
-        raise InputError(f"solver ipopt: needs exact second derivatives, which the term '{lacking[0]}' does not have")
+def whole_graph(problem: Problem) -> WholeGraph:
+    """Write the problem as CasADi expressions."""
+    assert all(type(term) is Clearance for term in problem.terms), "it knows no other term"
     n, count = len(problem.start), problem.waypoints - 2
     samples = problem.samples
     x, weight = ca.MX.sym("x", n * count), ca.MX.sym("weight")
@@ -55,8 +51,7 @@ def nlp(problem: Problem) -> Nlp:
         gradient += (ca.reshape(slope(looks, unused[0]), n, -1) @ ca.diag(scale)) @ spread.T
         blocks = ca.horzsplit(curvature(looks, *unused)[0], n)
         hessian += to_interior @ ca.diagcat(*(scale[s] * block for s, block in enumerate(blocks))) @ to_interior.T
-    lower, upper = (np.tile(limit, count) for limit in problem.robot.inner)
-    return Nlp(x, weight, cost, ca.vec(gradient[:, 1:-1]), hessian, lower, upper)
+    return WholeGraph(x, weight, cost, ca.vec(gradient[:, 1:-1]), hessian)
 
 
 def _interpolation(problem: Problem) -> ca.DM:
@@ -72,9 +67,8 @@ def _interpolation(problem: Problem) -> ca.DM:
 def _sample_functions(problem: Problem, term: PairTerm) -> tuple[ca.Function, ca.Function, ca.Function]:
     """One sample's penalty ½ Σ_pairs min(D, 0)² as functions of its configuration: value, gradient (1, n), Hessian
     (n, n). CasADi too knows each as the derivative of the one before, and refuses a third."""
-    distance = term.distance.symbolic
-    if distance is None:
-        raise TypeError(f"{term.name}: {term.distance.how} is no CasADi function")
+    settings = term.distance
+    assert isinstance(settings, HdsdfPairs)
     n, pairs, kinematics = len(problem.start), term.pairs, problem.kinematics
     q = ca.MX.sym("q", n)
     state = kinematics.state(q)
@@ -94,7 +88,9 @@ def _sample_functions(problem: Problem, term: PairTerm) -> tuple[ca.Function, ca
             ca.DM((kinematics.supports[joint_a].astype(float) + kinematics.supports[joint_b]).T),
         )
         first, second = (
-            _pair_penalty(distance(planes, order), n).map(len(chosen))  # each pair in straight-line code
+            _pair_penalty(
+                halfspace_distance(pairs.vertex_slots, planes, settings.gamma, settings.shaping_length, order), n
+            ).map(len(chosen))  # each pair in straight-line code
             for order in (1, 2)
         )
         values, gradients = first(*given)

@@ -1,0 +1,163 @@
+"""The problem as a CasADi program, for interior-point solvers and for costs and constraints of one's own.
+
+It is written stage by stage, as optimal control is: stage k = 0 … N − 2 has the waypoint q_k and the step d_k = q_{k+1}
+− q_k as states and the change of step a_k as control, with h = 1/(N − 1) and α as in `Smoothness`:
+
+    minimize    Σ_k |d_k|²/(2 h) + α Σ_k |a_k|²/(2 h³) + p penalty(q)
+    subject to  q_{k+1} = q_k + d_k,  d_{k+1} = d_k + a_k,  q_0 = start,  q_{N−2} + d_{N−2} = goal,  joint limits
+
+The penalty is `Problem.penalty`, called through an external function with declared derivatives. Its gradient is exact.
+Its Hessian is the Gauss-Newton curvature, positive semidefinite, and not the exact one: with the exact one, which is
+indefinite inside an obstacle, Ipopt needs more steps. As the stages may not be coupled by a Hessian, the block between
+q_k and q_{k+1} is written at stage k with δq_{k+1} = δq_k + δd_k; the step of a solver is the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hdplan.planner.problem.penalty_function import PenaltyFunction, places
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.errors import InputError
+
+if TYPE_CHECKING:
+    from hdplan.planner.problem.problem import Problem
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """A nonlinear program min f(x, p) subject to lbx ≤ x ≤ ubx, lbg ≤ g(x, p) ≤ ubg, as `casadi.nlpsol` takes it.
+
+    Keep it as long as anything made from it: CasADi does not keep the external function inside `f` alive, and a solver
+    whose program is gone raises RuntimeError ("Callback object has been deleted").
+    """
+
+    problem: Problem
+    x: ca.MX  # the stages one after another: q_k (n), d_k (n), a_k (n), and no a at the last one
+    p: ca.MX  # weight of the penalty [1/m²]
+    f: ca.MX
+    rows: tuple[ca.MX, ...]  # the constraints of each stage (N − 1): those of its dynamics, then one's own
+    lower: tuple[Array, ...]  # bounds of `rows`
+    upper: tuple[Array, ...]
+    lbx: Array
+    ubx: Array
+    penalty: PenaltyFunction = field(repr=False)
+
+    @property
+    def nlp(self) -> dict[str, ca.MX]:
+        """What to minimize and what to keep, for `casadi.nlpsol`."""
+        return {"x": self.x, "p": self.p, "f": self.f, "g": ca.vertcat(*self.rows)}
+
+    @property
+    def bounds(self) -> dict[str, Array]:
+        """The bounds, for a call of the solver."""
+        lower, upper = np.concatenate(self.lower), np.concatenate(self.upper)
+        return {"lbx": self.lbx, "ubx": self.ubx, "lbg": lower, "ubg": upper}
+
+    @property
+    def stages(self) -> dict[str, Any]:
+        """Options of `casadi.nlpsol` by which fatrop finds the stages."""
+        equal = np.concatenate(self.lower) == np.concatenate(self.upper)
+        return {"structure_detection": "auto", "equality": equal.tolist()}
+
+    @property
+    def waypoints(self) -> ca.MX:
+        """The waypoints (n, N), both ends included, as expressions of x."""
+        q, step, _ = _columns(self.problem, self.x)
+        return ca.horzcat(q, q[:, -1] + step[:, -1])
+
+    def with_cost(self, cost: ca.MX) -> Program:
+        """The same program with `cost`, an expression of x and p, added to f. Raises InputError for anything else."""
+        if not isinstance(cost, ca.MX) or not cost.is_scalar():
+            raise InputError(f"cost: a scalar casadi.MX is expected, found {_words(cost)}")
+        self._refuse_strangers("cost", cost)
+        return replace(self, f=self.f + cost)
+
+    def with_constraint(
+        self, each: Callable[[ca.MX, ca.MX], ca.MX], lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf
+    ) -> Program:
+        """The same program with lower ≤ each(q_k, d_k) ≤ upper at the waypoints k = 1 … N − 2 that are to be found: of
+        the waypoint (n,) and the step to the next (n,) a column (m,). Nothing is asked between waypoints. Raises
+        InputError for another expression, and for bounds that do not fit it."""
+        rows, low, high = list(self.rows), list(self.lower), list(self.upper)
+        waypoints, steps, _ = (ca.horzsplit(part) for part in _columns(self.problem, self.x))
+        for k in range(1, len(rows)):
+            value = each(waypoints[k], steps[k])
+            if not isinstance(value, ca.MX) or not value.is_column():
+                raise InputError(f"constraint: a column casadi.MX is expected, found {_words(value)}")
+            self._refuse_strangers("constraint", value)
+            bounds = [_bound(name, given, value.numel()) for name, given in (("lower", lower), ("upper", upper))]
+            if not np.all(bounds[0] <= bounds[1]):
+                raise InputError(f"constraint: lower {bounds[0].tolist()} is above upper {bounds[1].tolist()}")
+            rows[k] = ca.vertcat(rows[k], value)
+            low[k], high[k] = np.append(low[k], bounds[0]), np.append(high[k], bounds[1])
+        return replace(self, rows=tuple(rows), lower=tuple(low), upper=tuple(high))
+
+    def guess(self, positions: ArrayLike) -> Array:
+        """The x of waypoints (N, n), whose ends are taken to be start and goal: what a solver begins with."""
+        given = np.asarray(positions, dtype=np.float64)
+        shape = self.problem.waypoints, len(self.problem.start)
+        if given.shape != shape:
+            raise InputError(f"guess: shape {given.shape}, expected {shape}: waypoints by joints")
+        q = given.copy()
+        q[0], q[-1] = self.problem.start, self.problem.goal
+        step = np.diff(q, axis=0)
+        stages = np.hstack([q[:-2], step[:-1], np.diff(step, axis=0)])
+        return np.concatenate([stages.ravel(), q[-2], step[-1]])
+
+    def positions(self, x: ArrayLike) -> Array:
+        """The waypoints (N, n) of an x, within the joint limits."""
+        problem, values = self.problem, np.asarray(x, dtype=np.float64).ravel()
+        inside = values[places(len(problem.start), problem.waypoints)]
+        return problem.clip(np.vstack([problem.start, inside, problem.goal]))
+
+    def _refuse_strangers(self, name: str, expression: ca.MX) -> None:
+        known = {self.x.__hash__(), self.p.__hash__()}
+        if strange := [symbol.name() for symbol in ca.symvar(expression) if symbol.__hash__() not in known]:
+            raise InputError(f"{name}: depends on '{strange[0]}'; allowed are the program's x and p")
+
+
+def program(problem: Problem) -> Program:
+    """Write a problem as a CasADi program."""
+    settings, n = problem.smoothness, len(problem.start)
+    h = 1 / (problem.waypoints - 1)
+    x, p = ca.MX.sym("x", n * (3 * problem.waypoints - 4)), ca.MX.sym("p")
+    penalty = PenaltyFunction(problem)
+    q, step, change = _columns(problem, x)
+    cost = ca.sumsqr(step) / (2 * h) + settings.acceleration * ca.sumsqr(change) / (2 * h**3) + p * penalty.function(x)
+    dynamics = ca.vertcat(q[:, 1:] - q[:, :-1] - step[:, :-1], step[:, 1:] - step[:, :-1] - change)  # (2 n, N − 2)
+    rows = (*ca.horzsplit(dynamics), q[:, -1] + step[:, -1])
+    equal = (*[np.zeros(2 * n)] * (problem.waypoints - 2), problem.goal)
+    lbx, ubx = np.full(x.numel(), -np.inf), np.full(x.numel(), np.inf)
+    for bound, limit in ((lbx, problem.robot.inner[0]), (ubx, problem.robot.inner[1])):
+        bound[places(n, problem.waypoints)] = limit
+        bound[:n] = problem.start
+    return Program(problem, x, p, cost, rows, equal, equal, lbx, ubx, penalty)
+
+
+def _columns(problem: Problem, x: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
+    """The waypoints and steps of every stage (n, N − 1), and the changes of step (n, N − 2)."""
+    n = len(problem.start)
+    body, last = ca.vertsplit(x, [0, x.numel() - 2 * n, x.numel()])
+    q, step, change = ca.vertsplit(ca.reshape(body, 3 * n, problem.waypoints - 2), n)
+    return ca.horzcat(q, last[:n]), ca.horzcat(step, last[n:]), change
+
+
+def _bound(name: str, given: ArrayLike, size: int) -> Array:
+    try:
+        bound = np.broadcast_to(np.asarray(given, dtype=np.float64), size)
+    except (TypeError, ValueError):
+        raise InputError(f"constraint: {name}: a number or {size} of them are expected, found {given!r}") from None
+    if np.isnan(bound).any():
+        raise InputError(f"constraint: {name}: NaN")
+    return bound
+
+
+def _words(found: object) -> str:
+    return f"casadi.MX of shape {found.shape}" if isinstance(found, ca.MX) else repr(found)
