@@ -312,9 +312,8 @@ def test_a_capsule_is_found_again() -> None:
 
 
 def test_how_far_a_sphere_stands_out_of_a_cube() -> None:
-    CUBE = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
     sphere = Swept(np.zeros((1, 3)), np.sqrt(3.0))
-    mean, p95 = outside((sphere,), cube, samples=20000)
+    mean, p95 = outside((sphere,), CUBE, samples=20000)
     random = np.random.default_rng(1)
     points = random.normal(size=(200000, 3))
     points *= np.sqrt(3.0) / np.linalg.norm(points, axis=1, keepdims=True)
