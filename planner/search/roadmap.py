@@ -29,7 +29,7 @@ PULLS = 30  # steps that bring a configuration onto the path constraints
 
 
 def seeds(problem: Problem, seed: int) -> Iterator[Array]:
-    """Yield guesses (N, n) without end: the straight line, the same by the ways back from narrow ends, if there are any,
+    """Yield guesses (N, n) without end: the straight line, that by the ways back from narrow ends, if there are any,
     and then those of the roadmap, every third of them by these ways."""
     yield problem.polyline()
     first, last = retreats(problem)
