@@ -49,7 +49,7 @@ def span(value: object) -> tuple[float, float]:
     """Return the range of a joint, from low to high."""
     low, high = Row(JointValue, 2)(value)
     if not low < high:
-        raise wrong("a range from low to high", value)
+        raise FieldError(f"must be a range from low to high, found [{low:g}, {high:g}]", value=value)
     return low, high
 
 

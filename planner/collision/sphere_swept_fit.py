@@ -105,7 +105,9 @@ def _start(points: Array, count: int, random: np.random.Generator, greedy: bool)
     ]
     while len(chosen) < count:
         square = np.min(np.sum((points[:, None] - points[chosen]) ** 2, axis=2), axis=1)
-        chosen.append(int(square.argmax()) if greedy else int(random.choice(len(points), p=square / square.sum())))
+        total = square.sum()
+        shares = square / total if total > 0.0 else None  # fewer points than vertices: any of them again
+        chosen.append(int(square.argmax()) if greedy else int(random.choice(len(points), p=shares)))
     middle = points.mean(0)
     return np.asarray(middle + (0.6 if greedy else random.uniform(0.3, 0.8)) * (points[chosen] - middle))
 

@@ -289,7 +289,7 @@ def _planned(
         if not semantics.groups:
             raise InputError(
                 f"robot.group: no SRDF of {name} says which joints the group '{spec.group}' has; "
-                "robot.group: [joint, ..] names them, robot.srdf gives a SRDF"
+                "robot.group: [joint, ..] names them, robot.srdf gives an SRDF"
             )
         with naming("robot.group"):
             group = semantics.group(spec.group, (name, tree.name))

@@ -9,11 +9,14 @@ random draws: the same seed gives the same guesses.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from hdplan.planner.problem.problem import Problem
+from hdplan.planner.search.retreat import retreats
 from hdplan.scenes.array_types import Array, Rows
 
 NODES = 48  # configurations drawn for each guess; the clear ones are kept
@@ -26,12 +29,20 @@ PULLS = 30  # steps that bring a configuration onto the path constraints
 
 
 def seeds(problem: Problem, seed: int) -> Iterator[Array]:
-    """Yield guesses (N, n) without end, the straight line first."""
+    """Yield guesses (N, n) without end: the straight line, that by the ways back from narrow ends, if there are any,
+    and then those of the roadmap, every third of them by these ways."""
     yield problem.polyline()
-    roadmap = Roadmap(problem, np.random.default_rng(seed))
-    while True:
+    first, last = retreats(problem)
+    last = last[::-1]
+    begin, end = (first[-1] if len(first) else problem.start), (last[0] if len(last) else problem.goal)
+    roadmaps = [Roadmap(problem, np.random.default_rng(seed))]
+    if len(first) or len(last):
+        yield problem.polyline(np.vstack([first, last]))
+        roadmaps = [*roadmaps * 2, Roadmap(replace(problem, start=begin, goal=end), np.random.default_rng(seed))]
+    for roadmap in itertools.cycle(roadmaps):
         roadmap.grow()
-        yield problem.polyline(roadmap.way())
+        between = roadmap.way()
+        yield problem.polyline(between if roadmap is roadmaps[0] else np.vstack([first, between, last]))
 
 
 def onto_path(problem: Problem, q: Array) -> Array:

@@ -1,0 +1,56 @@
+"""Ways out of narrow ends: from a start or goal close to obstacles to where nothing is near.
+
+A gripper that holds its fingers beside a can has to leave straight back, and a straight line to anywhere else leads the
+can through a finger. The way back is steepest descent, by damped Gauss-Newton steps, on the penalty of bodies that come
+closer than ROOM; it is a guess like any other, and the certificate decides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hdplan.planner.problem.lay_out import lay_out
+from hdplan.planner.problem.problem import Problem
+from hdplan.planner.problem.samples import Samples
+from hdplan.planner.robot.setup import Query
+from hdplan.scenes.array_types import Array
+
+ROOM = 0.08  # [m] that nothing is nearer than in the end: about the opening of a gripper
+STEPS, LONGEST, LEAST = 40, 0.15, 1e-3  # steps at most, and how far the joint that moves most goes [rad or m]
+DAMPING = 1e-2  # share of the mean curvature
+CORNERS = 3  # of a way back, at most
+
+
+def retreats(problem: Problem) -> tuple[Array, Array]:
+    """The ways back (C, n) from the start, and from the goal, without the ends themselves; empty where there is room
+    already, and where a path constraint says how to move."""
+    none = np.empty((0, len(problem.start)))
+    if problem.terms.path:
+        return none, none
+    scene = problem.scene
+    roomy = replace(scene, planner=replace(scene.planner, activation=max(ROOM, scene.planner.activation)))
+    wide = lay_out(replace(problem.setup, scene=roomy), Query(problem.start, problem.goal))
+    return _back(wide, problem.start), _back(wide, problem.goal)
+
+
+def _back(wide: Problem, end: Array) -> Array:
+    way, once = [end], Samples((1,))
+    for _ in range(STEPS):
+        kinematics = wide.kinematics.evaluate(way[-1])
+        terms = (wide.terms.obstacles, wide.terms.self_collision)
+        found = [penalty for term in terms if term and (penalty := term.at_samples(kinematics, once))]
+        gradient = np.sum([penalty.gradient[0] for penalty in found], axis=0)
+        if not np.any(gradient):
+            break
+        curvature = np.sum([penalty.curvature[0] for penalty in found], axis=0)
+        damped = curvature + DAMPING * np.trace(curvature) / len(end) * np.eye(len(end))
+        step = -np.linalg.solve(damped, gradient)
+        step *= min(1.0, LONGEST / np.abs(step).max())
+        after = np.clip(way[-1] + step, *wide.robot.inner)
+        if np.abs(after - way[-1]).max() < LEAST:
+            break
+        way.append(after)
+    corners = np.linspace(1, len(way) - 1, min(CORNERS, len(way) - 1)).astype(np.int64)
+    return np.array(way)[corners]
