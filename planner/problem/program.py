@@ -15,7 +15,7 @@ linearly. As the stages may not be coupled by a Hessian, the block between q_k a
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from hdplan.planner.problem.problem import Problem
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Program:
     """A nonlinear program min f(x, p) subject to lbx ≤ x ≤ ubx, lbg ≤ g(x, p) ≤ ubg, as `casadi.nlpsol` takes it.
 
@@ -47,7 +47,12 @@ class Program:
     upper: tuple[Array, ...]
     lbx: Array
     ubx: Array
-    penalty: PenaltyFunction = field(repr=False)
+    penalty: PenaltyFunction
+
+    def __repr__(self) -> str:
+        """Name the scene and the size."""
+        rows = sum(part.numel() for part in self.rows)
+        return f"<Program of {self.problem.scene.name}: {self.x.numel()} variables, {rows} constraints>"
 
     @property
     def nlp(self) -> dict[str, ca.MX]:

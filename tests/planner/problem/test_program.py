@@ -182,6 +182,7 @@ def test_a_cost_and_a_constraint_of_ones_own_are_kept(plugin: str) -> None:
 
 def test_what_cannot_be_added_is_refused() -> None:
     program = problem_of("planar_arm").casadi()
+    assert repr(program) == "<Program of planar_arm: 34 variables, 22 constraints>"
     stranger = ca.MX.sym("stranger")
     for cost, words in (
         (program.waypoints, r"cost: a scalar casadi\.MX is expected, found casadi\.MX of shape \(2, 7\)"),
