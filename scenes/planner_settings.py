@@ -23,6 +23,6 @@ class PlannerSettings(Checked):
     distance: Annotated[str, Choice(DISTANCES)] = "hdsdf"  # used by the obstacle penalty; fcl is exact
     link_bodies: Annotated[str, Choice(LINK_BODIES)] = "fitted"  # the bodies that enclose a link
     swept: bool = False  # hulls of link bodies at neighbouring waypoints instead of samples between them
-    polish: Annotated[int, Whole(0, 10_000)] = 0  # rounds that try to better the first certified motion
     normals: Annotated[str, Choice(("faces", "box", "sphere"))] = "box"
     """Candidate normals of an obstacle: faces (6 for a box), box (26) or sphere (122)."""
+    polish: Annotated[int, Whole(0, 10_000)] = 0  # rounds that try to better the first certified motion

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from hdplan.distance.compiled.cache import cache_dir, content_key, write_whole
 from hdplan.distance.compiled.compile_time import compiling
 from hdplan.scenes.deadline import check_time, most_seconds
+from hdplan.scenes.once import read_only
 
 # None of these changes a value: without the last, machines with a fused multiply-add would round differently. The
 # second and third let the smallest helpers of the generated code (fmin, a square) be inlined, which halves the time.
@@ -105,8 +106,10 @@ class Record:
 
     def __init__(self, *fields: int | NDArray[Any] | Record) -> None:
         """Take the fields in the struct's order."""
-        self.fields = tuple(np.ascontiguousarray(each) if isinstance(each, np.ndarray) else each for each in fields)
-        self.struct = np.array([_field(each) for each in self.fields], np.int64)
+        self.fields = tuple(
+            read_only(np.ascontiguousarray(each).view()) if isinstance(each, np.ndarray) else each for each in fields
+        )
+        self.struct = read_only(np.array([_field(each) for each in self.fields], np.int64))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the fields: addresses are of this process."""

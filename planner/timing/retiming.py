@@ -38,6 +38,7 @@ LEAST_WINDOW, MOST_WINDOW = 0.01, 1.0  # [–] of the fastest motion's duration
 FEWEST_ROWS = 2  # in a window
 SAMPLES = 400  # of a law, to compare windows
 STRETCHES = 20  # at most, each a little longer than needed
+TRIED = 8  # shorter durations that are tried
 TIGHT = 0.99  # [–] a motion that needs a greater stretch than this is not shortened further
 INSET = 1e-4  # [rad] or [m] from the joint limits
 STANDS = 1e-9  # [rad] or [m] a path with less travel leads nowhere
@@ -109,16 +110,23 @@ class Retimer:
         return Timed(Trajectory(path.joint_names, rows[0], path.locked, times, rows[1], rows[2]), parameter)
 
     def _fastest(self, spline: BSpline, laws: list[tuple[float, Averaged]]) -> tuple[Averaged, float]:
-        """Return the law that is shortest on the executed curve, and its duration there. The quintics between rows
-        exceed a jerk that changes within a row, so a longer window may make a shorter motion."""
-        fastest, best = laws[0][1], np.inf
+        """Return the law that is shortest on the executed curve, and its duration there.
+
+        The quintics between rows exceed a jerk that changes within a row, by more or less as the rows happen to lie: a
+        longer window may make a shorter motion, and so may a few rows less.
+        """
+        fastest, least, best = laws[0][1], 0.0, np.inf
         for shortest, law in laws:
             if shortest >= best:
                 break
             duration = self._allowed(spline, law)
             if duration < best:
-                fastest, best = law, duration
-        return fastest, best
+                fastest, least, best = law, shortest, duration
+        tried = (
+            np.unique(np.ceil(np.linspace(least, best, TRIED, endpoint=False) * self.timing.rate)) / self.timing.rate
+        )
+        shorter = (time for time in tried.tolist() if time < best and self._executed(spline, fastest, time) <= 1.0)
+        return fastest, next(shorter, best)
 
     def _laws(self, spline: BSpline) -> list[tuple[float, Averaged]]:
         """Return laws with windows of several lengths, each with its duration once it is stretched to the limits; the
@@ -159,8 +167,7 @@ class Retimer:
             duration = (row_count(duration, self.timing.rate) - 1) / self.timing.rate
             if duration >= best:
                 break
-            times, _, rows = _rows(spline, law, duration, self.timing.rate)
-            stretch = self._stretch(Curve.through(rows[0], times, rows[1], rows[2]))
+            stretch = self._executed(spline, law, duration)
             if stretch <= 1.0:
                 best = duration
                 if stretch > TIGHT:
@@ -169,6 +176,11 @@ class Retimer:
         if not np.isfinite(best):
             raise HdplanError("no time law was found within the limits on the executed curve")
         return best
+
+    def _executed(self, spline: BSpline, law: TimeLaw, duration: float) -> float:
+        """Return by how much a law stretched to a duration must be stretched further for its limits to hold."""
+        times, _, rows = _rows(spline, law, duration, self.timing.rate)
+        return self._stretch(Curve.through(rows[0], times, rows[1], rows[2]))
 
     def _check_rows(self, duration: float) -> None:
         """Refuse a motion with more rows than are allowed, before computing them."""
