@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +13,6 @@ from hdplan.distance.compiled.compile_time import compile_time
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.lay_out import lay_out
-from hdplan.planner.problem.problem import Problem
 from hdplan.planner.result import PlanResult, Times
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
@@ -115,7 +113,7 @@ def plan(
     try:
         search_in_turn(searches, seed, warm)
         if (taken := _best(searches)) is not None and searches[taken].certified:
-            polish(searches, taken, lambda i, activation: _nearer(aims[i], activation), scene.planner.polish, seed)
+            polish(searches, taken, scene.planner.polish, seed)
     except KeyboardInterrupt:
         if not any(search.best is not None or search.certify_last() for search in searches):
             raise
@@ -153,12 +151,6 @@ def plan(
 def _best(searches: Sequence[Search]) -> int | None:
     """Return the search with the best motion; None if no search has any."""
     return min((i for i, search in enumerate(searches) if search.best), key=lambda i: searches[i].rank(), default=None)
-
-
-def _nearer(setup: Setup, activation: float) -> Problem:
-    """Lay out the same problem with another activation [m]."""
-    scene = replace(setup.scene, planner=replace(setup.scene.planner, activation=activation))
-    return lay_out(replace(setup, scene=scene), setup.query)
 
 
 def _goals(certifier: Certifier, seed: int) -> tuple[tuple[JointTarget, ...], tuple[str, ...]]:

@@ -127,6 +127,13 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
     )
 
 
+def with_activation(problem: Problem, activation: float) -> Problem:
+    """Lay out the same problem again, with a penalty that sets in at another distance [m]."""
+    scene = problem.scene
+    other = replace(scene, planner=replace(scene.planner, activation=activation))
+    return lay_out(replace(problem.setup, scene=other), Query(problem.start, problem.goal))
+
+
 def _distance(
     pairs: BodyPairs,
     bodies: tuple[LinkBody, ...],

@@ -13,9 +13,10 @@ Rounds are counted, not timed, so that the same seed gives the same motion on ev
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator, Sequence
+import functools
+from collections.abc import Iterator, Sequence
 
+from hdplan.planner.problem.lay_out import with_activation
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.search.search import Guess, Search
@@ -25,26 +26,28 @@ CLOSER = 0.5  # factor on the activation
 LEAST = 1e-3  # [m] of the activation
 
 
-def polish(
-    searches: Sequence[Search], taken: int, lay_out: Callable[[int, float], Problem], rounds: int, seed: int
-) -> None:
+def polish(searches: Sequence[Search], taken: int, rounds: int, seed: int) -> None:
     """Better the certified motion of search `taken`, one of several to different goals: the search with the best motion
-    has another one then, or another search a better one. `lay_out` makes the problem of a search with another
-    activation [m]."""
+    has another one then, or another search a better one."""
+
+    @functools.cache
+    def laid_out(i: int, activation: float) -> Problem:
+        return with_activation(searches[i].problem, activation)
+
     activation = searches[taken].problem.scene.planner.activation
     ways, nearer = _ways(searches, seed), True
     for turn in range(rounds):
         best = searches[taken]
         assert best.best is not None
-        if time.perf_counter() > best.deadline or best.stop():
+        if best.over:
             break
         if nearer and turn % 2 == 0 and activation * CLOSER >= LEAST:
             motion = best.best.solution.trajectory.positions
-            nearer = best.improve(lay_out(taken, activation * CLOSER), Guess(motion), best.value)
+            nearer = best.improve(laid_out(taken, activation * CLOSER), Guess(motion), best.value)
             activation *= CLOSER if nearer else 1.0
         else:
             i, guess = next(ways)
-            if searches[i].improve(lay_out(i, activation), guess, best.value):
+            if searches[i].improve(laid_out(i, activation), guess, best.value):
                 taken = i
 
 

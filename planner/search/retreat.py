@@ -7,14 +7,11 @@ closer than ROOM; it is a guess like any other, and the certificate decides.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from hdplan.planner.problem.lay_out import lay_out
+from hdplan.planner.problem.lay_out import with_activation
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.samples import Samples
-from hdplan.planner.robot.setup import Query
 from hdplan.scenes.array_types import Array
 
 ROOM = 0.08  # [m] that nothing is nearer than in the end: about the opening of a gripper
@@ -29,9 +26,7 @@ def retreats(problem: Problem) -> tuple[Array, Array]:
     none = np.empty((0, len(problem.start)))
     if problem.terms.path:
         return none, none
-    scene = problem.scene
-    roomy = replace(scene, planner=replace(scene.planner, activation=max(ROOM, scene.planner.activation)))
-    wide = lay_out(replace(problem.setup, scene=roomy), Query(problem.start, problem.goal))
+    wide = with_activation(problem, max(ROOM, problem.scene.planner.activation))
     return _back(wide, problem.start), _back(wide, problem.goal)
 
 

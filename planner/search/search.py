@@ -104,7 +104,7 @@ class Search:
         for turn in range(1 + REPAIRS):
             problem, solution = self._solve(problem, guess, weight)
             certificate, intervals = self._certify(solution)
-            if solution.status is SolverStatus.INTERRUPTED or self.stop() or time.perf_counter() > self.deadline:
+            if solution.status is SolverStatus.INTERRUPTED or self.over:
                 return True
             if certificate.certified:
                 return True
@@ -115,6 +115,11 @@ class Search:
             guess, weight = solution.trajectory.positions, solution.weight * RAISE
             problem = problem.resampled(guess).refined(intervals)
         return False
+
+    @property
+    def over(self) -> bool:
+        """Whether to stop: asked to, or past the deadline."""
+        return self.stop() or time.perf_counter() > self.deadline
 
     def _solve(self, problem: Problem, guess: Array, weight: float) -> tuple[Problem, Solution]:
         """Solve until the motion is clear at the samples that it needs itself, as it may move farther than the guess;
@@ -172,9 +177,7 @@ class Search:
         trajectory = solution.trajectory if self.retimer is None else self.retimer(solution.trajectory).trajectory
         if self._value(trajectory, solution) >= (1.0 - GAIN) * value:
             return False
-        certificate = self.certifier.certify(trajectory, required=self.required)
-        self.certify_seconds += certificate.seconds
-        self.report(Event(self.attempts, certificate=certificate))
+        certificate = self._certificate(trajectory)
         if certificate.certified:
             self.best = Best(solution, trajectory, certificate, self.steps, whole=True)
         return certificate.certified
@@ -215,11 +218,16 @@ class Search:
         """Return the best motion, with every failure named if it is not certified."""
         assert self.best is not None  # an attempt ends with a certificate
         if not self.best.whole and not self.best.certificate.certified and seconds_left() > 0.0:
-            certificate = self.certifier.certify(self.best.trajectory, required=self.required)
-            self.certify_seconds += certificate.seconds
-            self.report(Event(self.attempts, certificate=certificate))
+            certificate = self._certificate(self.best.trajectory)
             self.best = self.best._replace(certificate=certificate, whole=True)
         return self.best
+
+    def _certificate(self, trajectory: Trajectory) -> Certificate:
+        """Certify a motion, with all its failures, and report it."""
+        certificate = self.certifier.certify(trajectory, required=self.required)
+        self.certify_seconds += certificate.seconds
+        self.report(Event(self.attempts, certificate=certificate))
+        return certificate
 
     def _certify(self, solution: Solution) -> tuple[Certificate, list[int]]:
         """Certify a motion, and keep it if it is the best so far; also return the waypoint intervals that fail."""
