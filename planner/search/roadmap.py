@@ -30,10 +30,15 @@ PULLS = 30  # steps that bring a configuration onto the path constraints
 
 def seeds(problem: Problem, seed: int) -> Iterator[Array]:
     """Yield guesses (N, n) without end: the straight line, that by the ways back from narrow ends, if there are any,
-    and then those of the roadmap, every third of them by these ways."""
+    and then those of the roadmap, every third of them by these ways. Where obstacles move, those of the roadmap in time
+    follow the straight line."""
     yield problem.polyline()
     first, last = retreats(problem)
     last = last[::-1]
+    if problem.terms.moving_obstacles is not None:
+        from hdplan.planner.search.space_time import timed_ways  # imported here, as few scenes have any
+
+        yield from timed_ways(problem, seed, first, last)
     begin, end = (first[-1] if len(first) else problem.start), (last[0] if len(last) else problem.goal)
     roadmaps = [Roadmap(problem, np.random.default_rng(seed))]
     if len(first) or len(last):

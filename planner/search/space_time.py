@@ -1,0 +1,179 @@
+"""First guesses where obstacles move: the cheapest ways through a roadmap in space and time.
+
+The roadmap in space (`roadmap`) is travelled in STEPS equal steps of the path parameter u, to each of which the time
+law gives a time. A motion waits at a node for a step, or takes an edge in one or several of them, so that time never
+goes back (a time-expanded graph; along a single line it is the path-velocity decomposition of Kant & Zucker 1986). A
+move of length ℓ over a share Δ of u costs
+
+    ½ ℓ²/Δ + PRICE Δ mean((depth/DEPTH)²)
+
+with the depths inside margins where the obstacles are by then, and those that the solver gives to velocities near their
+limits: to first order what the solver makes of it. The first way keeps to the straight line, and waits or hurries on
+it. The roadmap grows with every guess, and a move that has been tried costs more from then on, at about its time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from hdplan.planner.kinematics.forward import KinematicsBatch
+from hdplan.planner.problem.problem import Problem
+from hdplan.planner.problem.velocity_penalty import AIM, LEVER
+from hdplan.planner.search.roadmap import DEPTH, WORN, Roadmap
+from hdplan.scenes.array_types import Array, Rows
+
+STEPS = 30  # even, as the time law is steepest in the middle
+TAKES = np.array([1, 2, 3, 4, 6, 8, 12, 16])  # steps that an edge may take
+PIECES = 12  # of the straight line
+PRICE = 65.0  # of DEPTH inside a margin all along: ½ DEPTH² times the first weight of such guesses
+LOOK, FEWEST, MOST = 0.08, 3, 48  # [rad or m] between configurations at which an edge is scored; how many
+AROUND = 3  # steps before and after a move that has been tried in which its edge costs more
+
+
+def timed_ways(problem: Problem, seed: int, first: Array, last: Array) -> Iterator[Array]:
+    """Yield guesses (N, n) without end; `first` and `last` (C, n) are the ways back from narrow ends."""
+    roadmap = TimedRoadmap(problem, np.random.default_rng(seed), first, last)
+    while True:
+        yield roadmap.timed_way()
+        roadmap.grow()
+
+
+class Move(NamedTuple):
+    """A part of a way: along an edge, or none, to a node, over some steps."""
+
+    edge: int | None
+    node: int
+    first: int
+    last: int
+
+
+class TimedRoadmap(Roadmap):
+    """A roadmap, and what it costs to move along its edges at any time."""
+
+    def __init__(self, problem: Problem, rng: np.random.Generator, first: Array, last: Array) -> None:
+        """Begin with the straight line between the ways back from the ends."""
+        super().__init__(problem, rng)
+        assert problem.terms.moving_obstacles is not None
+        self.moving = problem.terms.moving_obstacles
+        self.parameters = np.linspace(0.0, 1.0, STEPS + 1)
+        paces = self.moving.law(self.moving.law.time_at(self.parameters))[1]  # du/dt [1/s]
+        self.paces = _over_takes(paces[None], 1)[0]  # (S, T) greatest of each move
+        ends = np.vstack([problem.start, first, last, problem.goal])[[len(first), -1 - len(last)]]
+        self.nodes = np.vstack([self.nodes, first, np.linspace(*ends, PIECES + 1)[1:-1], last])
+        chain = np.array([0, *range(2, len(self.nodes)), 1])
+        self.edges = np.sort(np.stack([chain[:-1], chain[1:]], axis=1), axis=1)
+        self.costs = self._costs(self.edges, FEWEST)
+        self.close = np.zeros(len(self.edges), dtype=np.bool_)  # whether an edge has been scored at all times
+        self.waits = np.empty((0, STEPS + 1))  # (C, S + 1) (depth/DEPTH)² of each node at each step
+        self.penalties = np.empty((0, 2, STEPS, len(TAKES)))  # (E, 2, S, T) their means over moves, both ways
+        self.worn = np.empty((0, STEPS))  # (E, S) factors
+
+    def timed_way(self) -> Array:
+        """The cheapest way as waypoints (N, n), which costs more from now on. Only edges on a way that would be taken
+        are scored at all times, as in `Roadmap.way`."""
+        self._extend()
+        prices = self._prices(np.arange(len(self.edges)))
+        while True:
+            way = self._cheapest(prices)
+            rough = np.array([m.edge for m in way if m.edge is not None and not self.close[m.edge]], dtype=np.int64)
+            if not len(rough):
+                break
+            for edge in np.unique(rough).tolist():
+                self.penalties[edge], self.close[edge] = self._penalties(edge), True
+            prices[rough] = self._prices(rough)
+        for move in way:
+            if move.edge is not None:
+                self.worn[move.edge, max(move.first - AROUND, 0) : move.last + AROUND] *= WORN
+        corners = np.vstack([self.problem.start, *(self.nodes[move.node] for move in way)])
+        passed = np.append(0.0, self.parameters[[move.last for move in way]])
+        wanted = np.linspace(0.0, 1.0, self.problem.waypoints)
+        return self.problem.clip(np.stack([np.interp(wanted, passed, column) for column in corners.T], axis=1))
+
+    def _extend(self) -> None:
+        """Score new nodes at every step, and new edges by their ends and by what stands."""
+        new = self.nodes[len(self.waits) :]
+        self.waits = np.vstack([self.waits, self._depths(new)])
+        edges = self.edges[len(self.worn) :]
+        lengths = self._lengths(edges)
+        standing = self.costs[len(self.worn) :] / np.where(lengths > 0.0, lengths, np.inf)
+        after = np.minimum(np.arange(STEPS)[:, None] + TAKES, STEPS)
+        ends = self.waits[edges]  # (E, 2, S + 1)
+        means = (ends[:, :, :STEPS, None] + ends[:, ::-1][:, :, after]) / 2
+        self.penalties = np.concatenate([self.penalties, means + np.maximum(standing - 1, 0.0)[:, None, None, None]])
+        self.worn = np.vstack([self.worn, np.ones((len(edges), STEPS))])
+
+    def _penalties(self, edge: int) -> Array:
+        """The mean (depth/DEPTH)² of moves along an edge (2, S, T): there and back, from every step on."""
+        first, last = self.nodes[self.edges[edge]]
+        count = int(np.clip(np.ceil(np.linalg.norm(last - first) / LOOK), FEWEST, MOST))
+        fractions = (np.arange(count) + 0.5) / count
+        depths = self._depths(first + fractions[:, None] * (last - first))  # (m, S + 1)
+        found = []
+        for along in (fractions, 1 - fractions):
+            at = np.minimum(np.arange(STEPS)[:, None, None] + TAKES[:, None] * along, STEPS)
+            before = np.minimum(at.astype(np.int64), STEPS - 1)
+            look, share = np.arange(count), at - before
+            found.append(((1 - share) * depths[look, before] + share * depths[look, before + 1]).mean(axis=2))
+        return np.stack(found)
+
+    def _depths(self, configurations: Array) -> Array:
+        """(depth/DEPTH)² of configurations (B, n) at every step (B, S + 1)."""
+        batch, steps = len(configurations), len(self.parameters)
+        kinematics = self.problem.kinematics.evaluate(configurations)
+        again = np.repeat(np.arange(batch), steps)
+        repeated = KinematicsBatch(kinematics.placements[again], kinematics.columns[again])
+        moving = self.moving.depth(repeated, np.tile(self.parameters, batch)).reshape(batch, steps)
+        depths: Array = (np.maximum(moving, self.problem.depth(configurations)[:, None]) / DEPTH) ** 2
+        return depths
+
+    def _lengths(self, edges: Rows) -> Array:
+        lengths: Array = np.linalg.norm(self.nodes[edges[:, 1]] - self.nodes[edges[:, 0]], axis=1)
+        return lengths
+
+    def _prices(self, edges: Rows) -> Array:
+        """What moves along edges (E,) cost (E, 2, S, T); what would take longer than the motion, infinitely much."""
+        ends, shares = self.edges[edges], TAKES / STEPS
+        travel = np.abs(self.nodes[ends[:, 1]] - self.nodes[ends[:, 0]]) / self.problem.setup.limits["velocity"]
+        fast = travel.max(axis=1)[:, None, None] * self.paces / shares  # (E, S, T) share of the greatest velocity
+        beyond = (LEVER * np.maximum(fast - AIM, 0.0) / DEPTH) ** 2
+        smooth = self._lengths(ends)[:, None] ** 2 / shares / 2
+        price = smooth[:, None, None] + PRICE * shares * (self.penalties[edges] + beyond[:, None])
+        return price * _over_takes(self.worn[edges], 0)[:, None]
+
+    def _cheapest(self, prices: Array) -> list[Move]:
+        """The cheapest way from the start at the first step to the goal at the last one."""
+        tail, head = self.edges.T.ravel(), self.edges[:, ::-1].T.ravel()  # there, then back
+        price = prices.transpose(1, 0, 2, 3).reshape(len(tail), STEPS, len(TAKES))
+        stay = PRICE / STEPS * (self.waits[:, 1:] + self.waits[:, :-1]) / 2
+        width = STEPS + 1 + TAKES[-1]  # moves that would end too late cost infinitely much
+        costs = np.full((len(self.nodes), width), np.inf)
+        costs[0, 0] = 0.0
+        for step in range(STEPS):
+            costs[:, step + 1] = np.minimum(costs[:, step + 1], costs[:, step] + stay[:, step])
+            into = (head * width)[:, None] + step + TAKES
+            np.minimum.at(costs.ravel(), into.ravel(), (costs[tail, step, None] + price[:, step]).ravel())
+        node, step, way = 1, STEPS, list[Move]()
+        while step > 0:
+            if costs[node, step - 1] + stay[node, step - 1] == costs[node, step]:
+                way.append(Move(None, node, step - 1, step))
+                step -= 1
+                continue
+            into, begins = np.flatnonzero(head == node), step - TAKES[TAKES <= step]
+            reached = costs[tail[into][:, None], begins] + price[into[:, None], begins, np.arange(len(begins))]
+            arc, take = np.unravel_index(int(reached.argmin()), reached.shape)
+            way.append(Move(int(into[arc] % len(self.edges)), node, int(begins[take]), step))
+            node, step = int(tail[into[arc]]), int(begins[take])
+        return way[::-1]
+
+
+def _over_takes(values: Array, more: int) -> Array:
+    """The greatest of each row's values (E, S + more) over a move's steps (E, S, T); infinite where it ends too
+    late."""
+    result = np.full((len(values), STEPS, len(TAKES)), np.inf)
+    for i, take in enumerate(TAKES.tolist()):
+        result[:, : STEPS - take + 1, i] = sliding_window_view(values, take + more, axis=1).max(axis=-1)
+    return result
