@@ -17,7 +17,7 @@ import numpy as np
 
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.retreat import retreats
-from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.array_types import Array, Mask, Rows
 
 NODES = 48  # configurations drawn for each guess; the clear ones are kept
 SPREADS = (0.3, 0.6, 1.0)  # shares of the joint ranges by which they may deviate from the straight line
@@ -86,7 +86,7 @@ class Roadmap:
         if self.problem.terms.path:
             drawn = onto_path(self.problem, drawn)
         before = len(self.nodes)
-        self.nodes = np.vstack([self.nodes, drawn[self.problem.depth(drawn) == 0.0]])
+        self.nodes = np.vstack([self.nodes, drawn[self._clear(drawn)]])
         apart = np.linalg.norm(self.nodes[before:, None] - self.nodes[None], axis=2)
         apart[np.arange(len(apart)), before + np.arange(len(apart))] = np.inf
         nearest = np.argsort(apart, axis=1, kind="stable")[:, :NEIGHBOURS]
@@ -96,6 +96,10 @@ class Roadmap:
             self.edges = np.vstack([self.edges, edges])
             self.costs = np.append(self.costs, self._costs(edges, LOOKS))
             self.close = np.append(self.close, np.zeros(len(edges), dtype=np.bool_))
+
+    def _clear(self, configurations: Array) -> Mask:
+        """Which configurations (B, n) become nodes."""
+        return self.problem.depth(configurations) == 0.0
 
     def way(self) -> Array:
         """The nodes (C, n) between start and goal on the cheapest path, which costs more from now on.

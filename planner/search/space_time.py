@@ -24,11 +24,12 @@ from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.velocity_penalty import AIM, LEVER
 from hdplan.planner.search.roadmap import DEPTH, WORN, Roadmap
-from hdplan.scenes.array_types import Array, Rows
+from hdplan.planner.solvers.solution import ENOUGH
+from hdplan.scenes.array_types import Array, Mask, Rows
 
 STEPS = 30  # even, as the time law is steepest in the middle
 TAKES = np.array([1, 2, 3, 4, 6, 8, 12, 16])  # steps that an edge may take
-PIECES = 12  # of the straight line
+PIECES, LEAPS = 12, 4  # of the straight line; so many of them at once are edges, too
 PRICE = 65.0  # of DEPTH inside a margin all along: ½ DEPTH² times the first weight of such guesses
 LOOK, FEWEST, MOST = 0.08, 3, 48  # [rad or m] between configurations at which an edge is scored; how many
 AROUND = 3  # steps before and after a move that has been tried in which its edge costs more
@@ -62,15 +63,29 @@ class TimedRoadmap(Roadmap):
         self.parameters = np.linspace(0.0, 1.0, STEPS + 1)
         paces = self.moving.law(self.moving.law.time_at(self.parameters))[1]  # du/dt [1/s]
         self.paces = _over_takes(paces[None], 1)[0]  # (S, T) greatest of each move
-        ends = np.vstack([problem.start, first, last, problem.goal])[[len(first), -1 - len(last)]]
-        self.nodes = np.vstack([self.nodes, first, np.linspace(*ends, PIECES + 1)[1:-1], last])
-        chain = np.array([0, *range(2, len(self.nodes)), 1])
-        self.edges = np.sort(np.stack([chain[:-1], chain[1:]], axis=1), axis=1)
+        self.edges = np.empty((0, 2), dtype=np.int64)
+        self._string(_pieces(problem.start, problem.goal))
+        if len(first) or len(last):
+            first, last = np.vstack([problem.start, first]), np.vstack([last, problem.goal])
+            self._string(np.vstack([first[1:], _pieces(first[-1], last[0]), last[:-1]]))
         self.costs = self._costs(self.edges, FEWEST)
         self.close = np.zeros(len(self.edges), dtype=np.bool_)  # whether an edge has been scored at all times
         self.waits = np.empty((0, STEPS + 1))  # (C, S + 1) (depth/DEPTH)² of each node at each step
         self.penalties = np.empty((0, 2, STEPS, len(TAKES)))  # (E, 2, S, T) their means over moves, both ways
         self.worn = np.empty((0, STEPS))  # (E, S) factors
+
+    def _string(self, between: Array) -> None:
+        """Add nodes (C, n) that lead from the start to the goal, each connected to the next LEAPS."""
+        count = len(self.nodes)
+        self.nodes = np.vstack([self.nodes, between])
+        string = np.array([0, *range(count, len(self.nodes)), 1])
+        leaps = [np.stack([string[:-leap], string[leap:]], axis=1) for leap in range(1, LEAPS + 1)]
+        self.edges = np.vstack([self.edges, np.sort(np.concatenate(leaps), axis=1)])
+
+    def _clear(self, configurations: Array) -> Mask:
+        """Which configurations (B, n) are as clear as a motion has to be: beside what stands under the robot's base,
+        none may be clearer."""
+        return self.problem.depth(configurations) <= ENOUGH * self.problem.scene.planner.activation
 
     def timed_way(self) -> Array:
         """The cheapest way as waypoints (N, n), which costs more from now on. Only edges on a way that would be taken
@@ -168,6 +183,11 @@ class TimedRoadmap(Roadmap):
             way.append(Move(int(into[arc] % len(self.edges)), node, int(begins[take]), step))
             node, step = int(tail[into[arc]]), int(begins[take])
         return way[::-1]
+
+
+def _pieces(first: Array, last: Array) -> Array:
+    """Configurations (C, n) that divide a straight line into PIECES."""
+    return np.linspace(first, last, PIECES + 1)[1:-1]
 
 
 def _over_takes(values: Array, more: int) -> Array:
