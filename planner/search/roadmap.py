@@ -99,7 +99,8 @@ class Roadmap:
 
     def _clear(self, configurations: Array) -> Mask:
         """Which configurations (B, n) become nodes."""
-        return self.problem.depth(configurations) == 0.0
+        clear: Mask = self.problem.depth(configurations) == 0.0
+        return clear
 
     def way(self) -> Array:
         """The nodes (C, n) between start and goal on the cheapest path, which costs more from now on.

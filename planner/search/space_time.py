@@ -14,6 +14,7 @@ it. The roadmap grows with every guess, and a move that has been tried costs mor
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -31,8 +32,9 @@ STEPS = 30  # even, as the time law is steepest in the middle
 TAKES = np.array([1, 2, 3, 4, 6, 8, 12, 16])  # steps that an edge may take
 PIECES, LEAPS = 12, 4  # of the straight line; so many of them at once are edges, too
 PRICE = 65.0  # of DEPTH inside a margin all along: ½ DEPTH² times the first weight of such guesses
-LOOK, FEWEST, MOST = 0.08, 3, 48  # [rad or m] between configurations at which an edge is scored; how many
+LOOK, FEWEST, MOST = 0.1, 3, 48  # [rad or m] between configurations at which an edge is scored; how many
 AROUND = 3  # steps before and after a move that has been tried in which its edge costs more
+TINY = 1e-12  # [rad² or m²]
 
 
 def timed_ways(problem: Problem, seed: int, first: Array, last: Array) -> Iterator[Array]:
@@ -94,19 +96,26 @@ class TimedRoadmap(Roadmap):
         prices = self._prices(np.arange(len(self.edges)))
         while True:
             way = self._cheapest(prices)
-            rough = np.array([m.edge for m in way if m.edge is not None and not self.close[m.edge]], dtype=np.int64)
+            taken = {move.edge for move in way if move.edge is not None}
+            rough = np.array([edge for edge in sorted(taken) if not self.close[edge]], dtype=np.int64)
             if not len(rough):
                 break
-            for edge in np.unique(rough).tolist():
-                self.penalties[edge], self.close[edge] = self._penalties(edge), True
+            self.penalties[rough], self.close[rough] = self._penalties(rough), True
             prices[rough] = self._prices(rough)
-        for move in way:
-            if move.edge is not None:
-                self.worn[move.edge, max(move.first - AROUND, 0) : move.last + AROUND] *= WORN
-        corners = np.vstack([self.problem.start, *(self.nodes[move.node] for move in way)])
-        passed = np.append(0.0, self.parameters[[move.last for move in way]])
-        wanted = np.linspace(0.0, 1.0, self.problem.waypoints)
-        return self.problem.clip(np.stack([np.interp(wanted, passed, column) for column in corners.T], axis=1))
+        corners = self.nodes[[0, *(move.node for move in way)]]
+        passed = self.parameters[[0, *(move.last for move in way)]]
+        self._wear(_between_corners(passed, corners, self.parameters))
+        return self.problem.clip(_between_corners(passed, corners, np.linspace(0.0, 1.0, self.problem.waypoints)))
+
+    def _wear(self, way: Array) -> None:
+        """Let edges cost more whose middles a way (S + 1, n) passes, at about that time: those that it takes, and those
+        beside them on the same line."""
+        steps, middles = np.diff(way, axis=0), self.nodes[self.edges].mean(axis=1)
+        gaps = middles[:, None] - way[:-1]  # (E, S, n)
+        along = np.einsum("esj,sj->es", gaps, steps) / np.maximum(np.einsum("sj,sj->s", steps, steps), TINY)
+        near = np.linalg.norm(gaps - np.clip(along, 0.0, 1.0)[..., None] * steps, axis=2) < LOOK
+        padded = np.pad(near, ((0, 0), (AROUND, AROUND)))
+        self.worn[sliding_window_view(padded, 2 * AROUND + 1, axis=1).any(axis=-1)] *= WORN
 
     def _extend(self) -> None:
         """Score new nodes at every step, and new edges by their ends and by what stands."""
@@ -121,18 +130,16 @@ class TimedRoadmap(Roadmap):
         self.penalties = np.concatenate([self.penalties, means + np.maximum(standing - 1, 0.0)[:, None, None, None]])
         self.worn = np.vstack([self.worn, np.ones((len(edges), STEPS))])
 
-    def _penalties(self, edge: int) -> Array:
-        """The mean (depth/DEPTH)² of moves along an edge (2, S, T): there and back, from every step on."""
-        first, last = self.nodes[self.edges[edge]]
-        count = int(np.clip(np.ceil(np.linalg.norm(last - first) / LOOK), FEWEST, MOST))
-        fractions = (np.arange(count) + 0.5) / count
-        depths = self._depths(first + fractions[:, None] * (last - first))  # (m, S + 1)
+    def _penalties(self, edges: Rows) -> Array:
+        """The mean (depth/DEPTH)² of moves along edges (E,) -> (E, 2, S, T): there and back, from every step on."""
+        counts = np.clip(np.ceil(self._lengths(self.edges[edges]) / LOOK), FEWEST, MOST).astype(np.int64)
+        first, last = (np.repeat(self.nodes[ends], counts, axis=0) for ends in self.edges[edges].T)
+        fractions = np.concatenate([_fractions(count) for count in counts.tolist()])
+        depths = self._depths(first + fractions[:, None] * (last - first))
         found = []
-        for along in (fractions, 1 - fractions):
-            at = np.minimum(np.arange(STEPS)[:, None, None] + TAKES[:, None] * along, STEPS)
-            before = np.minimum(at.astype(np.int64), STEPS - 1)
-            look, share = np.arange(count), at - before
-            found.append(((1 - share) * depths[look, before] + share * depths[look, before + 1]).mean(axis=2))
+        for looks in np.split(depths, np.cumsum(counts)[:-1]):  # (m, S + 1)
+            (look, before, share) = _between(len(looks))
+            found.append(((1 - share) * looks[look, before] + share * looks[look, before + 1]).mean(axis=-1))
         return np.stack(found)
 
     def _depths(self, configurations: Array) -> Array:
@@ -156,8 +163,10 @@ class TimedRoadmap(Roadmap):
         fast = travel.max(axis=1)[:, None, None] * self.paces / shares  # (E, S, T) share of the greatest velocity
         beyond = (LEVER * np.maximum(fast - AIM, 0.0) / DEPTH) ** 2
         smooth = self._lengths(ends)[:, None] ** 2 / shares / 2
-        price = smooth[:, None, None] + PRICE * shares * (self.penalties[edges] + beyond[:, None])
-        return price * _over_takes(self.worn[edges], 0)[:, None]
+        price: Array = smooth[:, None, None] + PRICE * shares * (self.penalties[edges] + beyond[:, None])
+        price *= _over_takes(self.worn[edges], 0)[:, None]
+        price[:, :, np.arange(STEPS)[:, None] + TAKES > STEPS] = np.inf
+        return price
 
     def _cheapest(self, prices: Array) -> list[Move]:
         """The cheapest way from the start at the first step to the goal at the last one."""
@@ -177,7 +186,7 @@ class TimedRoadmap(Roadmap):
                 way.append(Move(None, node, step - 1, step))
                 step -= 1
                 continue
-            into, begins = np.flatnonzero(head == node), step - TAKES[TAKES <= step]
+            into, begins = np.flatnonzero(head == node), step - TAKES[step >= TAKES]
             reached = costs[tail[into][:, None], begins] + price[into[:, None], begins, np.arange(len(begins))]
             arc, take = np.unravel_index(int(reached.argmin()), reached.shape)
             way.append(Move(int(into[arc] % len(self.edges)), node, int(begins[take]), step))
@@ -190,10 +199,28 @@ def _pieces(first: Array, last: Array) -> Array:
     return np.linspace(first, last, PIECES + 1)[1:-1]
 
 
+def _fractions(count: int) -> Array:
+    """Places of configurations along an edge at which it is scored (m,)."""
+    return (np.arange(count) + 0.5) / count
+
+
+@functools.cache
+def _between(count: int) -> tuple[Rows, Rows, Array]:
+    """Of moves along an edge there and back, from each step, in each number of steps: which of an edge's `count`
+    configurations are passed, after which step, and how far on to the next one (2, S, T, m)."""
+    along = np.stack([_fractions(count), 1 - _fractions(count)])[:, None, None]
+    at = np.minimum(np.arange(STEPS)[:, None, None] + TAKES[:, None] * along, STEPS)
+    before = np.minimum(at.astype(np.int64), STEPS - 1)
+    return np.arange(count), before, at - before
+
+
+def _between_corners(passed: Array, corners: Array, wanted: Array) -> Array:
+    """Where a way is at `wanted` path parameters, that passes corners (C, n) at ascending ones (C,)."""
+    return np.stack([np.interp(wanted, passed, column) for column in corners.T], axis=1)
+
+
 def _over_takes(values: Array, more: int) -> Array:
-    """The greatest of each row's values (E, S + more) over a move's steps (E, S, T); infinite where it ends too
-    late."""
-    result = np.full((len(values), STEPS, len(TAKES)), np.inf)
-    for i, take in enumerate(TAKES.tolist()):
-        result[:, : STEPS - take + 1, i] = sliding_window_view(values, take + more, axis=1).max(axis=-1)
-    return result
+    """The greatest of each row's values (E, S + more) over a move's steps (E, S, T), as far as the motion goes."""
+    longer = np.pad(values, ((0, 0), (0, int(TAKES[-1]))), mode="edge")
+    windows = (sliding_window_view(longer, take + more, axis=1).max(axis=-1) for take in TAKES.tolist())
+    return np.stack([window[:, :STEPS] for window in windows], axis=-1)
