@@ -14,7 +14,6 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.symbolic.halfspaces import FAR, box_directions
@@ -23,6 +22,7 @@ from hdplan.planner.geometry.meshes import load_mesh
 from hdplan.planner.geometry.shapes import operations
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import check_time
+from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import freeze
 from hdplan.scenes.shapes import Mesh, Points, Shape
@@ -174,8 +174,8 @@ def _face_normals(points: Array) -> Array:
     """Normals of the hull's largest faces (F, 3), as many as there are slots, without those that a box direction
     already gives; none for flat hulls."""
     try:
-        hull = ConvexHull(points)
-    except (QhullError, ValueError):
+        hull = scipy.spatial.ConvexHull(points)
+    except (scipy.spatial.QhullError, ValueError):
         return np.empty((0, 3))
     triangles = points[hull.simplices]
     areas = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)

@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING, Any
 import coal
 import numpy as np
 import pinocchio as pin
-from scipy.spatial import ConvexHull, QhullError
 from threadpoolctl import threadpool_limits
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.compiled.cache import content_key, load, store
+from hdplan.planner.collision.convex_bodies import convex_bodies
 from hdplan.planner.collision.hull_distance import distance_to_hull
 from hdplan.planner.collision.link_fit import box_axes, fitted, hull_points
 from hdplan.planner.collision.shipped_bodies import shipped_bodies
@@ -32,7 +32,7 @@ from hdplan.planner.geometry.shapes import operations, shape_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.lazy_imports import LazyModule
+from hdplan.scenes.lazy_imports import LazyModule, scipy
 from hdplan.scenes.once import ForkSafeLock
 from hdplan.scenes.progress import tell
 
@@ -75,11 +75,14 @@ def link_bodies(robot: Robot, geometry: str = "fitted") -> tuple[LinkBody, ...]:
 
     geometry: "fitted", "capsule", "outer-4", "outer-12", "box" (the oriented bounding box) or "hull" (all its corners).
     """
+    links, around = [], []
+    for link in robot.links:
+        frame = _link_frame(robot, link)
+        for swept in enclosed(robot, link, geometry):
+            links.append(link)
+            around.append(Swept(_moved(swept.vertices, frame), swept.radius))
     return tuple(
-        LinkBody(link, robot.link_joint[link], ConvexBody.from_points(_moved(swept.vertices, frame), swept.radius))
-        for link in robot.links
-        for frame in [_link_frame(robot, link)]
-        for swept in enclosed(robot, link, geometry)
+        LinkBody(link, robot.link_joint[link], body) for link, body in zip(links, convex_bodies(around), strict=True)
     )
 
 
@@ -91,7 +94,7 @@ def fit_report(robot: Robot) -> tuple[FitRow, ...]:
         triangles = _link_triangles(robot, link)
         points = hull_points(triangles.reshape(-1, 3))
         mean, p95 = outside(bodies, points, samples=2000)
-        volume = sum(_volume(body) for body in bodies) / ConvexHull(points).volume
+        volume = sum(_volume(body) for body in bodies) / scipy.spatial.ConvexHull(points).volume
         vertices = sum(len(body.vertices) for body in bodies)
         rows.append(FitRow(link, len(bodies), vertices, volume, mean, p95, contains(bodies, triangles)))
     return tuple(rows)
@@ -170,7 +173,7 @@ def _around(triangles: Array, geometry: str) -> tuple[Swept, ...]:
 def _volume(body: Swept) -> float:
     """Return a swept body's volume [m^3], from a fine polyhedron in it."""
     ball = trimesh.creation.icosphere(subdivisions=3).vertices
-    return float(ConvexHull((body.vertices[:, None] + body.radius * ball).reshape(-1, 3)).volume)
+    return float(scipy.spatial.ConvexHull((body.vertices[:, None] + body.radius * ball).reshape(-1, 3)).volume)
 
 
 # --- geometry ---------------------------------------------------------------------------------------------------------
@@ -197,7 +200,7 @@ def _content(robot: Robot, link: str, item: pin.GeometryObject) -> tuple[str | b
     mesh = Path(item.meshPath)
     if mesh.is_file():
         return kind, rounded.tobytes(), np.asarray(item.meshScale).tobytes(), mesh.read_bytes()
-    return kind, rounded.tobytes(), _triangles(item).tobytes()
+    return kind, rounded.tobytes(), _outline(item).tobytes()
 
 
 def _link_triangles(robot: Robot, link: str) -> Array:
@@ -208,22 +211,26 @@ def _link_triangles(robot: Robot, link: str) -> Array:
 
 def _triangles(item: pin.GeometryObject) -> Array:
     """Return triangles (T, 3, 3) of a geometry in its own frame: a mesh's, or those of a polyhedron around it."""
+    outline = _outline(item)
+    if outline.ndim == 3:
+        return outline
+    try:
+        return np.asarray(outline[scipy.spatial.ConvexHull(outline).simplices])
+    except scipy.spatial.QhullError:
+        raise InputError("robot: a collision geometry is flat") from None
+
+
+def _outline(item: pin.GeometryObject) -> Array:
+    """Return the triangles (T, 3, 3) of a mesh, or the corners (m, 3) of a polyhedron around any other geometry."""
     shape: Any = item.geometry
     if isinstance(shape, coal.BVHModelBase):
         faces = (shape.tri_indices(index) for index in range(shape.num_tris))
         corners = np.array([[face[0], face[1], face[2]] for face in faces])
         return np.asarray(np.asarray(shape.vertices())[corners])
     if isinstance(shape, coal.ConvexBase):
-        return _polyhedron(np.asarray(shape.points()))
+        return np.array(shape.points())
     known = shape_of(shape)
     outline = None if known is None else operations(known).outline
     if outline is not None:
-        return _polyhedron(outline.around(known))
+        return outline.around(known)
     raise InputError(f"robot: collision geometry '{item.name}' is a {type(shape).__name__}, which hdplan does not know")
-
-
-def _polyhedron(points: Array) -> Array:
-    try:
-        return np.asarray(points[ConvexHull(points).simplices])
-    except QhullError:
-        raise InputError("robot: a collision geometry is flat") from None

@@ -11,9 +11,9 @@ from __future__ import annotations
 import functools
 
 import numpy as np
-from scipy.linalg import solveh_banded
 
 from hdplan.planner.problem.problem import Evaluation, Problem
+from hdplan.planner.solvers.banded_system import solve_banded
 from hdplan.planner.solvers.solution import SAME, Budget, Progress, Solution, Solver, SolverStatus
 from hdplan.scenes.array_types import Array, Rows
 
@@ -61,9 +61,7 @@ def _step(problem: Problem, positions: Array, state: Evaluation, damping: float)
     )
     band[0] += REST * outward.ravel()
     step = np.zeros_like(positions)
-    step[1:-1] = -solveh_banded(band, np.where(outward, 0.0, gradient).ravel(), lower=True, check_finite=False).reshape(
-        count, n
-    )
+    step[1:-1] = -solve_banded(band, np.where(outward, 0.0, gradient).ravel()).reshape(count, n)
     return step
 
 
