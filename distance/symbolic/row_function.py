@@ -101,12 +101,6 @@ class RowFunction:
             self._interpret(tables, rows, results)
         return results
 
-    @property
-    def machine(self) -> tuple[int, ...]:
-        """Of a compiled function, the addresses of its C function and of this thread's arg, res, iw and w, for loops of
-        our own."""
-        return self._workspace.machine
-
     def once(self, *arguments: Array) -> list[Array]:
         """Evaluate one row of each input, flat arrays (width_i,), with the least overhead."""
         bound, run, results = self._workspace.single
@@ -132,7 +126,6 @@ class _Workspace(threading.local):
 
     Attributes:
         memory: of a compiled function, the work arrays of its C loop: arg, res, iw and w of CasADi's C interface.
-        machine: of a compiled function, the addresses of it and of these.
         single: for one evaluation: arrays for the inputs, a function that runs it, and arrays for the outputs.
     """
 
@@ -154,8 +147,6 @@ class _Workspace(threading.local):
                 [(ctypes.c_void_p * max(size, 1))() for size in (function.sz_arg(), function.sz_res())] for _ in "ab"
             ]
             self.memory = (*pointers[0], *numbers)
-            entry = ctypes.cast(getattr(library, function.name()), ctypes.c_void_p).value or 0
-            self.machine = (entry, *map(ctypes.addressof, pointers[0]), *(number.value or 0 for number in numbers))
             arg, res = pointers[1]
             arg[: len(arguments)] = [argument.ctypes.data for argument in arguments]
             res[: len(results)] = [result.ctypes.data for result in results]

@@ -7,6 +7,7 @@ bound in sign and an approximation in value, `GdfPairs` an unsigned approximatio
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -60,9 +61,9 @@ class BoxPairs(_Boxes, PairDistance):
         return f"HD-SDF of boxes with the paper's normals, {compiled}"
 
     @property
-    def functions(self) -> Mapping[str, RowFunction]:
-        """Its one kernel."""
-        return {"boxes": self.kernel}
+    def functions(self) -> Mapping[str, Any]:
+        """Its one function."""
+        return {"boxes": self.kernel.function}
 
     def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
         """Return D (S,) [m], its wrench (S, 6) and D̃ (S,) [m] for S pairs (row of the pairs) at samples."""

@@ -26,6 +26,9 @@ from hdplan.scenes.array_types import Array, Mask, Rows
 # separate it: D > 0. Of its 6 faces alone, every direction is within acos(1/√3).
 WIDEST, WIDEST_OF_FACES = 1.13, 3**0.5
 
+LANES = 4  # numbers in a vector of the processor
+NOWHERE = 1e30  # [m] support of a plane that fills a vector: its share in a maximum is below rounding
+
 
 @dataclass(frozen=True)
 class BodyPairs:
@@ -90,28 +93,32 @@ class BodyPairs:
     @cached_property
     def tables(self) -> Record:
         """For the loops in C: their struct of that name."""
-        first, number, planes = self._planes
+        first, width, planes = self._planes
         return Record(
             *(len(self.centres), len(self.boxes), len(self), int((self.joint_b == 0).sum()), self.vertex_slots),
-            *(self._body_joints, self._box_joints, np.argsort(self.joint_b > 0, kind="stable")),
-            *(self.joint_a, self.joint_b, self.body, self.halfspace_body, first, number),
+            *(int(width.max()), self._body_joints, self._box_joints, np.argsort(self.joint_b > 0, kind="stable")),
+            *(self.joint_a, self.joint_b, self.body, self.halfspace_body, first, width),
             *(self.centres, self.widest * self.radii, self.boxes[:, :3, 3], self._balls),
             *(self.boxes, self.half_sizes, self.body_table, planes),
         )
 
     @cached_property
     def _planes(self) -> tuple[Rows, Rows, Array]:
-        """The planes of every halfspace body: its first row, the number of its rows, and rows (·, 4) of normals and
-        enlarged supports."""
-        number = _spread(self.halfspace_body, self.plane_slots, len(self.boxes))
+        """The planes of every halfspace body: where its four rows begin, normals by coordinate and enlarged supports,
+        their width (B,), and the numbers of all. Planes too far away to count fill the last vector of every row."""
+        slots = _spread(self.halfspace_body, self.plane_slots, len(self.boxes))
         row = _spread(self.halfspace_body, self.plane_row, len(self.boxes))
-        first, planes, count = np.zeros_like(number), [], 0
-        for slots, table in self.plane_tables.items():
-            first[number == slots] = count + slots * row[number == slots]
-            normals, supports = table[:, : 3 * slots].reshape(-1, slots, 3), table[:, 3 * slots :]
-            planes.append(np.concatenate([normals, supports[..., None]], axis=2).reshape(-1, 4))
-            count += len(planes[-1])
-        return first, number, np.concatenate(planes)
+        width, first, planes, count = -(-slots // LANES) * LANES, np.zeros_like(slots), [], 0
+        for number, table in self.plane_tables.items():
+            wide = -(-number // LANES) * LANES
+            padded = np.zeros((len(table), 4, wide))
+            padded[:, 3] = NOWHERE
+            padded[:, :3, :number] = table[:, : 3 * number].reshape(-1, number, 3).transpose(0, 2, 1)
+            padded[:, 3, :number] = table[:, 3 * number :]
+            first[slots == number] = count + 4 * wide * row[slots == number]
+            planes.append(padded.ravel())
+            count += padded.size
+        return first, width, np.concatenate(planes)
 
     @cached_property
     def _body_joints(self) -> Rows:
@@ -194,17 +201,15 @@ def body_pairs(
     pairs: Sequence[tuple[int, int]],
     margin: ArrayLike,
     supports: Mask,
-    slots: int = 0,
 ) -> BodyPairs:
     """Lay out pairs (index of link body, index of halfspace body) as tables; `margin` [m] enlarges the halfspace
     bodies.
 
     margin: one for all halfspace bodies, or one for each (B,).
     supports: (nj, n) whether a joint moves what another joint carries (Kinematics.supports).
-    slots: the least number of vertex slots, so that other pairs have tables of the same width.
     """
     margins = np.full(len(halfspace_bodies), margin, dtype=np.float64)
-    slots = max(slots, *(len(bodies[a].body.vertices) for a, _ in pairs))
+    slots = max(len(bodies[a].body.vertices) for a, _ in pairs)
     first = np.array([a for a, _ in pairs], dtype=np.int64)
     second = np.array([b for _, b in pairs], dtype=np.int64)
     plane_slots = np.array([len(body.supports) for body in halfspace_bodies], dtype=np.int64)

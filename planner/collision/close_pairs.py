@@ -28,16 +28,20 @@ SOURCE = """
 enum { GROUP = 8 };
 
 /* Everything about the pairs that stays, as `BodyPairs` has it. `middles` are the boxes' centres on their joints; the
-   planes (normal, support) of box b are number[b] rows from first[b] on; of the pairs in `order`, the first `standing`
+   planes of box b are four rows of width[b] numbers from first[b] on; of the pairs in `order`, the first `standing`
    have a box in the world. */
 typedef struct {
-  long long bodies, boxes, pairs, standing, slots;
-  const long long *body_joint, *box_joint, *order, *joint_a, *joint_b, *body, *box, *first, *number;
+  long long bodies, boxes, pairs, standing, slots, widest;
+  const long long *body_joint, *box_joint, *order, *joint_a, *joint_b, *body, *box, *first, *width;
   const double *centres, *reach, *middles, *balls, *at, *half, *table, *planes;
 } tables;
 
-/* What is done with a row that is close. */
-typedef void action(void* given, long long sample, long long pair);
+/* Where a link body is, seen from a halfspace body: its vertices (slots, 3) in that frame; x_ik (slots, width), how far
+   vertex i is beyond plane k, less the body's radius; the least of x_ik along every plane (width); and room to work. */
+typedef struct { double *points, *x, *least, *work; } projection;
+
+/* What is done with a row that is close; with planes, no plane separates it, and how it is projected is known. */
+typedef void action(void* given, long long sample, long long pair, double apart, projection* of);
 
 /* Points (count, 3) in the frames of joints, in the world at every sample: (count, batch, 3). */
 static void place(long long batch, long long joints, const double* placements, long long count, const long long* joint,
@@ -99,45 +103,92 @@ static double beyond(double x, double y, double z, const double* box, const doub
   return total;
 }
 
-/* Whether a plane (normal, support) in the second frame b separates vertices in the first frame a, enlarged by
-   `radius`, by `least`. The plane *last, which separated them at the sample before, is tried first. */
-static int separated(const double* a, const double* b, long long slots, const double* vertices, double radius,
-                     long long number, const double* planes, double least, long long* last) {
-  double turn[9], shift[3];
-  long long tried, i, j;
+/* Room for any pair; `points` is to be freed. Returns 0, or −1 without memory. */
+static int make_projection(const tables* t, projection* of) {
+  of->points = malloc((3 * t->slots + (t->slots + 3) * t->widest) * sizeof(double));
+  if (!of->points) return -1;
+  of->x = of->points + 3 * t->slots;
+  of->least = of->x + t->slots * t->widest;
+  of->work = of->least + t->widest;
+  return 0;
+}
+
+/* The largest of `width` numbers, a multiple of four: four at a time, as wide as vectors are. */
+static double largest(long long width, const double* values) {
+  double most[4];
+  long long k;
+  int j;
+  for (j = 0; j < 4; ++j) most[j] = values[j];
+  for (k = 4; k < width; k += 4)
+    for (j = 0; j < 4; ++j) most[j] = values[k + j] > most[j] ? values[k + j] : most[j];
+  most[0] = most[1] > most[0] ? most[1] : most[0];
+  most[2] = most[3] > most[2] ? most[3] : most[2];
+  return most[2] > most[0] ? most[2] : most[0];
+}
+
+/* Project a body (vertices, weights, radius) in frame a on the planes of a body in frame b, a row of all x, of all y
+   and z of the normals and one of the supports. Returns the largest least x: more than 0 only where a plane separates
+   the two. */
+static double project(const double* a, const double* b, long long slots, const double* body, long long width,
+                      const double* __restrict__ planes, projection* of) {
+  double turn[9], shift[3], radius = body[4 * slots], *p = of->points;
+  double *__restrict__ x = of->x, *__restrict__ least = of->least;
+  const double *nx = planes, *ny = nx + width, *nz = ny + width, *h = nz + width;
+  long long i, j, k;
   for (i = 0; i < 3; ++i) {
     shift[i] = b[i] * (a[9] - b[9]) + b[3 + i] * (a[10] - b[10]) + b[6 + i] * (a[11] - b[11]);
     for (j = 0; j < 3; ++j) turn[3 * i + j] = b[i] * a[j] + b[3 + i] * a[3 + j] + b[6 + i] * a[6 + j];
   }
-  for (tried = 0; tried < number; ++tried) {
-    long long which = tried == 0 ? *last : (tried <= *last ? tried - 1 : tried);
-    const double* n = planes + 4 * which;
-    double x = n[0] * turn[0] + n[1] * turn[3] + n[2] * turn[6], y = n[0] * turn[1] + n[1] * turn[4] + n[2] * turn[7];
-    double z = n[0] * turn[2] + n[1] * turn[5] + n[2] * turn[8];
-    double gap = x * vertices[0] + y * vertices[1] + z * vertices[2];
-    for (i = 1; i < slots; ++i) {
-      double along = x * vertices[3 * i] + y * vertices[3 * i + 1] + z * vertices[3 * i + 2];
-      gap = along < gap ? along : gap;
-    }
-    if (gap + n[0] * shift[0] + n[1] * shift[1] + n[2] * shift[2] - radius - n[3] > least) {
-      *last = which;
-      return 1;
+  for (i = 0; i < slots; ++i, body += 3, p += 3, x += width) {
+    double px, py, pz;
+    for (j = 0; j < 3; ++j)
+      p[j] = turn[3 * j] * body[0] + turn[3 * j + 1] * body[1] + turn[3 * j + 2] * body[2] + shift[j];
+    px = p[0];
+    py = p[1];
+    pz = p[2];
+    for (k = 0; k < width; ++k) {
+      double along = nx[k] * px + ny[k] * py + nz[k] * pz - (h[k] + radius);
+      x[k] = along;
+      least[k] = i == 0 || along < least[k] ? along : least[k];
     }
   }
-  return 0;
+  return largest(width, least);
+}
+
+/* Whether one plane of a body in frame b, row `which` of a projection's, separates a body in frame a by `least`. */
+static int separates(const double* a, const double* b, long long slots, const double* body, long long width,
+                     const double* planes, long long which, double least) {
+  const double* n = planes + which;
+  double nx = n[0], ny = n[width], nz = n[2 * width], x, y, z, gap;
+  long long i;
+  x = b[0] * nx + b[1] * ny + b[2] * nz;  /* the normal in the world, then in frame a */
+  y = b[3] * nx + b[4] * ny + b[5] * nz;
+  z = b[6] * nx + b[7] * ny + b[8] * nz;
+  gap = x * (a[9] - b[9]) + y * (a[10] - b[10]) + z * (a[11] - b[11]) - n[3 * width] - body[4 * slots] - least;
+  nx = x * a[0] + y * a[3] + z * a[6];
+  ny = x * a[1] + y * a[4] + z * a[7];
+  nz = x * a[2] + y * a[5] + z * a[8];
+  for (i = 0; i < slots; ++i, body += 3)
+    if (!(nx * body[0] + ny * body[1] + nz * body[2] + gap > 0.0)) return 0;
+  return 1;
 }
 
 /* Visit the rows (sample, pair) of balls that reach their box, pair by pair, that no plane of the box's body separates
-   by `least`. With `centres` (bodies, batch, 3) given, those of standing boxes only, without planes. Returns 0, or −1
-   without memory. */
+   by `least`; the plane that did so at the sample before is tried first. With `centres` (bodies, batch, 3) given, those
+   of standing boxes only, without planes. Returns 0, or −1 without memory. */
 static int visit(const tables* t, long long batch, long long joints, const double* placements, const double* centres,
                  const double* reach, double least, action* act, void* given) {
   long long groups = (batch + GROUP - 1) / GROUP, pairs = centres ? t->standing : t->pairs, r, g, s;
   long long boxes = t->pairs > t->standing && !centres ? t->boxes : 0;
   double *placed, *origins, *around, *beside;
+  projection of;
   if (batch == 0) return 0;
+  if (make_projection(t, &of)) return -1;
   placed = malloc(3 * batch * (t->bodies + boxes + 1) * sizeof(double));
-  if (!placed) return -1;
+  if (!placed) {
+    free(of.points);
+    return -1;
+  }
   origins = placed + 3 * batch * t->bodies;
   if (!centres) place(batch, joints, placements, t->bodies, t->body_joint, t->centres, placed);
   place(batch, joints, placements, boxes, t->box_joint, t->middles, origins);
@@ -148,7 +199,8 @@ static int visit(const tables* t, long long batch, long long joints, const doubl
     long long k = t->order[r], a = t->body[k], b = t->box[k], last = 0;
     int moving = t->joint_b[k] > 0;
     const double *at = t->at + 16 * b, *half = t->half + 3 * b, *ball = around + 4 * (groups + 1) * a;
-    const double *other = moving ? beside + 4 * (groups + 1) * b : 0, *vertices = t->table + (4 * t->slots + 1) * a;
+    const double *other = moving ? beside + 4 * (groups + 1) * b : 0, *body = t->table + (4 * t->slots + 1) * a;
+    const double* planes = t->planes + t->first[b];
     for (g = -1; g < groups; ++g, ball += 4, other += moving ? 4 : 0) {  /* −1: all samples */
       double most = reach[a] + ball[3];
       int far;
@@ -169,15 +221,23 @@ static int visit(const tables* t, long long batch, long long joints, const doubl
           if (!(beyond(frame[0] * x + frame[3] * y + frame[6] * z, frame[1] * x + frame[4] * y + frame[7] * z,
                        frame[2] * x + frame[5] * y + frame[8] * z, at, half) < most)) continue;
         } else if (!(beyond(p[0] - at[3], p[1] - at[7], p[2] - at[11], at, half) < most)) continue;
-        if (placements && separated(placements + 12 * (s * joints + t->joint_a[k]),
-                                    placements + 12 * (s * joints + t->joint_b[k]), t->slots, vertices,
-                                    vertices[4 * t->slots], t->number[b], t->planes + 4 * t->first[b], least, &last))
-          continue;
-        act(given, s, k);
+        most = 0.0;
+        if (placements) {
+          const double* frame = placements + 12 * (s * joints + t->joint_a[k]);
+          const double* beside_it = placements + 12 * (s * joints + t->joint_b[k]);
+          if (separates(frame, beside_it, t->slots, body, t->width[b], planes, last, least)) continue;
+          most = project(frame, beside_it, t->slots, body, t->width[b], planes, &of);
+          if (most > least) {
+            for (last = 0; of.least[last] < most;) ++last;
+            continue;
+          }
+        }
+        act(given, s, k, most, &of);
       }
     }
   }
   s = around && beside ? 0 : -1;
+  free(of.points);
   free(placed);
   free(around);
   free(beside);
@@ -186,7 +246,7 @@ static int visit(const tables* t, long long batch, long long joints, const doubl
 
 typedef struct { long long count, room, *samples, *pairs; } rows;
 
-static void keep(void* given, long long sample, long long pair) {
+static void keep(void* given, long long sample, long long pair, double apart, projection* of) {
   rows* kept = given;
   if (kept->count < kept->room) { kept->samples[kept->count] = sample; kept->pairs[kept->count] = pair; }
   ++kept->count;

@@ -1,4 +1,5 @@
-"""The HD-SDF of many body pairs at many samples, by the compiled kernels: the planner's own distance.
+"""The HD-SDF of many body pairs at many samples: the planner's own distance, in C or, without a compiler, in CasADi's
+interpreter.
 
 A lower bound in sign, an approximation in value: see `hdplan.distance.symbolic.halfspaces`.
 """
@@ -6,11 +7,13 @@ A lower bound in sign, an approximation in value: see `hdplan.distance.symbolic.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from hdplan.distance.symbolic.halfspaces import halfspace_distance
 from hdplan.distance.symbolic.row_function import RowFunction
+from hdplan.planner.collision import hdsdf_loop
 from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.kinematics.forward import KinematicsBatch
@@ -21,38 +24,35 @@ from hdplan.scenes.once import made_once
 class HdsdfPairs(PairDistance):
     """D of the pairs' bodies, the halfspace bodies enlarged by the margin."""
 
-    def __init__(self, pairs: BodyPairs, gamma: int, shaping_length: float, plane_counts: tuple[int, ...] = ()) -> None:
-        """Compile the distance, or find it in the cache: one kernel for each number of planes among the pairs, and for
-        each of `plane_counts`, which bodies of later scenes may have."""
-        counts = sorted({*pairs.plane_slots.tolist(), *plane_counts})
+    def __init__(self, pairs: BodyPairs, gamma: int, shaping_length: float) -> None:
+        """Compile the distance, or find it in the cache."""
         self.pairs, self.gamma, self.shaping_length = pairs, gamma, shaping_length
-        self.kernels = {count: _kernel(pairs.vertex_slots, count, gamma, shaping_length) for count in counts}
 
     @property
     def how(self) -> str:
         """Compiled or interpreted."""
-        return f"HD-SDF, {'compiled C' if self.is_compiled else 'by CasADi’s interpreter: no C compiler'}"
+        return f"HD-SDF, {'compiled C' if hdsdf_loop.library() else 'by CasADi’s interpreter: no C compiler'}"
 
     @property
-    def functions(self) -> Mapping[str, RowFunction]:
-        """The kernels that the pairs need, by their number of planes."""
-        return {f"{count} planes": self.kernels[count] for count in sorted(set(self.pairs.plane_slots.tolist()))}
-
-    @property
-    def is_compiled(self) -> bool:
-        """Whether all its kernels are C."""
-        return all(kernel.is_compiled for kernel in self.kernels.values())
+    def functions(self) -> Mapping[str, Any]:
+        """What the pairs need, by their number of planes."""
+        return {
+            f"{count} planes": halfspace_distance(self.pairs.vertex_slots, count, self.gamma, self.shaping_length)
+            for count in sorted(self.pairs.plane_tables)
+        }
 
     def __call__(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
         """Return D (S,) [m], its wrench (S, 6) and D̃ (S,) [m] for S pairs (row of the pairs) at samples."""
+        if loops := hdsdf_loop.library():
+            tables = self.pairs.tables
+            return hdsdf_loop.hdsdf_rows(loops, tables, self.gamma, self.shaping_length, kinematics, sample, pair)
         batch, joints = kinematics.placements.shape[:2]
         placements = kinematics.placements.reshape(batch * joints, 12)  # row of sample s and joint j: s·joints + j
         distance, separation, wrench = np.zeros(len(pair)), np.zeros(len(pair)), np.zeros((len(pair), 6))
         slots = self.pairs.plane_slots[pair]
-        for count, kernel in self.kernels.items():
+        for count in sorted(set(slots.tolist())):
+            kernel = _kernel(self.pairs.vertex_slots, count, self.gamma, self.shaping_length)
             chosen = np.flatnonzero(slots == count)
-            if len(chosen) == 0:
-                continue
             s, p = sample[chosen], pair[chosen]
             values, wrenches, separations = kernel(
                 [placements, placements, self.pairs.body_table, self.pairs.plane_tables[count]],

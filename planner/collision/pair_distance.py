@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import Any, Protocol
 
-from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.scenes.array_types import Array, Rows
 
@@ -14,8 +13,8 @@ class PairDistance(Protocol):
     """The distance of body pairs at samples, as a penalty needs it."""
 
     @property
-    def functions(self) -> Mapping[str, RowFunction]:
-        """The compiled functions that it calls, by purpose; none by default."""
+    def functions(self) -> Mapping[str, Any]:
+        """The CasADi functions that it evaluates, by purpose; none by default."""
         return {}
 
     @property

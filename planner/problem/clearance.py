@@ -8,12 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from hdplan.distance.compiled.c_library import Record
-from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.pair_distance import PairDistance
@@ -47,7 +45,7 @@ class PairTerm(Term):
         self.name, self.pairs, self.distance = name, pairs, distance
 
     @property
-    def functions(self) -> Mapping[str, RowFunction]:
+    def functions(self) -> Mapping[str, Any]:
         """Those of its distance."""
         return self.distance.functions
 
@@ -68,14 +66,9 @@ class PairTerm(Term):
     def _compiled(self, kinematics: KinematicsBatch, weight: Array | None) -> tuple[float, Array, Array, Array] | None:
         """The cost, gradient, curvature and depth of the samples in one loop of C, if everything in it is compiled."""
         distance, found = self.distance, loops.library()
-        if found is None or not isinstance(distance, HdsdfPairs) or not distance.is_compiled:
+        if found is None or not isinstance(distance, HdsdfPairs):
             return None
-        return loops.penalties(found, self.pairs, self._hinge, distance, kinematics, weight)
-
-    @cached_property
-    def _hinge(self) -> Record:
-        assert isinstance(self.distance, HdsdfPairs)
-        return loops.hinge(self.pairs, self.distance)
+        return loops.penalties(found, self.pairs, distance, kinematics, weight)
 
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
         """How far the worst pair may be inside its margin (B,) [m], the same all along the motion."""

@@ -15,7 +15,7 @@ import numpy as np
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
 from hdplan.planner.collision.collision_model import SELF_ACTIVATION, collision_model_of
 from hdplan.planner.collision.euclidean import FclPairs
-from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_obstacle, plane_counts
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_obstacle
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
@@ -69,10 +69,8 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
         for b in np.flatnonzero(model.reach[a].meets(halfspace_bodies, margins)).tolist()
     ]
     if pairs:
-        # room for every body and kernels for every shape, so that other obstacles need no new compilation
-        slots = max(len(body.body.vertices) for body in bodies if body.joint > 0)
-        laid_out = body_pairs(bodies, halfspace_bodies, pairs, margins, kinematics.supports, slots)
-        distance = _distance(laid_out, bodies, halfspace_bodies, settings, plane_counts(settings.normals))
+        laid_out = body_pairs(bodies, halfspace_bodies, pairs, margins, kinematics.supports)
+        distance = _distance(laid_out, bodies, halfspace_bodies, settings)
         standing = (
             SweptClearance("obstacles", laid_out, distance, settings.gamma, settings.shaping_length)
             if settings.swept
@@ -88,9 +86,7 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
                 scene,
                 bodies,
                 kinematics.supports,
-                lambda pairs, bodies, pieces: _distance(
-                    pairs, bodies, pieces, settings, plane_counts(settings.normals)
-                ),
+                lambda pairs, bodies, pieces: _distance(pairs, bodies, pieces, settings),
                 deadline,
             )
         terms = replace(terms, moving_obstacles=moving, velocity=velocity_penalty(setup))
@@ -139,8 +135,7 @@ def _distance(
     bodies: tuple[LinkBody, ...],
     halfspace_bodies: tuple[HalfspaceBody, ...],
     settings: PlannerSettings,
-    counts: tuple[int, ...] = (),
 ) -> PairDistance:
     if settings.distance == "fcl":
         return FclPairs(pairs, bodies, halfspace_bodies)
-    return HdsdfPairs(pairs, settings.gamma, settings.shaping_length, counts)
+    return HdsdfPairs(pairs, settings.gamma, settings.shaping_length)

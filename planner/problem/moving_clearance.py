@@ -74,8 +74,7 @@ def moving_clearance(
     margins = np.array([scene.clearances[piece.name] + scene.planner.activation for piece in pieces])
     pairs = [(a, b) for a, body in enumerate(bodies) if body.joint > 0 for b in range(len(pieces))]
     unmoved = np.zeros((len(obstacles), supports.shape[1]), dtype=np.bool_)
-    slots = max(len(body.body.vertices) for body in bodies if body.joint > 0)
-    laid_out = body_pairs(bodies, pieces, pairs, margins, np.vstack([supports, unmoved]), slots)
+    laid_out = body_pairs(bodies, pieces, pairs, margins, np.vstack([supports, unmoved]))
     term = MovingClearance(
         laid_out,
         distance(laid_out, bodies, pieces),

@@ -10,6 +10,7 @@ link that turns leaves it slightly in between; that is for the certificate to fi
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -35,9 +36,9 @@ class SweptClearance(PairTerm):
         self.kernels = {count: _kernel(slots, count, gamma, shaping_length) for count in sorted(pairs.plane_tables)}
 
     @property
-    def functions(self) -> Mapping[str, RowFunction]:
+    def functions(self) -> Mapping[str, Any]:
         """Those of its distance at single configurations, and of the swept distance."""
-        return {**super().functions, **{f"{count} planes, swept": run for count, run in self.kernels.items()}}
+        return {**super().functions, **{f"{count} planes, swept": run.function for count, run in self.kernels.items()}}
 
     def between(self, kinematics: KinematicsBatch) -> Inside:
         """Every pair with D < 0 on every interval between N configurations: `sample` is the interval, `gradient` (S, 2

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from hdplan.distance.symbolic.row_function import RowFunction
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.problem.samples import Samples
 from hdplan.scenes.array_types import Array
@@ -57,6 +57,6 @@ class Term:
         return np.zeros(len(kinematics.placements))
 
     @property
-    def functions(self) -> Mapping[str, RowFunction]:
-        """The compiled functions that it calls, by purpose."""
+    def functions(self) -> Mapping[str, Any]:
+        """The CasADi functions that it evaluates, by purpose."""
         return {}

@@ -1,4 +1,4 @@
-"""The cost of a problem's terms: the size of their compiled functions, and their share of a trial evaluation.
+"""The cost of a problem's terms: the size of their CasADi functions, and their share of a trial evaluation.
 
 In: a built `Problem`. Out: (name, value) rows; sizes are exact, times are measured.
 """
@@ -23,12 +23,12 @@ TRIALS = 9  # evaluations whose median is shown, after one for warming up
 
 
 def functions(problem: Problem) -> Rows:
-    """Return a row for each compiled function: the instructions of one evaluation, and the nodes of its expression."""
+    """Return a row for each CasADi function: the instructions of one evaluation, and the nodes of its expression."""
     rows = [("kinematics", _sizes(problem.kinematics.state))]
     for term in problem.terms:
-        rows += [(f"{term.name}, {purpose}", _sizes(run.function)) for purpose, run in term.functions.items()]
+        rows += [(f"{term.name}, {purpose}", _sizes(function)) for purpose, function in term.functions.items()]
         if not term.functions:
-            rows.append((term.name, "nothing compiled: NumPy, or a library"))
+            rows.append((term.name, "no expression: NumPy, or a library"))
     if problem.scene.limits.torque is not None:
         from hdplan.planner.kinematics.inverse_dynamics import dynamics_of
 

@@ -21,7 +21,7 @@ from hdplan.scenes.moveit.messages import read_message_pose, read_primitive, rea
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.poses import Pose, compose
-from hdplan.scenes.robot_files.description import Semantics, read_semantics, read_tree
+from hdplan.scenes.robot_files.description import Semantics, read_words
 from hdplan.scenes.robot_files.library import description_of
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.scene import Scene
@@ -62,8 +62,7 @@ def read_moveit(scene: Field, request_file: Path, robot: RobotSpec) -> Scene:
     request_keys = request.mapping(MESSAGES["MotionPlanRequest"], required=["goal_constraints"])
     with naming(robot.source or scene.document.file):
         name, urdf, srdf, _ = description_of(robot)
-        tree = read_tree(urdf, robot.base_joints)
-        semantics = Semantics() if srdf is None else read_semantics(srdf, tree)
+        tree, semantics = read_words(urdf, srdf, robot.base_joints)
     model = scene_keys.get("robot_model_name")
     if model and model.value != "" and model.text() not in (name, tree.name):
         model.note(f"names the robot {model.value!r}, not {name}")

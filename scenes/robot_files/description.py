@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hdplan.scenes.errors import InputError, naming, nearest
-from hdplan.scenes.files import read_file
+from hdplan.scenes.files import Stamps, read_file, stamps_of
+from hdplan.scenes.once import made_once
 from hdplan.scenes.poses import Pose, compose
 from hdplan.scenes.robot_files.link_pairs import LinkPair, link_pair
 from hdplan.scenes.robot_files.urdf_check import check_urdf, read_origin
@@ -21,6 +22,8 @@ from hdplan.scenes.robot_files.urdf_text import read_description
 from hdplan.scenes.robot_files.urdf_words import check_shapes, check_srdf_words, check_urdf_words
 from hdplan.scenes.robot_files.xml_text import DEEPEST, parse
 from hdplan.scenes.robot_spec import PlanarBase
+
+KEPT = 8  # descriptions kept in memory
 
 
 @dataclass(frozen=True)
@@ -135,6 +138,26 @@ class Semantics:
             ordered = sorted(states.items(), key=lambda each: each[0] == group)  # stable
             found[name] = {joint: value for _, state in ordered for joint, value in state.items()}
         return found
+
+
+def read_words(urdf: Path, srdf: Path | None, base_joints: PlanarBase | None) -> tuple[Tree, Semantics]:
+    """Read the URDF and the SRDF of a robot, empty without one; a plain URDF only once, while the files do not
+    change."""
+    if urdf.suffix.lower() != ".urdf":  # others may include files
+        return _read_words(urdf, srdf, base_joints)
+    return _kept_words(urdf, srdf, base_joints, stamps_of(file for file in (urdf, srdf) if file))
+
+
+def _read_words(urdf: Path, srdf: Path | None, base_joints: PlanarBase | None) -> tuple[Tree, Semantics]:
+    tree = read_tree(urdf, base_joints)
+    return tree, Semantics() if srdf is None else read_semantics(srdf, tree)
+
+
+@made_once(KEPT)
+def _kept_words(
+    urdf: Path, srdf: Path | None, base_joints: PlanarBase | None, stamps: Stamps
+) -> tuple[Tree, Semantics]:
+    return _read_words(urdf, srdf, base_joints)
 
 
 def read_tree(path: Path, base_joints: PlanarBase | None = None) -> Tree:

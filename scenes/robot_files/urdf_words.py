@@ -105,7 +105,7 @@ def check_srdf_words(root: ElementTree.Element, links: Collection[str], joints: 
     groups = {group.get("name", "") for group in root.findall("group")}
     for kind, there in (("link", {*links}), ("joint", {*joints, *virtual, FLOATING}), ("group", groups)):
         if unknown := [name for name in dict.fromkeys(named[kind]) if name not in there]:
-            shown = [f"'{name}'{nearest(name, there, 'none is like it')}" for name in unknown]
+            shown = [f"'{name}'{nearest(name, there, 'none is like it')}" for name in unknown[:MOST]] + unknown[MOST:]
             lacking = "that nothing defines" if kind == "group" else "that the robot does not have"
             notes.append(f"the SRDF names {kind}s {lacking}: {listed(shown, MOST)}")
     return tuple(notes)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hdplan.distance.compiled.c_library import compiler
 from hdplan.planner.build import build
-from hdplan.planner.collision import close_pairs
+from hdplan.planner.collision import close_pairs, hdsdf_loop
 from hdplan.planner.kinematics import forward_loop
 from hdplan.planner.problem import loops
 from hdplan.planner.problem.problem import Evaluation, Problem
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 ROUNDING = 1e-9  # relative to the largest number of its kind: sums of a few hundred terms, in another order
 WEIGHT = 1e4  # of the penalty [1/m²]
-LIBRARIES = (close_pairs, forward_loop, loops)
+LIBRARIES = (close_pairs, forward_loop, hdsdf_loop, loops)
 PARTS = ("gradient", "diagonal", "coupling", "depth")
 # Turning and sliding joints, links against links, obstacles that move, bodies that are held, path constraints.
 SCENES = ("panda_corridor", "panda_conveyor", "planar_arm", "tiago_shelf", "baxter_bimanual_carry")
