@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from hdplan.planner.motion.curve import row_count
-from hdplan.planner.motion.trajectory_files import check_length, check_output
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
@@ -43,6 +42,8 @@ def run_plan(
     if distance is not None:
         checked(Choice(DISTANCES), distance, "distance")
     if output is not None:
+        from hdplan.planner.motion.trajectory_files import check_length, check_output
+
         check_output(output)
     if plot is not None:
         from hdplan.planner.pictures.plot import check_picture

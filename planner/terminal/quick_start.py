@@ -12,7 +12,6 @@ from typing import Any
 
 import typer
 
-
 MADE: dict[Any, Any] = {str: str, bool: bool, Path: Path, list[Path]: Path}  # of a word, by what is asked for
 
 
