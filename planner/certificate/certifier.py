@@ -11,6 +11,7 @@ Distances are proven *lower bounds* in metres, positive = separated. Two bodies 
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -201,15 +202,15 @@ class Certifier:
         that the motion reaches counts."""
         required, notes = self.scene.planner.clearance, []
         for field, q, seconds in self.ends.placed(curve) if required > 0.0 else ():
-            required, note = self.allowed(field, q, required, seconds)
+            required, note = self.allowed(field, self.too_close(q, required, seconds), required)
             notes += [note] if note else []
         return required, tuple(notes)
 
-    def allowed(self, field: str, q: Array, required: float, time: float = 0.0) -> tuple[float, str]:
-        """Return the clearance [m] that can be required where the scene starts or ends at q (n,), at a time [s]:
-        `required`, or, with a note, a share of the clearance at q where that is less, to an obstacle without a
-        clearance of its own."""
-        for place, _ in self.too_close(q, required, time):
+    def allowed(self, field: str, close: Sequence[tuple[Place, float]], required: float) -> tuple[float, str]:
+        """Return the clearance [m] that can be required where the scene starts or ends, where it is `too_close` at
+        these places: `required`, or, with a note, a share of the clearance there, to an obstacle without a clearance of
+        its own."""
+        for place, _ in close:
             if place.other in self._lenient:
                 less, asked = ENDS_KEEP * max(place.distance, 0.0), self.scene.planner.clearance
                 return less, (

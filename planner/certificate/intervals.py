@@ -127,8 +127,12 @@ class Bodies:
         """Return ρ (g, n) for all configurations of a motion."""
         low, high = curve.bounds()
         travel = np.stack([low.min(axis=0), high.max(axis=0)], axis=1)
-        rows = [self.chain.reach_around(body.joint, _around(self.chain, body), travel) for body in self.bodies]
-        return np.array(rows).reshape(-1, len(travel))
+        return self.chain.reach_around(self.joint, self._cylinders, travel)
+
+    @cached_property
+    def _cylinders(self) -> Array:
+        """Around every body, as `Body.around` (g, 3)."""
+        return np.array([_around(self.chain, body) for body in self.bodies]).reshape(-1, 3)
 
 
 def _lengths(vectors: Array) -> Array:

@@ -28,7 +28,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -37,6 +36,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from hdplan.distance.compiled.c_library import Record
+from hdplan.planner.motion import reach_loop
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.once import freeze
 
@@ -128,7 +129,9 @@ class Chain:
         `travel` (n, 2) is the range of each coordinate; only those of prismatic joints are used. ρ is 0 for joints that
         do not carry the body.
         """
-        return self.reach_around(joint, self.around(joint, points, radius), travel)
+        cylinder = np.array([self.around(joint, points, radius)])
+        rho: Array = self.reach_around(np.array([joint]), cylinder, travel)[0]
+        return rho
 
     def around(self, joint: int, points: Array, radius: float) -> tuple[float, float, float]:
         """Return a cylinder about the axis of `joint` around `points`: its radius, and from where to where it goes
@@ -138,36 +141,45 @@ class Chain:
         wide = float(np.linalg.norm(points - along[:, None] * axis, axis=1).max()) + radius
         return wide, float(along.min()) - radius, float(along.max()) + radius
 
-    def reach_around(self, joint: int, cylinder: tuple[float, float, float], travel: Array) -> Array:
-        """Return ρ (n,) as `reach` does, for a body within a cylinder."""
-        rho = np.zeros(len(self.axes))
-        wide, low, high = cylinder
-        while joint > 0:
-            index = joint - 1
-            rho[index] = wide if self.revolute[index] else 1.0
-            if not self.revolute[index]:
-                low, high = low + float(travel[index, 0]), high + float(travel[index, 1])
-            joint, offset, slope, beside, out, tilt = self._inward[joint]
-            sides = [math.hypot(*(b + place * o for b, o in zip(beside, out, strict=True))) for place in (low, high)]
-            tilt, ends = tilt * wide, (offset + slope * low, offset + slope * high)
-            wide, low, high = wide + max(sides), min(ends) - tilt, max(ends) + tilt
+    def reach_around(self, joints: NDArray[np.int64], cylinders: Array, travel: Array) -> Array:
+        """Return ρ (g, n) as `reach` does, for bodies on `joints` (g,) within cylinders (g, 3)."""
+        if loops := reach_loop.library():
+            return reach_loop.reach_around(loops, self._record, joints, cylinders, travel)
+        rho = np.zeros((len(joints), len(self.axes)))
+        for row, joint, (wide, low, high) in zip(rho, joints.tolist(), cylinders.tolist(), strict=True):
+            while joint > 0:
+                index = joint - 1
+                row[index] = wide if self.revolute[index] else 1.0
+                if not self.revolute[index]:
+                    low, high = low + float(travel[index, 0]), high + float(travel[index, 1])
+                offset, slope, *sides, tilt = self._inward[joint].tolist()
+                joint = int(self.model.parents[joint])
+                far = max(math.hypot(*(sides[i] + place * sides[3 + i] for i in range(3))) for place in (low, high))
+                tilt, ends = tilt * wide, (offset + slope * low, offset + slope * high)
+                wide, low, high = wide + far, min(ends) - tilt, max(ends) + tilt
         return rho
 
     @cached_property
-    def _inward(self) -> tuple[tuple[int, float, float, Sequence[float], Sequence[float], float], ...]:
-        """For each joint: its parent; a point `place` along its axis lies at offset + slope place along the parent's
-        axis, beside + out place beside it; and the sine of the angle between the two axes."""
-        steps = []
-        for joint in range(self.model.njoints):
+    def _inward(self) -> Array:
+        """For each joint (joints, 9): a point `place` along its axis lies at offset + slope place along the parent's
+        axis, beside (3) + out (3) place beside it; and the sine of the angle between the two axes."""
+        steps = np.zeros((self.model.njoints, 9))
+        for joint in range(1, self.model.njoints):
             parent, placement = int(self.model.parents[joint]), self.model.jointPlacements[joint]
             inner = placement.rotation @ self.axes[joint - 1]
             axis, origin = self.axes[parent - 1], placement.translation
             offset, slope = float(origin @ axis), float(inner @ axis)
-            sine = math.sqrt(max(0.0, 1.0 - slope**2))
-            steps.append(
-                (parent, offset, slope, (origin - offset * axis).tolist(), (inner - slope * axis).tolist(), sine)
-            )
-        return tuple(steps)
+            beside, out = origin - offset * axis, inner - slope * axis
+            steps[joint] = [offset, slope, *beside, *out, math.sqrt(max(0.0, 1.0 - slope**2))]
+        return steps
+
+    @cached_property
+    def _record(self) -> Record:
+        """For the loops in C: their struct `chain`."""
+        parents = np.array(list(self.model.parents), np.int64)
+        return Record(
+            *(len(self.axes), parents, self.revolute.astype(np.int64), self.carried_by.astype(np.int64), self._inward)
+        )
 
     def frames(self, configurations: Array) -> tuple[Array, Array]:
         """Return rotations (k, joints, 3, 3) and origins (k, joints, 3) of all joints of the model, by Pinocchio.
@@ -197,6 +209,8 @@ class Chain:
         rho (g, n); joints (g,) that carry the bodies; centers (k, g, 3) and radii (g,) of their bounding balls; axes
         and origins (k, n, 3) of the joints, all at the midpoints; half (k, n) = |δ| + ε.
         """
+        if loops := reach_loop.library():
+            return reach_loop.local_reach(loops, self._record, joints, rho, (centers, radii, axes, origins, half))
         local = np.zeros((len(centers), *rho.shape))
         after = np.zeros(local.shape[:2])  # Σ_{k>j} (|δ_k| + ε_k) ρ_k
         for j in reversed(range(rho.shape[1])):

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from hdplan.distance.compiled.c_library import Record
 from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.pair_distance import PairDistance
@@ -81,6 +83,11 @@ class PairTerm(Term):
 
 class Clearance(PairTerm):
     """The clearance of body pairs at the samples of a motion: Σ_samples w_s Σ_pairs ½ min(D, 0)²."""
+
+    @cached_property
+    def loop(self) -> Record | None:
+        """The HD-SDF of standing bodies is one."""
+        return loops.term(self.pairs, self.distance) if isinstance(self.distance, HdsdfPairs) else None
 
     def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty:
         """The penalty at the samples of a motion."""

@@ -9,14 +9,17 @@ from __future__ import annotations
 
 import ctypes
 import functools
+from collections.abc import Sequence
 
 import numpy as np
 
-from hdplan.distance.compiled.c_library import c_functions, call
+from hdplan.distance.compiled.c_library import Record, c_functions, call
 from hdplan.planner.collision import close_pairs, hdsdf_loop
 from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.hdsdf import HdsdfPairs
-from hdplan.planner.kinematics.forward import KinematicsBatch
+from hdplan.planner.kinematics import forward_loop
+from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
+from hdplan.planner.problem.terms import Penalty
 from hdplan.scenes.array_types import Array, Rows
 
 SOURCE = """
@@ -71,6 +74,46 @@ double penalties(const tables* t, long long gamma, double length, long long n, c
   return to.total;
 }
 
+/* What stays of a motion that is evaluated: a robot, samples of `intervals` intervals, and terms of pairs. */
+typedef struct {
+  const tables* t;
+  long long gamma;
+  const double *length, *moves;
+} term;
+typedef struct {
+  const tree* robot;
+  long long intervals, batch, terms;
+  const long long* counts;
+  const double *fraction, *weight;
+  const term** of;
+} motion;
+
+/* The `penalties` of all terms at the samples of waypoints (N, n), and the kinematics there, as `forward` gives it. */
+double at_samples(const motion* m, double least, const double* positions, double* placements, double* columns,
+                  double* gradient, double* curvature, double* depth) {
+  long long n = m->robot->n, k, c, i;
+  double *q = malloc((m->batch + 1) * n * sizeof(double)), *slope = q + m->batch * n, *to = q, total = 0.0;
+  long long* moving = malloc(n * sizeof(long long));
+  const double* fraction = m->fraction;
+  if (q && moving) {
+    for (k = 0; k < m->intervals; ++k, positions += n)
+      for (c = 0; c < m->counts[k]; ++c, ++fraction)
+        for (i = 0; i < n; ++i) *to++ = (1.0 - *fraction) * positions[i] + *fraction * positions[n + i];
+    forward(m->robot, m->batch, q, placements, columns);
+  }
+  for (k = 0; k < m->terms && total >= 0.0; ++k) {
+    const term* of = m->of[k];
+    double found = !q || !moving ? -1.0
+                                 : penalties(of->t, of->gamma, *of->length, n, of->moves, least, m->batch,
+                                             m->robot->joints, placements, columns, m->weight, moving, slope, gradient,
+                                             curvature, depth);
+    total = found < 0.0 ? -1.0 : total + found;
+  }
+  free(q);
+  free(moving);
+  return total;
+}
+
 /* Sums over the samples at fractions of their intervals, counts[k] on interval k, as `Samples` says: of a gradient
    (batch, n) to waypoints (N, n), of a curvature (batch, n, n) to blocks (N, n, n) and between neighbours. */
 void to_waypoints(long long intervals, const long long* counts, const double* fraction, long long n,
@@ -97,7 +140,7 @@ void to_waypoints(long long intervals, const long long* counts, const double* fr
 @functools.cache
 def library() -> ctypes.CDLL | None:
     """The compiled loops; None without a C compiler."""
-    return c_functions("evaluation", close_pairs.SOURCE + hdsdf_loop.SOURCE + SOURCE)
+    return c_functions("evaluation", forward_loop.SOURCE + close_pairs.SOURCE + hdsdf_loop.SOURCE + SOURCE)
 
 
 def penalties(
@@ -121,6 +164,36 @@ def penalties(
     if cost < 0.0:
         raise MemoryError
     return float(cost), gradient, curvature, depth
+
+
+def term(pairs: BodyPairs, distance: HdsdfPairs) -> Record:
+    """The C struct of that name."""
+    length = np.array([distance.shaping_length])
+    return Record(pairs.tables, distance.gamma, length, pairs.moves)
+
+
+class AtSamples:
+    """The penalties of terms of pairs at the samples of a robot's motion, and the kinematics there, in one call."""
+
+    def __init__(
+        self, kinematics: Kinematics, counts: Rows, fraction: Array, weight: Array, terms: Sequence[Record]
+    ) -> None:
+        """Take what stays: samples as `Samples` says, and a `term` for each."""
+        self.shape = len(weight), kinematics.n, kinematics.nj
+        self.record = Record(
+            *(kinematics.tree, len(counts), len(weight), len(terms), counts, fraction, weight, Record(*terms))
+        )
+
+    def __call__(self, loops: ctypes.CDLL, positions: Array) -> tuple[KinematicsBatch, Penalty]:
+        """Evaluate at waypoints (N, n)."""
+        batch, n, joints = self.shape
+        placements, columns = np.empty((batch, joints, 12)), np.empty((batch, n, 6))
+        gradient, curvature, depth = np.zeros((batch, n)), np.zeros((batch, n, n)), np.zeros(batch)
+        found = (placements, columns, gradient, curvature, depth)
+        cost = call(loops.at_samples, self.record.struct, close_pairs.LEAST, positions, *found)
+        if cost < 0.0:
+            raise MemoryError
+        return KinematicsBatch(placements, columns), Penalty(float(cost), gradient, curvature, depth)
 
 
 def to_waypoints(

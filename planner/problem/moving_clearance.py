@@ -32,6 +32,8 @@ from hdplan.scenes.scene import Scene
 class MovingClearance(Clearance):
     """Clearance from moving obstacles at the times of the samples."""
 
+    loop = None  # its obstacles are placed first
+
     def __init__(
         self, pairs: BodyPairs, distance: PairDistance, motions: Sequence[ObstacleMotion], law: MinimumJerk
     ) -> None:

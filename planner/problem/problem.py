@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,9 +20,10 @@ import numpy as np
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import Kinematics
+from hdplan.planner.problem import loops
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.smoothness import Smoothness
-from hdplan.planner.problem.terms import MotionPenalty, Term
+from hdplan.planner.problem.terms import MotionPenalty, Term, nowhere
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
@@ -145,20 +147,28 @@ class Problem:
     def penalty(self, positions: Array) -> MotionPenalty:
         """All terms but the smoothness at waypoints (N, n), without their weight; the depth is that of the samples
         (B,)."""
-        kinematics = self.kinematics.evaluate(self.samples.configurations(positions))
-        penalties = [p for term in self.terms if (p := term.at_samples(kinematics, self.samples))]
-        n, batch = positions.shape[1], len(self.samples.weight)
-        total = sum((p.gradient for p in penalties), np.zeros((batch, n)))
-        curvature = sum((p.curvature for p in penalties), np.zeros((batch, n, n)))
-        slope, diagonal, coupling = self.samples.to_waypoints(total, curvature)
-        penalty = sum(p.cost for p in penalties)
-        depth = np.max([np.zeros(batch), *(p.depth for p in penalties)], axis=0)
+        if compiled := loops.library():
+            kinematics, found = self._at_samples(compiled, positions)
+        else:
+            kinematics = self.kinematics.evaluate(self.samples.configurations(positions))
+            found = nowhere(*kinematics.columns.shape[:2])
+        for term in self.terms:
+            if not (compiled and term.loop) and (more := term.at_samples(kinematics, self.samples)):
+                found = found + more
+        penalty, depth = found.cost, found.depth
+        slope, diagonal, coupling = self.samples.to_waypoints(found.gradient, found.curvature)
         for spanning in (term.over_motion(positions, self.kinematics) for term in self.terms):
             if spanning:
                 penalty, slope = penalty + spanning.cost, slope + spanning.gradient
                 diagonal, coupling = diagonal + spanning.diagonal, coupling + spanning.coupling
                 depth = np.maximum(depth, spanning.depth[self.samples.interval])
         return MotionPenalty(penalty, slope, diagonal, coupling, depth)
+
+    @cached_property
+    def _at_samples(self) -> loops.AtSamples:
+        """The terms that are loops of C."""
+        counts, found = np.array(self.samples.counts), [term.loop for term in self.terms if term.loop]
+        return loops.AtSamples(self.kinematics, counts, self.samples.fraction, self.samples.weight, found)
 
     def casadi(self) -> Program:
         """The problem as a CasADi program, for Ipopt, fatrop and other solvers of CasADi's.

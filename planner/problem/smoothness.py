@@ -32,6 +32,13 @@ class Smoothness:
         matrix: Array = first.T @ first / h + self.acceleration * second.T @ second / h**3
         return matrix
 
+    @cached_property
+    def diagonals(self) -> Array:
+        """Diagonals 0, 1 and 2 of M without the ends (3, N − 2), each from its first column on."""
+        inner = self.matrix[1:-1, 1:-1]
+        rows = [np.diagonal(inner, offset) for offset in range(3)]
+        return np.array([np.pad(row, (0, len(inner) - len(row))) for row in rows])
+
     def value(self, positions: Array) -> tuple[float, Array]:
         """Cost and gradient (N, n) at waypoints (N, n)."""
         gradient = self.matrix @ positions

@@ -8,13 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hdplan.distance.compiled.c_library import Record
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
-from hdplan.planner.problem.samples import Samples
 from hdplan.scenes.array_types import Array
+
+if TYPE_CHECKING:
+    from hdplan.planner.problem.samples import Samples
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,20 @@ class Penalty:
     gradient: Array  # (B, n) with respect to the samples' configurations
     curvature: Array  # (B, n, n) Gauss-Newton
     depth: Array  # (B,) how far the worst pair may be inside its margin [m], 0 if none is
+
+    def __add__(self, other: Penalty) -> Penalty:
+        """Both, at the same samples."""
+        return Penalty(
+            self.cost + other.cost,
+            self.gradient + other.gradient,
+            self.curvature + other.curvature,
+            np.maximum(self.depth, other.depth),
+        )
+
+
+def nowhere(batch: int, n: int) -> Penalty:
+    """No penalty at B samples of n coordinates."""
+    return Penalty(0.0, np.zeros((batch, n)), np.zeros((batch, n, n)), np.zeros(batch))
 
 
 @dataclass(frozen=True)
@@ -42,6 +59,11 @@ class Term:
     """A penalty on a motion. A term overrides `at_samples`, `over_motion` or both."""
 
     name: str  # as the user sees it
+
+    @property
+    def loop(self) -> Record | None:
+        """Its penalty at samples as part of one loop of C, `loops.AtSamples`; None where `at_samples` is called."""
+        return None
 
     def at_samples(self, kinematics: KinematicsBatch, samples: Samples) -> Penalty | None:
         """The penalty at the samples of a motion, with their weights; None for a term that has nothing there."""

@@ -18,11 +18,11 @@ def reachable_clearance(setup: Setup, certifier: Certifier) -> tuple[float, tupl
     required, words = scene.planner.clearance, []
     lenient = {obstacle.name for obstacle in scene.obstacles if obstacle.clearance is None}
     for field, q, time_ in ((scene.start.field, query.start, 0.0), (scene.goal.field, query.goal, scene.end_time)):
-        contacts = certifier.contacts(q, time_)
-        if contacts:
+        close = certifier.too_close(q, required, time_)
+        if close and close[0][0].distance <= 0.0:
             said = "; ".join(
                 f"{c.link} and {c.other} " + (f"overlap by {c.depth * 1e3:.3g} mm" if c.depth else "touch")
-                for c in contacts[:3]
+                for c in certifier.contacts(q, time_)[:3]
             )
             raise InputError(f"{scene.source}: {field}: in collision: {said}")
         if departures := certifier.off_path(q):
@@ -30,12 +30,12 @@ def reachable_clearance(setup: Setup, certifier: Certifier) -> tuple[float, tupl
             raise InputError(f"{scene.source}: {field}: breaks a path constraint: {broken}")
         if overload := certifier.overload(q):
             raise InputError(f"{scene.source}: {field}: {overload}")
-        for place, asked in certifier.too_close(q, required, time_):
+        for place, asked in close:
             if place.other not in lenient:
                 raise InputError(
                     f"{scene.source}: {field}: {place.link} is {place.distance * 1e3:.3g} mm from {place.other}, "
                     f"{asked * 1e3:g} mm are asked for (obstacles[].clearance, self_collision.clearance)"
                 )
-        required, word = certifier.allowed(field, q, required, time_)
+        required, word = certifier.allowed(field, close, required)
         words += [word] if word else []
     return required, tuple(words)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ from hdplan.planner.collision import close_pairs, hdsdf_loop
 from hdplan.planner.kinematics import forward_loop
 from hdplan.planner.problem import loops
 from hdplan.planner.problem.problem import Evaluation, Problem
+from hdplan.planner.problem.samples import Samples
+from hdplan.planner.solvers import newton_step
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Array = NDArray[np.float64]
@@ -82,3 +85,29 @@ def test_one_configuration_or_none(problem: Problem) -> None:
     for k in (0, len(q) // 2):
         assert problem.depth(q[k : k + 1]) == pytest.approx(together[k], abs=ROUNDING)
     assert problem.depth(q[:0]).shape == (0,)
+
+
+def test_a_step_as_by_scipy(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where coordinates are held at their limits, and of motions with very few waypoints."""
+    for positions in [*motions(problem, 5), problem.polyline()[[0, 1, -1]], problem.polyline()[[0, 1, 2, -1]]]:
+        tried = positions.copy()
+        tried[1] = problem.robot.inner[1]
+        few = replace(problem, smoothness=replace(problem.smoothness, waypoints=len(tried)))
+        few = replace(few, terms=replace(few.terms, velocity=None))
+        if len(tried) != problem.waypoints:
+            few = replace(few, samples=Samples((2,) * (len(tried) - 1)))
+        state = few.evaluate(tried, WEIGHT)
+        with monkeypatch.context() as patched:
+            found = newton_step.newton_step(few, tried, state, 1e-3)
+            patched.setattr(newton_step, "library", lambda: None)
+            expected = newton_step.newton_step(few, tried, state, 1e-3)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+        assert not found[0].any()
+        assert not found[-1].any()
+
+
+def test_no_step_where_the_hessian_is_not_positive_definite(problem: Problem) -> None:
+    line = problem.polyline()
+    state = problem.evaluate(line, WEIGHT)
+    with pytest.raises(np.linalg.LinAlgError):
+        newton_step.newton_step(problem, line, replace(state, diagonal=-1e9 - state.diagonal), 1e-3)
