@@ -77,10 +77,9 @@ def link_bodies(robot: Robot, geometry: str = "fitted") -> tuple[LinkBody, ...]:
     """
     links, around = [], []
     for link in robot.links:
-        frame = _link_frame(robot, link)
         for swept in enclosed(robot, link, geometry):
             links.append(link)
-            around.append(Swept(_moved(swept.vertices, frame), swept.radius))
+            around.append(Swept(in_joint(robot, link, swept.vertices), swept.radius))
     return tuple(
         LinkBody(link, robot.link_joint[link], body) for link, body in zip(links, convex_bodies(around), strict=True)
     )
@@ -91,7 +90,7 @@ def fit_report(robot: Robot) -> tuple[FitRow, ...]:
     rows = []
     for link in robot.links:
         bodies = enclosed(robot, link, "fitted")
-        triangles = _link_triangles(robot, link)
+        triangles = link_triangles(robot, link)
         points = hull_points(triangles.reshape(-1, 3))
         mean, p95 = outside(bodies, points, samples=2000)
         volume = sum(_volume(body) for body in bodies) / scipy.spatial.ConvexHull(points).volume
@@ -118,12 +117,17 @@ def contains(bodies: tuple[Swept, ...], triangles: Array, depth: int = 60) -> bo
         triangles = triangles[~inside.all(2).any(0)]
         if len(triangles) == 0:
             return True
-        sides = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)
-        turn = (sides.argmax(1)[:, None] + np.arange(3)) % 3
-        a, b, c = (triangles[np.arange(len(triangles)), turn[:, k]] for k in range(3))
-        middle = (a + b) / 2
-        triangles = np.concatenate([np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)])
+        triangles = halved(triangles)
     return False
+
+
+def halved(triangles: Array) -> Array:
+    """Return both halves of triangles (T, 3, 3), cut across their longest sides: (2 T, 3, 3)."""
+    sides = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)
+    turn = (sides.argmax(1)[:, None] + np.arange(3)) % 3
+    a, b, c = (triangles[np.arange(len(triangles)), turn[:, k]] for k in range(3))
+    middle = (a + b) / 2
+    return np.concatenate([np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)])
 
 
 # --- fitting ----------------------------------------------------------------------------------------------------------
@@ -143,7 +147,7 @@ def enclosed(robot: Robot, link: str, geometry: str = "fitted") -> tuple[Swept, 
             return tuple(Swept(np.array(vertices), radius) for vertices, radius in known)
         tell(f"fitting bodies to {link}, link {robot.links.index(link) + 1} of {len(robot.links)} of {robot.name}")
         with threadpool_limits(1):  # thousands of tiny products: with threads that wait for each other, 5 s become 20
-            bodies = _around(_link_triangles(robot, link), geometry)
+            bodies = _around(link_triangles(robot, link), geometry)
         store("link_bodies", key, [[body.vertices.tolist(), body.radius] for body in bodies])
         return bodies
 
@@ -188,6 +192,11 @@ def _link_frame(robot: Robot, link: str) -> pin.SE3:
     return robot.model.frames[_items(robot, link)[0].parentFrame].placement
 
 
+def in_joint(robot: Robot, link: str, points: Array) -> Array:
+    """Return points (m, 3) of a link's frame in the frame of the joint that carries it [m]."""
+    return _moved(points, _link_frame(robot, link))
+
+
 def _moved(points: Array, placement: pin.SE3) -> Array:
     return np.asarray(points @ placement.rotation.T + placement.translation)
 
@@ -203,7 +212,7 @@ def _content(robot: Robot, link: str, item: pin.GeometryObject) -> tuple[str | b
     return kind, rounded.tobytes(), _outline(item).tobytes()
 
 
-def _link_triangles(robot: Robot, link: str) -> Array:
+def link_triangles(robot: Robot, link: str) -> Array:
     """Return triangles (T, 3, 3) in the link's frame whose pieces' hulls contain the link's collision geometry."""
     inverse = _link_frame(robot, link).inverse()
     return np.concatenate([_moved(_triangles(item), inverse * item.placement) for item in _items(robot, link)])
