@@ -82,6 +82,7 @@ EFFECTS = (
     Effect("goal.pose", "panda_grasp", one_goal),
     Effect("path.upright", "panda_cup", lambda scene: replace(scene, path=PathConstraints())),
     Effect("path.position", "ur5_scan", lambda scene: replace(scene, path=PathConstraints())),
+    Effect("path.relative", "baxter_bimanual_carry", lambda scene: replace(scene, path=PathConstraints())),
     Effect("limits.position", "panda_cable", lambda scene: replace(scene, limits=Limits())),
     Effect("timing.duration", "panda_conveyor", lambda scene: replace(standing(scene), timing=None), standing),
     Effect("limits of rates", "ur5_pallet", lambda scene: replace(scene, limits=Limits(), timing=None)),

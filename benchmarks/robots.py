@@ -5,13 +5,16 @@
 Prints a Markdown table, a row for each robot as soon as it is there; without names, of all robots. Each robot runs in a
 process of its own, ended at the limit of processor time. Times are seconds of processor time: fit and load once (fit
 with an empty cache), build, solve and certify for a motion, at the median; a plan's time is split among them as the
-clock has them. Ends are random configurations within the
-limits that touch nothing; a robot for which none is found says so, as does one that cannot be loaded.
+clock has them. Ends are random configurations that touch nothing: anywhere within the limits, or, where a robot of
+many limbs nearly always touches itself there, around a configuration in which it does not, the wider the better.
+Obstacles leave the robot room to stand there. A robot for which none is found says so, as does one that cannot be
+loaded.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import os
 import resource
@@ -20,6 +23,8 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -40,6 +45,8 @@ from hdplan.scenes.shapes import Box, Sphere
 
 HEAD = ("robot", "joints", "links", "bodies", "outside mm", "certified", "load", "fit", "build", "solve", "certify")
 TRIES = 200  # random configurations that an end is looked for among
+SPREADS = (1.0, 0.5, 0.25, 0.1, 0.05)  # share of the way from a free configuration to random ones
+PLACES = 20  # that are tried for an obstacle
 OBSTACLES = 4
 PLAN_LIMIT = 20.0  # [s] for one plan
 
@@ -83,24 +90,52 @@ def split(result: PlanResult, spent: float) -> dict[str, float]:
 
 
 def random_scene(name: str, robot: Robot, rng: np.random.Generator) -> Scene:
-    """Return a scene with obstacles within the robot's reach and two free ends."""
+    """Return a scene with obstacles within the robot's reach, clear of it where it stands, and two free ends."""
+    rest = standing(name, robot, rng)
+    alone = Scene(robot=RobotSpec(name=name), start=rest, goal=rest)
     reach = max(0.3, float(np.abs([p for q in robot.draw(rng, 20) for p in positions(robot, q)]).max()))
-    obstacles = []
+    obstacles: list[Obstacle] = []
     for i in range(OBSTACLES):
         size = rng.uniform(0.03, 0.15) * reach
         shape = Box(tuple((2 * size * rng.uniform(0.5, 1.0, 3)).tolist())) if i % 2 else Sphere(size)
-        direction = rng.normal(size=3)
-        place = direction / np.linalg.norm(direction) * rng.uniform(0.4, 1.0) * reach
-        obstacles.append(Obstacle(f"obstacle{i}", shape, Pose(tuple(place.tolist()))))
-    rest = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
-    spec = RobotSpec(name=name)
-    scene = Scene(robot=spec, obstacles=obstacles, start=rest, goal=rest)
+        for direction, far in zip(rng.normal(size=(PLACES, 3)), rng.uniform(0.4, 1.0, PLACES), strict=True):
+            place = direction / np.linalg.norm(direction) * far * reach
+            placed = Obstacle(f"obstacle{i}", shape, Pose(tuple(place.tolist())))
+            if is_free(replace(alone, obstacles=(placed,)), robot)(rest):
+                obstacles.append(placed)
+                break
+    scene = replace(alone, obstacles=tuple(obstacles))
+    free = is_free(scene, robot)
+    for spread in SPREADS:
+        around = (rest + spread * (q - rest) for q in robot.draw(rng, TRIES))
+        ends = list(itertools.islice(filter(free, around), 2))
+        if len(ends) == 2:
+            return scene.with_start(ends[0]).with_goal(ends[1])
+    raise InputError(f"fewer than two of {TRIES} configurations are free, even within {SPREADS[-1]:g} of a free one")
+
+
+def standing(name: str, robot: Robot, rng: np.random.Generator) -> np.ndarray:
+    """Return a configuration in which the robot touches nothing of itself: a named state, all joints at 0, in the
+    middle of their limits, or random."""
+    zero = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
+    bounded = np.isfinite(robot.lower) & np.isfinite(robot.upper)
+    middle = np.where(bounded, robot.lower / 2 + robot.upper / 2, zero)
+    named = [
+        np.array([values.get(joint, zero[i]) for i, joint in enumerate(robot.joint_names)])
+        for values in robot.named_states.values()
+    ]
+    free = is_free(Scene(robot=RobotSpec(name=name), start=zero, goal=zero), robot)
+    for q in (*named, zero, middle, *robot.draw(rng, TRIES)):
+        inside = np.clip(q, robot.lower, robot.upper)
+        if free(inside):
+            return inside
+    raise InputError(f"it touches itself in its named states, at 0, in the middle and in {TRIES} random configurations")
+
+
+def is_free(scene: Scene, robot: Robot) -> Callable[[np.ndarray], bool]:
+    """Return whether a configuration touches nothing, as a function of it."""
     certifier = Certifier(Setup.of(scene, robot))
-    free = (q for q in robot.draw(rng, TRIES) if not certifier.contacts(q))
-    ends = [q for q, _ in zip(free, range(2), strict=False)]
-    if len(ends) < 2:
-        raise InputError(f"fewer than two of {TRIES} random configurations are free")
-    return scene.with_start(ends[0]).with_goal(ends[1])
+    return lambda q: not certifier.contacts(q)
 
 
 def positions(robot: Robot, q: np.ndarray) -> list[np.ndarray]:

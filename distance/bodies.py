@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csr_matrix, triu
-from scipy.spatial import ConvexHull
 
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.once import read_only
 from hdplan.scenes.values import Whole, checked, instance
 
@@ -219,7 +219,7 @@ def _hull(points: Array) -> tuple[Array, Array, Array, Array]:
 
 def _corners(plane: Array, rounding: float) -> NDArray[np.intp]:
     """Return the indices of the corners of the convex hull of ``plane`` (n, 2), in order around it."""
-    ring = ConvexHull(plane).vertices
+    ring = scipy.spatial.ConvexHull(plane).vertices
     before, after = plane[np.roll(ring, 1)] - plane[ring], plane[np.roll(ring, -1)] - plane[ring]
     across = _unit(after - before)
     height = np.abs(across[:, 0] * after[:, 1] - across[:, 1] * after[:, 0])
@@ -228,13 +228,13 @@ def _corners(plane: Array, rounding: float) -> NDArray[np.intp]:
 
 def _polytope(points: Array, scaled: Array, rounding: float, to_points: Array) -> tuple[Array, Array, Array, Array]:
     """Merge the triangles of the hull of ``scaled`` (n, 3) into faces; ``to_points`` (3, 3) maps normals back."""
-    hull = ConvexHull(scaled)
+    hull = scipy.spatial.ConvexHull(scaled)
     corners = np.sort(hull.vertices[np.sum(_planes(hull, scaled, rounding)[1], axis=0) >= 3])
     if len(corners) < len(hull.vertices):  # the others lie inside faces or edges and cause slivers
         return _polytope(points[corners], scaled[corners], rounding, to_points)
     planes, on_face = _planes(hull, scaled, max(SAME_PLANE, rounding))
-    incidence = csr_matrix(on_face.astype(int))
-    shared = triu(incidence @ incidence.T, k=1).tocoo()
+    incidence = scipy.sparse.csr_matrix(on_face.astype(int))
+    shared = scipy.sparse.triu(incidence @ incidence.T, k=1).tocoo()
     ridges = []
     for f, g in zip(shared.row[shared.data >= 2], shared.col[shared.data >= 2], strict=True):
         ends = points[hull.vertices[on_face[f] & on_face[g]]]  # two faces share an edge where they share two corners
@@ -242,7 +242,7 @@ def _polytope(points: Array, scaled: Array, rounding: float, to_points: Array) -
     return points[corners], _unit(planes @ to_points), *unique_directions(_unit(np.array(ridges)))
 
 
-def _planes(hull: ConvexHull, points: Array, tolerance: float) -> tuple[Array, Mask]:
+def _planes(hull: Any, points: Array, tolerance: float) -> tuple[Array, Mask]:
     """Return the normals (F, 3) of the faces and which hull vertices lie on each (F, m).
 
     The largest triangle not yet in a face starts the next one, which takes in every triangle within ``tolerance`` of

@@ -29,3 +29,6 @@ class LazyModule:
     def __getattr__(self, attribute: str) -> Any:
         """Return what the library has by this name."""
         return getattr(import_module(self._name), attribute)
+
+
+scipy: Any = LazyModule("scipy")  # its parts too; a plan with a robot that is known needs nothing of it

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
+from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion
 
 Array = NDArray[np.float64]
@@ -38,7 +38,9 @@ class ObstacleMotion:
             return cls(np.array([-np.inf]), np.zeros(1), obstacle.pose.matrix[None].copy(), velocity, spin)
         times, poses = np.array(motion.times), np.array([pose.matrix for pose in motion.poses])
         widths = np.diff(times)[:, None]
-        turns = Rotation.from_matrix(poses[1:, :3, :3] @ poses[:-1, :3, :3].transpose(0, 2, 1)).as_rotvec()
+        turns = scipy.spatial.transform.Rotation.from_matrix(
+            poses[1:, :3, :3] @ poses[:-1, :3, :3].transpose(0, 2, 1)
+        ).as_rotvec()
         with np.errstate(over="ignore"):  # the certificate refuses what moves too fast
             velocity, spin = np.diff(poses[:, :3, 3], axis=0) / widths, turns / widths
         return cls(
@@ -54,7 +56,7 @@ class ObstacleMotion:
         row = self.segment(times)
         elapsed = (times - self.anchors[row])[:, None]
         placements = self.poses[row].copy()
-        turned = Rotation.from_rotvec(elapsed * self.spin[row]).as_matrix()
+        turned = scipy.spatial.transform.Rotation.from_rotvec(elapsed * self.spin[row]).as_matrix()
         placements[:, :3, :3] = turned @ placements[:, :3, :3]
         placements[:, :3, 3] += elapsed * self.velocity[row]
         return placements

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from hdplan.distance.bodies import ConvexBody
+from hdplan.scenes.lazy_imports import scipy
 
 
 def triangles(body: ConvexBody) -> NDArray[np.intp]:
@@ -23,7 +23,7 @@ def triangles(body: ConvexBody) -> NDArray[np.intp]:
         fan = np.array([(0, min(k, last), min(k + 1, last)) for k in range(1, max(2, last))])
         return np.vstack([fan, fan[:, ::-1]]) if len(body.faces) else fan
     # An affine map keeps the hull's triangles, and this one makes needles round.
-    found = ConvexHull(np.linalg.svd(corners - corners.mean(0), full_matrices=False)[0]).simplices
+    found = scipy.spatial.ConvexHull(np.linalg.svd(corners - corners.mean(0), full_matrices=False)[0]).simplices
     a, b, c = (corners[found[:, k]] - corners.mean(0) for k in range(3))
     inward = np.sum(np.cross(b - a, c - a) * a, axis=1) < 0
     return np.asarray(np.where(inward[:, None], found[:, ::-1], found), dtype=np.intp)

@@ -20,6 +20,7 @@ import coal
 import numpy as np
 from numpy.typing import NDArray
 
+from hdplan.planner.certificate.hull_volumes import hull_volume, is_convex
 from hdplan.planner.geometry.coal_shapes import convex_hull, triangle_tree
 from hdplan.planner.geometry.meshes import TriangleMesh, below, load_mesh
 from hdplan.planner.geometry.solids import Solid
@@ -156,11 +157,11 @@ def mesh_pieces(mesh: TriangleMesh) -> tuple[Piece, ...]:
     """
     parts = mesh.components()
     if len(parts) > MOST_PIECES or not all(part.closed and part.volume > 0 for part in parts):
-        if mesh.convex:
+        if is_convex(mesh):
             return (_hull(mesh.vertices),)
         return _cut(mesh, Solid(mesh))
     return tuple(
-        piece for part in parts for piece in ((_hull(part.vertices),) if part.convex else _cut(part, Solid(part)))
+        piece for part in parts for piece in ((_hull(part.vertices),) if is_convex(part) else _cut(part, Solid(part)))
     )
 
 
@@ -170,11 +171,11 @@ def _cut(mesh: TriangleMesh, solid: Solid) -> tuple[Piece, ...]:
 
     The parts of a shell could be cut for ever, always with enough gain: MOST_PIECES ends that.
     """
-    parts, whole = [(mesh.hull_volume, mesh)], list[TriangleMesh]()
+    parts, whole = [(hull_volume(mesh), mesh)], list[TriangleMesh]()
     while parts:
         volume, part = parts.pop(max(range(len(parts)), key=lambda i: parts[i][0]))
         halves = _halves(part) if volume > 0.0 and len(parts) + len(whole) + 2 <= MOST_PIECES else ()
-        volumes = [half.hull_volume for half in halves]
+        volumes = [hull_volume(half) for half in halves]
         if halves and sum(volumes) <= WORTH_CUTTING * volume:
             parts.extend(zip(volumes, halves, strict=True))
         else:

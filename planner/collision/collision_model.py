@@ -12,15 +12,16 @@ import numpy as np
 
 from hdplan.distance.compiled.cache import content_key, load, store
 from hdplan.planner.collision.broad_phase import body_pairs
-from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_link_body
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_link_part
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody, link_bodies
+from hdplan.planner.collision.link_parts import link_parts
 from hdplan.planner.collision.reach import Reach, reach_of
 from hdplan.planner.kinematics.forward import Kinematics, kinematics_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.once import made_once
 
-VERSION = "1"  # to be changed with anything that changes which bodies overlap, so that old cache entries are not used
+VERSION = "2"  # to be changed with anything that changes which bodies overlap, so that old cache entries are not used
 TRIALS = 200  # random configurations at which pairs of outer bodies are tested for overlap
 GAMMA, LENGTH = 2, 1e-3  # of the distance that tests them; its sign, which alone counts here, depends on neither
 SELF_ACTIVATION = 0.005  # [m] links of one arm are close by design: their penalty sets in late
@@ -36,7 +37,7 @@ class CollisionModel:
 
     kinematics: Kinematics
     bodies: tuple[LinkBody, ...]  # the links' outer bodies, from base to tip
-    planes: tuple[HalfspaceBody, ...]  # the same bodies by planes, for the second side of a pair
+    planes: tuple[HalfspaceBody, ...]  # by planes what each encloses of its link, for the second side of a pair
     reach: tuple[Reach, ...]  # balls that they never leave
     self_pairs: tuple[BodyPair, ...]  # to be kept apart
     distances_kept: tuple[float, ...]  # [m] proven for each of them within the joint limits; 0 where none is
@@ -48,11 +49,22 @@ def collision_model_of(robot: Robot, geometry: str, planes: str) -> CollisionMod
     """Return the collision model of a robot with the bodies and planes of these settings: one object for equal
     arguments."""
     kinematics, bodies = kinematics_of(robot), link_bodies(robot, geometry)
-    enclosed = tuple(from_link_body(body.link, body.joint, body.body, planes) for body in bodies)
+    enclosed = _enclosed(robot, bodies, geometry, planes)
     reach = tuple(reach_of(robot, body.joint, body.body) for body in bodies)
     pairs, unresolved = _separable_pairs(robot, kinematics, bodies, enclosed)
     kept = _distances_kept(robot, kinematics, bodies, enclosed, pairs)
     return CollisionModel(kinematics, bodies, enclosed, reach, pairs, kept, unresolved)
+
+
+def _enclosed(robot: Robot, bodies: tuple[LinkBody, ...], geometry: str, planes: str) -> tuple[HalfspaceBody, ...]:
+    """By planes what each body encloses of its link."""
+    found = []
+    for link, own in itertools.groupby(bodies, lambda body: body.link):
+        parts = [*link_parts(robot, link, geometry)]
+        for row, body in enumerate(own):
+            part = parts[row] if parts else np.empty((0, 3))
+            found.append(from_link_part(link, body.joint, body.body, part, planes))
+    return tuple(found)
 
 
 def _distances_kept(

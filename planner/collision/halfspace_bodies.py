@@ -14,7 +14,6 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.symbolic.halfspaces import FAR, box_directions
@@ -23,6 +22,7 @@ from hdplan.planner.geometry.meshes import load_mesh
 from hdplan.planner.geometry.shapes import operations
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import check_time
+from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import freeze
 from hdplan.scenes.shapes import Mesh, Points, Shape
@@ -118,6 +118,18 @@ def from_link_body(link: str, joint: int, body: ConvexBody, planes: str = "box")
     return _placed(link, joint, np.eye(4), body, directions, supports, half, frame)
 
 
+def from_link_part(link: str, joint: int, body: ConvexBody, part: Array, planes: str = "box") -> HalfspaceBody:
+    """Enclose what an outer link body encloses of its link, points (m, 3) in it, by the directions of a ball: tighter
+    than the body itself, in more directions."""
+    if len(part) == 0:
+        return from_link_body(link, joint, body, planes)
+    frame = _box_frame(part)
+    local = (part - frame[:3, 3]) @ frame[:3, :3]
+    directions = _few(planes) if planes == "faces" else _many(_ball_directions(np.ones(3)), planes)
+    supports = (directions @ local.T).max(axis=1)
+    return _placed(link, joint, np.eye(4), body, directions, supports, np.abs(local).max(axis=0), frame)
+
+
 def plane_counts(planes: str) -> tuple[int, int]:
     """The numbers of planes that an obstacle may have: box-like, or of any other shape."""
     return len(_few(planes)), len(_many(_round_directions(), planes))
@@ -174,8 +186,8 @@ def _face_normals(points: Array) -> Array:
     """Normals of the hull's largest faces (F, 3), as many as there are slots, without those that a box direction
     already gives; none for flat hulls."""
     try:
-        hull = ConvexHull(points)
-    except (QhullError, ValueError):
+        hull = scipy.spatial.ConvexHull(points)
+    except (scipy.spatial.QhullError, ValueError):
         return np.empty((0, 3))
     triangles = points[hull.simplices]
     areas = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)

@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING, Any
 import coal
 import numpy as np
 import pinocchio as pin
-from scipy.spatial import ConvexHull, QhullError
 from threadpoolctl import threadpool_limits
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.distance.compiled.cache import content_key, load, store
+from hdplan.planner.collision.convex_bodies import convex_bodies
 from hdplan.planner.collision.hull_distance import distance_to_hull
 from hdplan.planner.collision.link_fit import box_axes, fitted, hull_points
 from hdplan.planner.collision.shipped_bodies import shipped_bodies
@@ -32,7 +32,7 @@ from hdplan.planner.geometry.shapes import operations, shape_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.lazy_imports import LazyModule
+from hdplan.scenes.lazy_imports import LazyModule, scipy
 from hdplan.scenes.once import ForkSafeLock
 from hdplan.scenes.progress import tell
 
@@ -75,11 +75,13 @@ def link_bodies(robot: Robot, geometry: str = "fitted") -> tuple[LinkBody, ...]:
 
     geometry: "fitted", "capsule", "outer-4", "outer-12", "box" (the oriented bounding box) or "hull" (all its corners).
     """
+    links, around = [], []
+    for link in robot.links:
+        for swept in enclosed(robot, link, geometry):
+            links.append(link)
+            around.append(Swept(in_joint(robot, link, swept.vertices), swept.radius))
     return tuple(
-        LinkBody(link, robot.link_joint[link], ConvexBody.from_points(_moved(swept.vertices, frame), swept.radius))
-        for link in robot.links
-        for frame in [_link_frame(robot, link)]
-        for swept in enclosed(robot, link, geometry)
+        LinkBody(link, robot.link_joint[link], body) for link, body in zip(links, convex_bodies(around), strict=True)
     )
 
 
@@ -88,10 +90,10 @@ def fit_report(robot: Robot) -> tuple[FitRow, ...]:
     rows = []
     for link in robot.links:
         bodies = enclosed(robot, link, "fitted")
-        triangles = _link_triangles(robot, link)
+        triangles = link_triangles(robot, link)
         points = hull_points(triangles.reshape(-1, 3))
         mean, p95 = outside(bodies, points, samples=2000)
-        volume = sum(_volume(body) for body in bodies) / ConvexHull(points).volume
+        volume = sum(_volume(body) for body in bodies) / scipy.spatial.ConvexHull(points).volume
         vertices = sum(len(body.vertices) for body in bodies)
         rows.append(FitRow(link, len(bodies), vertices, volume, mean, p95, contains(bodies, triangles)))
     return tuple(rows)
@@ -115,12 +117,17 @@ def contains(bodies: tuple[Swept, ...], triangles: Array, depth: int = 60) -> bo
         triangles = triangles[~inside.all(2).any(0)]
         if len(triangles) == 0:
             return True
-        sides = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)
-        turn = (sides.argmax(1)[:, None] + np.arange(3)) % 3
-        a, b, c = (triangles[np.arange(len(triangles)), turn[:, k]] for k in range(3))
-        middle = (a + b) / 2
-        triangles = np.concatenate([np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)])
+        triangles = halved(triangles)
     return False
+
+
+def halved(triangles: Array) -> Array:
+    """Return both halves of triangles (T, 3, 3), cut across their longest sides: (2 T, 3, 3)."""
+    sides = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)
+    turn = (sides.argmax(1)[:, None] + np.arange(3)) % 3
+    a, b, c = (triangles[np.arange(len(triangles)), turn[:, k]] for k in range(3))
+    middle = (a + b) / 2
+    return np.concatenate([np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)])
 
 
 # --- fitting ----------------------------------------------------------------------------------------------------------
@@ -140,7 +147,7 @@ def enclosed(robot: Robot, link: str, geometry: str = "fitted") -> tuple[Swept, 
             return tuple(Swept(np.array(vertices), radius) for vertices, radius in known)
         tell(f"fitting bodies to {link}, link {robot.links.index(link) + 1} of {len(robot.links)} of {robot.name}")
         with threadpool_limits(1):  # thousands of tiny products: with threads that wait for each other, 5 s become 20
-            bodies = _around(_link_triangles(robot, link), geometry)
+            bodies = _around(link_triangles(robot, link), geometry)
         store("link_bodies", key, [[body.vertices.tolist(), body.radius] for body in bodies])
         return bodies
 
@@ -170,7 +177,7 @@ def _around(triangles: Array, geometry: str) -> tuple[Swept, ...]:
 def _volume(body: Swept) -> float:
     """Return a swept body's volume [m^3], from a fine polyhedron in it."""
     ball = trimesh.creation.icosphere(subdivisions=3).vertices
-    return float(ConvexHull((body.vertices[:, None] + body.radius * ball).reshape(-1, 3)).volume)
+    return float(scipy.spatial.ConvexHull((body.vertices[:, None] + body.radius * ball).reshape(-1, 3)).volume)
 
 
 # --- geometry ---------------------------------------------------------------------------------------------------------
@@ -185,6 +192,11 @@ def _link_frame(robot: Robot, link: str) -> pin.SE3:
     return robot.model.frames[_items(robot, link)[0].parentFrame].placement
 
 
+def in_joint(robot: Robot, link: str, points: Array) -> Array:
+    """Return points (m, 3) of a link's frame in the frame of the joint that carries it [m]."""
+    return _moved(points, _link_frame(robot, link))
+
+
 def _moved(points: Array, placement: pin.SE3) -> Array:
     return np.asarray(points @ placement.rotation.T + placement.translation)
 
@@ -197,10 +209,10 @@ def _content(robot: Robot, link: str, item: pin.GeometryObject) -> tuple[str | b
     mesh = Path(item.meshPath)
     if mesh.is_file():
         return kind, rounded.tobytes(), np.asarray(item.meshScale).tobytes(), mesh.read_bytes()
-    return kind, rounded.tobytes(), _triangles(item).tobytes()
+    return kind, rounded.tobytes(), _outline(item).tobytes()
 
 
-def _link_triangles(robot: Robot, link: str) -> Array:
+def link_triangles(robot: Robot, link: str) -> Array:
     """Return triangles (T, 3, 3) in the link's frame whose pieces' hulls contain the link's collision geometry."""
     inverse = _link_frame(robot, link).inverse()
     return np.concatenate([_moved(_triangles(item), inverse * item.placement) for item in _items(robot, link)])
@@ -208,22 +220,26 @@ def _link_triangles(robot: Robot, link: str) -> Array:
 
 def _triangles(item: pin.GeometryObject) -> Array:
     """Return triangles (T, 3, 3) of a geometry in its own frame: a mesh's, or those of a polyhedron around it."""
+    outline = _outline(item)
+    if outline.ndim == 3:
+        return outline
+    try:
+        return np.asarray(outline[scipy.spatial.ConvexHull(outline).simplices])
+    except scipy.spatial.QhullError:
+        raise InputError("robot: a collision geometry is flat") from None
+
+
+def _outline(item: pin.GeometryObject) -> Array:
+    """Return the triangles (T, 3, 3) of a mesh, or the corners (m, 3) of a polyhedron around any other geometry."""
     shape: Any = item.geometry
     if isinstance(shape, coal.BVHModelBase):
         faces = (shape.tri_indices(index) for index in range(shape.num_tris))
         corners = np.array([[face[0], face[1], face[2]] for face in faces])
         return np.asarray(np.asarray(shape.vertices())[corners])
     if isinstance(shape, coal.ConvexBase):
-        return _polyhedron(np.asarray(shape.points()))
+        return np.array(shape.points())
     known = shape_of(shape)
     outline = None if known is None else operations(known).outline
     if outline is not None:
-        return _polyhedron(outline.around(known))
+        return outline.around(known)
     raise InputError(f"robot: collision geometry '{item.name}' is a {type(shape).__name__}, which hdplan does not know")
-
-
-def _polyhedron(points: Array) -> Array:
-    try:
-        return np.asarray(points[ConvexHull(points).simplices])
-    except QhullError:
-        raise InputError("robot: a collision geometry is flat") from None

@@ -12,12 +12,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from hdplan.planner.collision.sphere_swept_fit import Reference, Swept, Target, finished, rough_fits, spread
 from hdplan.planner.collision.standing_out import outside
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.lazy_imports import LazyModule
+from hdplan.scenes.lazy_imports import LazyModule, scipy
 
 if TYPE_CHECKING:
     import trimesh
@@ -87,7 +86,7 @@ def box_axes(points: Array) -> Array:
 
 def hull_points(points: Array) -> Array:
     """Return the corners (N, 3) of the convex hull of points (M, 3)."""
-    return np.asarray(points[ConvexHull(points).vertices])
+    return np.asarray(points[scipy.spatial.ConvexHull(points).vertices])
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,5 +174,5 @@ def _corners_of_volume(points: Array) -> Array | None:
     """Return the corners of the hull of points (N, 3); None if it has no volume."""
     try:
         return hull_points(points) if len(points) else None
-    except QhullError:
+    except scipy.spatial.QhullError:
         return None

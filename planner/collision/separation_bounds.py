@@ -33,6 +33,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hdplan.distance.compiled.cache import content_key, load, store
+from hdplan.planner.collision import separation_loop
 from hdplan.planner.collision.broad_phase import body_pairs
 from hdplan.planner.collision.euclidean import FclPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
@@ -41,7 +42,7 @@ from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask, Rows
 
-VERSION = "2"  # to be changed with anything that changes a bound, so that old cache entries are not used
+VERSION = "3"  # to be changed with anything that changes a bound, so that old cache entries are not used
 MOST, BUDGET = 4000, 300_000  # boxes evaluated for a pair, and for all pairs of a robot
 BATCH = 64  # of them halved at once
 TIGHT = 0.9  # share of the least distance found at which a bound is good enough
@@ -88,6 +89,15 @@ class _Search:
         """Return the bound of one pair [m], 0 if it is not above `wanted`, and how many boxes were evaluated: about
         `most` at most."""
         low, high = _ranges(self.robot, self.kinematics)
+        if loops := separation_loop.library():
+            a, b = (self.bodies[index] for index in self.pairs[pair])
+            hulls = (a.joint, a.body.vertices), (b.joint, b.body.vertices)
+            radii, moves = a.body.radius + b.body.radius, self.distance.pairs.moves[pair]
+            least_bound, looked = separation_loop.separation(
+                loops, self.kinematics.tree, hulls, radii, moves, (low, high), wanted, TIGHT, most
+            )
+            proven = least_bound - ROUNDING
+            return (proven if proven > wanted else 0.0), looked
         between = self.distance.pairs.moves[pair] != 0.0
         centres, halves = ((low + high) / 2)[None], np.where(between, (high - low) / 2, 0.0)[None]
         distances, bounds, widest = self._look(pair, centres, halves)

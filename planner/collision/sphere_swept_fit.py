@@ -13,12 +13,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from hdplan.planner.collision.descent import minimized
 from hdplan.planner.collision.hull_distance import distance_to_hull
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.deadline import check_time
+from hdplan.scenes.lazy_imports import scipy
 
 MARGIN = 1e-6  # added to every radius [m], above rounding
 FEW, FACES = 128, 150  # points that the steps of a fit use, and of the reference; the radius is taken over all points
@@ -45,7 +45,7 @@ class Reference:
     @classmethod
     def of(cls, points: Array) -> Reference:
         """Return the faces of the convex hull of points (N, 3)."""
-        hull = ConvexHull(points)
+        hull = scipy.spatial.ConvexHull(points)
         a, b, c = (points[hull.simplices[:, k]] for k in range(3))
         areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
         return cls(hull.equations[:, :3], -hull.equations[:, 3], areas / areas.sum())

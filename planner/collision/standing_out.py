@@ -5,12 +5,11 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from scipy.spatial import ConvexHull
-from scipy.spatial.distance import cdist
 
 from hdplan.planner.collision.hull_distance import distance_to_hull
 from hdplan.planner.collision.sphere_swept_fit import Swept
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.lazy_imports import scipy
 
 
 def outside(bodies: tuple[Swept, ...], hull_points: Array, samples: int = 400) -> tuple[float, float]:
@@ -46,7 +45,7 @@ def _directions() -> Array:
 def _surface(body: Swept, samples: int, random: np.random.Generator) -> tuple[Array, float]:
     """Return area-weighted random points on a body's surface and its area."""
     cloud = (body.vertices[:, None] + body.radius * _directions()).reshape(-1, 3)
-    hull = ConvexHull(cloud)
+    hull = scipy.spatial.ConvexHull(cloud)
     a, b, c = (cloud[hull.simplices[:, k]] for k in range(3))
     areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
     pick = random.choice(len(areas), samples, p=areas / areas.sum())
@@ -60,14 +59,14 @@ def _surface(body: Swept, samples: int, random: np.random.Generator) -> tuple[Ar
 
 def _distance_to_polytope(points: Array, hull_points: Array) -> Array:
     """Return distances (N,) to the convex hull of points (M, 3), 0 inside: the nearest over all its triangles."""
-    hull = ConvexHull(hull_points)
+    hull = scipy.spatial.ConvexHull(hull_points)
     distance = np.zeros(len(points))
     height = hull.equations[:, :3] @ points.T + hull.equations[:, 3:]
     rows = np.nonzero(height.max(0) > 0)[0]
     triangles = hull_points[hull.simplices]
     middles = triangles.mean(1)
     reach = np.linalg.norm(triangles - middles[:, None], axis=2).max(1)
-    away = cdist(points[rows], middles)
+    away = scipy.spatial.distance.cdist(points[rows], middles)
     near = (away - reach <= away.min(1, keepdims=True)) & (height[:, rows].T > 0)  # the others are farther, or behind
     point, triangle = np.nonzero(near)
     import trimesh

@@ -7,9 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from hdplan.planner.motion.curve import row_count
-from hdplan.planner.motion.trajectory_files import check_length, check_output
-from hdplan.planner.pictures.plot import Subject, check_picture
-from hdplan.planner.pictures.plot import plot as draw
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
@@ -45,8 +42,12 @@ def run_plan(
     if distance is not None:
         checked(Choice(DISTANCES), distance, "distance")
     if output is not None:
+        from hdplan.planner.motion.trajectory_files import check_length, check_output
+
         check_output(output)
     if plot is not None:
+        from hdplan.planner.pictures.plot import check_picture
+
         check_picture(plot)
     with limited(time_limit):
         problem = load_scene(scene, request=request, robot=robot)
@@ -61,6 +62,9 @@ def run_plan(
     if output is not None:
         result.save(output)
     if plot is not None:
+        from hdplan.planner.pictures.plot import Subject
+        from hdplan.planner.pictures.plot import plot as draw
+
         draw(Subject.planned(Setup.of(problem), result), plot)
     if not quiet:
         with printing() as show:

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial import ConvexHull
 
 from hdplan.planner.geometry.mesh_files import read_mesh_file
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.once import freeze
 from hdplan.scenes.shapes import Mesh
 
@@ -45,7 +45,7 @@ class TriangleMesh:
     @classmethod
     def hull(cls, points: ArrayLike) -> TriangleMesh:
         """Build the convex hull of points (m, 3) that are not flat."""
-        found = ConvexHull(points)
+        found = scipy.spatial.ConvexHull(points)
         a, b, c = np.moveaxis(found.points[found.simplices], 1, 0)
         outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), found.equations[:, :3]) > 0
         triangles = np.where(outward[:, None], found.simplices, found.simplices[:, ::-1])
@@ -55,10 +55,8 @@ class TriangleMesh:
     def closed(self) -> bool:
         """Whether every edge is used once in each direction, so that inside and outside are well defined."""
         a, b = self.triangles.ravel(), np.roll(self.triangles, -1, axis=1).ravel()
-        size = len(self.vertices)
-        return len(self.triangles) > 0 and bool(
-            np.array_equal(np.unique(a * size + b), np.sort(b * size + a)) and len(np.unique(a * size + b)) == len(a)
-        )
+        there, back = (np.sort(edges) for edges in (a * len(self.vertices) + b, b * len(self.vertices) + a))
+        return len(there) > 0 and bool(np.array_equal(there, back) and (there[1:] != there[:-1]).all())
 
     @property
     def volume(self) -> float:
@@ -69,18 +67,22 @@ class TriangleMesh:
     @property
     def hull_volume(self) -> float:
         """The volume [m³] of its convex hull; 0 for a flat one."""
-        return float(ConvexHull(self.vertices).volume) if thinness(self.vertices) > FLAT else 0.0
+        return float(scipy.spatial.ConvexHull(self.vertices).volume) if thinness(self.vertices) > FLAT else 0.0
 
     @property
     def convex(self) -> bool:
         """Whether it is closed and as large as its convex hull, up to the part `CONVEX` of the volume."""
-        return self.closed and abs(self.volume) >= (1.0 - CONVEX) * self.hull_volume > 0.0
+        return self.fills(self.hull_volume)
+
+    def fills(self, volume: float) -> bool:
+        """Whether it is closed and as large as a hull of this `volume` [m³], up to the part `CONVEX` of it."""
+        return self.closed and abs(self.volume) >= (1.0 - CONVEX) * volume > 0.0
 
     def components(self) -> tuple[TriangleMesh, ...]:
         """Split the mesh into the parts that share no vertex."""
         corners = self.triangles
         label = connected(corners[:, [0, 1]].ravel(), corners[:, [1, 2]].ravel(), len(self.vertices))
-        kinds = np.unique(label[corners[:, 0]])
+        kinds = np.flatnonzero(np.bincount(label[corners[:, 0]]))
         if len(kinds) == 1:
             return (self,)
         return tuple(
@@ -119,7 +121,7 @@ def load_mesh(shape: Mesh, field: str) -> TriangleMesh:
     """
     with naming(f"{field}: mesh {shape.file}"):
         vertices, triangles = read_mesh_file(shape.file)
-        used = np.unique(triangles)
+        used = np.bincount(triangles.ravel(), minlength=len(vertices)) > 0
         with np.errstate(over="ignore"):
             vertices[used] *= np.array(shape.scale)
         if not np.isfinite(vertices[used]).all():

@@ -23,11 +23,11 @@ from functools import cached_property
 
 import coal
 import numpy as np
-from scipy.spatial import cKDTree
 
 from hdplan.planner.geometry.coal_shapes import triangle_tree
 from hdplan.planner.geometry.meshes import TriangleMesh, connected
 from hdplan.scenes.array_types import Array, Mask, Rows
+from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.once import freeze, read_only
 
 WELD = 1e-6  # of a mesh's size: narrower cracks are closed
@@ -106,7 +106,7 @@ class Solid:
             return mesh
         reach = WELD * float(np.linalg.norm(self.box[1] - self.box[0]))
         _, first, cell = np.unique(np.floor(mesh.vertices / reach), axis=0, return_index=True, return_inverse=True)
-        one, other = cKDTree(mesh.vertices[first]).query_pairs(reach, output_type="ndarray").T
+        one, other = scipy.spatial.cKDTree(mesh.vertices[first]).query_pairs(reach, output_type="ndarray").T
         joined = connected(one, other, len(first))
         label = joined[cell.ravel()]
         corners = label[mesh.triangles]
@@ -123,7 +123,7 @@ class Solid:
         """A point (c, 3) on each part that is connected by its vertices."""
         corners = self.mesh.triangles
         label = connected(corners[:, [0, 1]].ravel(), corners[:, [1, 2]].ravel(), len(self.mesh.vertices))
-        used = np.unique(corners)
+        used = np.flatnonzero(np.bincount(corners.ravel()))
         return read_only(self.mesh.vertices[used[np.unique(label[used], return_index=True)[1]]])
 
     @cached_property

@@ -9,12 +9,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from hdplan.planner.kinematics.forward import Kinematics, kinematics_of
 from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask
+from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.targets import AllOf, PoseTarget
 
 DAMPING = 0.02  # λ: keeps steps short near a singular configuration
@@ -52,7 +52,9 @@ class LinkPose(NamedTuple):
             turn = _turn_between(along, wanted[:3, axis])
             turning = turning - (turning @ along[..., None]) * along[:, None]
         else:
-            turn = Rotation.from_matrix(wanted[:3, :3] @ rotation.transpose(0, 2, 1)).as_rotvec()
+            turn = scipy.spatial.transform.Rotation.from_matrix(
+                wanted[:3, :3] @ rotation.transpose(0, 2, 1)
+            ).as_rotvec()
         moved = self.arm.supports[joint][:, None]
         jacobian = np.concatenate([linear, turning], axis=2) * moved
         return np.concatenate([wanted[:3, 3] - origin, turn], axis=1), jacobian.transpose(0, 2, 1)

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hdplan.planner.motion.curve import FARTHEST, LONGEST, ROW_RATES, SHORTEST, Curve
-from hdplan.planner.motion.trajectory_files import READERS, WRITERS, format_of
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.files import read_file
 from hdplan.scenes.output import write_output
@@ -151,6 +150,8 @@ class Trajectory:
         """
         path = path_of(path)
         about = {key: said for key, said in (("verdict", verdict), ("steps", steps)) if said}
+        from hdplan.planner.motion.trajectory_files import WRITERS, format_of
+
         write = format_of(path, WRITERS)
         with naming(path):
             data = write(self, about)
@@ -161,6 +162,8 @@ class Trajectory:
         """Read a trajectory file of any format (`trajectory_files`); raises InputError naming the file and what is
         wrong."""
         path = path_of(path)
+        from hdplan.planner.motion.trajectory_files import READERS, format_of
+
         read = format_of(path, READERS)
         with naming(path):
             return Trajectory(**read(read_file(path)))

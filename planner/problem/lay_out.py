@@ -14,7 +14,6 @@ import numpy as np
 
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
 from hdplan.planner.collision.collision_model import SELF_ACTIVATION, collision_model_of
-from hdplan.planner.collision.euclidean import FclPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_obstacle
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody
@@ -137,5 +136,7 @@ def _distance(
     settings: PlannerSettings,
 ) -> PairDistance:
     if settings.distance == "fcl":
+        from hdplan.planner.collision.euclidean import FclPairs
+
         return FclPairs(pairs, bodies, halfspace_bodies)
     return HdsdfPairs(pairs, settings.gamma, settings.shaping_length)

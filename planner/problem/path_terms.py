@@ -15,7 +15,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.hinge import Hinge, Measure, Measures
@@ -23,6 +22,7 @@ from hdplan.planner.robot.link_frame import link_frame, relative_links
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.errors import naming
+from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.once import read_only
 from hdplan.scenes.path_constraints import Relative, Upright, Within
 
@@ -97,7 +97,7 @@ class RelativeMeasure:
             linear.append((kinematics.linear + np.cross(kinematics.angular, place[:, None])) * moves[:, None])
             angular.append(kinematics.angular * moves[:, None])
         turn = turns[0] @ turns[1].transpose(0, 2, 1)
-        vector = Rotation.from_matrix(turn).as_rotvec()
+        vector = scipy.spatial.transform.Rotation.from_matrix(turn).as_rotvec()
         faster = angular[0] - angular[1] @ turn.transpose(0, 2, 1)
         return Measures(
             np.stack([places[0] - places[1], LEVER * vector], axis=1),

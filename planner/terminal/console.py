@@ -12,8 +12,6 @@ from collections.abc import Callable, Iterator
 from typing import IO, TYPE_CHECKING, Any
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
-from rich.status import Status
 from rich.text import Text
 
 from hdplan.planner.terminal.interrupts import noting
@@ -21,6 +19,8 @@ from hdplan.scenes.errors import InputError, one_line
 from hdplan.scenes.progress import listening
 
 if TYPE_CHECKING:
+    from rich.status import Status
+
     from hdplan.planner.search.search import Event
     from hdplan.scenes.planner_settings import PlannerSettings
 
@@ -161,6 +161,8 @@ def measuring() -> Iterator[Any]:
 
 @contextlib.contextmanager
 def _bar() -> Iterator[Callable[[int, int, str], None]]:
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
     columns = (BarColumn(), TaskProgressColumn(), TimeRemainingColumn(), TextColumn("{task.description}", markup=False))
     with Progress(*columns, console=PlainConsole(sys.stderr), transient=True) as bar:
         task = bar.add_task("starting", total=None)

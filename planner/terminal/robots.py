@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from hdplan.distance.compiled.cache import content_key, load, store
 from hdplan.planner.collision.link_bodies import fit_report
 from hdplan.planner.robot.robot import load_robot
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.robot_files.library import robot_names
+from hdplan.scenes.files import stamps_of
+from hdplan.scenes.robot_files.library import RobotFiles, robot_names
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.yaml_format.reader import read_robot
 
 Rows = list[dict[str, Any]]
+
+VERSION = "1"  # to be changed with anything that changes what the list says, so that old cache entries are not used
 
 
 def listing() -> dict[str, Rows]:
@@ -21,23 +26,40 @@ def listing() -> dict[str, Rows]:
     pairs of links to check, named states; and of those that do not load, with the reason."""
     robots: Rows = []
     unusable: Rows = []
-    for name in robot_names():
+    for name, files in robot_names().items():
         try:
-            robot = load_robot(RobotSpec(name=name))
+            robots.append({"name": name, **_counts(name, files)})
         except InputError as error:
             unusable.append({"name": name, "reason": str(error)})
-            continue
-        robots.append(
-            {
-                "name": name,
-                "joints": robot.n,
-                "held": len(robot.locked),
-                "links": len(robot.links),
-                "pairs": len(robot.self_pairs),
-                "named_states": ", ".join(robot.named_states),
-            }
-        )
     return {"robots": robots, "not_usable": unusable}
+
+
+def _counts(name: str, files: RobotFiles) -> dict[str, Any]:
+    """Return the numbers for one robot: kept on disk while the content of every file that it is read from is the
+    same."""
+    key = content_key(VERSION, name, str(files.urdf), str(files.srdf))
+    known = load("robots", key)
+    if known is not None and known["content"] == _content(known["files"]):
+        return dict(known["counts"])
+    robot = load_robot(RobotSpec(name=name))
+    counts = {
+        "joints": robot.n,
+        "held": len(robot.locked),
+        "links": len(robot.links),
+        "pairs": len(robot.self_pairs),
+        "named_states": ", ".join(robot.named_states),
+    }
+    read = [file for file, _, _ in robot.files]
+    if stamps_of(read) == robot.files:
+        store("robots", key, {"files": read, "content": _content(read), "counts": counts})
+    return counts
+
+
+def _content(files: list[str]) -> str | None:
+    try:
+        return content_key(*(Path(file).read_bytes() for file in files))
+    except OSError:
+        return None
 
 
 def named_or_read(robot: str) -> RobotSpec:

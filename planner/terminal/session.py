@@ -19,6 +19,7 @@ import typer
 
 from hdplan.planner.terminal.console import say
 from hdplan.planner.terminal.interrupts import INTERRUPTED, ended_by_signals
+from hdplan.planner.terminal.quick_start import command_of
 from hdplan.scenes.errors import HdplanError, OutOfTime
 
 NOT_CERTIFIED, BAD_INPUT, INTERNAL = 1, 2, 3
@@ -36,7 +37,7 @@ def run(app: typer.Typer) -> NoReturn:
     warnings.showwarning = lambda message, *_, **__: say(f"note: {message}", "yellow")  # a line, not a source location
     try:
         with ended_by_signals():
-            code = app(sys.argv[1:] or ["--help"], prog_name="hdplan", standalone_mode=False)
+            code = command_of(app)(sys.argv[1:] or ["--help"], prog_name="hdplan", standalone_mode=False)
     except OutOfTime as error:
         code = complain(str(error), NOT_CERTIFIED)
     except HdplanError as error:

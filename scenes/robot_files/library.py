@@ -5,6 +5,7 @@ The package holds only data. Its files are found through its installed distribut
 
 from __future__ import annotations
 
+import glob
 import os
 from dataclasses import dataclass
 from functools import cache
@@ -24,19 +25,25 @@ class RobotFiles:
     """Paths of a robot's description."""
 
     urdf: Path
-    srdf: Path | None
+    name: str | None  # of the robot, by which its SRDF is found; None where it has none
+
+    @property
+    def srdf(self) -> Path | None:
+        """Its SRDF."""
+        return None if self.name is None else _srdf_of(self.urdf, self.name)
 
 
 @cache
 def data_folder() -> Path:
     """Return the folder that contains one folder per robot. Raises InputError if the package is not installed."""
     try:
-        files = metadata.files(DISTRIBUTION) or []
+        package = metadata.distribution(DISTRIBUTION)
     except metadata.PackageNotFoundError:
         raise InputError(f"robot names need the package '{DISTRIBUTION}', which is not installed") from None
-    for file in files:
-        if file.suffix == ".urdf":
-            location = Path(str(file.locate()))
+    for line in (package.read_text("RECORD") or "").splitlines():
+        file, _, _ = line.partition(",")
+        if file.endswith(".urdf"):
+            location = Path(str(package.locate_file(file)))
             return next(
                 parent for parent in location.parents if parent.name == "robots" and parent.parent.name == DISTRIBUTION
             )
@@ -64,7 +71,11 @@ def robot_names() -> dict[str, RobotFiles]:
     A name is the file's stem without `_robot`. If two folders hold files of that name, the name is the folder's without
     `_description`; if one folder holds both `x.urdf` and `x_robot.urdf`, the larger file is x.
     """
-    urdfs = sorted(path for folder in ("urdf", "robots") for path in data_folder().glob(f"*/{folder}/*.urdf"))
+    urdfs = sorted(
+        data_folder() / file
+        for folder in ("urdf", "robots")
+        for file in glob.glob(f"*/{folder}/*.urdf", root_dir=data_folder())
+    )
     by_name: dict[str, list[Path]] = {}
     for path in urdfs:
         by_name.setdefault(path.stem.removesuffix("_robot"), []).append(path)
@@ -75,7 +86,7 @@ def robot_names() -> dict[str, RobotFiles]:
             own = [path for path in paths if path.parent.parent == folder]
             unique = name if len(folders) == 1 else folder.name.removesuffix("_description")
             best = max(own, key=lambda path: path.stat().st_size)
-            table[unique] = RobotFiles(best, _srdf_of(best, unique))
+            table[unique] = RobotFiles(best, unique)
             for other in own:
                 if other != best:
                     table[f"{folder.name}/{other.name}"] = RobotFiles(other, None)

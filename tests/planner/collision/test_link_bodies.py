@@ -16,7 +16,7 @@ from hdplan.distance.compiled import cache
 from hdplan.planner.collision import link_bodies as module
 from hdplan.planner.collision.descent import minimized
 from hdplan.planner.collision.hull_distance import distance_to_hull
-from hdplan.planner.collision.link_bodies import LinkBody, _link_triangles, contains, enclosed, fit_report, link_bodies
+from hdplan.planner.collision.link_bodies import LinkBody, contains, enclosed, fit_report, link_bodies, link_triangles
 from hdplan.planner.collision.link_fit import fitted
 from hdplan.planner.collision.shipped_bodies import ARMS
 from hdplan.planner.collision.sphere_swept_fit import Swept, Target, finished, rough_fits
@@ -96,7 +96,7 @@ def test_every_other_geometry_contains_the_links_too(name: str, geometry: str) -
             sum(len(body.vertices) for body in bodies)
             == {"capsule": 2, "outer-4": 4, "outer-12": 12, "box": 8}[geometry]
         )
-        assert contains(bodies, _link_triangles(robot, link)), (link, geometry)
+        assert contains(bodies, link_triangles(robot, link)), (link, geometry)
 
 
 def test_the_hull_is_the_links_own(panda: Robot) -> None:
@@ -133,7 +133,7 @@ def test_a_fit_now_is_as_tight_as_what_is_shipped(panda: Robot) -> None:
     """On average over the links, and each link's geometry is contained."""
     tightness = []
     for link in panda.links:
-        triangles = _link_triangles(panda, link)
+        triangles = link_triangles(panda, link)
         shipped, now = enclosed(panda, link), fitted(triangles)
         assert contains(now, triangles)
         corners = triangles.reshape(-1, 3)

@@ -19,7 +19,7 @@ from scipy.optimize import minimize
 from hdplan.distance.baselines.coal import coal_hull, signed_distance
 from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.build import build
-from hdplan.planner.collision import separation_bounds
+from hdplan.planner.collision import separation_bounds, separation_loop
 from hdplan.planner.collision.broad_phase import body_pairs
 from hdplan.planner.collision.collision_model import CollisionModel, collision_model_of
 from hdplan.planner.collision.euclidean import FclPairs
@@ -163,6 +163,36 @@ def test_no_long_search_gets_below_the_bound(name: str, folder: Path) -> None:
     assert_searched(named(name, folder), 12)
 
 
+def by_loop(model: CollisionModel, moves: Array, pair: int, low: Array, high: Array) -> float:
+    """The bound of the loop in C over one box."""
+    loops = separation_loop.library()
+    assert loops is not None
+    a, b = (model.bodies[index] for index in model.self_pairs[pair])
+    hulls = (a.joint, a.body.vertices), (b.joint, b.body.vertices)
+    tree, radii = model.kinematics.tree, a.body.radius + b.body.radius
+    return separation_loop.separation(loops, tree, hulls, radii, moves, (low, high), -np.inf, 0.9, 1)[0]
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_loop_finds_the_distance_of_bodies_that_stand(seed: int) -> None:
+    """Polytopes, needles and plates, near, far and one in the other: exact where apart, never positive where not."""
+    arm, rng = robot("ur5"), np.random.default_rng(seed)
+    model, loops = collision_model_of(arm, "fitted", "box"), separation_loop.library()
+    assert loops is not None
+    for _ in range(25):
+        flat = [np.where(rng.random(3) < 0.2, 0.0, 1.0) for _ in range(2)]
+        a, b = (rng.normal(size=(int(rng.integers(1, 13)), 3)) * flat[k] * 10.0 ** rng.uniform(-3, 0) for k in (0, 1))
+        b = b + rng.normal(size=3) * 10.0 ** rng.uniform(-4, 1)
+        limits = (np.zeros(arm.n), np.zeros(arm.n))
+        given = (loops, model.kinematics.tree, ((0, a), (0, b)), 0.0, np.zeros(arm.n), limits, 0.0, 0.9, 1)
+        found = separation_loop.separation(*given)[0]
+        one, other = ConvexBody.from_points(a), ConvexBody.from_points(b)
+        exact = signed_distance(one, np.eye(4), other, np.eye(4)).distance
+        assert found <= max(exact, 0.0) + EXACT
+        if exact > 1e-5:
+            assert found >= exact - EXACT
+
+
 @pytest.mark.parametrize("name", ["panda", "ur5", "kinova", "two arms", "gantry"])
 def test_a_box_keeps_what_is_said_of_it(name: str, folder: Path) -> None:
     """The inequality of the module's head, at random places and corners of random boxes, of any pair at all."""
@@ -186,12 +216,13 @@ def test_a_box_keeps_what_is_said_of_it(name: str, folder: Path) -> None:
         half = np.where(between, (high - low) / 2 * rng.uniform(0, 1, arm.n) * 10.0 ** rng.uniform(-3, 0), 0.0)
         centre = rng.uniform(low + half, high - half)
         (exact,), (bound,), _ = search._look(pair, centre[None], half[None])
-        assert bound <= exact + EXACT
+        looped = by_loop(model, laid_out.moves[pair], pair, centre - half, centre + half)
+        assert max(bound, looped) <= exact + EXACT
         inside = centre + half * np.vstack([rng.uniform(-1, 1, (20, arm.n)), rng.choice([-1.0, 1.0], (20, arm.n))])
         found = min(witness.at(q, pair) for q in inside)
-        tight += bound > found - 0.01
+        tight += min(bound, looped) > found - 0.01
         if found > 0.0:  # coal's depths are its own
-            assert bound <= found + EXACT
+            assert max(bound, looped) <= found + EXACT
     assert tight > 5
 
 
@@ -229,18 +260,20 @@ def test_bounds_are_kept_on_disk_by_content(tmp_path: Path, monkeypatch: pytest.
         separation_bounds.distances_kept(other, *given, 0.005)
 
 
-def test_all_pairs_together_stay_within_the_budget(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("way", ["compiled", "interpreted"])
+def test_all_pairs_together_stay_within_the_budget(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A robot with both hands has thousands of pairs: each has its share, and what is proven with less still holds."""
-    arm, looked = robot("kinova"), []
-    look, collision_model = separation_bounds._Search._look, collision_model_of(arm, "fitted", "box")
+    arm, looked = robot("kinova"), list[int]()
+    bound, collision_model = separation_bounds._Search.bound, collision_model_of(arm, "fitted", "box")
 
-    def counted(
-        self: separation_bounds._Search, pair: int, centres: Array, halves: Array
-    ) -> tuple[Array, Array, Array]:
-        looked.append(len(centres))
-        return look(self, pair, centres, halves)
+    def counted(self: separation_bounds._Search, pair: int, wanted: float, most: int) -> tuple[float, int]:
+        found = bound(self, pair, wanted, most)
+        looked.append(found[1])
+        return found
 
-    monkeypatch.setattr(separation_bounds._Search, "_look", counted)
+    monkeypatch.setattr(separation_bounds._Search, "bound", counted)
+    if way == "interpreted":
+        monkeypatch.setattr(separation_loop, "library", lambda: None)
     monkeypatch.setattr(separation_bounds, "load", lambda kind, key: None)
     monkeypatch.setattr(separation_bounds, "store", lambda kind, key, value: None)
     given = (
@@ -252,7 +285,8 @@ def test_all_pairs_together_stay_within_the_budget(monkeypatch: pytest.MonkeyPat
         0.005,
     )
     everything = separation_bounds.distances_kept(*given)
-    np.testing.assert_array_equal(everything, collision_model.distances_kept)
+    if way == "compiled":
+        np.testing.assert_array_equal(everything, collision_model.distances_kept)
     for budget in (0, 300, 3_000):
         looked.clear()
         monkeypatch.setattr(separation_bounds, "BUDGET", budget)

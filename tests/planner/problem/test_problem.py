@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 
 # Relative to the largest number compared, unless said.
 WITNESS = 1e-10  # the fast evaluation against CasADi's: sums in another order, constants rounded alike
-DIFFERENCE = 1e-8  # fourth-order differences: the distance bends over 1 mm, so their error is (STEP / 1 mm)⁴
+DIFFERENCE = 1e-8  # sixth-order differences: the distance bends over 1 mm, so their error is (STEP / 1 mm)⁶
 STEP = 1e-5  # [rad]
 SEMIDEFINITE = 1e-12  # most negative eigenvalue of a sum of outer products
 EXACT = 1e-12
@@ -122,11 +122,11 @@ def assembled(problem: Problem, positions: Array, weight: float) -> Array:
 
 
 def differences(function, x: Array) -> Array:
-    """Fourth-order central differences of a function of x (m,), along the last axis."""
+    """Sixth-order central differences of a function of x (m,), along the last axis."""
 
     def along(unit: Array) -> Array:
-        near, far = (function(x + k * STEP * unit) - function(x - k * STEP * unit) for k in (1, 2))
-        return np.asarray((8 * near - far) / (12 * STEP))
+        near, far, farthest = (function(x + k * STEP * unit) - function(x - k * STEP * unit) for k in (1, 2, 3))
+        return np.asarray((45 * near - 9 * far + farthest) / (60 * STEP))
 
     return np.stack([along(unit) for unit in np.eye(len(x))], axis=-1)
 

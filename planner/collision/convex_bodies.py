@@ -1,0 +1,38 @@
+"""Outer bodies with their faces and edges, kept on disk: to load what computes hulls takes longer than to plan."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hdplan.distance.bodies import ConvexBody
+from hdplan.distance.compiled.cache import content_key, load, store
+from hdplan.planner.collision.sphere_swept_fit import Swept
+from hdplan.scenes.array_types import Array
+
+VERSION = "1"  # to be changed with anything that changes a body's faces or edges, so that old entries are not used
+
+
+def convex_bodies(around: Sequence[Swept]) -> tuple[ConvexBody, ...]:
+    """Return these bodies with the faces and edges that `ConvexBody.from_points` finds.
+
+    They are cached on disk, all together, by their content.
+    """
+    clouds = [each.vertices for each in around]
+    key = content_key(VERSION, *(cloud.tobytes() for cloud in clouds))
+    known = load("convex_bodies", key)
+    if known is None:
+        found = [ConvexBody.from_points(cloud) for cloud in clouds]
+        known = [
+            [array.tolist() for array in (body.vertices, body.faces, body.edges, body.edge_counts)] for body in found
+        ]
+        store("convex_bodies", key, known)
+    return tuple(
+        ConvexBody(_rows(vertices), _rows(faces), _rows(edges), np.array(counts, dtype=float), each.radius)
+        for each, (vertices, faces, edges, counts) in zip(around, known, strict=True)
+    )
+
+
+def _rows(values: list[list[float]]) -> Array:
+    return np.array(values, dtype=float).reshape(-1, 3)

@@ -1,0 +1,46 @@
+"""The list of robots: kept on disk, while the files that a robot is read from stay as they are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.terminal import robots
+from hdplan.scenes.robot_files.library import RobotFiles
+from hdplan.scenes.robot_spec import RobotSpec
+
+URDF = """<robot name="two"><link name="base"/>
+<link name="arm"><collision><geometry><box size="1 1 1"/></geometry></collision></link>
+<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>"""
+
+
+def test_what_is_kept_is_what_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    urdf, loads = tmp_path / "two.urdf", list[str]()
+    urdf.write_text(URDF)
+    read = robots.load_robot
+
+    def load(spec: RobotSpec) -> Robot:
+        loads.append(str(spec.name))
+        return read(RobotSpec(urdf=urdf))
+
+    monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(robots, "robot_names", lambda: {"two": RobotFiles(urdf, None)})
+    monkeypatch.setattr(robots, "load_robot", load)
+    first = robots.listing()
+    assert first["robots"][0]["links"] == 1
+    assert robots.listing() == first
+    assert len(loads) == 1
+    urdf.write_text(URDF.replace("revolute", "fixed"))  # has no joint now
+    assert robots.listing()["not_usable"][0]["name"] == "two"
+    urdf.write_text(URDF.replace('name="base"/>', 'name="base"/><link name="far"/>'))  # not a tree
+    assert not robots.listing()["robots"]
+    urdf.write_text(URDF)
+    assert robots.listing() == first
+    count = len(loads)
+    (kept,) = (tmp_path / "cache" / "robots").glob("*.json")
+    kept.write_text(kept.read_text()[:-5])
+    assert robots.listing() == first
+    assert len(loads) == count + 1
