@@ -17,7 +17,7 @@ import numpy as np
 
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.retreat import retreats
-from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.array_types import Array, Mask, Rows
 
 NODES = 48  # configurations drawn for each guess; the clear ones are kept
 SPREADS = (0.3, 0.6, 1.0)  # shares of the joint ranges by which they may deviate from the straight line
@@ -30,10 +30,15 @@ PULLS = 30  # steps that bring a configuration onto the path constraints
 
 def seeds(problem: Problem, seed: int) -> Iterator[Array]:
     """Yield guesses (N, n) without end: the straight line, that by the ways back from narrow ends, if there are any,
-    and then those of the roadmap, every third of them by these ways."""
+    and then those of the roadmap, every third of them by these ways. Where obstacles move, those of the roadmap in time
+    follow the straight line."""
     yield problem.polyline()
     first, last = retreats(problem)
     last = last[::-1]
+    if problem.terms.moving_obstacles is not None:
+        from hdplan.planner.search.space_time import timed_ways  # imported here, as few scenes have any
+
+        yield from timed_ways(problem, seed, first, last)
     begin, end = (first[-1] if len(first) else problem.start), (last[0] if len(last) else problem.goal)
     roadmaps = [Roadmap(problem, np.random.default_rng(seed))]
     if len(first) or len(last):
@@ -81,7 +86,7 @@ class Roadmap:
         if self.problem.terms.path:
             drawn = onto_path(self.problem, drawn)
         before = len(self.nodes)
-        self.nodes = np.vstack([self.nodes, drawn[self.problem.depth(drawn) == 0.0]])
+        self.nodes = np.vstack([self.nodes, drawn[self._clear(drawn)]])
         apart = np.linalg.norm(self.nodes[before:, None] - self.nodes[None], axis=2)
         apart[np.arange(len(apart)), before + np.arange(len(apart))] = np.inf
         nearest = np.argsort(apart, axis=1, kind="stable")[:, :NEIGHBOURS]
@@ -91,6 +96,11 @@ class Roadmap:
             self.edges = np.vstack([self.edges, edges])
             self.costs = np.append(self.costs, self._costs(edges, LOOKS))
             self.close = np.append(self.close, np.zeros(len(edges), dtype=np.bool_))
+
+    def _clear(self, configurations: Array) -> Mask:
+        """Which configurations (B, n) become nodes."""
+        clear: Mask = self.problem.depth(configurations) == 0.0
+        return clear
 
     def way(self) -> Array:
         """The nodes (C, n) between start and goal on the cheapest path, which costs more from now on.

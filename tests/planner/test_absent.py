@@ -27,8 +27,11 @@ from hdplan.scenes.yaml_format.reader import load_scene
 # Effect -> its modules, and a shipped scene that calls for it.
 EFFECTS = {
     "moving obstacles": (
-        ["planner.problem.moving_clearance", "planner.problem.velocity_penalty", "scenes.obstacle_motion"],
-        "panda_conveyor",
+        [
+            *("planner.problem.moving_clearance", "planner.problem.velocity_penalty", "scenes.obstacle_motion"),
+            "planner.search.space_time",
+        ],
+        "panda_gate",
     ),
     "times": (["planner.timing.retiming", "planner.certificate.rate_check"], "ur5_pallet"),
     "torques and loads": (
@@ -48,7 +51,7 @@ EFFECTS = {
     "self-collision": (["planner.collision.separation_bounds"], "panda_cage"),
 }
 ALSO = {  # what else these scenes call for; a path constraint finds its link as a goal's pose does
-    "panda_conveyor": {"times"},
+    "panda_gate": {"times"},
     "ur5_pallet": {"held objects"},
     "ur5_payload": {"times", "held objects"},
     "panda_cup": {"held objects", "choice of goals"},

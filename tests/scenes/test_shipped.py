@@ -22,6 +22,7 @@ NAMES = {
     "panda_corridor",
     "panda_cup",
     "panda_fold",
+    "panda_gate",
     "panda_grasp",
     "panda_heavy",
     "panda_table_pick",
