@@ -42,7 +42,7 @@ def known_result(kind: str, key: str) -> Any | None:
 
 @cache
 def _results() -> dict[str, dict[str, Any]]:
-    return {kind: {} for kind in KINDS} | json.loads(RESULTS.read_text(encoding="utf-8"))
+    return {kind: {} for kind in KINDS} | dict(json.loads(RESULTS.read_text(encoding="utf-8")))
 
 
 @cache
