@@ -34,7 +34,7 @@ def known_result(kind: str, key: str) -> Any | None:
     none."""
     known = load(kind, key)
     if known is None:
-        known = _results()[kind].get(key)
+        known = _results().get(kind, {}).get(key)
         if known is not None:
             store(kind, key, known)  # a small file, for the next time
     return known
@@ -42,7 +42,8 @@ def known_result(kind: str, key: str) -> Any | None:
 
 @cache
 def _results() -> dict[str, dict[str, Any]]:
-    return {kind: {} for kind in KINDS} | dict(json.loads(RESULTS.read_text(encoding="utf-8")))
+    found: dict[str, dict[str, Any]] = json.loads(RESULTS.read_text(encoding="utf-8"))
+    return found
 
 
 @cache
