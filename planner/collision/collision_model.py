@@ -10,13 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdplan.distance.compiled.cache import content_key, load, store
+from hdplan.distance.compiled.cache import content_key, store
 from hdplan.planner.collision.broad_phase import body_pairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_link_part
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody, link_bodies
 from hdplan.planner.collision.link_parts import link_parts
 from hdplan.planner.collision.reach import Reach, reach_of
+from hdplan.planner.collision.shipped_bodies import known_result
 from hdplan.planner.kinematics.forward import Kinematics, kinematics_of
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.once import made_once
@@ -120,7 +121,7 @@ def _often_overlapping(
 
     rows, names = [(i, j) for i, j, _, _ in pairs], [(a, b) for _, _, a, b in pairs]
     key = content_key(VERSION, *content_of(robot, bodies, rows), *(name for pair in names for name in pair))
-    known = load("overlaps", key)
+    known = known_result("overlaps", key)
     if known is not None:
         return tuple((a, b) for a, b in known)
     laid_out = body_pairs(bodies, planes, rows, 0.0, kinematics.supports)

@@ -32,12 +32,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hdplan.distance.compiled.cache import content_key, load, store
+from hdplan.distance.compiled.cache import content_key, store
 from hdplan.planner.collision import separation_loop
 from hdplan.planner.collision.broad_phase import body_pairs
 from hdplan.planner.collision.euclidean import FclPairs
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
+from hdplan.planner.collision.shipped_bodies import known_result
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask, Rows
@@ -62,7 +63,7 @@ def distances_kept(
     if not pairs:
         return np.zeros(0)
     key = content_key(VERSION, *content_of(robot, bodies, pairs), np.float64(wanted).tobytes())
-    known = load("separation", key)
+    known = known_result("separation", key)
     if known is None:
         laid_out = body_pairs(bodies, planes, pairs, 0.0, kinematics.supports)
         search = _Search(robot, kinematics, bodies, pairs, FclPairs(laid_out, bodies, planes))
@@ -176,6 +177,6 @@ def content_of(robot: Robot, bodies: Sequence[LinkBody], pairs: Sequence[tuple[i
     parts.append(np.array(list(model.parents)).tobytes())
     for index in sorted({index for pair in pairs for index in pair}):
         body = bodies[index]
-        radius = np.float64(body.body.radius).tobytes()
-        parts += [str(index), str(body.joint), body.body.vertices.tobytes(), radius]
+        vertices = np.round(body.body.vertices, 9) + 0.0  # machines differ in the last digits: far less than ROUNDING
+        parts += [str(index), str(body.joint), vertices.tobytes(), np.float64(body.body.radius).tobytes()]
     return [*parts, np.array(pairs).tobytes()]

@@ -1,7 +1,8 @@
-"""Bodies of well-known arms that come with the package, so that nobody waits for them.
+"""Bodies of well-known arms that come with the package, and what was found about them, so that nobody waits for it.
 
-They lie in a file by the content of the link's geometry, as in the cache: a link that differs in anything is fitted
-anew. `benchmarks/shipped_bodies.py` adds what is missing; what is there stays, so that no motion changes for it.
+They lie in files by content, as in the cache: a link that differs in anything is fitted anew. What was found are the
+entries of the cache that take long to compute. `benchmarks/shipped_bodies.py` writes both; bodies that are there stay,
+so that no motion changes for it.
 """
 
 from __future__ import annotations
@@ -9,19 +10,40 @@ from __future__ import annotations
 import json
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from hdplan.distance.compiled.cache import load, store
 from hdplan.planner.collision.sphere_swept_fit import Swept
 
 FILE = Path(__file__).with_name("shipped_bodies.json")
-ARMS = ("panda", "ur3_gripper", "ur5", "ur5_gripper", "ur10", "xarm7", "kinova", "z1")  # all of whose links are in it
+RESULTS = Path(__file__).with_name("shipped_results.json")  # kind -> key -> value
+KINDS = ("overlaps", "separation")  # of results
+ARMS = ("panda", "ur3_gripper", "ur5", "ur5_gripper", "ur10", "xarm7", "kinova", "z1")  # all of whose links are there
 
 
 def shipped_bodies(key: str) -> tuple[Swept, ...] | None:
     """Return the fitted bodies of the link whose geometry has this content, if they come with the package."""
     known = _read().get(key)
     return None if known is None else tuple(Swept(np.array(vertices), radius) for vertices, radius in known)
+
+
+def known_result(kind: str, key: str) -> Any | None:
+    """Return the JSON value stored under one of KINDS and a key, in the cache or with the package; None if there is
+    none."""
+    known = load(kind, key)
+    if known is None:
+        known = _results().get(kind, {}).get(key)
+        if known is not None:
+            store(kind, key, known)  # a small file, for the next time
+    return known
+
+
+@cache
+def _results() -> dict[str, dict[str, Any]]:
+    found: dict[str, dict[str, Any]] = json.loads(RESULTS.read_text(encoding="utf-8"))
+    return found
 
 
 @cache

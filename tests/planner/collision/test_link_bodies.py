@@ -13,6 +13,7 @@ from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 
 from hdplan.distance.compiled import cache
+from hdplan.planner.collision import collision_model, separation_bounds
 from hdplan.planner.collision import link_bodies as module
 from hdplan.planner.collision.descent import minimized
 from hdplan.planner.collision.hull_distance import distance_to_hull
@@ -127,6 +128,23 @@ def test_the_links_of_well_known_arms_come_fitted(name: str, monkeypatch: pytest
     monkeypatch.setattr(module, "load", None)  # neither the cache nor a fit is asked
     monkeypatch.setattr(module, "_around", None)
     assert link_bodies(load_robot(RobotSpec(name=name)))
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_what_is_found_about_an_arm_is_shipped(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And it is what is found now: run benchmarks/shipped_bodies.py after a change of it."""
+    arm, computed = load_robot(RobotSpec(name=name)), list[object]()
+    monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "empty"))
+    for room in (collision_model, separation_bounds):
+        monkeypatch.setattr(room, "store", lambda kind, key, value: computed.append((kind, key)))
+    make = collision_model.collision_model_of.__wrapped__  # type: ignore[attr-defined]
+    shipped = make(arm, "fitted", "box")
+    assert computed == []
+    for room in (collision_model, separation_bounds):
+        monkeypatch.setattr(room, "known_result", lambda kind, key: None)
+    now = make(arm, "fitted", "box")
+    assert (shipped.self_pairs, shipped.unresolved) == (now.self_pairs, now.unresolved)
+    np.testing.assert_allclose(shipped.distances_kept, now.distances_kept, rtol=0, atol=1e-6)
 
 
 def test_a_fit_now_is_as_tight_as_what_is_shipped(panda: Robot) -> None:
