@@ -25,13 +25,13 @@ from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.velocity_penalty import AIM, LEVER
 from hdplan.planner.search.roadmap import DEPTH, WORN, Roadmap
-from hdplan.planner.solvers.solution import ENOUGH
+from hdplan.planner.solvers.solution import DETOUR_WEIGHT, ENOUGH
 from hdplan.scenes.array_types import Array, Mask, Rows
 
 STEPS = 30  # even, as the time law is steepest in the middle
 TAKES = np.array([1, 2, 3, 4, 6, 8, 12, 16])  # steps that an edge may take
 PIECES, LEAPS = 12, 4  # of the straight line; so many of them at once are edges, too
-PRICE = 65.0  # of DEPTH inside a margin all along: ½ DEPTH² times the first weight of such guesses
+PRICE = DETOUR_WEIGHT * DEPTH**2 / 2  # of being DEPTH inside a margin all along
 LOOK, FEWEST, MOST = 0.1, 3, 48  # [rad or m] between configurations at which an edge is scored; how many
 AROUND = 3  # steps before and after a move that has been tried in which its edge costs more
 TINY = 1e-12  # [rad² or m²]
