@@ -8,7 +8,7 @@ D is guaranteed to be positive.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -58,6 +58,14 @@ class BodyPairs:
     def vertex_slots(self) -> int:
         """m, the number of vertices that a row of `body_table` has room for."""
         return (int(self.body_table.shape[1]) - 1) // 4
+
+    def enlarged(self, by: float) -> BodyPairs:
+        """The same pairs with halfspace bodies enlarged by more [m]."""
+        tables = {
+            slots: np.hstack([table[:, : 3 * slots], table[:, 3 * slots :] + by])
+            for slots, table in self.plane_tables.items()
+        }
+        return replace(self, plane_tables=tables, half_sizes=self.half_sizes + by, margins=self.margins + by)
 
     def close(self, kinematics: KinematicsBatch) -> tuple[Rows, Rows]:
         """Sample and pair indices (S,), samples ascending, whose bounding sphere reaches the enlarged box; with a C

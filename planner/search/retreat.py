@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdplan.planner.problem.lay_out import with_activation
+from hdplan.planner.collision.hdsdf import HdsdfPairs
+from hdplan.planner.problem.clearance import Clearance
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.problem.samples import Samples
 from hdplan.scenes.array_types import Array
@@ -26,16 +27,25 @@ def retreats(problem: Problem) -> tuple[Array, Array]:
     none = np.empty((0, len(problem.start)))
     if problem.terms.path:
         return none, none
-    wide = with_activation(problem, max(ROOM, problem.scene.planner.activation))
-    return _back(wide, problem.start), _back(wide, problem.goal)
+    terms = _with_room(problem)
+    return _back(problem, terms, problem.start), _back(problem, terms, problem.goal)
 
 
-def _back(wide: Problem, end: Array) -> Array:
+def _with_room(problem: Problem) -> tuple[Clearance, ...]:
+    """The clearance of links and standing obstacles, obstacles at ROOM."""
+    settings, found = problem.scene.planner, []
+    for term, more in ((problem.terms.obstacles, ROOM - settings.activation), (problem.terms.self_collision, 0.0)):
+        if term is not None:
+            pairs = term.pairs.enlarged(max(more, 0.0))
+            found.append(Clearance(term.name, pairs, HdsdfPairs(pairs, settings.gamma, settings.shaping_length)))
+    return tuple(found)
+
+
+def _back(problem: Problem, terms: tuple[Clearance, ...], end: Array) -> Array:
     way, once = [end], Samples((1,))
     for _ in range(STEPS):
-        kinematics = wide.kinematics.evaluate(way[-1])
-        terms = (wide.terms.obstacles, wide.terms.self_collision)
-        found = [penalty for term in terms if term and (penalty := term.at_samples(kinematics, once))]
+        kinematics = problem.kinematics.evaluate(way[-1])
+        found = [term.at_samples(kinematics, once) for term in terms]
         gradient = np.sum([penalty.gradient[0] for penalty in found], axis=0)
         if not np.any(gradient):
             break
@@ -43,7 +53,7 @@ def _back(wide: Problem, end: Array) -> Array:
         damped = curvature + DAMPING * np.trace(curvature) / len(end) * np.eye(len(end))
         step = -np.linalg.solve(damped, gradient)
         step *= min(1.0, LONGEST / np.abs(step).max())
-        after = np.clip(way[-1] + step, *wide.robot.inner)
+        after = np.clip(way[-1] + step, *problem.robot.inner)
         if np.abs(after - way[-1]).max() < LEAST:
             break
         way.append(after)

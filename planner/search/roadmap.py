@@ -17,6 +17,7 @@ import numpy as np
 
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.retreat import retreats
+from hdplan.planner.solvers.solution import DETOUR_WEIGHT, is_narrow
 from hdplan.scenes.array_types import Array, Mask, Rows
 
 NODES = 48  # configurations drawn for each guess; the clear ones are kept
@@ -30,20 +31,25 @@ PULLS = 30  # steps that bring a configuration onto the path constraints
 
 def seeds(problem: Problem, seed: int) -> Iterator[Array]:
     """Yield guesses (N, n) without end: the straight line, that by the ways back from narrow ends, if there are any,
-    and then those of the roadmap, every third of them by these ways. Where obstacles move, those of the roadmap in time
-    follow the straight line."""
-    yield problem.polyline()
+    and then those of the roadmap, every third of them by these ways. Where an end is so narrow that a clear motion is
+    excused there, the cheaper of the first two begins. Where obstacles move, those of the roadmap in time follow the
+    straight line."""
+    straight, timed = problem.polyline(), problem.terms.moving_obstacles is not None
+    choose = not timed and is_narrow(problem)
+    if not choose:
+        yield straight
     first, last = retreats(problem)
     last = last[::-1]
-    if problem.terms.moving_obstacles is not None:
+    if timed:
         from hdplan.planner.search.space_time import timed_ways  # imported here, as few scenes have any
 
         yield from timed_ways(problem, seed, first, last)
     begin, end = (first[-1] if len(first) else problem.start), (last[0] if len(last) else problem.goal)
-    roadmaps = [Roadmap(problem, np.random.default_rng(seed))]
+    roadmaps, found = [Roadmap(problem, np.random.default_rng(seed))], [straight] if choose else []
     if len(first) or len(last):
-        yield problem.polyline(np.vstack([first, last]))
+        found.append(problem.polyline(np.vstack([first, last])))
         roadmaps = [*roadmaps * 2, Roadmap(replace(problem, start=begin, goal=end), np.random.default_rng(seed))]
+    yield from sorted(found, key=lambda guess: problem.evaluate(guess, DETOUR_WEIGHT).cost)
     for roadmap in itertools.cycle(roadmaps):
         roadmap.grow()
         between = roadmap.way()

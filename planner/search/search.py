@@ -21,6 +21,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.solvers.solution import (
+    DETOUR_WEIGHT,
     FIRST_WEIGHT,
     RAISE,
     Budget,
@@ -36,7 +37,6 @@ from hdplan.scenes.deadline import seconds_left
 if TYPE_CHECKING:
     from hdplan.planner.timing.retiming import Retimer
 
-DETOUR_WEIGHT = FIRST_WEIGHT * RAISE**3  # [1/m²] keeps a guess that leads around obstacles there
 GUESSES = 3  # first guesses for a goal before the next goal's turn
 DENSER = 2  # times that solving continues at denser samples, before a certificate
 GAIN = 1e-3  # [–] by which a motion must be better than another to take its place

@@ -30,6 +30,7 @@ class SolverStatus(enum.Enum):
 
 
 FIRST_WEIGHT, LAST_WEIGHT, RAISE = 6e3, 3e8, 6.0  # of the penalty [1/m²]
+DETOUR_WEIGHT = FIRST_WEIGHT * RAISE**3  # keeps a guess that leads around obstacles there [1/m²]
 SLOW = 0.01  # relative decrease below which a step counts as stalled
 REFUSED = 1 / 3  # a refused step counts as this share of a stalled one, as the next is another try at the same
 GIVE_UP = 9  # refused steps in a row, the patience of three weights
@@ -170,10 +171,19 @@ def _allowed_depth(problem: Problem) -> Array:
     """How deep inside its margin each sample (B,) may be in a clear motion [m]: more near an end that is itself deep,
     since no motion can do better there."""
     parameter = problem.samples.parameter
-    start, goal = problem.depth(np.array([problem.start, problem.goal]), np.array([0.0, 1.0]))
+    start, goal = _end_depths(problem)
     excused = np.maximum(start * (1 - parameter / ENDS), goal * (1 - (1 - parameter) / ENDS))
     allowed: Array = np.maximum(ENOUGH * problem.scene.planner.activation, excused)
     return allowed
+
+
+def _end_depths(problem: Problem) -> Array:
+    return problem.depth(np.array([problem.start, problem.goal]), np.array([0.0, 1.0]))
+
+
+def is_narrow(problem: Problem) -> bool:
+    """Whether an end is so deep inside a margin that a clear motion is excused there."""
+    return bool(np.any(_end_depths(problem) > ENOUGH * problem.scene.planner.activation))
 
 
 def is_clear(problem: Problem, positions: Array) -> bool:
