@@ -128,17 +128,17 @@ def standing(name: str, robot: Robot, rng: np.random.Generator) -> np.ndarray:
     ]
     certifier = Certifier(Setup.of(Scene(robot=RobotSpec(name=name), start=zero, goal=zero), robot))
     known = [np.clip(q, robot.lower, robot.upper) for q in (*named, zero, middle)]
-    touching = [len(certifier.contacts(q)) for q in known]
-    best, least = known[int(np.argmin(touching))], min(touching)
+    best, least = min(((q, certifier.contacts(q)) for q in known), key=lambda each: len(each[1]))
     for drawn in robot.draw(rng, TRIES):
-        if least == 0:
+        if not least:
             return best
         trial = np.where(rng.random(robot.n) < CHANGED, drawn, best)
-        if (count := len(certifier.contacts(trial))) <= least:
-            best, least = trial, count
-    raise InputError(
-        f"it touches itself in all of its named states, at 0, in the middle and wherever else: {TRIES} tries"
-    )
+        if len(found := certifier.contacts(trial)) <= len(least):
+            best, least = trial, found
+    if not least:
+        return best
+    pairs = ", ".join(f"{contact.link} and {contact.other}" for contact in least)
+    raise InputError(f"it touches itself wherever it was tried ({TRIES} times); in the best place {pairs} touch")
 
 
 def is_free(scene: Scene, robot: Robot) -> Callable[[np.ndarray], bool]:
