@@ -46,6 +46,7 @@ from hdplan.scenes.shapes import Box, Sphere
 HEAD = ("robot", "joints", "links", "bodies", "outside mm", "certified", "load", "fit", "build", "solve", "certify")
 TRIES = 200  # random configurations that an end is looked for among
 SPREADS = (1.0, 0.5, 0.25, 0.1, 0.05)  # share of the way from a free configuration to random ones
+CHANGED = 0.15  # share of the joints that are drawn anew
 PLACES = 20  # that are tried for an obstacle
 OBSTACLES = 4
 PLAN_LIMIT = 20.0  # [s] for one plan
@@ -115,21 +116,29 @@ def random_scene(name: str, robot: Robot, rng: np.random.Generator) -> Scene:
 
 
 def standing(name: str, robot: Robot, rng: np.random.Generator) -> np.ndarray:
-    """Return a configuration in which the robot touches nothing of itself: a named state, all joints at 0, in the
-    middle of their limits, or random."""
+    """Return a configuration in which the robot touches nothing of itself: a named state, all joints at 0 or in the
+    middle of their limits, or else what comes of the best of them when some joints at a time are drawn anew."""
     zero = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
     bounded = np.isfinite(robot.lower) & np.isfinite(robot.upper)
-    middle = np.where(bounded, robot.lower / 2 + robot.upper / 2, zero)
+    middle = zero.copy()
+    middle[bounded] = (robot.lower[bounded] + robot.upper[bounded]) / 2
     named = [
         np.array([values.get(joint, zero[i]) for i, joint in enumerate(robot.joint_names)])
         for values in robot.named_states.values()
     ]
-    free = is_free(Scene(robot=RobotSpec(name=name), start=zero, goal=zero), robot)
-    for q in (*named, zero, middle, *robot.draw(rng, TRIES)):
-        inside = np.clip(q, robot.lower, robot.upper)
-        if free(inside):
-            return inside
-    raise InputError(f"it touches itself in its named states, at 0, in the middle and in {TRIES} random configurations")
+    certifier = Certifier(Setup.of(Scene(robot=RobotSpec(name=name), start=zero, goal=zero), robot))
+    known = [np.clip(q, robot.lower, robot.upper) for q in (*named, zero, middle)]
+    best, least = min(((q, certifier.contacts(q)) for q in known), key=lambda each: len(each[1]))
+    for drawn in robot.draw(rng, TRIES):
+        if not least:
+            return best
+        trial = np.where(rng.random(robot.n) < CHANGED, drawn, best)
+        if len(found := certifier.contacts(trial)) <= len(least):
+            best, least = trial, found
+    if not least:
+        return best
+    pairs = ", ".join(f"{contact.link} and {contact.other}" for contact in least)
+    raise InputError(f"it touches itself wherever it was tried ({TRIES} times); in the best place {pairs} touch")
 
 
 def is_free(scene: Scene, robot: Robot) -> Callable[[np.ndarray], bool]:

@@ -59,7 +59,7 @@ class Sweep:
         """Note for which pairs the distance of the hulls is not the exact one."""
         self.bodies, self.pairs = bodies, pairs
         self.hollow = bodies.hollow[pairs.a] | bodies.hollow[pairs.b]  # (P,)
-        self.containment = Containment(bodies, pairs)
+        self.bounds, self.containment = Bounds(bodies, pairs), Containment(bodies, pairs)
 
     def distances(
         self, q: Array, within: float = np.inf, time: float = 0.0, surfaces: bool = False
@@ -103,7 +103,7 @@ class _Run:
 
     def __init__(self, sweep: Sweep, curve: Curve, floor: Array, suspect: tuple[int, float] | None = None) -> None:
         self.bodies, self.pairs, self.hollow = sweep.bodies, sweep.pairs, sweep.hollow
-        self.bounds, self.containment = Bounds(sweep.bodies, sweep.pairs), sweep.containment
+        self.bounds, self.containment = sweep.bounds, sweep.containment
         self.curve, self.floor, self.rho = curve, floor, sweep.bodies.reach(curve)
         self.suspect = suspect
         self.clearance = [np.inf, np.inf]

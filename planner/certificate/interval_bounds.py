@@ -13,10 +13,12 @@ falls with the square of the interval's length. Coarser: the distance at the mid
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from hdplan.planner.certificate import support_loop
+from hdplan.distance.compiled.c_library import Record
+from hdplan.planner.certificate import bounds_loop, support_loop
 from hdplan.planner.certificate.exact_proximity import DOUBTFUL, best_direction, direction
 from hdplan.planner.certificate.intervals import Bodies, Index, Intervals, Pairs
 from hdplan.planner.certificate.rounding import ROUNDING
@@ -74,6 +76,10 @@ class Bounds:
         """Return a bound (i,) over the interval and the direction (i, 3) from b to a: from a's bounding ball to b's
         bounding box at the midpoint, less the travel of both."""
         a, b = self.pairs.a[items.pair], self.pairs.b[items.pair]
+        drift = 0.0 if nodes.drift is None else nodes.drift.first[items.node, a] + nodes.drift.first[items.node, b]
+        if loops := bounds_loop.library():
+            bound, normal = bounds_loop.by_ball(loops, self._world, nodes.record, items.node, items.pair)
+            return bound - drift - ROUNDING, normal
         rotation = nodes.rotation[items.node, b]
         local = np.einsum("iba,ib->ia", rotation, nodes.center[items.node, a] - nodes.center[items.node, b])
         away = local - np.clip(local, -self.bodies.half[b], self.bodies.half[b])
@@ -84,16 +90,26 @@ class Bounds:
         normal = np.where(length > 0.0, outward / np.where(length > 0.0, length, 1.0), [0.0, 0.0, 1.0])
         travel = np.einsum("in,in->i", nodes.speed[items.node, a], self.pairs.moves_a[items.pair])
         travel += np.einsum("in,in->i", nodes.speed[items.node, b], self.pairs.moves_b[items.pair])
-        if nodes.drift is not None:
-            travel += nodes.drift.first[items.node, a] + nodes.drift.first[items.node, b]
-        return distance - self.bodies.radius[a] - travel - ROUNDING, normal
+        return distance - self.bodies.radius[a] - travel - drift - ROUNDING, normal
+
+    @cached_property
+    def _world(self) -> Record:
+        """For the loops in C."""
+        return bounds_loop.world(self.bodies, self.pairs)
 
     def with_motion(self, nodes: Intervals, items: Items) -> Items:
         """Return the items with their bodies' motions, which the bounds below need."""
+        return replace(items, motions=(self._motion(nodes, items, False), self._motion(nodes, items, True)))
+
+    def _motion(self, nodes: Intervals, items: Items, second: bool) -> Motion:
+        """The motion of the first or the second body of each item's pair."""
         pairs = self.pairs
-        motion_a = nodes.motion(items.node, pairs.a[items.pair], pairs.moves_a[items.pair])
-        motion_b = nodes.motion(items.node, pairs.b[items.pair], pairs.moves_b[items.pair])
-        return replace(items, motions=(motion_a, motion_b))
+        body = (pairs.b if second else pairs.a)[items.pair]
+        if loops := bounds_loop.library():
+            motion = bounds_loop.motion(loops, self._world, nodes.record, items.node, items.pair, second)
+        else:
+            motion = nodes.motion(items.node, body, (pairs.moves_b if second else pairs.moves_a)[items.pair])
+        return motion if nodes.drift is None else motion + nodes.drift[items.node, body]
 
     def by_plane(self, nodes: Intervals, items: Items, normal: Array) -> tuple[Array, Array]:
         """Return gap(n) at the midpoint and the bound over the interval (module's head); `normal` (i, 3) is unit."""

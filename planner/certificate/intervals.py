@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.distance.compiled.c_library import Record
-from hdplan.planner.certificate import support_loop
+from hdplan.planner.certificate import bounds_loop, support_loop
 from hdplan.planner.certificate.exact_proximity import Piece, transform
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Array, Chain, Mask, Motion, cross
@@ -207,10 +207,15 @@ class Intervals:
         )
 
     def motion(self, row: Index, body: Index, moves: Mask) -> Motion:
-        """Return the motion of bodies (i,) on intervals (i,) due to the joints `moves` (i, n) alone."""
+        """Return the motion of bodies (i,) on intervals (i,) due to the joints `moves` (i, n) alone, without what they
+        drift."""
         delta, deviation = self.delta[row] * moves, self.deviation[row] * moves
-        motion = Motion.of(self.bodies.chain, delta, deviation, self.axes[row], self.points[row], self.reach[row, body])
-        return motion if self.drift is None else motion + self.drift[row, body]
+        return Motion.of(self.bodies.chain, delta, deviation, self.axes[row], self.points[row], self.reach[row, body])
+
+    @cached_property
+    def record(self) -> Record:
+        """For the loops in C."""
+        return bounds_loop.intervals(self)
 
     @cached_property
     def speed(self) -> Array:

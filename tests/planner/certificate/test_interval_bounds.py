@@ -8,7 +8,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from hdplan.planner.certificate import support_loop
+from hdplan.planner.certificate import bounds_loop, support_loop
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.interval_bounds import Bounds, Items
 from hdplan.planner.certificate.intervals import Intervals
@@ -125,3 +125,23 @@ def test_a_bound_over_all_is_no_better_than_over_one(laid_out: LaidOut) -> None:
     assert np.isfinite(whole[~moving]).all()
     by_ball, _ = bounds.by_ball(intervals, Items.all(4, np.arange(len(whole))))
     assert np.all(whole[~moving] <= by_ball.reshape(4, -1).min(axis=0)[~moving] + 1e-12)
+
+
+def test_balls_and_motions_in_c_are_those_in_numpy(laid_out: LaidOut, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also with what drifts, a body inside another's box, and a place that is not a number."""
+    certifier, intervals, _ = laid_out
+    center = intervals.center.copy()
+    center[1, 0], center[2] = np.nan, center[2, :1]
+    intervals = dataclasses.replace(intervals, center=center)
+    bounds, count = Bounds(certifier.sweep.bodies, certifier.sweep.pairs), len(certifier.sweep.pairs.a)
+    items = Items.all(4, np.arange(count))
+    compiled = (*bounds.by_ball(intervals, items), *(bounds.with_motion(intervals, items).motions or ()))
+    monkeypatch.setattr(bounds_loop, "library", lambda: None)
+    plain = (*bounds.by_ball(intervals, items), *(bounds.with_motion(intervals, items).motions or ()))
+    assert np.isnan(plain[0]).any()
+    np.testing.assert_allclose(compiled[0], plain[0], rtol=0, atol=SAME)
+    known = ~np.isnan(plain[0])
+    np.testing.assert_allclose(compiled[1][known], plain[1][known], rtol=0, atol=SAME)
+    for one, other in zip(compiled[2:], plain[2:], strict=True):
+        for field in dataclasses.fields(one):
+            np.testing.assert_allclose(getattr(one, field.name), getattr(other, field.name), rtol=1e-13, atol=SAME)

@@ -1,4 +1,4 @@
-"""Laws of first guesses: the straight line first where there is room, ends exact, limits kept, the same seed the same guesses."""
+"""Laws of first guesses: the straight line first where there is room, exact ends, kept limits, the same by seed."""
 
 from __future__ import annotations
 
