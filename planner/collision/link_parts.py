@@ -38,9 +38,9 @@ def link_parts(robot: Robot, link: str, geometry: str = "fitted") -> tuple[Array
 def _parts(bodies: tuple[Swept, ...], triangles: Array) -> list[Array]:
     found: list[list[Array]] = [[] for _ in bodies]
     for _ in range(DEPTH):
-        corners = triangles.reshape(-1, 3)
+        corners, which = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)  # triangles share them
         within = [distance_to_hull(corners, body.vertices)[0] <= body.radius for body in bodies]
-        corner = np.array(within).reshape(len(bodies), -1, 3)
+        corner = np.array(within)[:, which.ravel()].reshape(len(bodies), -1, 3)
         if not corner.any(axis=0).all():  # one sticks out: halving would go on for ever
             return []
         inside = corner.all(axis=2)  # (bodies, T)
