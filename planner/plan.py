@@ -49,7 +49,7 @@ def plan(
     """Find a certified motion from the scene's start to its goal.
 
     If the goal leaves a choice, the most promising configurations get a few guesses each in turn; of those certified by
-    then, the one with the least smoothness cost wins.
+    then, the one with the least of `Scene.objective` wins.
 
     Args:
         scene: from load_scene, or a Scene made in Python.
@@ -143,6 +143,7 @@ def plan(
         steps=best.steps,
         times=Times(load, build_, stopwatch.seconds, solved, certified),
         notes=(*problems[taken].notes, *best.certificate.notes, *notes),
+        objective=searches[taken].objective.achieved(best.solution.trajectory.positions, best.trajectory),
         goal=goals[taken] if several else None,
         asked=scene,
     )
@@ -181,6 +182,6 @@ def _taken(searches: Sequence[Search], taken: int, goals: Sequence[JointTarget])
     found = sum(search.certified for search in searches)
     joints = zip(searches[taken].problem.robot.joint_names, goals[taken].positions or (), strict=True)
     return (
-        f"goal chosen of {tried} tried, {found} certified, by least smoothness cost: {goals[taken].field} at "
-        + ", ".join(f"{joint} {value:.4g}" for joint, value in joints)
+        f"goal chosen of {tried} tried, {found} certified, by least {searches[taken].objective.name}: "
+        f"{goals[taken].field} at " + ", ".join(f"{joint} {value:.4g}" for joint, value in joints)
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from hdplan.scenes.errors import InputError
 from hdplan.scenes.files import read_file
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
+
+if TYPE_CHECKING:
+    from hdplan.planner.search.objective import Achieved
 
 _FIGURES = tuple(field.name for field in fields(Iteration))
 
@@ -46,6 +49,7 @@ class PlanResult:
     steps: tuple[Iteration, ...]  # of the attempt that is returned
     times: Times
     notes: tuple[str, ...]  # on what was assumed or left out
+    objective: Achieved  # by what certified motions were compared, and how much of it this one has
     goal: JointTarget | None = None  # the one that was chosen, if the scene leaves a choice
     asked: Scene | None = None  # the scene that was planned in
 
@@ -65,8 +69,9 @@ class PlanResult:
         return self.certificate.certified
 
     def summary(self) -> dict[str, Any]:
-        """Return the result as one JSON object: status, clearance [m], worst place, times [s], counts; the duration of
-        the motion [s] if it has times; and the goal that was chosen, if the scene leaves a choice."""
+        """Return the result as one JSON object: status, clearance [m], worst place, times [s], counts; the objective,
+        by which motions were compared, and its value; the duration of the motion [s] if it has times; and the goal that
+        was chosen, if the scene leaves a choice."""
         goal = {"goal": {"of": self.goal.field, "joints": self.goal.positions}} if self.goal else {}
         return {
             "status": self.certificate.status.value,
@@ -77,6 +82,7 @@ class PlanResult:
             "joint_names": list(self.trajectory.joint_names),
             "waypoints": len(self.trajectory),
             **how_long(self.trajectory),
+            "objective": self.objective._asdict(),
             **goal,
             **verdict(self.certificate),
             "time_s": {name: round(seconds, 6) for name, seconds in vars(self.times).items()},

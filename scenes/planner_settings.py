@@ -8,6 +8,7 @@ from typing import Annotated
 from hdplan.scenes.values import Checked, Choice, Number, Whole
 
 DISTANCES = ("hdsdf", "fcl")
+OBJECTIVES = ("time", "smoothness", "energy")
 LINK_BODIES = ("fitted", "capsule", "outer-4", "outer-12", "box", "hull")
 
 
@@ -26,3 +27,6 @@ class PlannerSettings(Checked):
     normals: Annotated[str, Choice(("faces", "box", "sphere"))] = "box"
     """Candidate normals of an obstacle: faces (6 for a box), box (26) or sphere (122)."""
     polish: Annotated[int, Whole(0, 10_000)] = 0  # rounds that try to better the first certified motion
+    objective: Annotated[str, Choice(OBJECTIVES)] | None = (
+        None  # of certified motions, the best; None: `Scene.objective`
+    )

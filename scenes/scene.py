@@ -122,9 +122,10 @@ class Scene(Checked):
         write_output(file, hdplan.scenes.scene_text(self).encode())
 
     def check_effects(self) -> None:
-        """Refuse sections that need another one: a payload without torque limits, moving obstacles without a duration,
-        a timed motion with neither a duration nor acceleration limits. Raises InputError."""
-        if self.payload is not None and self.limits.torque is None:
+        """Refuse sections that need another one: a payload without torque limits or energy, moving obstacles without a
+        duration, a timed motion with neither a duration nor acceleration limits, an objective without what it measures.
+        Raises InputError."""
+        if self.payload is not None and self.limits.torque is None and self.objective != "energy":
             raise FieldError("only matters for joint torques, but limits.torque is missing", "payload")
         duration = self.timing.duration if self.timing else None
         for i, obstacle in enumerate(self.obstacles):
@@ -137,11 +138,30 @@ class Scene(Checked):
                 "limits.acceleration is missing",
                 "timing" if self.timing is not None or given is None else f"limits.{given}",
             )
+        if self.planner.objective == "time" and (not self.timed or duration is not None):
+            why = "timing.duration fixes it" if duration is not None else "limits.acceleration is missing"
+            raise FieldError(
+                f"'time' compares motions that may be faster or slower, but {why}; "
+                f"allowed here: smoothness{', energy' * self.timed}",
+                "planner.objective",
+            )
+        if self.planner.objective == "energy" and not self.timed:
+            raise FieldError(
+                "'energy' needs known times, but timing.duration or limits.acceleration is missing; "
+                "allowed here: smoothness",
+                "planner.objective",
+            )
 
     @property
     def timed(self) -> bool:
         """Whether the motion gets times: something in the scene depends on them."""
         return self.timing is not None or any(getattr(self.limits, rate) is not None for rate in QUANTITIES)
+
+    @property
+    def objective(self) -> str:
+        """What the best motion has least of: `planner.objective`, or else time where the motion may be faster or
+        slower, and smoothness cost elsewhere."""
+        return self.planner.objective or ("time" if self.timed and not self.end_time else "smoothness")
 
     @property
     def standing(self) -> tuple[Obstacle, ...]:

@@ -27,11 +27,16 @@ def loaded_model(scene: Scene, robot: Robot) -> pin.Model:
             is not closed, as it has no volume over which to distribute it; a joint that moves no mass.
     """
     with naming(scene.source):
-        return with_loads(robot, scene.payload, scene.attached)
+        torque = scene.limits.torque is not None or scene.objective != "energy"
+        needed = "limits.torque" if torque else "planner.objective: 'energy' (time and smoothness need no masses)"
+        return with_loads(robot, scene.payload, scene.attached, needed)
 
 
-def with_loads(robot: Robot, payload: Payload | None, attached: tuple[Attached, ...]) -> pin.Model:
-    """Return the same for a payload and held objects; errors do not name the scene's file."""
+def with_loads(
+    robot: Robot, payload: Payload | None, attached: tuple[Attached, ...], needed: str = "limits.torque"
+) -> pin.Model:
+    """Return the same for a payload and held objects; errors do not name the scene's file, but what masses are `needed`
+    for."""
     model = robot.model.copy()
     if payload is not None:
         _add(model, "payload", payload.link, _inertia_of_payload(payload), robot.name)
@@ -41,7 +46,7 @@ def with_loads(robot: Robot, payload: Payload | None, attached: tuple[Attached, 
     inert = np.diag(pin.crba(model, model.createData(), pin.neutral(model)))
     if (inert <= 0).any():
         joint = robot.joint_names[int(np.argmin(inert))]
-        raise InputError(f"limits.torque: joint '{joint}' of {robot.name} moves no mass: its URDF gives no inertia")
+        raise InputError(f"{needed}: joint '{joint}' of {robot.name} moves no mass: its URDF gives no inertia")
     return model
 
 

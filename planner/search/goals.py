@@ -1,8 +1,8 @@
 """Goal configurations where the goal leaves a choice: those that reach it (`inverse_kinematics`) and are free, best
 first.
 
-They are ordered by joint-space distance from the start, or by the time that it takes where the scene asks for times,
-times up to 2 where obstacles are close. The planner's
+They are ordered by joint-space distance from the start, or by the time that it takes where time is the objective, times
+up to 2 where obstacles are close. The planner's
 kinematics finds them, the certificate checks them with its own. One seeded generator makes all random draws: the same
 seed gives the same goals.
 """
@@ -119,9 +119,9 @@ def _free(certifier: Certifier, reached: Array, start: Array) -> list[tuple[floa
 
 
 def _length(setup: Setup, way: Array) -> float:
-    """How long a way (n,) is at least: the time [s] of its slowest joint where the scene asks for times, else in joint
+    """How long a way (n,) is at least: the time [s] of its slowest joint where time is the objective, else in joint
     space."""
-    if setup.scene.timed:
+    if setup.scene.objective == "time":
         return float((np.abs(way) / setup.limits["velocity"]).max())
     return float(np.linalg.norm(way))
 

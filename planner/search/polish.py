@@ -1,7 +1,7 @@
 """Better motions after the first certified one, in rounds: each changes something, and its motion is kept only if it is
 certified and better.
 
-Better is shorter in time where the scene asks for times, and of less smoothness cost elsewhere. Rounds take turns:
+Better is less of what `Scene.objective` asks for (`objective`). Rounds take turns:
 
 * *nearer*: the penalty sets in at half the distance from obstacles, and solving continues from the motion as it is,
   which becomes straighter. After a failure the distance stays.

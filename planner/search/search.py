@@ -19,6 +19,7 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.problem.problem import Problem
+from hdplan.planner.search.objective import objective_of
 from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.solvers.solution import (
     DETOUR_WEIGHT,
@@ -88,6 +89,7 @@ class Search:
         """Search for a motion that keeps `required` [m], until `deadline` (time.perf_counter())."""
         self.problem, self.certifier, self.retimer = problem, certifier, retimer
         self.solver, self.required = solver, required
+        self.objective = objective_of(problem, retimer)
         self.deadline, self.report, self.stop = deadline, report, stop
         self.last: Solution | None = None  # solved, not yet certified
         self.best: Best | None = None
@@ -154,16 +156,9 @@ class Search:
 
     @property
     def value(self) -> float:
-        """What the best motion costs: its duration [s] where the scene asks for times, else its smoothness cost."""
+        """What the best motion costs, by the scene's objective."""
         assert self.best is not None
-        return self._value(self.best.trajectory, self.best.solution)
-
-    def _value(self, trajectory: Trajectory, solution: Solution) -> float:
-        if self.retimer is not None:
-            assert trajectory.duration is not None
-            return trajectory.duration
-        smoothness, _ = self.problem.smoothness.value(solution.trajectory.positions)
-        return smoothness
+        return self.objective.value(self.best.solution.trajectory.positions, self.best.trajectory)
 
     def improve(self, problem: Problem, first: Guess, value: float) -> bool:
         """Solve a problem to this goal from one guess; keep the motion if it is certified and costs less than
@@ -175,7 +170,7 @@ class Search:
         if solution.status is not SolverStatus.CLEAR:
             return False
         trajectory = solution.trajectory if self.retimer is None else self.retimer(solution.trajectory).trajectory
-        if self._value(trajectory, solution) >= (1.0 - GAIN) * value:
+        if self.objective.value(solution.trajectory.positions, trajectory) >= (1.0 - GAIN) * value:
             return False
         certificate = self._certificate(trajectory)
         if certificate.certified:
@@ -201,12 +196,8 @@ class Search:
 
     @property
     def best_rank(self) -> tuple[float, ...]:
-        """A rank that no motion of this search exceeds: the straight line's. At equal steps it has the least smoothness
-        cost, and each joint at its greatest velocity the shortest time."""
-        if self.retimer is not None:
-            return (0.0, self.retimer.shortest(self.problem.start, self.problem.goal))
-        smoothness, _ = self.problem.smoothness.value(self.problem.polyline())
-        return (0.0, smoothness)
+        """A rank that no motion of this search exceeds."""
+        return (0.0, self.objective.least(self.problem))
 
     def certify_last(self) -> bool:
         """Certify a motion whose certificate was interrupted; False if there is none."""
@@ -265,8 +256,8 @@ def _place_in(parameters: Array, wanted: float) -> tuple[int, float]:
 
 def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Array | None]) -> None:
     """Give each goal its first guesses, then each its next ones, until one is certified after a whole round or time is
-    up. With one goal that is one guess after another. A goal is passed over whose straight line is less smooth than a
-    certified motion to another: no motion to it would be chosen. `warm` holds a guess (N, n) per goal, or None, that is
+    up. With one goal that is one guess after another. A goal is passed over to which no motion can be better than a
+    certified one to another: none would be chosen. `warm` holds a guess (N, n) per goal, or None, that is
     tried before all others."""
     lines = [(search, _guesses(search.problem, seed, begin)) for search, begin in zip(searches, warm, strict=True)]
     while not any(search.certified for search in searches):

@@ -107,14 +107,19 @@ def _self_collision(problem: Problem) -> Effect:
 
 def _carried(problem: Problem) -> tuple[Effect, ...]:
     scene = problem.scene
-    held, payload, torque = len(scene.attached), scene.payload, scene.limits.torque is not None
+    held, payload = len(scene.attached), scene.payload
+    counts = scene.limits.torque is not None or scene.objective == "energy"
     loads = [f"{payload.mass:g} kg on {payload.link}"] if payload else []
-    loads += [f"{each.mass:g} kg of {each.name}" for each in scene.attached if each.mass is not None and torque]
+    loads += [f"{each.mass:g} kg of {each.name}" for each in scene.attached if each.mass is not None and counts]
     return (
         Effect(
             "held objects", f"{counted(held, 'object')}: collide as the links do" if held else "", "needs attached[]"
         ),
-        Effect("loads", ", ".join(loads), "needs payload or attached[].mass, with limits.torque"),
+        Effect(
+            "loads",
+            ", ".join(loads),
+            "needs payload or attached[].mass, with limits.torque or planner.objective energy",
+        ),
     )
 
 

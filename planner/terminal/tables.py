@@ -39,6 +39,7 @@ def result_rows(result: PlanResult, files: list[str]) -> list[tuple[str, str]]:
             "motion",
             f"{result.trajectory.extent}, {result.iterations} iterations, {attempts}, seed {result.seed}",
         ),
+        ("objective", "{}, {:.4g} {}".format(*result.objective)),
         *closest_rows(result.certificate),
         *limit_rows(result.certificate),
         ("time [s]", ", ".join(f"{name} {seconds:.2f}" for name, seconds in vars(result.times).items())),

@@ -34,7 +34,7 @@ from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 EXACT = 1e-9  # [m] of a distance known in closed form: the certificate's own bound is 1e-9 of the sizes
 KEYS = {  # of the summary, as promised to whoever reads the JSON
     "status", "text", "scene", "robot", "solver", "joint_names", "waypoints", "clearance_m", "self_clearance_m",
-    "worst", "time_s", "iterations", "attempts", "seed",
+    "worst", "time_s", "iterations", "attempts", "seed", "objective",
 }  # fmt: skip
 TIMES = {"load", "build", "compile", "solve", "certify"}
 

@@ -300,7 +300,7 @@ class Maker:
         relative = Relative(f"a {self.name()}", f"b {self.name()}", pose, self.number(high=1.0), self.number(high=3.0))
         timing = Timing(self.number(0.1), rate=float(self.rng.uniform(1, 1000)))
         settings = PlannerSettings(
-            17, self.number(high=1.0), self.number(high=1.0), 5, 1e-5, "fcl", "box", True, "faces", 7
+            17, self.number(high=1.0), self.number(high=1.0), 5, 1e-5, "fcl", "box", True, "faces", 7, "energy"
         )
         own = [SelfCollision(), SelfCollision(False), SelfCollision(clearance=self.number(high=1.0))]
         held = Attached(self.name(), self.name(), self.shape(), self.pose(), (self.name(),), self.number())
