@@ -202,7 +202,7 @@ class Search:
     @property
     def best_rank(self) -> tuple[float, ...]:
         """A rank that no motion of this search exceeds: the straight line's. At equal steps it has the least smoothness
-        cost, and each joint at its greatest velocity the shortest time."""
+        cost, and its slowest joint alone needs the shortest time."""
         if self.retimer is not None:
             return (0.0, self.retimer.shortest(self.problem.start, self.problem.goal))
         smoothness, _ = self.problem.smoothness.value(self.problem.polyline())
