@@ -24,7 +24,7 @@ SHORTEST = 2.0**-17  # of a waypoint interval: below it, the answer is "not prov
 STILL = 1e-6  # [m] motion below which halving does not help
 TOLERANCE = 5e-4  # [m] by which the proven clearance may fall short of the least distance found,
 RELATIVE_TOLERANCE = 0.05  # or by this share of it, whichever is larger; never by more than half
-FIRST_CHUNK = 64  # pairs evaluated before the closest distance is known; later chunks are larger
+FIRST_PAIRS = 12  # evaluated where each comes closest, before the closest distance is known; later chunks are larger
 WAYPOINTS_AT_ONCE = 256  # at which open meshes are checked
 MOST_ITEMS = 30_000  # pairs on intervals evaluated together: more would only fill the memory
 MOST_EXACT_CALLS = 300_000  # exact distances computed in one proof; after that the rest is "not proven"
@@ -229,7 +229,11 @@ class _Run:
         bound, normal = self.bounds.by_ball(nodes, items)
         known = np.any(items.normal != 0.0, axis=1, keepdims=True)
         items = replace(items, bound=np.maximum(items.bound, bound), normal=np.where(known, items.normal, normal))
-        order, first, size, left = np.argsort(items.bound), 0, FIRST_CHUNK, []
+        order, left = np.argsort(items.bound), []
+        # no pair twice at first: many intervals of one pair would all be measured before the closest pair is known
+        lowest = np.sort(np.unique(items.pair[order], return_index=True)[1])[:FIRST_PAIRS]
+        order = np.concatenate([order[lowest], np.delete(order, lowest)])
+        first, size = 0, len(lowest)
         while first < len(order):
             chunk = self._open(nodes, items[order[first : first + size]])
             first, size = first + size, 4 * size

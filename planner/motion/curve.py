@@ -17,12 +17,15 @@ torques.
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from hdplan.scenes.once import read_only
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -166,12 +169,9 @@ class Curve:
         """Return proven bounds (N − 1, n) on the curve's values on every interval: low, high."""
         if self.degree <= 1:
             return self.control.min(axis=1), self.control.max(axis=1)
-        count = len(self.control)
-        edges = np.linspace(0.0, 1.0, PARTS + 1)
-        control = np.repeat(self.control, PARTS, axis=0)
-        parts = _between(control, np.tile(edges[:-1], count), np.tile(edges[1:], count))
-        parts = parts.reshape(count, PARTS * parts.shape[1], -1)
-        return parts.min(axis=1), parts.max(axis=1)
+        count, order, n = self.control.shape
+        parts = _parts(self.degree) @ self.control.transpose(1, 0, 2).reshape(order, -1)
+        return parts.min(axis=0).reshape(count, n), parts.max(axis=0).reshape(count, n)
 
     def largest(self) -> Array:
         """Return a proven bound (n,) on the curve's absolute values."""
@@ -198,6 +198,15 @@ def _left(control: Array, fraction: Array) -> Array:
         points = (1.0 - weight) * points[:, :-1] + weight * points[:, 1:]
         result.append(points[:, 0])
     return np.stack(result, axis=1)
+
+
+@functools.cache
+def _parts(degree: int) -> Array:
+    """Return the weights (PARTS (d + 1), d + 1), none negative, that make the control points of all PARTS of a
+    polynomial from its own."""
+    edges = np.linspace(0.0, 1.0, PARTS + 1)
+    points = _between(np.tile(np.eye(degree + 1), (PARTS, 1, 1)), edges[:-1], edges[1:])
+    return read_only(points.reshape(-1, degree + 1))
 
 
 def _between(control: Array, first: Array, last: Array) -> Array:

@@ -119,10 +119,12 @@ def _free(certifier: Certifier, reached: Array, start: Array) -> list[tuple[floa
 
 
 def _length(setup: Setup, way: Array) -> float:
-    """How long a way (n,) is at least: the time [s] of its slowest joint where time is the objective, else in joint
-    space."""
+    """How long a way (n,) is at least: the least time [s] of its slowest joint where time is the objective, else its
+    length in joint space."""
     if setup.scene.objective == "time":
-        return float((np.abs(way) / setup.limits["velocity"]).max())
+        from hdplan.planner.timing.least_time import least_times
+
+        return float(least_times(way, setup.limits).max(initial=0.0))
     return float(np.linalg.norm(way))
 
 

@@ -85,7 +85,7 @@ class Time(Objective):
         return motion.duration
 
     def least(self, problem: Problem) -> float:
-        """Return the time of the slowest joint, each at its greatest velocity."""
+        """Return the time that the slowest joint alone needs."""
         return self.retimer.shortest(problem.start, problem.goal)
 
 

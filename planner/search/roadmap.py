@@ -17,7 +17,7 @@ import numpy as np
 
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.retreat import retreats
-from hdplan.planner.solvers.solution import DETOUR_WEIGHT, is_narrow
+from hdplan.planner.solvers.solution import DETOUR_WEIGHT, ENOUGH, is_narrow
 from hdplan.scenes.array_types import Array, Mask, Rows
 
 NODES = 48  # configurations drawn for each guess; the clear ones are kept
@@ -104,9 +104,11 @@ class Roadmap:
             self.close = np.append(self.close, np.zeros(len(edges), dtype=np.bool_))
 
     def _clear(self, configurations: Array) -> Mask:
-        """Which configurations (B, n) become nodes."""
-        clear: Mask = self.problem.depth(configurations) == 0.0
-        return clear
+        """Which configurations (B, n) become nodes: those outside all margins, or, if there are none, as beside what
+        stands under the robot's base, those that are as clear as a motion has to be."""
+        depth = self.problem.depth(configurations)
+        clear: Mask = depth == 0.0
+        return clear if clear.any() else depth <= ENOUGH * self.problem.scene.planner.activation
 
     def way(self) -> Array:
         """The nodes (C, n) between start and goal on the cheapest path, which costs more from now on.

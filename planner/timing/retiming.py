@@ -25,6 +25,7 @@ from scipy.interpolate import BSpline
 from hdplan.planner.motion.curve import Curve, row_count
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
+from hdplan.planner.timing.least_time import least_times
 from hdplan.planner.timing.limits import PathSamples, timing_limits
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, TimeLaw
 from hdplan.scenes.errors import HdplanError, InputError
@@ -60,18 +61,18 @@ class Retimer:
         self.robot, self.timing, self.source = setup.robot, scene.timing or Timing(), scene.source
         self.fixed = bool(scene.moving)  # the planner assumed the minimum-jerk law to avoid them
         self.limits = timing_limits(setup)
-        self.velocity = setup.limits["velocity"]
+        self.rates = setup.limits
         self.unbounded = scene.limits.acceleration is None  # so that there is no fastest motion
 
     def shortest(self, start: Array, goal: Array) -> float:
-        """A time [s] that no motion between two configurations (n,) undercuts: each joint at its greatest velocity."""
-        return float((np.abs(goal - start) / self.velocity).max())
+        """A time [s] that no motion between two configurations (n,) undercuts, within limits of rates."""
+        return float(least_times(goal - start, self.rates).max(initial=0.0))
 
     def too_short(self, start: Array, goal: Array) -> str | None:
         """Say why no motion between two configurations (n,) is as short as the scene's duration; None if one may."""
         if self.timing.duration is None:
             return None
-        least = np.abs(goal - start) / self.velocity
+        least = least_times(goal - start, self.rates)
         joint = int(least.argmax())
         if least[joint] <= self.timing.duration:
             return None

@@ -15,7 +15,7 @@ from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.retreat import retreats
-from hdplan.planner.search.roadmap import seeds
+from hdplan.planner.search.roadmap import Roadmap, seeds
 from hdplan.planner.solvers.solution import DETOUR_WEIGHT, is_narrow
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
@@ -138,3 +138,15 @@ def test_ways_back_lead_to_where_nothing_is_near() -> None:
     assert distances[1] > 3 * distances[0]
     scene = load_scene("empty")
     assert [len(way) for way in retreats(build(scene))] == [0, 0]
+
+
+def test_a_roadmap_grows_where_no_configuration_is_outside_all_margins() -> None:
+    """A floor just below the base is always within the shoulder's margin."""
+    scene = load_scene("ur5_table")
+    floor = Obstacle("floor", Box((2.0, 2.0, 0.1)), Pose((0.0, 0.0, scene.robot.base.position[2] - 0.06)))
+    problem = build(dataclasses.replace(scene, obstacles=(floor,)))
+    drawn = problem.robot.draw(np.random.default_rng(0), 100)
+    assert (problem.depth(drawn) > 0.0).all()
+    grown = Roadmap(problem, np.random.default_rng(0))
+    grown.grow()
+    assert len(grown.nodes) > 2
