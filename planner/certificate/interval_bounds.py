@@ -63,14 +63,15 @@ class Bounds:
         """Return a bound (P,) [m] for each pair over all the intervals: the distance from a ball that contains the
         first body's whole motion to the second's box; −inf where the second moves as well."""
         bodies, pairs = self.bodies, self.pairs
-        center = nodes.center
-        middle = 0.5 * (center.min(axis=0) + center.max(axis=0))  # (g, 3)
-        radius = (np.linalg.norm(center - middle, axis=2) + nodes.moved).max(axis=0) + bodies.radius
+        rows, first = np.unique(pairs.a, return_inverse=True)  # the first bodies: links, few beside the obstacles
+        center = nodes.center[:, rows]
+        middle = 0.5 * (center.min(axis=0) + center.max(axis=0))  # (rows, 3)
+        radius = (np.linalg.norm(center - middle, axis=2) + nodes.moved[:, rows]).max(axis=0) + bodies.radius[rows]
         still: Mask = np.logical_not(bodies.chain.carried_by[bodies.joint].any(axis=1) | bodies.drifting)
         b = pairs.b
-        local = np.einsum("pba,pb->pa", nodes.rotation[0, b], middle[pairs.a] - center[0, b])
+        local = np.einsum("pba,pb->pa", nodes.rotation[0, b], middle[first] - nodes.center[0, b])
         outside = np.maximum(np.abs(local) - bodies.half[b], 0.0)
-        return np.where(still[b], np.linalg.norm(outside, axis=1) - radius[pairs.a] - ROUNDING, -np.inf)
+        return np.where(still[b], np.linalg.norm(outside, axis=1) - radius[first] - ROUNDING, -np.inf)
 
     def by_ball(self, nodes: Intervals, items: Items) -> tuple[Array, Array]:
         """Return a bound (i,) over the interval and the direction (i, 3) from b to a: from a's bounding ball to b's

@@ -69,6 +69,11 @@ class Bodies:
         self.drifting = np.array([body.obstacle_motion is not None for body in bodies], dtype=bool)  # (g,)
 
     @cached_property
+    def standing(self) -> tuple[Array, Array, Array]:
+        """Rotations, origins and centres of the bodies in the world (g, …), true of those that nothing moves."""
+        return self.rotation, self.origin, np.einsum("gij,gj->gi", self.rotation, self.center) + self.origin
+
+    @cached_property
     def record(self) -> Record:
         """The pieces, for the loop in C."""
         return support_loop.record(self.pieces)
@@ -190,16 +195,24 @@ class Intervals:
         chain = bodies.chain
         middle, delta, deviation = curve.part(interval, start, width)
         turned, moved = chain.frames(bodies.to_pinocchio(middle))
-        rotation = turned[:, bodies.joint] @ bodies.rotation
-        origin = np.einsum("kgij,gj->kgi", turned[:, bodies.joint], bodies.origin) + moved[:, bodies.joint]
+        # Contiguous, as loops in C take them, and with nothing computed for what stands: scenes have thousands of it.
+        rotation, origin, center = (np.tile(each, (len(middle), *[1] * each.ndim)) for each in bodies.standing)
+        carried = np.flatnonzero(bodies.joint)
+        frames = turned[:, bodies.joint[carried]]
+        rotation[:, carried] = frames @ bodies.rotation[carried]
+        origin[:, carried] = np.einsum("kgij,gj->kgi", frames, bodies.origin[carried]) + moved[:, bodies.joint[carried]]
         drift = None
         if bodies.drifting.any():
             when, half = curve.span(interval, start, width)
             placements, drift = bodies.drift(when, half)
             rotation[:, bodies.drifting] = placements[:, bodies.drifting][..., :3, :3]
             origin[:, bodies.drifting] = placements[:, bodies.drifting][..., :3, 3]
-        center = np.einsum("kgij,gj->kgi", rotation, bodies.center) + origin
-        axes, points = np.einsum("knij,nj->kni", turned[:, 1:], chain.axes), moved[:, 1:]
+            carried = np.flatnonzero((bodies.joint > 0) | bodies.drifting)
+        center[:, carried] = origin[:, carried] + np.einsum(
+            "kgij,gj->kgi", rotation[:, carried], bodies.center[carried]
+        )
+        axes = np.einsum("knij,nj->kni", turned[:, 1:], chain.axes)
+        axes, points = np.ascontiguousarray(axes), np.ascontiguousarray(moved[:, 1:])
         most = np.abs(delta) + deviation
         reach = chain.local_reach(rho, bodies.joint, center, bodies.radius, axes, points, most)
         return cls(
@@ -226,7 +239,7 @@ class Intervals:
     @cached_property
     def moved(self) -> Array:
         """The farthest that each body moves (k, bodies) [m]."""
-        result: Array = self.speed.sum(axis=2)
+        result: Array = np.einsum("kn,kgn->kg", np.abs(self.delta) + self.deviation, self.reach)
         return result if self.drift is None else result + self.drift.first
 
     def transform(self, row: int, body: int) -> Any:

@@ -53,7 +53,8 @@ void reach_around(const chain* of, long long bodies, const long long* joints, co
   }
 }
 
-/* The smaller of rho (bodies, n) and what the bounding balls allow on each of `count` intervals: (count, bodies, n). */
+/* The smaller of rho (bodies, n) and what the bounding balls allow on each of `count` intervals: (count, bodies, n),
+   zeros before, which are not touched where nothing moves: so they take no memory. */
 void local_reach(const chain* of, long long count, long long bodies, const long long* joints, const double* rho,
                  const double* centers, const double* radii, const double* axes, const double* origins,
                  const double* half, double* local) {
@@ -62,9 +63,9 @@ void local_reach(const chain* of, long long count, long long bodies, const long 
     for (g = 0; g < bodies; ++g, centers += 3, local += n) {
       const double* most = rho + n * g;
       double after = 0.0;
+      if (joints[g] == 0) continue;
       for (j = n - 1; j >= 0; --j) {
         const double *a = axes + 3 * j, *o = origins + 3 * j;
-        local[j] = 0.0;
         if (!of->carried[n * joints[g] + j]) continue;
         local[j] = 1.0;
         if (of->revolute[j]) {
@@ -99,6 +100,6 @@ def local_reach(
 ) -> Array:
     """Return what `Chain.local_reach` returns; `at`: its centers, radii, axes, origins and half."""
     count = len(at[0])
-    local = np.empty((count, *rho.shape))
+    local = np.zeros((count, *rho.shape))
     call(loops.local_reach, chain.struct, count, len(rho), joints, rho, *at, local)
     return local
