@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 
 
 STARTS = 128  # the scene's start, and random configurations
-STEPS = 80  # at most
+STEPS, MANY = 80, 32  # at most; after so many, starts are given up if enough of the others have arrived
+ARRIVED = 0.25  # share of the starts that are enough
 CENTRING = 6  # more of them, from within the tolerance towards its centre
 AIM, ENOUGH, AT_MOST = 0.5, 0.75, 0.99  # shares of a tolerance: aimed at, where a start has converged, accepted
 DRAWS, BACK = 12, 2  # steps towards the start, at most, each with some back to the pose
@@ -97,7 +98,7 @@ def reaching(
     going = np.arange(len(q))
     if path:
         from hdplan.planner.problem.path_terms import to_path
-    for _ in range(STEPS):
+    for step in range(STEPS):
         check_time("looking for configurations that reach the goal")
         error, jacobian = aim.linearized(q[going])
         missing, far = aim.beyond(error, AIM), ~aim.within(error, ENOUGH)
@@ -106,7 +107,7 @@ def reaching(
             missing, jacobian = np.concatenate([missing, astray], axis=1), np.concatenate([jacobian, slope], axis=1)
             far |= astray.any(axis=1)
         going, missing, jacobian = going[far], missing[far], jacobian[far]
-        if not len(going):
+        if len(going) <= (1.0 - ARRIVED if step >= MANY else 0.0) * len(q):
             break
         q[going] = damped_step(robot, q[going], missing, jacobian)
     error, _ = aim.linearized(q)
