@@ -36,6 +36,8 @@ def link_parts(robot: Robot, link: str, geometry: str = "fitted") -> tuple[Array
 
 
 def _parts(bodies: tuple[Swept, ...], triangles: Array) -> list[Array]:
+    if len(bodies) == 1:
+        return [_corners(np.unique(triangles.reshape(-1, 3), axis=0))]
     found: list[list[Array]] = [[] for _ in bodies]
     for _ in range(DEPTH):
         corners, which = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)  # triangles share them

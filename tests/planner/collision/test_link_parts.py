@@ -60,11 +60,21 @@ def test_planes_contain_the_parts_and_are_no_wider_than_the_bodies(robot: Robot)
         assert (planes.supports <= widest + ROUNDING).all()
 
 
+@pytest.mark.parametrize("geometry", ["hull", "box", "capsule", "outer-4", "outer-12"])
+def test_bodies_of_every_kind_have_parts(geometry: str) -> None:
+    """Also the link's own hull, of hundreds of corners."""
+    robot = load_robot(RobotSpec("panda"))
+    for link in robot.links:
+        points = in_joint(robot, link, link_triangles(robot, link).reshape(-1, 3))
+        parts = link_parts(robot, link, geometry)
+        assert np.min([beyond(part, points) for part in parts], axis=0).max() <= ROUNDING, link
+
+
 def test_parts_that_cannot_be_shown_leave_the_bodies(
     robot: Robot, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path))
-    link = robot.links[0]
+    link = next(name for name in robot.links if len(enclosed(robot, name)) > 1)
     smaller = tuple(type(each)(0.5 * each.vertices, 0.5 * each.radius) for each in enclosed(robot, link))
     monkeypatch.setattr(module, "enclosed", lambda *_: smaller)
     monkeypatch.setattr(module, "DEPTH", 3)
