@@ -27,9 +27,10 @@ from hdplan.planner.problem.velocity_penalty import AIM, LEVER
 from hdplan.planner.search.roadmap import DEPTH, WORN, Roadmap
 from hdplan.planner.solvers.solution import DETOUR_WEIGHT, ENOUGH
 from hdplan.scenes.array_types import Array, Mask, Rows
+from hdplan.scenes.once import read_only
 
 STEPS = 30  # even, as the time law is steepest in the middle
-TAKES = np.array([1, 2, 3, 4, 6, 8, 12, 16])  # steps that an edge may take
+TAKES = read_only(np.array([1, 2, 3, 4, 6, 8, 12, 16]))  # steps that an edge may take
 PIECES, LEAPS = 12, 4  # of the straight line; so many of them at once are edges, too
 PRICE = DETOUR_WEIGHT * DEPTH**2 / 2  # of being DEPTH inside a margin all along
 LOOK, FEWEST, MOST = 0.1, 3, 48  # [rad or m] between configurations at which an edge is scored; how many

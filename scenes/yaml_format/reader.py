@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from hdplan.scenes.attached import Attached
-from hdplan.scenes.errors import InputError
+from hdplan.scenes.errors import InputError, listed
 from hdplan.scenes.fields import Field, read_document
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.moveit.geometry_text import ENDING, read_geometry
@@ -36,6 +36,7 @@ from hdplan.scenes.yaml_format.shapes import read_shape
 from hdplan.scenes.yaml_format.targets import read_goal, read_target
 
 VERSION = 1
+SHOWN = 12  # shipped scenes that an error names
 SECTIONS = (
     "hdplan",
     "robot",
@@ -111,7 +112,7 @@ def find_scene(path: FilePath) -> Path:
     if str(file) in shipped:
         return shipped[str(file)]
     close = difflib.get_close_matches(file.stem, shipped, n=1)
-    hint = f"did you mean the shipped scene '{close[0]}'?" if close else f"shipped scenes: {', '.join(shipped)}"
+    hint = f"did you mean the shipped scene '{close[0]}'?" if close else f"shipped scenes: {listed(shipped, SHOWN)}"
     raise InputError(f"{file}: no such file ({hint})")
 
 
