@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.self_pairs import NEVER_TOUCHING
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.yaml_format.reader import load_scene
 
@@ -50,3 +53,19 @@ def test_the_closest_points_are_as_far_apart_as_their_bodies(name: str) -> None:
             if closest.distance > 0.0:
                 between = np.linalg.norm(closest.points[0] - closest.points[1])
                 assert between == pytest.approx(closest.distance, abs=2e-5)
+
+
+def test_pairs_that_never_touch_count_in_what_is_claimed() -> None:
+    """They need no proof, but the clearance between links is of all links."""
+    setup = Setup.of(load_scene("panda_cage"))
+    pair, *others = setup.robot.self_pairs
+    unchecked = {**setup.robot.unchecked, pair: NEVER_TOUCHING}
+    proven = dataclasses.replace(setup.robot, self_pairs=tuple(others), unchecked=unchecked)
+    whole, fewer = Certifier(setup), Certifier(dataclasses.replace(setup, robot=proven))
+    named = [{each._names(row) for row in range(len(each.sweep.pairs.a))} for each in (whole, fewer)]
+    assert named[0] == named[1]
+    q = setup.query.start
+    one, other = (each.nearest(q)[1] for each in (whole, fewer))
+    assert one is not None
+    assert other is not None
+    assert one.distance == other.distance
