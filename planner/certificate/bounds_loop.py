@@ -11,16 +11,13 @@ import functools
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.compiled.c_library import Record, c_functions, call
 from hdplan.planner.motion.motion_bounds import Motion
+from hdplan.scenes.array_types import Array, Rows
 
 if TYPE_CHECKING:
     from hdplan.planner.certificate.intervals import Bodies, Intervals, Pairs
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 SOURCE = """
 #include <math.h>
@@ -130,14 +127,14 @@ def intervals(nodes: Intervals) -> Record:
     )
 
 
-def by_ball(loops: ctypes.CDLL, world: Record, nodes: Record, node: Index, pair: Index) -> tuple[Array, Array]:
+def by_ball(loops: ctypes.CDLL, world: Record, nodes: Record, node: Rows, pair: Rows) -> tuple[Array, Array]:
     """Return a bound (i,) without what bodies drift and rounding may take, and the directions (i, 3)."""
     bound, normal = np.empty(len(node)), np.empty((len(node), 3))
     call(loops.by_ball, world.struct, nodes.struct, len(node), node, pair, bound, normal)
     return bound, normal
 
 
-def motion(loops: ctypes.CDLL, world: Record, nodes: Record, node: Index, pair: Index, second: bool) -> Motion:
+def motion(loops: ctypes.CDLL, world: Record, nodes: Record, node: Rows, pair: Rows, second: bool) -> Motion:
     """Return the motion (i,) of the first or the second body of each pair, without what bodies drift."""
     count = len(node)
     found = (np.empty((count, 3)), np.empty((count, 3)), np.empty(count), np.empty(count))

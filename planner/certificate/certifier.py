@@ -39,7 +39,6 @@ from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.motion.robot_curve import beyond_limits, curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.robot.self_pairs import NEVER_TOUCHING
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.deadline import check_time
@@ -47,7 +46,6 @@ from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import made_once
 from hdplan.scenes.path_constraints import PathConstraints
-from hdplan.scenes.robot_files.link_pairs import LinkPair
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import Number, checked, instance
 
@@ -113,7 +111,8 @@ class Certifier:
             motion = _motion_of(obstacle)
             bodies.extend(Body(obstacle.name, piece, 0, obstacle.pose.matrix, motion) for piece in pieces)
         rows = [(a, b, 0) for a in range(count) for b in range(count, len(bodies))]
-        pairs = (*robot.self_pairs, *_never_touching(setup))
+        # those that never touch need no proof, but how close they come counts in what is claimed
+        pairs = (*robot.self_pairs, *(robot.never_touching if scene.self_collision.checked else ()))
         rows += [(a, b, 1) for first, second in pairs for a in links[first] for b in links[second]]
         gathered = Bodies(_chain(robot), bodies, robot.pin_q)
         self._fields = [f"robot: '{body.name}'" for body in bodies[:count]]
@@ -319,13 +318,6 @@ def _link_bodies(robot: Robot) -> tuple[Body, ...]:
         for link, item in items
         for piece in link_pieces(item.geometry, item.name)
     )
-
-
-def _never_touching(setup: Setup) -> tuple[LinkPair, ...]:
-    """The pairs of links that need no proof, as they never touch: how close they come counts in what is claimed."""
-    if not setup.scene.self_collision.checked:
-        return ()
-    return tuple(pair for pair, reason in setup.robot.unchecked.items() if reason == NEVER_TOUCHING)
 
 
 def _path_check(setup: Setup, chain: Chain) -> PathCheck:

@@ -61,7 +61,7 @@ def _enclosed(robot: Robot, bodies: tuple[LinkBody, ...], geometry: str, planes:
     """By planes what each body encloses of its link."""
     found = []
     for link, own in itertools.groupby(bodies, lambda body: body.link):
-        parts = [*link_parts(robot, link, geometry)]
+        parts = link_parts(robot, link, geometry)
         for row, body in enumerate(own):
             part = parts[row] if parts else np.empty((0, 3))
             found.append(from_link_part(link, body.joint, body.body, part, planes))

@@ -25,7 +25,7 @@ class HdsdfPairs(PairDistance):
     """D of the pairs' bodies, the halfspace bodies enlarged by the margin."""
 
     def __init__(self, pairs: BodyPairs, gamma: int, shaping_length: float) -> None:
-        """Compile the distance, or find it in the cache."""
+        """Take the pairs; the distance is compiled when it is first needed."""
         self.pairs, self.gamma, self.shaping_length = pairs, gamma, shaping_length
 
     @property

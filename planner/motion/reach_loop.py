@@ -6,11 +6,9 @@ import ctypes
 import functools
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hdplan.distance.compiled.c_library import Record, c_functions, call
-
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array, Rows
 
 SOURCE = """
 #include <math.h>
@@ -86,18 +84,14 @@ def library() -> ctypes.CDLL | None:
     return c_functions("reach", SOURCE)
 
 
-def reach_around(
-    loops: ctypes.CDLL, chain: Record, joints: NDArray[np.int64], cylinders: Array, travel: Array
-) -> Array:
+def reach_around(loops: ctypes.CDLL, chain: Record, joints: Rows, cylinders: Array, travel: Array) -> Array:
     """Return what `Chain.reach_around` returns."""
     rho = np.zeros((len(joints), len(travel)))
     call(loops.reach_around, chain.struct, len(joints), joints, cylinders, travel, rho)
     return rho
 
 
-def local_reach(
-    loops: ctypes.CDLL, chain: Record, joints: NDArray[np.int64], rho: Array, at: tuple[Array, ...]
-) -> Array:
+def local_reach(loops: ctypes.CDLL, chain: Record, joints: Rows, rho: Array, at: tuple[Array, ...]) -> Array:
     """Return what `Chain.local_reach` returns; `at`: its centers, radii, axes, origins and half."""
     count = len(at[0])
     local = np.zeros((count, *rho.shape))

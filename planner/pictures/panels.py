@@ -210,7 +210,7 @@ def lay_along(axis: Any, trajectory: Trajectory) -> None:
 
 def units_of(robot: Robot) -> list[str]:
     """Return each planned joint's unit."""
-    return ["m" if "JointModelP" in joint.shortname() else "rad" for joint in list(robot.model.joints)[1:]]
+    return ["rad" if turns else "m" for turns in robot.turning]
 
 
 def short_names(names: tuple[str, ...]) -> list[str]:

@@ -30,7 +30,7 @@ from hdplan.scenes.errors import FEW, InputError, listed, naming, nearest
 from hdplan.scenes.files import Stamps, stamps_of
 from hdplan.scenes.once import freeze
 from hdplan.scenes.poses import Pose
-from hdplan.scenes.robot_files.description import Semantics, Tree, read_semantics, read_tree
+from hdplan.scenes.robot_files.description import Semantics, Tree, read_words
 from hdplan.scenes.robot_files.library import description_of
 from hdplan.scenes.robot_files.link_pairs import LinkPair, link_pair
 from hdplan.scenes.robot_files.mjcf import UNLIMITED
@@ -85,6 +85,11 @@ class Robot:
     def n(self) -> int:
         """Number of planned joints."""
         return len(self.joint_names)
+
+    @property
+    def never_touching(self) -> tuple[LinkPair, ...]:
+        """The pairs of links that are not checked, as they are proven never to touch."""
+        return tuple(pair for pair, reason in self.unchecked.items() if reason == NEVER_TOUCHING)
 
     @property
     def turning(self) -> NDArray[np.bool_]:
@@ -190,9 +195,8 @@ def load_robot(robot: str | RobotSpec) -> Robot:
     spec: RobotSpec = checked(robot_spec, robot, "robot")
     name, urdf, srdf, package_dirs = description_of(spec)
     files = stamps_of((urdf,) if srdf is None else (urdf, srdf))
-    tree = read_tree(urdf, spec.base_joints)
+    tree, semantics = read_words(urdf, srdf, spec.base_joints)
     files += stamps_of(tree.files[1:])  # known only now
-    semantics = read_semantics(srdf, tree) if srdf is not None else Semantics()
     full, geometry, meshes = read_model(urdf, package_dirs, spec.base_joints)
     if len(geometry.geometryObjects) != tree.collisions:  # what is left out would be proven free
         read = len(geometry.geometryObjects)

@@ -103,7 +103,7 @@ def _narrowed(robot: Robot, ranges: tuple[tuple[str, tuple[float, float]], ...])
 @made_once(MOST)
 def _all_kept_apart(robot: Robot) -> Robot:
     """Return the robot with the pairs checked too that never touch, where more is asked than that."""
-    never = tuple(pair for pair, reason in robot.unchecked.items() if reason == NEVER_TOUCHING)
+    never = robot.never_touching
     left = {pair: reason for pair, reason in robot.unchecked.items() if reason != NEVER_TOUCHING}
     return replace(robot, self_pairs=(*robot.self_pairs, *never), unchecked=left) if never else robot
 

@@ -97,8 +97,7 @@ class Smoothness(Objective):
     def __init__(self, problem: Problem) -> None:
         """Take the cost from a problem: it is the same for all goals."""
         self.cost = problem.smoothness
-        slides = any(joint.shortname().startswith("JointModelP") for joint in problem.robot.model.joints)
-        self.unit = "rad² + m²" if slides else "rad²"
+        self.unit = "rad²" if problem.robot.turning.all() else "rad² + m²"
 
     def value(self, path: Array, motion: Trajectory) -> float:
         """Return the cost of the waypoints."""

@@ -52,7 +52,7 @@ def polish(searches: Sequence[Search], taken: int, rounds: int, seed: int) -> No
 
 
 def _ways(searches: Sequence[Search], seed: int) -> Iterator[tuple[int, Guess]]:
-    """Yield a search and a guess for it, in turn, without end; the straight line first where it has not been tried."""
+    """Yield a search and a guess for it, in turn, without end; the first guesses of untried goals come first."""
     ways = [seeds(search.problem, seed + 1) for search in searches]
     lines = [next(guesses) for guesses in ways]
     yield from ((i, Guess(line, FIRST_WEIGHT)) for i, line in enumerate(lines) if not searches[i].attempts)

@@ -96,7 +96,7 @@ def _joints(problem: Problem) -> Rows:
     for i, joint in enumerate(robot.joint_names):
         low, high = robot.lower[i], robot.upper[i]
         limits = f"limits {low:7.4g} to {high:<7.4g}" if np.isfinite([low, high]).all() else f"{'turns freely':25}"
-        slides = robot.model.joints[i + 1].shortname().startswith("JointModelP")
+        slides = not robot.turning[i]
         own = " ".join(f"{limit[i]:.4g}{_per(units[slides])}" for limit, units in most)
         row = f"{problem.start[i]:8.4g} → {problem.goal[i]:8.4g}  {limits} {own}"
         rows.append((f"{joint:{width}}", row.rstrip()))

@@ -74,7 +74,7 @@ def describe(name: str) -> dict[str, Rows]:
     Raises InputError for an unknown name, or a file that cannot be read.
     """
     robot = load_robot(named_or_read(name))
-    unit = ["m" if joint.shortname().startswith("JointModelP") else "rad" for joint in list(robot.model.joints)[1:]]
+    unit = ["rad" if turns else "m" for turns in robot.turning]
     joints: Rows = [
         {"joint": joint, "unit": unit[i], "lower": _limit(robot.lower[i]), "upper": _limit(robot.upper[i])}
         for i, joint in enumerate(robot.joint_names)

@@ -16,9 +16,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hdplan.scenes.array_types import Array
 
 ENDLESS = 1e12  # in place of a limit that is not there, in its unit times this power of the order of the derivative
 
