@@ -71,8 +71,10 @@ class Containment:
 
     def _found(self, nodes: Intervals, rows: Index) -> list[tuple[int, tuple[int, ...]]]:
         outer, inner = self.outer[rows], self.inner[rows]
-        world = np.einsum("kqij,qj->kqi", nodes.rotation[:, inner], self.points[rows]) + nodes.origin[:, inner]
-        local = np.einsum("kqji,kqj->kqi", nodes.rotation[:, outer], world - nodes.origin[:, outer])
+        every = np.arange(len(nodes.interval))[:, None]
+        inside, around = nodes.row(every, inner), nodes.row(every, outer)  # (k, q)
+        world = np.einsum("kqij,qj->kqi", nodes.rotation[inside], self.points[rows]) + nodes.origin[inside]
+        local = np.einsum("kqji,kqj->kqi", nodes.rotation[around], world - nodes.origin[around])
         near = ((local >= self.low[rows]) & (local <= self.high[rows])).all(axis=2)
         found: dict[tuple[int, tuple[int, ...]], None] = {}
         for node, row in np.argwhere(near).tolist():
