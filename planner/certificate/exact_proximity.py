@@ -12,6 +12,7 @@ too large. Between triangles coal's distance itself is used, after plausibility 
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -29,7 +30,7 @@ from hdplan.planner.geometry.solids import Solid
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import freeze
-from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Sphere
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
 
 Array = NDArray[np.float64]
 
@@ -113,21 +114,28 @@ class Surface:
 
 def obstacle_pieces(obstacle: Obstacle) -> tuple[Piece, ...]:
     """Return the obstacle's true shape, in its frame. Raises InputError for a mesh file that cannot be used."""
-    match obstacle.shape:
+    if isinstance(obstacle.shape, Mesh):
+        return mesh_pieces(load_mesh(obstacle.shape, f"obstacles.{obstacle.name}"))
+    return (_convex(obstacle.shape),)
+
+
+@functools.lru_cache(maxsize=4096)
+def _convex(shape: Shape) -> Piece:
+    match shape:
         case Box(size):
-            return (_box(np.array(size)),)
+            return _box(np.array(size))
         case Sphere(radius):
-            return (_capsule(radius, 0.0),)
+            return _capsule(radius, 0.0)
         case Ellipsoid(radii):
-            return (_ellipsoid(np.array(radii)),)
+            return _ellipsoid(np.array(radii))
         case Cylinder(radius, length):
-            return (_cylinder(radius, length),)
+            return _cylinder(radius, length)
         case Capsule(radius, length):
-            return (_capsule(radius, length),)
+            return _capsule(radius, length)
         case Points(points):
-            return (_hull(np.array(points, dtype=np.float64)),)
-        case Mesh() as shape:
-            return mesh_pieces(load_mesh(shape, f"obstacles.{obstacle.name}"))
+            return _hull(np.array(points, dtype=np.float64))
+        case Mesh():
+            raise TypeError("a mesh may be several pieces")
 
 
 def link_pieces(geometry: Any, name: str) -> tuple[Piece, ...]:

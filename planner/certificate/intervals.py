@@ -167,9 +167,8 @@ class Pairs:
     moves_b: Mask  # (P, n) and the other way round
 
     @classmethod
-    def of(cls, bodies: Bodies, rows: Sequence[tuple[int, int, int]]) -> Pairs:
-        """Build from (a, b, group); pairs without relative motion are left out."""
-        table = np.array(rows, dtype=np.int64).reshape(-1, 3)
+    def of(cls, bodies: Bodies, table: Index) -> Pairs:
+        """Build from rows (a, b, group); pairs without relative motion are left out."""
         carried_by = bodies.chain.carried_by[bodies.joint]
         a, b = carried_by[table[:, 0]], carried_by[table[:, 1]]
         moving = (a != b).any(axis=1) | bodies.drifting[table[:, :2]].any(axis=1)
