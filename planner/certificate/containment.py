@@ -40,13 +40,13 @@ class Containment:
         both = np.stack(np.divmod(met, len(whole)), axis=1)  # (u, 2)
         outer, inner, asked = both.ravel(), both[:, ::-1].ravel(), np.repeat(np.arange(len(met)), 2)
         outer, inner, asked = (each[bodies.hollow[outer]] for each in (outer, inner, asked))
-        parts = {row: _parts(bodies.bodies[row]) for row in np.unique(inner).tolist()}
+        parts = {row: _parts(bodies.bodies[row]) for row in sorted(set(inner.tolist()))}
         count = [len(parts[row]) for row in inner.tolist()]
         self.outer, self.inner, self._asked = (np.repeat(each, count) for each in (outer, inner, asked))
         self.points = np.concatenate([np.empty((0, 3)), *(parts[row] for row in inner.tolist())])
         self.low, self.high = (np.full((len(whole), 3), bound) for bound in (np.inf, -np.inf))  # of the solids
         hollow = np.zeros(len(whole), dtype=bool)
-        for row in np.unique(outer).tolist():
+        for row in sorted(set(outer.tolist())):
             solid = self._solid(row)
             (self.low[row], self.high[row]), hollow[row] = solid.box, solid.open
         self.open = hollow[self.outer]  # (q,)
