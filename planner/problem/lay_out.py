@@ -19,6 +19,7 @@ from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.problem.clearance import Clearance
+from hdplan.planner.problem.pace import Pace
 from hdplan.planner.problem.problem import Problem, Terms
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.smoothness import Smoothness
@@ -32,6 +33,7 @@ from hdplan.scenes.scene import Scene
 
 SAMPLES_PER_INTERVAL = 2  # at least
 PLAIN, TIMED = 0.01, 0.05  # weight of the acceleration [–]: gentle bends are taken faster, but need more room
+QUICK, EVEN = 0.03, 0.1  # weights of acceleration and velocity beside the pace [–]
 
 
 def self_margin(scene: Scene) -> float:
@@ -129,11 +131,16 @@ def _between_links(model: CollisionModel, pairs: tuple[BodyPair, ...], margin: f
     return body_pairs(model.bodies, model.planes, pairs, margin, model.kinematics.supports)
 
 
-def with_activation(problem: Problem, activation: float) -> Problem:
-    """Lay out the same problem again, with a penalty that sets in at another distance [m]."""
-    scene = problem.scene
+def closer(problem: Problem, activation: float, quick: bool) -> Problem:
+    """Lay out the same problem again for the last touches to a motion: with a penalty that sets in at another distance
+    [m], and, where the motion is to be quick within limits of velocity, with `Pace` in place of most of the
+    smoothness."""
+    scene, limits = problem.scene, problem.setup.limits.get("velocity")
     other = replace(scene, planner=replace(scene.planner, activation=activation))
-    return lay_out(replace(problem.setup, scene=other), Query(problem.start, problem.goal))
+    laid_out = lay_out(replace(problem.setup, scene=other), Query(problem.start, problem.goal))
+    if not quick or limits is None or not np.isfinite(limits).any():
+        return laid_out
+    return replace(laid_out, smoothness=Smoothness(problem.waypoints, QUICK, EVEN), pace=Pace(limits))
 
 
 def _distance(
