@@ -132,7 +132,7 @@ def check(
 
 @app.command()
 def prove(scene: given.SceneFile, trajectory: given.Motion, output: given.Proof) -> None:
-    """Write down why a motion is free, as a proof that others can check.
+    """Write down why a motion is free, for others to check.
 
     Certifies the motion and writes separating planes for every pair of bodies along it. `hdplan verify`, or
     `python -m hdplan.verify`, checks the file against scene, robot and motion with nothing of hdplan.
@@ -146,7 +146,7 @@ def prove(scene: given.SceneFile, trajectory: given.Motion, output: given.Proof)
 
 @app.command()
 def verify(scene: given.SceneFile, trajectory: given.Motion, proof: given.ProofToCheck) -> None:
-    """Check the proof of a motion, by a checker that shares nothing with hdplan.
+    """Check the proof of a motion with nothing of hdplan.
 
     It is one file of Python and NumPy that reads scene, robot, meshes and motion itself and computes in outward-rounded
     arithmetic. It says what is proven and what that assumes, or which pair of bodies, where and why not.
