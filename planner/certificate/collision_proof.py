@@ -229,6 +229,8 @@ class _Run:
         bound, normal = self.bounds.by_ball(nodes, items)
         known = np.any(items.normal != 0.0, axis=1, keepdims=True)
         items = replace(items, bound=np.maximum(items.bound, bound), normal=np.where(known, items.normal, normal))
+        if not len(self._open(nodes, items)):
+            return None
         order, left = np.argsort(items.bound), []
         # no pair twice at first: many intervals of one pair would all be measured before the closest pair is known
         lowest = np.sort(np.unique(items.pair[order], return_index=True)[1])[:FIRST_PAIRS]
