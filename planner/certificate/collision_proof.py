@@ -229,16 +229,20 @@ class _Run:
         bound, normal = self.bounds.by_ball(nodes, items)
         known = np.any(items.normal != 0.0, axis=1, keepdims=True)
         items = replace(items, bound=np.maximum(items.bound, bound), normal=np.where(known, items.normal, normal))
-        if not len(self._open(nodes, items)):
+        unsettled = self._open(nodes, items)
+        if not len(unsettled):
             return None
-        order, left = np.argsort(items.bound), []
+        size = min(FIRST_PAIRS, int(np.count_nonzero(np.bincount(items.pair))))
+        items = items[~(items.bound > unsettled.bound.max())]  # the rest is settled, and would come last
+        order, left = np.argsort(items.bound, kind="stable"), []  # equal bounds in one order on every processor
         # no pair twice at first: many intervals of one pair would all be measured before the closest pair is known
         lowest = np.sort(np.unique(items.pair[order], return_index=True)[1])[:FIRST_PAIRS]
         order = np.concatenate([order[lowest], np.delete(order, lowest)])
-        first, size = 0, len(lowest)
+        first, after = 0, len(lowest)
         while first < len(order):
-            chunk = self._open(nodes, items[order[first : first + size]])
-            first, size = first + size, 4 * size
+            chunk = self._open(nodes, items[order[first:after]])
+            first, size = after, 4 * size
+            after += size
             if len(chunk):
                 _, bound, _ = self.bounds.by_plane(nodes, chunk, chunk.normal)
                 chunk = self._open(nodes, replace(chunk, bound=np.maximum(chunk.bound, bound)))
@@ -299,7 +303,7 @@ class _Run:
             values[i] = max(values[i], self._surface(nodes, int(items.node[i]), int(items.pair[i])))
             bound[i] = max(bound[i], values[i] - travel[i] - ROUNDING)
         touching = values <= self.floor[items.pair]
-        order = np.argsort(values)
+        order = np.argsort(values, kind="stable")
         group, notable = self.pairs.group[items.pair[order]], touching[order]
         for which in (0, 1):
             notable[np.flatnonzero(group == which)[:1]] = True  # the closest
