@@ -25,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-from problems import RealProblem, real_problems
+from problems import LIMITS, RealProblem, real_problems
 from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_limits
 
@@ -37,7 +37,6 @@ from hdplan.scenes.output import write_output
 from hdplan.scenes.planner_settings import PlannerSettings
 
 HANDS = {"panda": "panda_hand", "ur5": "ee_link"}
-LIMITS = hdplan.Limits(velocity="urdf", acceleration=15.0, jerk=500.0)
 
 Key = tuple[str, str, int, str, str]
 

@@ -55,6 +55,7 @@ class Event:
     step: Iteration | None = None
     positions: Array | None = None  # (N, n) the waypoints after that step; to be kept, but not changed
     certificate: Certificate | None = None
+    motion: Trajectory | None = None  # that it is of
 
 
 class Guess(NamedTuple):
@@ -237,7 +238,7 @@ class Search:
         """Certify a motion, with all its failures, and report it."""
         certificate = self.certifier.certify(trajectory, required=self.required)
         self.certify_seconds += certificate.seconds
-        self.report(Event(self.attempts, certificate=certificate))
+        self.report(Event(self.attempts, certificate=certificate, motion=trajectory))
         return certificate
 
     def _certify(self, solution: Solution) -> tuple[Certificate, list[int]]:
@@ -254,7 +255,7 @@ class Search:
         self.certify_seconds += certificate.seconds
         if self.best is None or _rank(certificate) < _rank(self.best.certificate):
             self.best = Best(solution.trajectory.positions, trajectory, certificate, self.steps, whole=not hopeless)
-        self.report(Event(self.attempts, certificate=certificate))
+        self.report(Event(self.attempts, certificate=certificate, motion=trajectory))
         failed = set(certificate.unproven)
         if parameter is not None:  # rows in time are denser than waypoints, and lie elsewhere
             last = self.problem.waypoints - 2
