@@ -148,7 +148,7 @@ def _of_scalar(event: yaml.ScalarEvent) -> object:
 def _mapping(parts: list[Any]) -> object:
     """Return the mapping of keys and values in turn, _MORE if a key stands twice or cannot be one."""
     keys = parts[::2]
-    if any(isinstance(key, list | dict) for key in keys):
+    if any(isinstance(key, (list, dict)) for key in keys):
         return _MORE
     value = dict(zip(keys, parts[1::2], strict=True))
     return value if len(value) == len(keys) else _MORE
