@@ -24,7 +24,8 @@ SHORTEST = 2.0**-17  # of a waypoint interval: below it, the answer is "not prov
 STILL = 1e-6  # [m] motion below which halving does not help
 TOLERANCE = 5e-4  # [m] by which the proven clearance may fall short of the least distance found,
 RELATIVE_TOLERANCE = 0.05  # or by this share of it, whichever is larger; never by more than half
-FIRST_PAIRS = 12  # evaluated where each comes closest, before the closest distance is known; later chunks are larger
+FIRST_PAIRS = 6  # evaluated where each comes closest, before the closest distance is known; later chunks are larger,
+GROWTH = 2  # each by this factor: what it finds spares the next one measurements
 WAYPOINTS_AT_ONCE = 256  # at which open meshes are checked
 MOST_ITEMS = 30_000  # pairs on intervals evaluated together: more would only fill the memory
 MOST_EXACT_CALLS = 300_000  # exact distances computed in one proof; after that the rest is "not proven"
@@ -241,7 +242,7 @@ class _Run:
         first, after = 0, len(lowest)
         while first < len(order):
             chunk = self._open(nodes, items[order[first:after]])
-            first, size = after, 4 * size
+            first, size = after, GROWTH * size
             after += size
             if len(chunk):
                 _, bound, _ = self.bounds.by_plane(nodes, chunk, chunk.normal)
