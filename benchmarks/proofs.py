@@ -2,10 +2,10 @@
 
     python benchmarks/proofs.py DIR [--robot NAME ...] [--set cage ...] [--every K] [--time-limit S]
 
-DIR as in benchmarks/mbm.py. Every problem is planned with the command's defaults; scene and motion are written as files,
-as proofs are about files, and the proof of each certified motion is written and checked. Prints a table with a row per
-robot; to the error stream, a line per problem. Times to write and to check are of the processor; the checker's include
-reading scene, robot and meshes.
+DIR as in benchmarks/mbm.py. Every problem is planned with the command's defaults; scene and motion are written as
+files, as proofs are about files, and the proof of each certified motion is written and checked. Prints a table with a
+row per robot; to the error stream, a line per problem. Times to write and to check are of the processor; the checker's
+include reading scene, robot and meshes.
 """
 
 from __future__ import annotations
