@@ -274,6 +274,7 @@ def words(element: Any, key: str, default: str) -> Any:
 def origin(element: Any) -> Pose:
     """Read the origin of an element of a URDF."""
     at = element.find("origin")
+    need(len(element.findall("origin")) <= 1 and (at is None or {*at.attrib} <= {"xyz", "rpy"}), "URDF: an origin")
     return rpy(words(at, "rpy", "0 0 0")), Ball(words(at, "xyz", "0 0 0"))
 
 
@@ -381,7 +382,17 @@ class World:
         """Read all files; `said` is the head of a proof, `cuts` its groups of the triangles of meshes."""
         self.scene, self.said, self.cuts, self.files = scene, said, cuts, dict[str, str]()
         self.pieces, self.meshes = list[Piece](), dict[str, Any]()  # triangles of each mesh, by its key
-        top = yaml.load(self.file("scene", scene), getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+        loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+        content = self.file("scene", scene)
+        waiting, seen = [yaml.compose(content, loader)], set[int]()
+        while waiting:  # a key that stands twice would hide what it says first
+            node = waiting.pop()
+            if id(node) not in seen and isinstance(node, yaml.MappingNode | yaml.SequenceNode):
+                seen.add(id(node))
+                named = [key.value for key, _ in node.value] if isinstance(node, yaml.MappingNode) else []
+                need(len(named) == len({*map(str, named)}), f"{scene}: a key stands twice among {named}")
+                waiting += [value for _, value in node.value] if named else node.value
+        top = yaml.load(content, loader)
         sections = "robot obstacles attached start goal from_request self_collision limits payload path timing planner"
         self.top = mapping(top, str(scene), f"hdplan {sections}")
         need(self.top.get("hdplan") == 1, f"{scene}: not a hdplan scene, version 1")
@@ -554,11 +565,18 @@ class World:
                 self.at[child] = self.place(joint, *self.at[link])
                 waiting.append(child)
         need(len(self.at) == len(root.findall("link")), f"{urdf}: its links make no tree")
-        need({*self.names} == {x.name for x in self.joints}, f"{urdf}: not all joints of the motion can move in it")
+        need(
+            sorted(self.names) == sorted(x.name for x in self.joints),
+            f"{urdf}: not all joints of the motion can move in it",
+        )
         order = [self.names.index(x.name) for x in self.joints]
         self.control, self.rows = self.control[:, :, order], self.rows[:, order]
         self.tracks = list[tuple[list[float], list[Ball]]]()  # of joints that follow the time: times and values there
         for link, element in links.items():
+            tags = {x.tag for x in element}
+            need(
+                tags <= {"visual", "collision", "inertial"}, f"{urdf}: link '{link}' has unknown parts: {sorted(tags)}"
+            )
             for i, shape in enumerate(element.findall("collision")):
                 number, pose = self.at[link]
                 self.add(link, number, compose(pose, origin(shape)), self.solid(shape, f"link '{link}'"), f"{link} {i}")
