@@ -4,8 +4,8 @@
 
 Every change keeps the hashes in the proof right, so that the checker gets to see it. What is accepted although
 something was changed is judged by hdplan: the certificate of the changed motion in the changed scene, of the changed
-robot, finds the closest distances; they must not be below what the proof claims, and limits and ends that it claims must
-hold. Prints a table with a row per kind of change; "false" must be 0, as must errors other than a rejection.
+robot, finds the closest distances; they must not be below what the proof claims, and limits and ends that it claims
+must hold. Prints a table with a row per kind of change; "false" must be 0, as must errors other than a rejection.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class Files:
         return verify(self.folder / "scene.yaml", self.folder / "motion.json", data)
 
     def judge(self, text: str) -> str:
-        """Say whether what was accepted is true of the files as they are now: "true", "false: …", or "not judged: …"."""
+        """Say whether what was accepted is true of the files as they are now, and why not or why it is unknown."""
         try:
             scene, motion = (
                 hdplan.load_scene(self.folder / "scene.yaml"),
