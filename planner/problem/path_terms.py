@@ -18,6 +18,7 @@ import numpy as np
 
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.hinge import Hinge, Measure, Measures
+from hdplan.planner.problem.second_order import by_joints, cross_matrices
 from hdplan.planner.robot.link_frame import link_frame, relative_links
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Mask
@@ -49,12 +50,23 @@ class UprightMeasure:
     def __call__(self, kinematics: KinematicsBatch) -> Measures:
         """Evaluate."""
         axis = kinematics.rotations[:, self.joint] @ self.axis
-        across = np.cross(axis, UP)
-        sine = np.linalg.norm(across, axis=1)
-        aside = np.where(sine[:, None] > PARALLEL, across / np.maximum(sine, PARALLEL)[:, None], [1.0, 0.0, 0.0])
+        aside, sine = _unit(np.cross(axis, UP))
         angle = np.arctan2(sine, axis @ UP)
         slope = -(kinematics.angular @ aside[..., None])[..., 0] * self.moves
         return Measures(LEVER * angle[:, None, None], LEVER * slope[:, None, None])
+
+    def bend(self, kinematics: KinematicsBatch) -> Array:
+        """As the link turns by ω, with c the unit vector across a on the side of z: cot θ (c·ω)² − (a·ω) (c·ω); 0 where
+        the angle has no derivative."""
+        axis = kinematics.rotations[:, self.joint] @ self.axis
+        aside, sine = _unit(np.cross(axis, UP))
+        towards = np.cross(aside, axis)
+        wrench, hessian = np.zeros((len(axis), 6)), np.zeros((len(axis), 6, 6))
+        wrench[:, 3:] = -LEVER * aside
+        mixed = _outer(axis, towards)
+        cot = np.where(sine > PARALLEL, axis @ UP / np.maximum(sine, PARALLEL), 0.0)
+        hessian[:, 3:, 3:] = LEVER * (cot[:, None, None] * _outer(towards, towards) - 0.5 * (mixed + mixed.swapaxes(1, 2)))
+        return by_joints(kinematics.columns, self.moves, wrench, hessian)[:, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +87,15 @@ class WithinMeasure:
         off = (place - self.centre) @ self.axes.T
         return Measures(off[..., None], (self.axes @ velocity.transpose(0, 2, 1))[..., None, :])
 
+    def bend(self, kinematics: KinematicsBatch) -> Array:
+        """That of the point along each axis."""
+        place = kinematics.rotations[:, self.joint] @ self.point + kinematics.translations[:, self.joint]
+        signs = np.sign((place - self.centre) @ self.axes.T)
+        along = [sign[:, None] * axis for sign, axis in zip(signs.T, self.axes, strict=True)]
+        return np.stack(
+            [by_joints(kinematics.columns, self.moves, *_of_point(place, axis)) for axis in along], axis=1
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class RelativeMeasure:
@@ -88,12 +109,9 @@ class RelativeMeasure:
 
     def __call__(self, kinematics: KinematicsBatch) -> Measures:
         """Evaluate."""
-        places, turns, linear, angular = [], [], [], []
-        for joint, placement, moves in zip(self.joints, self.placements, self.moves, strict=True):
-            rotation = kinematics.rotations[:, joint]
-            place = rotation @ placement[:3, 3] + kinematics.translations[:, joint]
-            places.append(place)
-            turns.append(rotation @ placement[:3, :3])
+        linear, angular = [], []
+        places, turns = self._placed(kinematics)
+        for place, moves in zip(places, self.moves, strict=True):
             linear.append((kinematics.linear + np.cross(kinematics.angular, place[:, None])) * moves[:, None])
             angular.append(kinematics.angular * moves[:, None])
         turn = turns[0] @ turns[1].transpose(0, 2, 1)
@@ -106,6 +124,62 @@ class RelativeMeasure:
             ),
         )
 
+    def bend(self, kinematics: KinematicsBatch) -> Array:
+        """With u the direction of the way and ṗ the velocity of the place: (|ṗ|² − (u·ṗ)²)/‖p − c‖, and that of the place
+        along u. As the link turns by ω, u its axis: ½ cot(‖φ‖/2) (|ω|² − (u·ω)²)."""
+        places, turns = self._placed(kinematics)
+        place, moves = places[0], self.moves[0].astype(float) - self.moves[1]
+        unit, length = _unit(place - places[1])
+        wrench, hessian = _of_point(place, unit)
+        velocity = np.concatenate([np.broadcast_to(np.eye(3), (len(place), 3, 3)), -cross_matrices(place)], axis=2)
+        hessian = hessian + velocity.swapaxes(1, 2) @ _across(unit, length) @ velocity
+        turned = [np.zeros_like(wrench), np.zeros_like(hessian)]
+        unit, angle = _unit(scipy.spatial.transform.Rotation.from_matrix(turns[0] @ turns[1].swapaxes(1, 2)).as_rotvec())
+        turned[0][:, 3:], turned[1][:, 3:, 3:] = LEVER * unit, LEVER * _across(unit, 2 * np.tan(0.5 * angle))
+        found = (by_joints(kinematics.columns, moves, *each) for each in ((wrench, hessian), turned))
+        return np.stack(list(found), axis=1)
+
+    def _placed(self, kinematics: KinematicsBatch) -> tuple[list[Array], list[Array]]:
+        """Of the link and of where it is to be, in the world: origins (B, 3) and rotations (B, 3, 3)."""
+        rotations = [kinematics.rotations[:, joint] for joint in self.joints]
+        return (
+            [
+                rotation @ placement[:3, 3] + kinematics.translations[:, joint]
+                for rotation, placement, joint in zip(rotations, self.placements, self.joints, strict=True)
+            ],
+            [rotation @ placement[:3, :3] for rotation, placement in zip(rotations, self.placements, strict=True)],
+        )
+
+
+def _unit(vectors: Array) -> tuple[Array, Array]:
+    """Vectors (B, 3) of length one, and their lengths (B,); any direction where there is hardly a length."""
+    length = np.linalg.norm(vectors, axis=1)
+    unit = np.where(length[:, None] > PARALLEL, vectors / np.maximum(length, PARALLEL)[:, None], [1.0, 0.0, 0.0])
+    return unit, length
+
+
+def _outer(a: Array, b: Array) -> Array:
+    """The matrices a bᵀ (B, 3, 3)."""
+    result: Array = a[:, :, None] * b[:, None]
+    return result
+
+
+def _across(unit: Array, length: Array) -> Array:
+    """(I − u uᵀ)/l (B, 3, 3), how u turns as the end of a vector of length l moves."""
+    result: Array = (np.eye(3) - _outer(unit, unit)) / np.maximum(length, PARALLEL)[:, None, None]
+    return result
+
+
+def _of_point(place: Array, axis: Array) -> tuple[Array, Array]:
+    """The first (B, 6) and second (B, 6, 6) derivatives by a motion of places (B, 3) along axes (B, 3)."""
+    between = 0.5 * cross_matrices(axis)
+    turning = 0.5 * (_outer(place, axis) + _outer(axis, place))
+    turning -= np.einsum("bi,bi->b", place, axis)[:, None, None] * np.eye(3)
+    return (
+        np.hstack([axis, np.cross(place, axis)]),
+        np.block([[np.zeros_like(between), between], [-between, turning]]),
+    )
+
 
 def _rate(vector: Array) -> Array:
     """The derivative (B, 3, 3) of a rotation vector φ (B, 3) by the angular velocity, both in the outer frame:
@@ -114,7 +188,7 @@ def _rate(vector: Array) -> Array:
     small = angle < NO_TURN
     wide = np.where(small, 1.0, angle)
     share = np.where(small, 1.0 / 12.0, 1.0 / wide**2 - 0.5 / (wide * np.tan(0.5 * wide)))
-    cross = np.cross(vector[:, None], np.eye(3)).transpose(0, 2, 1)
+    cross = cross_matrices(vector)
     return np.eye(3) - 0.5 * cross + share[:, None, None] * (cross @ cross)
 
 
