@@ -18,7 +18,7 @@ import numpy as np
 
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.hinge import Hinge, Measure, Measures
-from hdplan.planner.problem.second_order import by_joints, cross_matrices
+from hdplan.planner.problem.second_order import by_joints, cross_matrices, outer, point_along
 from hdplan.planner.robot.link_frame import link_frame, relative_links
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Mask
@@ -63,9 +63,11 @@ class UprightMeasure:
         towards = np.cross(aside, axis)
         wrench, hessian = np.zeros((len(axis), 6)), np.zeros((len(axis), 6, 6))
         wrench[:, 3:] = -LEVER * aside
-        mixed = _outer(axis, towards)
+        mixed = outer(axis, towards)
         cot = np.where(sine > PARALLEL, axis @ UP / np.maximum(sine, PARALLEL), 0.0)
-        hessian[:, 3:, 3:] = LEVER * (cot[:, None, None] * _outer(towards, towards) - 0.5 * (mixed + mixed.swapaxes(1, 2)))
+        hessian[:, 3:, 3:] = LEVER * (
+            cot[:, None, None] * outer(towards, towards) - 0.5 * (mixed + mixed.swapaxes(1, 2))
+        )
         return by_joints(kinematics.columns, self.moves, wrench, hessian)[:, None]
 
 
@@ -93,7 +95,7 @@ class WithinMeasure:
         signs = np.sign((place - self.centre) @ self.axes.T)
         along = [sign[:, None] * axis for sign, axis in zip(signs.T, self.axes, strict=True)]
         return np.stack(
-            [by_joints(kinematics.columns, self.moves, *_of_point(place, axis)) for axis in along], axis=1
+            [by_joints(kinematics.columns, self.moves, *point_along(place, axis)) for axis in along], axis=1
         )
 
 
@@ -110,45 +112,49 @@ class RelativeMeasure:
     def __call__(self, kinematics: KinematicsBatch) -> Measures:
         """Evaluate."""
         linear, angular = [], []
-        places, turns = self._placed(kinematics)
-        for place, moves in zip(places, self.moves, strict=True):
-            linear.append((kinematics.linear + np.cross(kinematics.angular, place[:, None])) * moves[:, None])
+        (place, turned), (asked, wanted) = self._placed(kinematics)
+        for point, moves in zip((place, asked), self.moves, strict=True):
+            linear.append((kinematics.linear + np.cross(kinematics.angular, point[:, None])) * moves[:, None])
             angular.append(kinematics.angular * moves[:, None])
-        turn = turns[0] @ turns[1].transpose(0, 2, 1)
-        vector = scipy.spatial.transform.Rotation.from_matrix(turn).as_rotvec()
+        turn = turned @ wanted.transpose(0, 2, 1)
+        vector = _rotation_vector(turn)
         faster = angular[0] - angular[1] @ turn.transpose(0, 2, 1)
         return Measures(
-            np.stack([places[0] - places[1], LEVER * vector], axis=1),
+            np.stack([place - asked, LEVER * vector], axis=1),
             np.stack(
                 [(linear[0] - linear[1]).transpose(0, 2, 1), LEVER * _rate(vector) @ faster.transpose(0, 2, 1)], axis=1
             ),
         )
 
     def bend(self, kinematics: KinematicsBatch) -> Array:
-        """With u the direction of the way and ṗ the velocity of the place: (|ṗ|² − (u·ṗ)²)/‖p − c‖, and that of the place
-        along u. As the link turns by ω, u its axis: ½ cot(‖φ‖/2) (|ω|² − (u·ω)²)."""
-        places, turns = self._placed(kinematics)
-        place, moves = places[0], self.moves[0].astype(float) - self.moves[1]
-        unit, length = _unit(place - places[1])
-        wrench, hessian = _of_point(place, unit)
-        velocity = np.concatenate([np.broadcast_to(np.eye(3), (len(place), 3, 3)), -cross_matrices(place)], axis=2)
+        """With u the direction of the way and ṗ the velocity of the place: that of the place along u, and (|ṗ|² −
+        (u·ṗ)²)/‖p − c‖. As the link turns by ω, u the axis of φ: ½ cot(‖φ‖/2) (|ω|² − (u·ω)²)."""
+        (place, turned), (asked, wanted) = self._placed(kinematics)
+        moves = self.moves[0].astype(np.float64) - self.moves[1]
+        unit, length = _unit(place - asked)
+        wrench, hessian = point_along(place, unit)
+        velocity = np.concatenate([np.broadcast_to(np.eye(3), turned.shape), -cross_matrices(place)], axis=2)
         hessian = hessian + velocity.swapaxes(1, 2) @ _across(unit, length) @ velocity
-        turned = [np.zeros_like(wrench), np.zeros_like(hessian)]
-        unit, angle = _unit(scipy.spatial.transform.Rotation.from_matrix(turns[0] @ turns[1].swapaxes(1, 2)).as_rotvec())
-        turned[0][:, 3:], turned[1][:, 3:, 3:] = LEVER * unit, LEVER * _across(unit, 2 * np.tan(0.5 * angle))
-        found = (by_joints(kinematics.columns, moves, *each) for each in ((wrench, hessian), turned))
-        return np.stack(list(found), axis=1)
+        torque, bent = np.zeros_like(wrench), np.zeros_like(hessian)
+        unit, angle = _unit(_rotation_vector(turned @ wanted.swapaxes(1, 2)))
+        torque[:, 3:], bent[:, 3:, 3:] = LEVER * unit, LEVER * _across(unit, 2 * np.tan(0.5 * angle))
+        found = [by_joints(kinematics.columns, moves, *each) for each in ((wrench, hessian), (torque, bent))]
+        return np.stack(found, axis=1)
 
-    def _placed(self, kinematics: KinematicsBatch) -> tuple[list[Array], list[Array]]:
-        """Of the link and of where it is to be, in the world: origins (B, 3) and rotations (B, 3, 3)."""
-        rotations = [kinematics.rotations[:, joint] for joint in self.joints]
-        return (
-            [
-                rotation @ placement[:3, 3] + kinematics.translations[:, joint]
-                for rotation, placement, joint in zip(rotations, self.placements, self.joints, strict=True)
-            ],
-            [rotation @ placement[:3, :3] for rotation, placement in zip(rotations, self.placements, strict=True)],
-        )
+    def _placed(self, kinematics: KinematicsBatch) -> list[tuple[Array, Array]]:
+        """Origins (B, 3) and rotations (B, 3, 3) in the world: of the link, and of where it is to be."""
+        found = []
+        for joint, placement in zip(self.joints, self.placements, strict=True):
+            rotation = kinematics.rotations[:, joint]
+            place = rotation @ placement[:3, 3] + kinematics.translations[:, joint]
+            found.append((place, rotation @ placement[:3, :3]))
+        return found
+
+
+def _rotation_vector(turns: Array) -> Array:
+    """The rotation vectors (B, 3) of rotations (B, 3, 3)."""
+    result: Array = scipy.spatial.transform.Rotation.from_matrix(turns).as_rotvec()
+    return result
 
 
 def _unit(vectors: Array) -> tuple[Array, Array]:
@@ -158,27 +164,10 @@ def _unit(vectors: Array) -> tuple[Array, Array]:
     return unit, length
 
 
-def _outer(a: Array, b: Array) -> Array:
-    """The matrices a bᵀ (B, 3, 3)."""
-    result: Array = a[:, :, None] * b[:, None]
-    return result
-
-
 def _across(unit: Array, length: Array) -> Array:
     """(I − u uᵀ)/l (B, 3, 3), how u turns as the end of a vector of length l moves."""
-    result: Array = (np.eye(3) - _outer(unit, unit)) / np.maximum(length, PARALLEL)[:, None, None]
+    result: Array = (np.eye(3) - outer(unit, unit)) / np.maximum(length, PARALLEL)[:, None, None]
     return result
-
-
-def _of_point(place: Array, axis: Array) -> tuple[Array, Array]:
-    """The first (B, 6) and second (B, 6, 6) derivatives by a motion of places (B, 3) along axes (B, 3)."""
-    between = 0.5 * cross_matrices(axis)
-    turning = 0.5 * (_outer(place, axis) + _outer(axis, place))
-    turning -= np.einsum("bi,bi->b", place, axis)[:, None, None] * np.eye(3)
-    return (
-        np.hstack([axis, np.cross(place, axis)]),
-        np.block([[np.zeros_like(between), between], [-between, turning]]),
-    )
 
 
 def _rate(vector: Array) -> Array:

@@ -169,9 +169,9 @@ class Problem:
         waypoint, and (N − 1, n, n) of q_{k+1} (rows) with q_k. Raises InputError for a term of which it is not
         known."""
         kinematics = self.kinematics.evaluate(self.samples.configurations(positions))
-        gradient = np.zeros(kinematics.columns.shape[:2])
+        nothing = nowhere(*kinematics.columns.shape[:2])
         found = [bend for term in self.terms if (bend := term.bend(kinematics, self.samples)) is not None]
-        _, diagonal, coupling = self.samples.to_waypoints(gradient, sum(found, nowhere(*gradient.shape).curvature))
+        _, diagonal, coupling = self.samples.to_waypoints(nothing.gradient, sum(found, nothing.curvature))
         for term in self.terms:
             if spanning := term.bend_over_motion(positions, self.kinematics):
                 diagonal, coupling = diagonal + spanning[0], coupling + spanning[1]

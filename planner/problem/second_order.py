@@ -13,12 +13,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Mask
 
 
-def by_joints(columns: Array, moves: Array, wrench: Array, hessian: Array) -> Array:
+def by_joints(columns: Array, moves: Array | Mask, wrench: Array, hessian: Array) -> Array:
     """Return the second derivatives (S, n, n) of S functions: columns (S, n, 6) are the screws as in `KinematicsBatch`,
-    moves (S, n) the m_j, wrench (S, 6) and hessian (S, 6, 6) the derivatives by [v, ω] in the world."""
+    moves (S, n) or (n,) the m_j, wrench (S, 6) and hessian (S, 6, 6) the derivatives by [v, ω] in the world."""
     relative = columns * moves[..., None]
     force, torque = cross_matrices(wrench[:, :3]), cross_matrices(wrench[:, 3:])
     bracket = -np.block([[np.zeros_like(force), force], [force, torque]])  # w·[S, S'] = S·bracket S'
@@ -27,6 +27,24 @@ def by_joints(columns: Array, moves: Array, wrench: Array, hessian: Array) -> Ar
     return result
 
 
+def point_along(place: Array, axis: Array) -> tuple[Array, Array]:
+    """Return the first (S, 6) and second (S, 6, 6) derivatives of axis·p by a motion of points p at `place` (S, 3) in
+    the world, for axes (S, 3)."""
+    between = 0.5 * cross_matrices(axis)
+    turning = 0.5 * (outer(place, axis) + outer(axis, place))
+    turning -= np.einsum("si,si->s", place, axis)[:, None, None] * np.eye(3)
+    return (
+        np.hstack([axis, np.cross(place, axis)]),
+        np.block([[np.zeros_like(between), between], [-between, turning]]),
+    )
+
+
 def cross_matrices(vectors: Array) -> Array:
-    """The matrices (S, 3, 3) of v × · for vectors (S, 3)."""
+    """Return the matrices (S, 3, 3) of v × · for vectors (S, 3)."""
     return np.cross(vectors[:, None], np.eye(3)).swapaxes(1, 2)
+
+
+def outer(a: Array, b: Array) -> Array:
+    """Return the matrices a bᵀ (S, 3, 3) of vectors (S, 3)."""
+    result: Array = a[:, :, None] * b[:, None]
+    return result

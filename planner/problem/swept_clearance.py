@@ -98,14 +98,14 @@ class SweptClearance(PairTerm):
             depth[k] = np.maximum.reduceat(-inside.separation, starts)
         return MotionPenalty(0.5 * weight * float(np.sum(inside.distance**2)), gradient, diagonal, coupling, depth)
 
-
     def bend(self, kinematics: KinematicsBatch, samples: Samples) -> None:
         """Nothing at the samples."""
 
     def bend_over_motion(self, positions: Array, kinematics: Kinematics) -> tuple[Array, Array]:
         """h Σ_pairs D ∇²D: both ends of an interval by themselves, and the block between them."""
         count, n = positions.shape
-        diagonal, coupling, placed = np.zeros((count, n, n)), np.zeros((count - 1, n, n)), kinematics.evaluate(positions)
+        diagonal, coupling = np.zeros((count, n, n)), np.zeros((count - 1, n, n))
+        placed = kinematics.evaluate(positions)
         interval, pair, (distance, *wrenches, _, hessian) = self._rows(2, placed)
         blocks, moves = hessian.reshape(-1, 2, 6, 2, 6), self.pairs.moves[pair]
         columns = [placed.columns[interval + end] for end in (0, 1)]
