@@ -79,6 +79,7 @@ def plan(
     seed: given.Seed = 0,
     time_limit: given.TimeLimit = None,
     plot: given.Sheet = None,
+    proof: given.ProofToWrite = None,
     as_json: given.AsJson = False,
     quiet: given.Quiet = False,
 ) -> None:
@@ -99,6 +100,7 @@ def plan(
         robot,
         output=output,
         plot=plot,
+        proof=proof,
         solver=solver,
         distance=distance,
         seed=seed,
@@ -126,6 +128,34 @@ def check(
     from hdplan.planner.commands.check import run_check
 
     raise typer.Exit(run_check(scene, trajectory, request, robot, as_json=as_json))
+
+
+@app.command()
+def prove(scene: given.SceneFile, trajectory: given.Motion, output: given.Proof) -> None:
+    """Write down why a motion is free, for others to check.
+
+    Certifies the motion and writes separating planes for every pair of bodies along it. `hdplan verify`, or
+    `python -m hdplan.verify`, checks the file against scene, robot and motion with nothing of hdplan.
+
+    Exit code 1 if the motion is not certified, or no planes are found.
+    """
+    from hdplan.planner.commands.prove import run_prove
+
+    raise typer.Exit(run_prove(scene, trajectory, output=output))
+
+
+@app.command()
+def verify(scene: given.SceneFile, trajectory: given.Motion, proof: given.ProofToCheck) -> None:
+    """Check the proof of a motion with nothing of hdplan.
+
+    It is one file of Python and NumPy that reads scene, robot, meshes and motion itself and computes in outward-rounded
+    arithmetic. It says what is proven and what that assumes, or which pair of bodies, where and why not.
+
+    Exit code 1 if the proof is rejected.
+    """
+    from hdplan.planner.commands.verify import run_verify
+
+    raise typer.Exit(run_verify(scene, trajectory, proof))
 
 
 @app.command()

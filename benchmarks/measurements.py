@@ -31,7 +31,10 @@ PAGES = (ROOT / "docs" / "measurements.md", ROOT / "README.md")
 BEGIN, END = "<!-- measured by: ", "<!-- end -->"
 BLOCK = re.compile(rf"^{re.escape(BEGIN)}(.+) -->\n((?:(?!{re.escape(BEGIN)}).*\n)*?){re.escape(END)}$", re.MULTILINE)
 PROBLEMS = "DIR"
-PACKAGES = ("hdplan", "numpy", "casadi", "pin", "coal", "jax", "drake", "ompl")  # those of them that are installed
+PACKAGES = (  # those of them that are installed
+    *("hdplan", "numpy", "casadi", "pin", "coal", "jax"),
+    *("drake", "ompl", "roboplan", "hpp-core", "tesseract-robotics-nanobind"),
+)
 
 
 class Failed(Exception):

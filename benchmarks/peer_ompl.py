@@ -23,7 +23,7 @@ util.setLogLevel(util.LOG_NONE)  # else OMPL complains whenever its generator is
 def solve(task: Task, planner: str, resolution: float | None, margin: float, seed: int, time_limit: float) -> Answer:
     """Plan with OMPL's geometric planner of that name, edges checked at steps of `resolution` [rad] (OMPL's default
     without), bodies kept `margin` [m] apart. A planner that goes on for better paths uses the whole time limit."""
-    began = time.perf_counter()
+    began = time.process_time()
     util.RNG.setSeed(seed)  # of the generators made from here on; 0 would be passed over
     space = base.RealVectorStateSpace(task.robot.n)
     bounds = base.RealVectorBounds(task.robot.n)
@@ -43,15 +43,15 @@ def solve(task: Task, planner: str, resolution: float | None, margin: float, see
     setup.setStartAndGoalStates(start, goal)
     setup.setPlanner(getattr(geometric, planner)(information))
     setup.setup()
-    ready = time.perf_counter()
+    ready = time.process_time()
     if planner == STARTS_WRONG and information.checkMotion(start, goal):
-        return Answer(np.stack([task.start, task.goal]), ready - began, time.perf_counter() - ready)
+        return Answer(np.stack([task.start, task.goal]), ready - began, time.process_time() - ready)
     setup.solve(time_limit)
     found = setup.haveExactSolutionPath()
-    left = time_limit - (time.perf_counter() - ready)
+    left = time_limit - (time.process_time() - ready)
     if found and left > 0.0:
         setup.simplifySolution(left)
-    done = time.perf_counter()
+    done = time.process_time()
     states = setup.getSolutionPath().getStates() if found else []
     path = np.array([[state[joint] for joint in range(task.robot.n)] for state in states])
     return Answer(path if found else None, ready - began, done - ready)

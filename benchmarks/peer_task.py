@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -9,18 +10,28 @@ from itertools import product
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
+from problems import LIMITS
 
+import hdplan
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.exact_proximity import Piece, link_pieces, obstacle_pieces
+from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.scene import Scene
 
 Array = NDArray[np.float64]
 
 MARGIN = 0.005  # [m] that the peers keep, since they look at samples alone
 ENDS_KEEP = 0.5  # share of the ends' distance that they keep where that is less
+PIECES = (
+    31,
+    63,
+    127,
+    255,
+)  # equal joint-space steps of which a path consists when it is timed: hdplan's own, and finer
 STEPS = 31  # equal joint-space steps of a path whose smoothness is measured: as many as hdplan's own by default
 
 
@@ -70,8 +81,37 @@ class Task:
 
     @cached_property
     def certifier(self) -> Certifier:
-        """The judge: the continuous certificate, with the real meshes."""
+        """The judge of paths: the continuous certificate, with the real meshes."""
         return Certifier(Setup.of(self.scene, self.robot))
+
+    @cached_property
+    def timed_scene(self) -> Scene:
+        """The scene within LIMITS."""
+        return dataclasses.replace(self.scene, limits=LIMITS)
+
+    @cached_property
+    def timed_certifier(self) -> Certifier:
+        """The judge of motions, who proves the limits too."""
+        return Certifier(Setup.of(self.timed_scene, self.robot))
+
+    def timed(self, path: Array) -> Trajectory | None:
+        """Return the fastest certified motion along a path (N, n), by hdplan's own retiming; None without any.
+
+        That takes a path's waypoints for the control points of a B-spline, which rounds the corners, the more the
+        farther they are apart: so the path is cut into PIECES equal steps, few or many.
+        """
+        best = None
+        retimer = Retimer(Setup.of(self.timed_scene, self.robot))
+        for steps in PIECES:
+            try:
+                motion = retimer(Trajectory(self.robot.joint_names, evenly(path, steps))).trajectory
+            except hdplan.HdplanError:
+                continue
+            if best is not None and motion.duration >= best.duration:
+                continue
+            if self.timed_certifier.certify(motion).certified:
+                best = motion
+        return best
 
     @cached_property
     def margin(self) -> float:
@@ -110,8 +150,9 @@ class Answer:
     """What a planner gives back."""
 
     path: Array | None  # (N, n) configurations joined by straight lines; None if it claims no solution
-    setup: float  # [s] to make robot and obstacles known to the planner
-    seconds: float  # [s] from then on
+    setup: float  # [s] of the processor, to make robot and obstacles known to the planner
+    seconds: float  # [s] of the processor, from then on
+    motion: Trajectory | None = None  # along the path, from a planner that gives one within LIMITS itself
 
 
 @dataclass(frozen=True)
@@ -133,10 +174,16 @@ def measure(path: Array) -> Shape:
     A corner has no finite acceleration: how much one counts depends on STEPS, so figures compare paths, no more.
     A path that does not move has zeros.
     """
-    steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
-    travelled = np.concatenate([[0.0], np.cumsum(steps)])
-    at = np.linspace(0.0, travelled[-1], STEPS + 1)
-    even = np.stack([np.interp(at, travelled, column) for column in path.T], axis=1)
-    h = 1.0 / STEPS
+    even, h = evenly(path, STEPS), 1.0 / STEPS
+    length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
     acceleration, jerk = (h * float(np.sum((np.diff(even, n, axis=0) / h**n) ** 2)) for n in (2, 3))
-    return Shape(float(travelled[-1]), acceleration, jerk)
+    return Shape(length, acceleration, jerk)
+
+
+def evenly(path: Array, steps: int) -> Array:
+    """Return a path (N, n) cut into steps of equal length: (steps + 1, n)."""
+    travelled = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    at = np.linspace(0.0, travelled[-1], steps + 1)
+    even = np.stack([np.interp(at, travelled, column) for column in path.T], axis=1)
+    even[0], even[-1] = path[0], path[-1]
+    return even

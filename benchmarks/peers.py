@@ -3,25 +3,44 @@
     python benchmarks/peers.py DIR [--robot panda|ur5] [--set cage ...] [--every K] [--planner NAME ...]
     [--time-limit S] [--csv F]
 
-DIR holds MotionBenchMaker's problems as `mbm` takes them. The peers need `pip install -e '.[peers]'`; without it choose
-by --planner those that are there. Prints a table of all planners over all problems; to the error stream, a line per
-problem and planner, each peer beside hdplan on what both proved, and what is proven by set.
+DIR holds MotionBenchMaker's problems as `mbm` takes them. Prints a table of all planners over all problems; to the
+error stream, a line per problem and planner, and what is proven by set. The peers need
+
+    pip install -e '.[peers]' roboplan hpp-python hpp-manipulation 'tesseract-robotics-nanobind==0.35.0.3'
+
+(later wheels of the last need a C++ runtime of 2023); without some of them choose by --planner those that are there.
 
 Planners, all on one core, from the same start to the same goal, each within its time limit:
 
-    hdplan         default settings, seed 0; claims a motion only with a certificate, whose time is in its own
-    drake-25/-100  KinematicTrajectoryOptimization, collisions looked at in 25 or 100 samples: see `peer_drake`
-    rrtconnect     OMPL's RRTConnect and path simplification, edges checked every 0.02 rad: see `peer_ompl`
-    rrtconnect-1%  the same as OMPL comes: edges checked every 1 % of the space's extent (0.14 rad for Panda), no margin
+    hdplan          default settings, seed 0, within the limits below; claims a motion only with a certificate, whose
+                    time is in its own, as is that of the timing
+    drake-25/-100   KinematicTrajectoryOptimization, collisions looked at in 25 or 100 samples: see `peer_drake`
+    trajopt         Tesseract's TrajOpt with its examples' settings, in swept hulls 0.1 rad apart, no margin:
+                    see `peer_trajopt`
+    trajopt-5mm     the same, and the margin kept (casts 0.05 or 0.02 rad apart prove no more and take many times as
+                    long)
+    rrtconnect      OMPL's RRTConnect and path simplification, edges checked every 0.02 rad: see `peer_ompl`
+    rrtconnect-1%   the same as OMPL comes: edges checked every 1 % of the space's extent (0.14 rad for Panda), no
+                    margin
     aorrtc-1s, aorrtc  OMPL's AORRTC, which shortens its path as long as it may: for 1 s, or to the time limit
+    roboplan        its RRT-Connect and shortcuts as they come, edges checked every 0.05 rad, no margin: see
+                    `peer_roboplan`
+    roboplan-fine   the same every 0.01 rad
+    hpp             HPP's bidirectional RRT and random shortcuts, edges checked every 0.05 rad, no margin: see
+                    `peer_hpp`
+    hpp-proven      the same, edges proven by its continuous collision test
 
 The peers get the convex hulls of the links' and the obstacles' pieces and the pairs that the certificate compares, and
-keep 5 mm, or half of what the ends keep where that is less. (UR5's forearm is not convex: where an end touches its
-hull, a few problems of a hundred, no peer can start.) Everything is judged by hdplan's continuous certificate against
-the real meshes: "claimed" is the planner's word, "proven" the certificate's. hdplan's own paths have no other judge
-here; `mbm` has them re-checked by independent code. Time is wall-clock, from a planner's knowing robot and obstacles to
-its path; what comes before, once the hulls are there, is set-up. All are run once before. Length and smoothness as in
-`peer_task.measure`.
+where they know a margin they keep 5 mm, or half of what the ends keep where that is less. (UR5's forearm is not convex:
+where an end touches its hull, a few problems of a hundred, no peer can start.) Everything is judged by hdplan's
+continuous certificate against the real meshes: "claimed" is the planner's word, "proven" the certificate's. hdplan's
+own motions have no other judge here; `mbm` has them re-checked by independent code. What is proven is then timed within
+the limits of `quality` by hdplan's own retiming (`Task.timed`), in time that is not counted, and certified again:
+"timed" is how many are; a polyline's corners take most of its time. Means and medians of different problems do not
+compare, so length and time are also given as shares of what hdplan's motions have on the problems that both solved.
+Time is the processor's, since others may use the machine, from a planner's knowing robot and obstacles to its path;
+what comes before, once the hulls are there, is set-up, which counts for hdplan alone. All are run once before. Length
+and smoothness as in `peer_task.measure`.
 """
 
 from __future__ import annotations
@@ -42,7 +61,7 @@ from threadpoolctl import threadpool_limits
 
 import hdplan
 from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.studies.report import Cell, markdown_text
+from hdplan.planner.studies.report import markdown_text
 
 SEED = 1  # OMPL takes no 0
 FINE = 0.02  # [rad] joint-space step at which an edge is checked
@@ -52,11 +71,10 @@ Planner = Callable[[Task, float], Answer]  # of the task and the time limit [s]
 
 
 def hdplan_planner(task: Task, time_limit: float) -> Answer:
-    began = time.perf_counter()
-    result = hdplan.plan(task.scene, robot=task.robot, time_limit=time_limit)
-    total, times = time.perf_counter() - began, result.times
-    setup = times.load + times.build + times.compile
-    return Answer(result.trajectory.positions if result.certified else None, setup, total - setup)
+    began = time.process_time()
+    result = hdplan.plan(task.timed_scene, robot=task.robot, time_limit=time_limit)
+    motion = result.trajectory if result.certified else None
+    return Answer(motion and motion.positions, 0.0, time.process_time() - began, motion)
 
 
 def drake(samples: int) -> Planner:
@@ -75,23 +93,46 @@ def ompl(name: str, most_seconds: float = np.inf, as_it_comes: bool = False) -> 
     return run
 
 
+def apart(script: str, keeps_margin: bool = False, **options: object) -> Planner:
+    peer = importlib.import_module("peer_process").Peer(script)
+
+    def run(task: Task, time_limit: float) -> Answer:
+        margin = {"margin": task.margin if keeps_margin else 0.0}
+        answer: Answer = peer.plan(task, time_limit, **margin, **options)
+        return answer
+
+    return run
+
+
 WORDS = {  # in the table
-    "hdplan": "hdplan, proofs included",
+    "hdplan": "hdplan, timing and proofs included",
     "drake-25": "Drake, 25 collision samples",
     "drake-100": "Drake, 100 collision samples",
+    "trajopt": "TrajOpt (Tesseract), casts every 0.1 rad, no margin",
+    "trajopt-5mm": "TrajOpt (Tesseract), casts every 0.1 rad, 5 mm kept",
     "rrtconnect": f"OMPL RRTConnect, checked every {FINE:g} rad, 5 mm kept",
     "rrtconnect-1%": "OMPL RRTConnect, OMPL's own resolution, no margin",
     "aorrtc-1s": "OMPL AORRTC, 1 s",
     "aorrtc": "OMPL AORRTC, to the time limit",
+    "roboplan": "roboplan RRT-Connect, its own resolution (0.05 rad), no margin",
+    "roboplan-fine": "roboplan RRT-Connect, checked every 0.01 rad, no margin",
+    "hpp": "HPP bidirectional RRT, checked every 0.05 rad, no margin",
+    "hpp-proven": "HPP bidirectional RRT, edges proven by itself",
 }
 PLANNERS: dict[str, Callable[[], Planner]] = {
     "hdplan": lambda: hdplan_planner,
     "drake-25": lambda: drake(25),
     "drake-100": lambda: drake(100),
+    "trajopt": lambda: apart("peer_trajopt.py", segment=0.1),
+    "trajopt-5mm": lambda: apart("peer_trajopt.py", keeps_margin=True, segment=0.1),
     "rrtconnect": lambda: ompl("RRTConnect"),
     "rrtconnect-1%": lambda: ompl("RRTConnect", as_it_comes=True),
     "aorrtc-1s": lambda: ompl("AORRTC", most_seconds=1.0),
     "aorrtc": lambda: ompl("AORRTC"),
+    "roboplan": lambda: apart("peer_roboplan.py", step=0.05),
+    "roboplan-fine": lambda: apart("peer_roboplan.py", step=0.01),
+    "hpp": lambda: apart("peer_hpp.py", validation="Discretized", tolerance=0.05),
+    "hpp-proven": lambda: apart("peer_hpp.py", validation="Dichotomy", tolerance=0.0),
 }
 
 
@@ -106,37 +147,43 @@ class Outcome:
     claimed: bool
     proven: bool
     verdict: str  # certificate's text, or why there is no path
-    setup: float  # [s]
-    seconds: float  # [s]
+    setup: float  # [s] as in Answer
+    seconds: float  # [s] likewise
     shape: Shape | None  # of a claimed path
     clearance: float  # [m] proven, robot to obstacles; NaN without proof
+    motion: float  # [s] of the certified motion within the limits; NaN without any
 
 
 def run(name: str, planner: Planner, task: Task, where: tuple[str, str, str], time_limit: float) -> Outcome:
-    """Plan and judge."""
+    """Plan, judge and time."""
     try:
         answer = planner(task, time_limit)
     except (RuntimeError, hdplan.InputError) as error:
-        return Outcome(name, *where, False, False, f"refused: {error}", np.nan, np.nan, None, np.nan)
+        return Outcome(name, *where, False, False, f"refused: {error}", np.nan, np.nan, None, np.nan, np.nan)
+    took = (answer.setup, answer.seconds)
     if answer.path is None:
-        return Outcome(name, *where, False, False, "no solution", answer.setup, answer.seconds, None, np.nan)
-    certificate = task.certifier.certify(Trajectory(task.robot.joint_names, answer.path))
+        return Outcome(name, *where, False, False, "no solution", *took, None, np.nan, np.nan)
+    if answer.motion is not None:
+        certificate, motion = task.timed_certifier.certify(answer.motion), answer.motion
+    else:
+        certificate = task.certifier.certify(Trajectory(task.robot.joint_names, answer.path))
+        motion = task.timed(answer.path) if certificate.certified else None
     return Outcome(
         name,
         *where,
         True,
         certificate.certified,
         certificate.text,
-        answer.setup,
-        answer.seconds,
+        *took,
         measure(answer.path),
         np.nan if certificate.clearance is None else certificate.clearance,
+        motion.duration if motion is not None and certificate.certified else np.nan,
     )
 
 
 def line(o: Outcome) -> str:
     """One line for a person."""
-    shape = f", length {o.shape.length:.2f} rad" if o.shape else ""
+    shape = f", length {o.shape.length:.2f} rad, motion {o.motion:.2f} s" if o.shape else ""
     return f"{o.robot} {o.set} {o.problem} {o.planner}: {o.seconds:.3f} s{shape}, {o.verdict}"
 
 
@@ -146,48 +193,39 @@ def line(o: Outcome) -> str:
 def overview(outcomes: list[Outcome]) -> str:
     """Markdown: all planners over all problems; path measures are medians over what is proven."""
     rows = []
+    ours = {(o.robot, o.set, o.problem): o for o in outcomes if o.planner == "hdplan" and o.proven}
     for (robot, planner), group in _grouped(outcomes, lambda o: (o.robot, o.planner)).items():
-        seconds = [o.seconds for o in group if np.isfinite(o.seconds)]
+        seconds = [1e3 * o.seconds for o in group if np.isfinite(o.seconds)]
         proven = [o for o in group if o.proven]
-        clearances = [1e3 * o.clearance for o in proven]
+        pairs = [(o, ours[where]) for o in proven if (where := (o.robot, o.set, o.problem)) in ours]
+        shapes = [o.shape for o in proven if o.shape]
         rows.append(
             {
                 "robot": robot,
                 "planner": WORDS[planner],
                 "claimed": f"{sum(o.claimed for o in group)} of {len(group)}",
                 "proven": len(proven),
-                "time median / p95 [s]": f"{_quantile(seconds, 0.5):.2g} / {_quantile(seconds, 0.95):.2g}",
-                **_shapes(proven),
-                "proven clearance 5 % / median [mm]": (
-                    f"{_quantile(clearances, 0.05):.1f} / {_quantile(clearances, 0.5):.1f}"
+                "timed": sum(np.isfinite(o.motion) for o in proven),
+                "planning median / p95 [ms]": f"{_quantile(seconds, 0.5):.0f} / {_quantile(seconds, 0.95):.0f}",
+                "length [rad]": f"{_quantile([s.length for s in shapes], 0.5):.2f}",
+                "length, of hdplan's [%]": _share(
+                    [(a.shape.length, b.shape.length) for a, b in pairs if a.shape and b.shape]
                 ),
+                "motion time [s]": f"{_quantile([o.motion for o in proven if np.isfinite(o.motion)], 0.5):.2f}",
+                "motion time, of hdplan's [%]": _share(
+                    [(a.motion, b.motion) for a, b in pairs if np.isfinite(a.motion)]
+                ),
+                "∫ acceleration² [rad²]": f"{_quantile([s.acceleration for s in shapes], 0.5):.3g}",
+                "proven clearance median [mm]": f"{1e3 * _quantile([o.clearance for o in proven], 0.5):.1f}",
             }
         )
     return markdown_text(rows)
 
 
-def side_by_side(outcomes: list[Outcome]) -> str:
-    """Medians over the problems that both a peer and hdplan proved, so that the two rows of a pair compare;
-    empty without such a problem."""
-    rows: list[dict[str, Cell]] = []
-    proven = {(o.planner, o.robot, o.set, o.problem): o for o in outcomes if o.proven}
-    for (robot, planner), group in _grouped(outcomes, lambda o: (o.robot, o.planner)).items():
-        pairs = [(o, proven.get(("hdplan", o.robot, o.set, o.problem))) for o in group if o.proven]
-        both = [(o, ours) for o, ours in pairs if ours is not None]
-        if planner == "hdplan" or not both:
-            continue
-        for name, column in ((planner, [o for o, _ in both]), ("hdplan", [ours for _, ours in both])):
-            clearance = 1e3 * _quantile([o.clearance for o in column], 0.5)
-            rows.append(
-                {
-                    "proven by both": f"{robot} {planner}",
-                    "problems": len(both),
-                    "planner": name,
-                    **_shapes(column),
-                    "proven clearance [mm]": f"{clearance:.1f}",
-                }
-            )
-    return markdown_text(rows) if rows else ""
+def _share(pairs: list[tuple[float, float]]) -> str:
+    """Return the sum of a peer's figures over that of hdplan's, in percent."""
+    theirs, own = np.sum(pairs, axis=0) if pairs else (np.nan, np.nan)
+    return f"{100.0 * theirs / own:.0f}"
 
 
 def by_set(outcomes: list[Outcome]) -> str:
@@ -200,16 +238,6 @@ def by_set(outcomes: list[Outcome]) -> str:
         }
         rows.append({"proven (claimed) of": f"{robot} {name}", "problems": len(group) // len(cells), **cells})
     return markdown_text(rows)
-
-
-def _shapes(outcomes: list[Outcome]) -> dict[str, Cell]:
-    """Medians."""
-    shapes = [o.shape for o in outcomes if o.shape]
-    return {
-        "length [rad]": f"{_quantile([s.length for s in shapes], 0.5):.2f}",
-        "∫ acceleration² [rad²]": f"{_quantile([s.acceleration for s in shapes], 0.5):.3g}",
-        "∫ jerk² [rad²]": f"{_quantile([s.jerk for s in shapes], 0.5):.2g}",
-    }
 
 
 def _grouped(
@@ -235,7 +263,7 @@ def available(names: list[str]) -> dict[str, Planner]:
         try:
             found[name] = PLANNERS[name]()
         except ImportError as error:
-            sys.exit(f"{name}: {error} (pip install -e '.[peers]', or choose others by --planner)")
+            sys.exit(f"{name}: {error} (see --help for what to install, or choose others by --planner)")
     return found
 
 
@@ -265,7 +293,7 @@ def main() -> None:
                     print(line(outcomes[-1]), file=sys.stderr)
     if not outcomes:
         sys.exit(f"no problems found below {options.folder}")
-    print(side_by_side(outcomes), by_set(outcomes), sep="\n", file=sys.stderr)
+    print(by_set(outcomes), file=sys.stderr)
     print(overview(outcomes))
     if options.csv:
         _write(options.csv, outcomes)
@@ -275,11 +303,11 @@ def _write(file: Path, outcomes: list[Outcome]) -> None:
     with file.open("w", newline="") as stream:
         writer = csv.writer(stream)
         words = ("planner", "robot", "set", "problem", "claimed", "proven", "setup_s", "seconds")
-        writer.writerow((*words, "length_rad", "acceleration", "jerk", "clearance_m", "verdict"))
+        writer.writerow((*words, "length_rad", "acceleration", "jerk", "clearance_m", "motion_s", "verdict"))
         for o in outcomes:
             shape = (o.shape.length, o.shape.acceleration, o.shape.jerk) if o.shape else (np.nan,) * 3
             head = (o.planner, o.robot, o.set, o.problem, o.claimed, o.proven, o.setup, o.seconds)
-            writer.writerow((*head, *shape, o.clearance, o.verdict))
+            writer.writerow((*head, *shape, o.clearance, o.motion, o.verdict))
 
 
 if __name__ == "__main__":

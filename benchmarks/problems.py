@@ -8,6 +8,8 @@ from pathlib import Path
 
 import hdplan
 
+LIMITS = hdplan.Limits(velocity="urdf", acceleration=15.0, jerk=500.0)  # those of cuRobo's published figures
+
 
 @dataclass(frozen=True)
 class RealProblem:

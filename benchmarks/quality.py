@@ -1,32 +1,76 @@
-"""How good motions are under limits of rates: their time, length and jerk, on the problems of MotionBenchMaker.
+"""How good motions are under limits of rates: their time, length, jerk and energy, on MotionBenchMaker's problems.
 
-    python benchmarks/quality.py DIR [--robot panda] [--every K] [--goals pose joints] [--polish N ...]
+    python benchmarks/quality.py DIR [--robot panda] [--every K] [--goals pose joints] [--polish N ...] [--csv F]
 
 Limits are cuRobo's: the URDF's velocities, 15 rad/s², 500 rad/s³. With `pose`, the goal is the pose to which the
-request's joints bring the hand. Prints a row for every kind of goal and every number of rounds of polishing: certified
-problems, mean time of the motion and mean length of its path, the largest jerk, and what planning and proving took.
+request's joints bring the hand. Prints a row for every kind of goal and every number of rounds of polishing (the
+scene's default without --polish): certified problems; mean time of the motion and mean length of its path; the largest
+jerk of all, as proven; the mean energy ∫ Σ|τ q̇| dt, where the robot has masses; what planning and proving took by the
+clock; and both together in processor time, which tells more on a machine that others use too. One core.
+
+With --csv each problem is written as soon as it is done, and what the file already holds is not planned again: a long
+run can be interrupted and called once more.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import dataclasses
 import sys
 import time
+from collections.abc import Iterable, Iterator
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-from problems import real_problems
+from problems import LIMITS, RealProblem, real_problems
 from scipy.spatial.transform import Rotation
+from threadpoolctl import threadpool_limits
 
 import hdplan
-from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.studies.report import markdown_text
+from hdplan.planner.search.objective import Energy
+from hdplan.planner.studies.report import Cell, markdown_text
+from hdplan.scenes.output import write_output
+from hdplan.scenes.planner_settings import PlannerSettings
 
 HANDS = {"panda": "panda_hand", "ur5": "ee_link"}
-LIMITS = hdplan.Limits(velocity="urdf", acceleration=15.0, jerk=500.0)
+
+Key = tuple[str, str, int, str, str]
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """One problem; figures of the motion are NaN where there is none."""
+
+    robot: str
+    goals: str
+    rounds: int
+    set: str
+    problem: str
+    verdict: str  # "certified", or why not
+    motion: float  # [s]
+    length: float  # Σ |q_(i+1) − q_i| [rad]
+    jerk: float  # [rad/s³] the largest of all joints, as proven
+    energy: float  # [J]; NaN for a robot without masses
+    plan: float  # [s] by the clock, without the proofs
+    proofs: float  # [s]
+    processor: float  # [s] of planning and proving
+
+    @property
+    def certified(self) -> bool:
+        """Whether the motion is proven."""
+        return self.verdict == "certified"
+
+    @property
+    def key(self) -> Key:
+        """What was planned."""
+        return self.robot, self.goals, self.rounds, self.set, self.problem
+
+
+# --- planning ---------------------------------------------------------------------------------------------------------
 
 
 def with_pose_goal(scene: hdplan.Scene, link: str) -> hdplan.Scene:
@@ -40,42 +84,108 @@ def with_pose_goal(scene: hdplan.Scene, link: str) -> hdplan.Scene:
     return scene.with_goal(hdplan.PoseTarget(link, hdplan.Pose(place.translation, quaternion)))
 
 
-def row(scenes: list[hdplan.Scene], label: str, limit: float) -> dict[str, object]:
-    """Plan all, and sum up."""
-    took, proofs, seconds, lengths, jerks, failed = [], [], [], [], [], []
-    for scene in scenes:
-        began = time.perf_counter()
-        try:
-            result = hdplan.plan(scene, time_limit=limit)
-        except hdplan.InputError as error:
-            failed.append(str(error))
-            continue
-        wall = time.perf_counter() - began
-        if not result.certified:
-            failed.append(result.certificate.text)
-            continue
-        took.append(wall - result.times.certify)
-        proofs.append(result.times.certify)
-        seconds.append(result.trajectory.duration)
-        lengths.append(np.linalg.norm(np.diff(result.trajectory.positions, axis=0), axis=1).sum())
-        curve = curve_of(Setup.of(scene).robot, result.trajectory)
-        jerks.append(np.abs(curve.at_time(np.linspace(0.0, seconds[-1], 2001), 3)).max())
-        print(f"{label}: {seconds[-1]:.3f} s, {lengths[-1]:.2f} rad, {1e3 * wall:.0f} ms", file=sys.stderr)
-    print(*failed, sep="\n", file=sys.stderr)
+def posed(problem: RealProblem, goals: str, rounds: int) -> hdplan.Scene:
+    """The problem with the limits, the kind of goal and the rounds of polishing."""
+    scene = dataclasses.replace(problem.load(), limits=LIMITS)
+    scene = dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, polish=rounds))
+    return with_pose_goal(scene, HANDS[problem.robot]) if goals == "pose" else scene
+
+
+def run(problem: RealProblem, goals: str, rounds: int, limit: float) -> Outcome:
+    """Plan one problem and measure its motion."""
+    what = (problem.robot, goals, rounds, problem.set, problem.number)
+    try:
+        scene = posed(problem, goals, rounds)
+        began, used = time.perf_counter(), time.process_time()
+        result = hdplan.plan(scene, time_limit=limit)
+        wall, processor = time.perf_counter() - began, time.process_time() - used
+    except hdplan.InputError as error:
+        return Outcome(*what, f"refused: {error}", *[np.nan] * 7)
+    took = (wall - result.times.certify, result.times.certify, processor)
+    if not result.certified:
+        return Outcome(*what, result.certificate.text, *[np.nan] * 4, *took)
+    motion = result.trajectory
+    assert motion.duration is not None
+    length = float(np.linalg.norm(np.diff(motion.positions, axis=0), axis=1).sum())
+    jerk = next(use.share * use.limit for use in result.certificate.uses if use.quantity == "jerk")
+    return Outcome(*what, "certified", motion.duration, length, jerk, energy(scene, motion), *took)
+
+
+def energy(scene: hdplan.Scene, motion: hdplan.Trajectory) -> float:
+    """The mechanical work of the joints [J]; NaN for a robot without masses."""
+    try:
+        return Energy(Setup.of(scene)).value(motion.positions, motion)
+    except hdplan.InputError:
+        return np.nan
+
+
+# --- what was measured ------------------------------------------------------------------------------------------------
+
+
+def read(file: Path | None) -> dict[Key, Outcome]:
+    """Outcomes of an earlier run; a line that was cut off is left out."""
+    if file is None or not file.is_file():
+        return {}
+    lines = [line for line in file.read_text(encoding="utf-8").splitlines(keepends=True) if line.endswith("\n")]
+    fields = dataclasses.fields(Outcome)
+    kinds = {"str": str, "int": int, "float": float}
+    if lines and lines[0].strip().split(",") != [field.name for field in fields]:
+        sys.exit(f"{file}: not a file of this benchmark, or of an older form of it")
+    found = [Outcome(*(kinds[str(f.type)](row[f.name]) for f in fields)) for row in csv.DictReader(lines)]
+    return {outcome.key: outcome for outcome in found}
+
+
+def kept(file: Path | None, known: Iterable[Outcome], new: Iterator[Outcome]) -> Iterator[Outcome]:
+    """Pass new outcomes on, each written behind the known ones before the next is planned."""
+    if file is None:
+        yield from new
+        return
+    done = StringIO()
+    writer = csv.writer(done, lineterminator="\n")
+    writer.writerow(field.name for field in dataclasses.fields(Outcome))
+    writer.writerows(dataclasses.astuple(outcome) for outcome in known)
+    write_output(file, done.getvalue().encode())
+    with file.open("a", newline="", encoding="utf-8", buffering=1) as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        for outcome in new:
+            writer.writerow(dataclasses.astuple(outcome))
+            yield outcome
+
+
+def line(o: Outcome) -> str:
+    """One line for a person."""
+    figures = f"{o.motion:.3f} s, {o.length:.2f} rad, {o.jerk:.0f} rad/s³, {o.energy:.1f} J"
+    took = f"{1e3 * (o.plan + o.proofs):.0f} ms, processor {1e3 * o.processor:.0f} ms"
+    return f"{o.robot} {o.goals}, {o.rounds}: {o.set} {o.problem}: {figures if o.certified else o.verdict}, {took}"
+
+
+def row(outcomes: list[Outcome]) -> dict[str, Cell]:
+    """Sum up the outcomes of one kind of goal and number of rounds; means over the certified motions."""
+    good = [outcome for outcome in outcomes if outcome.certified]
+    ran = [outcome for outcome in outcomes if np.isfinite(outcome.plan)]
     return {
-        "goals, rounds": label,
-        "problems": len(scenes),
-        "certified": len(took),
-        "motion time mean [s]": f"{np.mean(seconds):.3f}",
-        "path mean [rad]": f"{np.mean(lengths):.2f}",
-        "largest jerk [rad/s³]": f"{max(jerks):.0f}",
-        "plan median / p95 [ms]": _spread(took),
-        "proofs median / p95 [ms]": _spread(proofs),
+        "goals, rounds": f"{outcomes[0].goals}, {outcomes[0].rounds}",
+        "problems": len(outcomes),
+        "certified": len(good),
+        "motion time mean [s]": f"{_mean([o.motion for o in good]):.3f}",
+        "path mean [rad]": f"{_mean([o.length for o in good]):.2f}",
+        "largest jerk [rad/s³]": f"{max((o.jerk for o in good), default=np.nan):.0f}",
+        "energy mean [J]": f"{_mean([o.energy for o in good]):.1f}",
+        "plan median / p95 [ms]": _spread([o.plan for o in ran]),
+        "proofs median / p95 [ms]": _spread([o.proofs for o in ran]),
+        "both, processor time median / p95 [ms]": _spread([o.processor for o in ran]),
     }
 
 
+def _mean(values: list[float]) -> float:
+    return float(np.mean(values)) if values else np.nan
+
+
 def _spread(seconds: list[float]) -> str:
-    return " / ".join(f"{1e3 * value:.0f}" for value in np.quantile(seconds, [0.5, 0.95]))
+    return " / ".join(f"{1e3 * value:.0f}" for value in np.quantile(seconds or [np.nan], [0.5, 0.95]))
+
+
+# --- command line -----------------------------------------------------------------------------------------------------
 
 
 def main() -> None:
@@ -83,22 +193,32 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--robot", choices=sorted(HANDS), default="panda")
-    parser.add_argument("--every", type=int, default=10, help="take every K-th problem of a set")
+    parser.add_argument("--every", type=int, default=1, help="take every K-th problem of a set")
     parser.add_argument("--goals", nargs="*", choices=("pose", "joints"), default=["pose", "joints"])
-    parser.add_argument("--polish", nargs="*", type=int, default=[0])
+    parser.add_argument("--polish", nargs="*", type=int, default=[PlannerSettings().polish])
     parser.add_argument("--time-limit", type=float, default=30.0)
+    parser.add_argument("--csv", type=Path, help="where each problem is written, and what was done is read from")
     options = parser.parse_args()
-    rows = []
-    for kind in options.goals:
-        for rounds in options.polish:
-            scenes = []
-            for problem in real_problems(options.folder, options.robot, options.every):
-                scene = dataclasses.replace(problem.load(), limits=LIMITS)
-                scene = dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, polish=rounds))
-                scenes.append(with_pose_goal(scene, HANDS[options.robot]) if kind == "pose" else scene)
-            hdplan.plan(scenes[0], time_limit=options.time_limit)  # warm
-            rows.append(row(scenes, f"{kind}, {rounds}", options.time_limit))
-    print(markdown_text(rows))
+    problems = real_problems(options.folder, options.robot, options.every)
+    if not problems:
+        sys.exit(f"no problems found below {options.folder}")
+    known = read(options.csv)
+
+    def planned() -> Iterator[Outcome]:
+        for goals, rounds in kinds:
+            todo = [p for p in problems if (p.robot, goals, rounds, p.set, p.number) not in known]
+            for problem in todo[:1]:
+                run(problem, goals, rounds, options.time_limit)  # warm
+            for problem in todo:
+                yield run(problem, goals, rounds, options.time_limit)
+
+    kinds = [(goals, rounds) for goals in options.goals for rounds in options.polish]
+    with threadpool_limits(1):
+        for outcome in kept(options.csv, list(known.values()), planned()):
+            known[outcome.key] = outcome
+            print(line(outcome), file=sys.stderr)
+    asked = [[known[p.robot, *kind, p.set, p.number] for p in problems] for kind in kinds]
+    print(markdown_text([row(outcomes) for outcomes in asked]))
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import csv
 import dataclasses
+import itertools
 import pickle
 import subprocess
 import sys
@@ -75,9 +76,9 @@ def scene_of(waypoints: int, boxes: int) -> Scene:
     found = hdplan.plan(scene)
     line = np.linspace(START, GOAL, len(found.trajectory))
     motions = np.vstack([_halved(line + share * (found.trajectory.positions - line)) for share in SHARES])
-    rng, kept = np.random.default_rng(0), [POST]
+    rng, kept, number = np.random.default_rng(0), [POST], itertools.count()
     while len(kept) < boxes:
-        drawn = [_random_box(f"box {len(kept) + k}", rng) for k in range(DRAW)]
+        drawn = [_random_box(f"box {next(number)}", rng) for _ in range(DRAW)]
         apart = dataclasses.replace(empty.planner, clearance=APART - empty.planner.activation)
         problem = build(dataclasses.replace(scene, obstacles=tuple(drawn), planner=apart))
         met: set[str] = set()

@@ -113,7 +113,7 @@ def plan(
     try:
         search_in_turn(searches, seed, warm)
         if (taken := _best(searches)) is not None and searches[taken].certified:
-            polish(searches, taken, scene.planner.polish, seed)
+            polish(searches, taken, scene.polish, seed)
     except KeyboardInterrupt:
         if not any(search.best is not None or search.certify_last() for search in searches):
             raise
@@ -143,7 +143,7 @@ def plan(
         steps=best.steps,
         times=Times(load, build_, stopwatch.seconds, solved, certified),
         notes=(*problems[taken].notes, *best.certificate.notes, *notes),
-        objective=searches[taken].objective.achieved(best.solution.trajectory.positions, best.trajectory),
+        objective=searches[taken].objective.achieved(best.path, best.trajectory),
         goal=goals[taken] if several else None,
         asked=scene,
     )

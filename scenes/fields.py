@@ -10,36 +10,17 @@ import contextlib
 import math
 import os
 import re
-from collections.abc import Callable, Collection, Hashable, Iterator, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-import yaml
-
 from hdplan.scenes.errors import FieldError, InputError, naming, nearest
 from hdplan.scenes.files import read_file
-from hdplan.scenes.values import Check, Choice, Number, Whole, boolean, describe, shorten, text
+from hdplan.scenes.values import Check, Choice, Number, Row, Whole, boolean, describe, shorten, text
+from hdplan.scenes.yaml_values import read_mapping
 
-DEEPEST = 64  # levels of lists and mappings in a document
-MOST_VALUES = 1_000_000  # in a document
-_MERGE = "tag:yaml.org,2002:merge"
 T = TypeVar("T")
-
-
-class _UniqueKeyLoader(yaml.CSafeLoader):
-    """YAML forbids duplicate keys in a mapping; PyYAML would silently keep the last."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        seen: set[tuple[str, str]] = set()
-        for key, _ in node.value:
-            if isinstance(key, yaml.ScalarNode) and key.tag != _MERGE:
-                if (key.tag, key.value) in seen:
-                    raise yaml.MarkedYAMLError(
-                        problem=f"the key {key.value!r} stands twice", problem_mark=key.start_mark
-                    )
-                seen.add((key.tag, key.value))
-        return super().construct_mapping(node, deep)
 
 
 @dataclass(frozen=True)
@@ -112,12 +93,15 @@ class Field:
 
     def number(self, low: float = -math.inf, high: float = math.inf, above: float = -math.inf, unit: str = "") -> float:
         """Return a finite number, at most LARGEST in size, with low <= value <= high and value > above."""
-        value = self.value
+        found: float = self.checked(Number(low, high, above, unit), self._number(self.value))
+        return found
+
+    def _number(self, value: object) -> object:
+        """Return the number that a text holds, in a document that may hold numbers as text."""
         if isinstance(value, str) and self.document.text_numbers:
             with contextlib.suppress(ValueError):
-                value = float(value)
-        found: float = self.checked(Number(low, high, above, unit), value)
-        return found
+                return float(value)
+        return value
 
     def integer(self, low: int, high: int) -> int:
         """Return a whole number with low <= value <= high."""
@@ -126,7 +110,9 @@ class Field:
 
     def numbers(self, length: int | None = None, above: float = -math.inf, unit: str = "") -> tuple[float, ...]:
         """Return a list of finite numbers, each greater than `above`."""
-        return tuple(item.number(above=above, unit=unit) for item in self.items(length, "numbers"))
+        given = [self._number(item) for item in self.value] if isinstance(self.value, list) else self.value
+        found: tuple[float, ...] = self.checked(Row(Number(above=above, unit=unit), length), given)
+        return found
 
     # Texts
 
@@ -149,28 +135,28 @@ class Field:
 
     def checked(self, check: Check, value: object) -> Any:
         """Return what a check makes of a value of this field."""
-        with self._naming():
+        try:
             return check(value)
+        except FieldError as error:
+            raise self._named(error) from None
 
     def make(self, kind: Callable[..., T], /, **values: object) -> T:
         """Return an object of one of a scene's classes, made of fields or of values read from them. What the class
         refuses is reported at the field in the file, as its attributes have the names of the keys."""
         given = {name: value.value if isinstance(value, Field) else value for name, value in values.items()}
-        with self._naming():
-            return kind(**given)
-
-    @contextlib.contextmanager
-    def _naming(self) -> Iterator[None]:
-        """Add file and key to an error about a value, and how YAML would have it written."""
         try:
-            yield
+            return kind(**given)
         except FieldError as error:
-            found, hint = error.within(self.key) if self.key else error, ""
-            if error.kind == "number" and isinstance(error.value, str) and (plain := _as_yaml_number(error.value)):
-                hint = f", which YAML does not read as a number: write {plain}"
-            elif error.kind == "text" and not isinstance(error.value, str | list | dict):
-                hint = "; put it in quotes if it is a name"
-            raise Field(None, found.where, self.document).error(found.problem + hint) from None
+            raise self._named(error) from None
+
+    def _named(self, error: FieldError) -> InputError:
+        """Return an error about a value with the file and key added, and how YAML would have it written."""
+        found, hint = error.within(self.key) if self.key else error, ""
+        if error.kind == "number" and isinstance(error.value, str) and (plain := _as_yaml_number(error.value)):
+            hint = f", which YAML does not read as a number: write {plain}"
+        elif error.kind == "text" and not isinstance(error.value, str | list | dict):
+            hint = "; put it in quotes if it is a name"
+        return Field(None, found.where, self.document).error(found.problem + hint)
 
     def path(self, directory: bool = False) -> Path:
         """Return the absolute path of an existing file (or directory); a relative path is relative to the document that
@@ -193,66 +179,6 @@ def read_document(file: Path) -> Field:
     with naming(file):
         content = read_mapping(read_file(file))
     return Field(content, "", Document(file))
-
-
-def read_mapping(data: bytes) -> dict[Any, Any]:
-    """Read YAML that holds a mapping. Raises InputError for all that `read_document` refuses, without naming the
-    file."""
-    try:
-        content = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"is not UTF-8 text (byte {error.start} is 0x{error.object[error.start]:02x})") from None
-    try:
-        _check_size(content)
-        value = yaml.load(content, _UniqueKeyLoader)
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
-        what = ", ".join(filter(None, [error.context, error.problem]))
-        raise InputError(f"{where}YAML syntax: {' '.join(what.split())}") from None
-    except yaml.reader.ReaderError as error:
-        line = content.count("\n", 0, error.position) + 1
-        raise InputError(f"line {line}: YAML syntax: the character {chr(error.character)!r} is not allowed") from None
-    except InputError:
-        raise
-    except (yaml.YAMLError, ValueError, RecursionError) as error:  # such as the date 2026-99-99
-        raise InputError(f"YAML syntax: {' '.join(str(error).split())}") from None
-    except (AttributeError, LookupError, TypeError):  # from PyYAML, for `!!int ""` or `!!timestamp x`
-        raise InputError("YAML syntax: a value is not of the type that its tag (!!) says") from None
-    if value is None:
-        raise InputError("is empty")
-    if not isinstance(value, dict):
-        raise InputError(f"must hold a mapping of sections, found {describe(value)}")
-    return value
-
-
-def _check_size(content: str) -> None:
-    """Refuse a document that is nested too deeply, or too large once what its aliases repeat is counted: its content is
-    walked through many times, also by recursive functions."""
-    count, sizes = 0, dict[str | None, int]()  # values under each anchor
-    begun: list[tuple[str | None, int]] = []  # anchors of the open collections, and the count before each
-    for event in yaml.parse(content, yaml.CSafeLoader):
-        count += isinstance(event, yaml.ScalarEvent | yaml.CollectionEndEvent)
-        fault = None
-        match event:
-            case yaml.AliasEvent(anchor=anchor):
-                count += sizes.get(anchor, 0)
-                if anchor in [name for name, _ in begun]:
-                    fault = f"the alias '*{anchor}' stands within what it names"
-            case yaml.CollectionStartEvent(anchor=anchor):
-                begun.append((anchor, count))
-            case yaml.CollectionEndEvent():
-                anchor, before = begun.pop()
-                sizes[anchor] = count - before
-            case yaml.ScalarEvent(anchor=anchor):
-                sizes[anchor] = 1
-        if len(begun) > DEEPEST:
-            fault = f"is nested more than {DEEPEST} levels deep"
-        if count > MOST_VALUES:
-            fault = f"holds more than {MOST_VALUES} values, those that aliases repeat counted"
-        if fault:
-            line = f"line {event.start_mark.line + 1}: " if event.start_mark else ""
-            raise InputError(f"{line}{fault}")
 
 
 def _as_yaml_number(text: str) -> str | None:

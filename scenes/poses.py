@@ -94,8 +94,15 @@ Placement = Annotated[Pose, placement]
 AnyPose = Pose | Numbers
 
 
+IDENTITY = Pose()
+
+
 def compose(outer: Pose, inner: Pose) -> Pose:
     """Return the pose whose matrix is ``outer.matrix @ inner.matrix``."""
+    if outer == IDENTITY:
+        return inner
+    if inner == IDENTITY:
+        return outer
     ax, ay, az, aw = outer.quaternion_xyzw
     bx, by, bz, bw = inner.quaternion_xyzw
     x, y, z = (outer.matrix[:3, :3] @ inner.position + outer.position).tolist()

@@ -164,6 +164,13 @@ class Scene(Checked):
         return self.planner.objective or ("time" if self.timed and not self.end_time else "smoothness")
 
     @property
+    def polish(self) -> int:
+        """How many rounds try to better the first certified motion: `planner.polish`, or else one where time is the
+        objective, as it makes most of the difference there, and none elsewhere."""
+        rounds = self.planner.polish
+        return rounds if rounds is not None else int(self.objective == "time")
+
+    @property
     def standing(self) -> tuple[Obstacle, ...]:
         """The static obstacles."""
         return tuple(obstacle for obstacle in self.obstacles if obstacle.motion is None)

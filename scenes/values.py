@@ -57,25 +57,28 @@ class Number:
 
     def __call__(self, value: object) -> float:
         """Return it as a float."""
+        if isinstance(value, bool) or not isinstance(value, float | numbers.Real):
+            raise wrong(self._allowed, value, "number")
+        try:
+            number = float(value)
+        except OverflowError:  # an integer beyond the floats
+            raise wrong(self._allowed, value) from None
+        if not (self.low <= number <= self.high and number > self.above and math.isfinite(number)):
+            raise wrong(self._allowed, value)
+        if abs(number) > LARGEST:
+            raise wrong(f"{self._allowed}, at most {LARGEST:g} in size", value)
+        if self.above == 0.0 and number < SMALLEST:
+            raise wrong(f"{self._allowed}, at least {SMALLEST:g}", value)
+        return number
+
+    @property
+    def _allowed(self) -> str:
         bounds = [f"greater than {self.above:g}"] * math.isfinite(self.above)
         if math.isfinite(self.low):
             bounds.append(f"{self.low:g} to {self.high:g}" if math.isfinite(self.high) else f"at least {self.low:g}")
         elif math.isfinite(self.high):
             bounds.append(f"{'and ' * bool(bounds)}at most {self.high:g}")
-        allowed = " ".join(["a finite number", *bounds, *([f"[{self.unit}]"] if self.unit else [])])
-        if isinstance(value, bool) or not isinstance(value, numbers.Real):
-            raise wrong(allowed, value, "number")
-        try:
-            number = float(value)
-        except OverflowError:  # an integer beyond the floats
-            raise wrong(allowed, value) from None
-        if not (math.isfinite(number) and self.low <= number <= self.high and number > self.above):
-            raise wrong(allowed, value)
-        if abs(number) > LARGEST:
-            raise wrong(f"{allowed}, at most {LARGEST:g} in size", value)
-        if self.above == 0.0 and number < SMALLEST:
-            raise wrong(f"{allowed}, at least {SMALLEST:g}", value)
-        return number
+        return " ".join(["a finite number", *bounds, *([f"[{self.unit}]"] if self.unit else [])])
 
 
 JointValue = Number(unit="rad or m")
@@ -113,7 +116,13 @@ class Row:
             raise wrong(f"a list of {self.of}" if self.length is None else f"a list of {self.length} {self.of}", value)
         if self.length is not None and len(value) != self.length:
             raise wrong(f"a list of {self.length} {self.of}", value)
-        return tuple(checked(self.item, item, f"[{i}]") for i, item in enumerate(value))
+        found: list[Any] = []
+        try:
+            for item in value:
+                found.append(self.item(item))
+        except FieldError as error:
+            raise error.within(f"[{len(found)}]") from None
+        return tuple(found)
 
 
 def is_row(value: object) -> TypeGuard[list[Any] | tuple[Any, ...]]:
@@ -197,7 +206,10 @@ class Checked:
         """Check every field by itself, then all of them together."""
         try:
             for name, check in checks_of(type(self)).items():
-                object.__setattr__(self, name, checked(check, getattr(self, name), name))
+                try:
+                    object.__setattr__(self, name, check(getattr(self, name)))
+                except FieldError as error:
+                    raise error.within(name) from None
             self._check_whole()
         except FieldError as error:
             raise error.of(type(self).__name__) from None

@@ -26,6 +26,7 @@ ROOMS = [  # from the ground up: a room imports rooms before it, so that nothing
     *("distance.studies", "planner.geometry", "planner.robot", "planner.motion", "planner.certificate"),
     *("planner.kinematics", "planner.collision", "planner.timing", "planner.problem", "planner.solvers"),
     "planner.solvers.methods",
+    "planner.proof",
     *("planner.search", "planner", "planner.control", "planner.pictures", "planner.terminal", "planner.studies"),
     *("planner.view.drawing", "planner.view", "planner.commands"),
 ]

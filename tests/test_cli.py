@@ -649,7 +649,8 @@ def test_bad_moveit_input(
 
 
 @pytest.mark.parametrize(
-    "command", [[], ["plan"], ["check"], ["simulate"], ["plot"], ["view"], ["explain"], ["robots"]]
+    "command",
+    [[], ["plan"], ["check"], ["prove"], ["verify"], ["simulate"], ["plot"], ["view"], ["explain"], ["robots"]],
 )
 def test_help_fits_a_terminal(hdplan: Callable[..., Done], command: list[str]) -> None:
     done = hdplan(*command, "--help")

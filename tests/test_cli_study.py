@@ -107,7 +107,8 @@ def test_study_planning(hdplan: Callable[..., Done], monkeypatch: pytest.MonkeyP
     done = hdplan("study", "planning", "--quick", "--problems", "problems", "--every", "2")
     assert (done.code, done.err) == (0, "")
     assert "  defaults " in done.out
-    assert {path.name for path in Path("out").iterdir()} == {f"planning_study.{end}" for end in ("csv", "md", "png")}
+    named = {f"planning_study.{end}" for end in ("csv", "md", "png")} | {"planning_quality.csv", "planning_quality.png"}
+    assert {path.name for path in Path("out").iterdir()} == named
     table = rows(Path("out/planning_study.csv"))
     named = [shipped[0].name, "a/set/scene0000", "a/set/scene0002"]
     assert [(row["setting"], row["scene"]) for row in table] == [

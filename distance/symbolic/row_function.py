@@ -17,7 +17,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hdplan.distance.compiled.c_library import c_library
+from hdplan.distance.compiled.c_library import address, c_library
 from hdplan.scenes.array_types import Array, Rows
 
 # Calls the generated function once per row; `rows[i][k]` is the row of table i that evaluation k takes.
@@ -155,7 +155,7 @@ class _Workspace(threading.local):
 
 
 def _addresses(arrays: Sequence[Array] | Sequence[Rows]) -> ctypes.Array[ctypes.c_void_p]:
-    return (ctypes.c_void_p * len(arrays))(*(array.__array_interface__["data"][0] for array in arrays))
+    return (ctypes.c_void_p * len(arrays))(*(address(array) for array in arrays))
 
 
 def _library(function: ca.Function) -> ctypes.CDLL | None:

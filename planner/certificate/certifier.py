@@ -110,20 +110,24 @@ class Certifier:
                 pieces = obstacle_pieces(obstacle)
             motion = _motion_of(obstacle)
             bodies.extend(Body(obstacle.name, piece, 0, obstacle.pose.matrix, motion) for piece in pieces)
-        rows = [(a, b, 0) for a in range(count) for b in range(count, len(bodies))]
+        obstacles = len(bodies) - count
+        rows = np.zeros((count * obstacles, 3), dtype=np.int64)
+        rows[:, 0], rows[:, 1] = np.repeat(np.arange(count), obstacles), np.tile(np.arange(obstacles), count) + count
         # those that never touch need no proof, but how close they come counts in what is claimed
         pairs = (*robot.self_pairs, *(robot.never_touching if scene.self_collision.checked else ()))
-        rows += [(a, b, 1) for first, second in pairs for a in links[first] for b in links[second]]
+        own = [(a, b, 1) for first, second in pairs for a in links[first] for b in links[second]]
         gathered = Bodies(_chain(robot), bodies, robot.pin_q)
         self._fields = [f"robot: '{body.name}'" for body in bodies[:count]]
         self._fields += [f"obstacles.{body.name}" for body in bodies[count:]]
         with naming(scene.source):
             refuse_far_bodies(gathered, self._fields)
-        self.sweep = Sweep(gathered, Pairs.of(gathered, rows))
+        self.sweep = Sweep(gathered, Pairs.of(gathered, np.concatenate([rows, np.array(own, np.int64).reshape(-1, 3)])))
         self.ends = EndCheck(scene, robot)
         self.path = None if scene.path == PathConstraints() else _path_check(setup, gathered.chain)
         self.limits = tuple(limit_checks(setup))
         self._lenient = {obstacle.name for obstacle in scene.obstacles if obstacle.clearance is None}
+        kept = {obstacle.name: obstacle.clearance for obstacle in scene.obstacles if obstacle.clearance is not None}
+        self._kept = np.array([kept.get(body.name, np.nan) for body in bodies])  # (bodies,) [m] where it has its own
 
     @cached_property
     def holes(self) -> tuple[str, ...]:
@@ -230,10 +234,10 @@ class Certifier:
 
     def _floor(self, required: float) -> Array:
         """Return the clearance that each pair must keep (P,) [m]."""
-        own = {obstacle.name: obstacle.clearance for obstacle in self.scene.obstacles if obstacle.clearance is not None}
-        between_links, pairs = self.scene.self_collision.clearance, self.sweep.pairs
-        asked = [own.get(self.sweep.bodies.names[b], required) for b in pairs.b.tolist()]
-        return np.where(pairs.group == 0, asked, between_links)
+        pairs = self.sweep.pairs
+        kept = self._kept[pairs.b]
+        asked = np.where(np.isnan(kept), required, kept)
+        return np.where(pairs.group == 0, asked, self.scene.self_collision.clearance)
 
     def contacts(self, q: ArrayLike, time: float = 0.0) -> tuple[Contact, ...]:
         """Return the contacts at one configuration and time [s]; see `check_configuration`."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from hdplan.planner.certificate.containment import Containment
 from hdplan.planner.certificate.exact_proximity import Piece, surface_distance, witness_points
-from hdplan.planner.certificate.interval_bounds import Bounds, Items, travel_of
+from hdplan.planner.certificate.interval_bounds import Bounds, Items
 from hdplan.planner.certificate.intervals import Bodies, Index, Intervals, Pairs
 from hdplan.planner.certificate.rounding import ROUNDING
 from hdplan.planner.motion.curve import Curve
@@ -157,7 +157,7 @@ class _Run:
         bound, _ = self.bounds.by_ball(nodes, items)
         items = items[bound <= self.floor]
         if len(items):
-            self._exactly(nodes, self.bounds.with_motion(nodes, items))
+            self._exactly(nodes, items)
 
     def at_start(self, within: float = np.inf, surfaces: bool = False) -> tuple[Spot, ...]:
         """Return the signed distances of all pairs at the first waypoint, except for those that bounding balls prove to
@@ -170,7 +170,7 @@ class _Run:
             items = items[bound <= within + ROUNDING]
         if not len(items):
             return tuple(spots)
-        values, _, _ = self._exact(nodes, self.bounds.with_motion(nodes, items))
+        values, *_ = self._exact(nodes, items)
         for value, pair in zip(values.tolist(), items.pair.tolist(), strict=True):
             if value <= 0.0 and self.hollow[pair]:
                 value = self._surface(nodes, 0, pair)
@@ -238,8 +238,7 @@ class _Run:
             chunk = self._open(nodes, items[order[first : first + size]])
             first, size = first + size, 4 * size
             if len(chunk):
-                chunk = self.bounds.with_motion(nodes, chunk)
-                _, bound = self.bounds.by_plane(nodes, chunk, chunk.normal)
+                _, bound, _ = self.bounds.by_plane(nodes, chunk, chunk.normal)
                 chunk = self._open(nodes, replace(chunk, bound=np.maximum(chunk.bound, bound)))
             if len(chunk):
                 chunk = self._open(nodes, self._exactly(nodes, chunk))
@@ -264,14 +263,16 @@ class _Run:
 
     def _open(self, nodes: Intervals, items: Items) -> Items:
         """Return the items neither proven far enough apart nor failed, recording what the proven ones keep."""
-        group, enough = self.pairs.group[items.pair], self._enough(items.pair)
-        failed = self.failed[nodes.interval[items.node], items.pair]
-        closed = (items.bound >= enough) & (items.bound > 0.0) & ~failed
-        for which in (0, 1):
-            proven = items.bound[closed & (group == which)]
-            if len(proven):
-                self.clearance[which] = min(self.clearance[which], float(proven.min()))
-        return items[~closed & ~failed]
+        closed = (items.bound >= self._enough(items.pair)) & (items.bound > 0.0)
+        failed = self.failed[nodes.interval[items.node], items.pair] if self.failures else np.zeros(len(items), bool)
+        if closed.any():
+            kept = closed & ~failed
+            proven, group = items.bound[kept], self.pairs.group[items.pair[kept]]
+            for which in (0, 1):
+                self.clearance[which] = min(self.clearance[which], float(proven[group == which].min(initial=np.inf)))
+        elif not self.failures:
+            return items
+        return items[~(closed | failed)]
 
     def _enough(self, pairs: Index) -> Array:
         """Return the bounds [m] at which pairs (i,) are settled."""
@@ -288,23 +289,27 @@ class _Run:
 
     def _exactly(self, nodes: Intervals, items: Items) -> Items:
         """Raise the items' bounds by exact distances at the midpoints, and record the closest places and contacts."""
-        values, bound, normals = self._exact(nodes, items)
+        values, bound, travel, normals = self._exact(nodes, items)
         bound = np.maximum(items.bound, bound)
         goal = self._enough(items.pair)
-        hollow, travel = self.hollow[items.pair], travel_of(items)
-        for i in np.flatnonzero(hollow & (values < goal) & (bound < goal)).tolist():
+        for i in np.flatnonzero(self.hollow[items.pair] & (values < goal) & (bound < goal)).tolist():
             # where coal is not plausible, the surfaces' distance is 0: the hulls' is a lower bound of it
             values[i] = max(values[i], self._surface(nodes, int(items.node[i]), int(items.pair[i])))
             bound[i] = max(bound[i], values[i] - travel[i] - ROUNDING)
-        for i in np.argsort(values).tolist():
+        touching = values <= self.floor[items.pair]
+        order = np.argsort(values)
+        group, notable = self.pairs.group[items.pair[order]], touching[order]
+        for which in (0, 1):
+            notable[np.flatnonzero(group == which)[:1]] = True  # the closest
+        for i in order[notable].tolist():
             node, pair, value = int(items.node[i]), int(items.pair[i]), float(values[i])
-            self._met(self._spot(nodes, node, pair, value, value <= self.floor[pair]))
+            self._met(self._spot(nodes, node, pair, value, bool(touching[i])))
         return replace(items, bound=bound, normal=normals)
 
     def _halve(self, nodes: Intervals, items: Items) -> tuple[Intervals, Items]:
         """Halve the intervals of the open items; give up those that are as short as they may become."""
-        moved = nodes.moved
-        still = moved[items.node, self.pairs.a[items.pair]] + moved[items.node, self.pairs.b[items.pair]] <= STILL
+        a, b = (nodes.row(items.node, bodies[items.pair]) for bodies in (self.pairs.a, self.pairs.b))
+        still = nodes.moved[a] + nodes.moved[b] <= STILL
         over = self.exact_calls > MOST_EXACT_CALLS or seconds_left() == 0.0
         hopeless = still | (nodes.width[items.node] <= SHORTEST) | over
         for node, pair, bound in zip(
@@ -354,7 +359,7 @@ class _Run:
         self.exact_calls += 1
         return surface_distance(*self._posed(nodes, node, pair))
 
-    def _exact(self, nodes: Intervals, items: Items) -> tuple[Array, Array, Array]:
+    def _exact(self, nodes: Intervals, items: Items) -> tuple[Array, Array, Array, Array]:
         self.exact_calls += len(items)
         return self.bounds.by_best_plane(nodes, items)
 

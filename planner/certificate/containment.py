@@ -16,54 +16,45 @@ two waypoints only its triangles count.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from hdplan.planner.certificate.intervals import Bodies, Body, Index, Intervals, Pairs
+from hdplan.planner.geometry.solids import Solid
 from hdplan.planner.motion.motion_bounds import Array
 
 
-@dataclass(frozen=True)
-class Query:
-    """Whether a part of one body is inside the solid of another."""
-
-    outer: int  # row of the bodies: the first of all pieces cut from one mesh
-    inner: int
-    point: Array  # (3,) on the part, in the frame of `inner`
-    pairs: tuple[int, ...]  # of pieces of the two
-
-
 class Containment:
-    """The solids of a scene, prepared for checks at many configurations."""
+    """The solids of a scene, prepared for checks at many configurations.
+
+    Each of q queries asks whether one point of a part of the body `inner` is inside the solid of the body `outer`.
+    """
 
     def __init__(self, bodies: Bodies, pairs: Pairs) -> None:
         """Collect the queries: every pair of bodies one of which is bounded by triangles."""
         self.bodies = bodies
-        first: dict[object, int] = {}
-        whole = [first.setdefault(_identity(body), row) for row, body in enumerate(bodies.bodies)]
-        met: dict[tuple[int, int], list[int]] = {}
-        for pair in np.flatnonzero(bodies.hollow[pairs.a] | bodies.hollow[pairs.b]).tolist():
-            met.setdefault((whole[pairs.a[pair]], whole[pairs.b[pair]]), []).append(pair)
-        self.queries = tuple(
-            Query(outer, inner, point, tuple(rows))
-            for (a, b), rows in met.items()
-            for outer, inner in ((a, b), (b, a))
-            if bodies.pieces[outer].surface is not None
-            for point in _parts(bodies.bodies[inner])
-        )
-        self.outer = np.array([query.outer for query in self.queries], dtype=np.int64)
-        self.inner = np.array([query.inner for query in self.queries], dtype=np.int64)
-        self.points = np.array([query.point for query in self.queries]).reshape(-1, 3)
-        surfaces = [bodies.pieces[query.outer].surface for query in self.queries]
-        boxes = [surface.solid.box for surface in surfaces if surface is not None]
-        self.low, self.high = np.array(boxes).reshape(-1, 2, 3).transpose(1, 0, 2)
-        self.open = np.array([surface is not None and surface.solid.open for surface in surfaces], dtype=bool)
+        first: dict[object, int] = {}  # the first of all pieces cut from one mesh stands for them
+        whole = np.array([first.setdefault(_identity(body), row) for row, body in enumerate(bodies.bodies)], np.int64)
+        self._pairs = np.flatnonzero(bodies.hollow[pairs.a] | bodies.hollow[pairs.b])  # of pieces
+        key = whole[pairs.a[self._pairs]] * len(whole) + whole[pairs.b[self._pairs]]
+        met, self._met = np.unique(key, return_inverse=True)  # bodies that meet (u,); which of them each pair is of
+        both = np.stack(np.divmod(met, len(whole)), axis=1)  # (u, 2)
+        outer, inner, asked = both.ravel(), both[:, ::-1].ravel(), np.repeat(np.arange(len(met)), 2)
+        outer, inner, asked = (each[bodies.hollow[outer]] for each in (outer, inner, asked))
+        parts = {row: _parts(bodies.bodies[row]) for row in sorted(set(inner.tolist()))}
+        count = [len(parts[row]) for row in inner.tolist()]
+        self.outer, self.inner, self._asked = (np.repeat(each, count) for each in (outer, inner, asked))
+        self.points = np.concatenate([np.empty((0, 3)), *(parts[row] for row in inner.tolist())])
+        self.low, self.high = (np.full((len(whole), 3), bound) for bound in (np.inf, -np.inf))  # of the solids
+        hollow = np.zeros(len(whole), dtype=bool)
+        for row in sorted(set(outer.tolist())):
+            solid = self._solid(row)
+            (self.low[row], self.high[row]), hollow[row] = solid.box, solid.open
+        self.open = hollow[self.outer]  # (q,)
 
     def found(self, nodes: Intervals) -> list[tuple[int, tuple[int, ...]]]:
         """Return the bodies that are inside others at the midpoints of intervals: the interval's row, and the pairs of
         the two bodies' pieces."""
-        return self._found(nodes, np.arange(len(self.queries)))
+        return self._found(nodes, np.arange(len(self.outer)))
 
     def found_in_open(self, nodes: Intervals) -> list[tuple[int, tuple[int, ...]]]:
         """Return the same for open meshes only."""
@@ -71,16 +62,22 @@ class Containment:
 
     def _found(self, nodes: Intervals, rows: Index) -> list[tuple[int, tuple[int, ...]]]:
         outer, inner = self.outer[rows], self.inner[rows]
-        world = np.einsum("kqij,qj->kqi", nodes.rotation[:, inner], self.points[rows]) + nodes.origin[:, inner]
-        local = np.einsum("kqji,kqj->kqi", nodes.rotation[:, outer], world - nodes.origin[:, outer])
-        near = ((local >= self.low[rows]) & (local <= self.high[rows])).all(axis=2)
+        every = np.arange(len(nodes.interval))[:, None]
+        inside, around = nodes.row(every, inner), nodes.row(every, outer)  # (k, q)
+        world = np.einsum("kqij,qj->kqi", nodes.rotation[inside], self.points[rows]) + nodes.origin[inside]
+        local = np.einsum("kqji,kqj->kqi", nodes.rotation[around], world - nodes.origin[around])
+        near = ((local >= self.low[outer]) & (local <= self.high[outer])).all(axis=2)
         found: dict[tuple[int, tuple[int, ...]], None] = {}
         for node, row in np.argwhere(near).tolist():
-            query = self.queries[rows[row]]
-            surface = self.bodies.pieces[query.outer].surface
-            if (node, query.pairs) not in found and surface is not None and surface.solid.holds(local[node, row]):
-                found[node, query.pairs] = None
+            pairs = tuple(self._pairs[self._met == self._asked[rows[row]]].tolist())
+            if (node, pairs) not in found and self._solid(int(outer[row])).holds(local[node, row]):
+                found[node, pairs] = None
         return list(found)
+
+    def _solid(self, row: int) -> Solid:
+        surface = self.bodies.pieces[row].surface
+        assert surface is not None
+        return surface.solid
 
 
 def _identity(body: Body) -> object:

@@ -12,6 +12,9 @@ too large. Between triangles coal's distance itself is used, after plausibility 
 
 from __future__ import annotations
 
+import functools
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -27,7 +30,7 @@ from hdplan.planner.geometry.solids import Solid
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import freeze
-from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Sphere
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
 
 Array = NDArray[np.float64]
 
@@ -111,21 +114,28 @@ class Surface:
 
 def obstacle_pieces(obstacle: Obstacle) -> tuple[Piece, ...]:
     """Return the obstacle's true shape, in its frame. Raises InputError for a mesh file that cannot be used."""
-    match obstacle.shape:
+    if isinstance(obstacle.shape, Mesh):
+        return mesh_pieces(load_mesh(obstacle.shape, f"obstacles.{obstacle.name}"))
+    return (_convex(obstacle.shape),)
+
+
+@functools.lru_cache(maxsize=4096)
+def _convex(shape: Shape) -> Piece:
+    match shape:
         case Box(size):
-            return (_box(np.array(size)),)
+            return _box(np.array(size))
         case Sphere(radius):
-            return (_capsule(radius, 0.0),)
+            return _capsule(radius, 0.0)
         case Ellipsoid(radii):
-            return (_ellipsoid(np.array(radii)),)
+            return _ellipsoid(np.array(radii))
         case Cylinder(radius, length):
-            return (_cylinder(radius, length),)
+            return _cylinder(radius, length)
         case Capsule(radius, length):
-            return (_capsule(radius, length),)
+            return _capsule(radius, length)
         case Points(points):
-            return (_hull(np.array(points, dtype=np.float64)),)
-        case Mesh() as shape:
-            return mesh_pieces(load_mesh(shape, f"obstacles.{obstacle.name}"))
+            return _hull(np.array(points, dtype=np.float64))
+        case Mesh():
+            raise TypeError("a mesh may be several pieces")
 
 
 def link_pieces(geometry: Any, name: str) -> tuple[Piece, ...]:
@@ -194,23 +204,20 @@ def _halves(mesh: TriangleMesh) -> tuple[TriangleMesh, ...]:
     return halves if all(len(half.triangles) for half in halves) else ()
 
 
-@dataclass(frozen=True)
-class Direction:
-    """Coal's answer for two convex pieces."""
-
-    normal: Array  # (3,) unit, from B to A, world frame
-    distance: float  # coal's signed distance [m]: not to be trusted on its own
-
-
-def direction(a: Any, pose_a: Any, b: Any, pose_b: Any) -> Direction:
-    """Ask coal for the separating direction of two shapes (of least penetration, if in contact)."""
-    result = coal.DistanceResult()
-    distance = coal.distance(a, pose_a, b, pose_b, _REQUEST, result)
-    normal = -np.array(result.normal)
-    length = float(np.linalg.norm(normal))
-    if not np.isfinite(length) or length < 0.5:
-        return Direction(np.array([0.0, 0.0, 1.0]), float("nan"))
-    return Direction(normal / length, float(distance))
+def directions(placed: Iterable[tuple[Any, Any, Any, Any]]) -> tuple[Array, Array]:
+    """Ask coal for the separating directions of pairs of shapes (of least penetration, if in contact), each with its
+    transform: unit normals (i, 3) from B to A in the world frame, and coal's signed distances (i,) [m], which are not
+    to be trusted on their own. Where coal finds no direction, the distance is not a number."""
+    normals, distances, result = list[Array](), list[float](), coal.DistanceResult()
+    for a, pose_a, b, pose_b in placed:
+        result.clear()
+        distances.append(coal.distance(a, pose_a, b, pose_b, _REQUEST, result))
+        normals.append(-result.normal)
+    lengths = np.array([math.sqrt(normal.dot(normal)) for normal in normals])
+    lost = ~(np.isfinite(lengths) & (lengths >= 0.5))
+    found = np.array(normals).reshape(-1, 3) / np.where(lost, 1.0, lengths)[:, None]
+    found[lost] = [0.0, 0.0, 1.0]
+    return found, np.where(lost, np.nan, distances)
 
 
 def gap(a: Piece, rotation_a: Array, origin_a: Array, b: Piece, rotation_b: Array, origin_b: Array, n: Array) -> float:
@@ -229,10 +236,12 @@ def best_direction(a: Piece, pose_a: Array, b: Piece, pose_b: Array) -> tuple[Ar
     rotation_a, origin_a, rotation_b, origin_b = pose_a[:3, :3], pose_a[:3, 3], pose_b[:3, :3], pose_b[:3, 3]
     best, largest = np.array([0.0, 0.0, 1.0]), -np.inf
     for turn in _TURNS:
-        found = direction(a.shape, transform(rotation_a @ turn, origin_a), b.shape, transform(rotation_b, origin_b))
-        value = gap(a, rotation_a, origin_a, b, rotation_b, origin_b, found.normal)
+        (normal,), _ = directions(
+            [(a.shape, transform(rotation_a @ turn, origin_a), b.shape, transform(rotation_b, origin_b))]
+        )
+        value = gap(a, rotation_a, origin_a, b, rotation_b, origin_b, normal)
         if value > largest:
-            best, largest = found.normal, value
+            best, largest = normal, value
     return best, largest
 
 

@@ -1,8 +1,9 @@
 """Bodies on the intervals of a motion: where the pieces of links and obstacles are at each midpoint, and how they move.
 
 Bodies and pairs of them are collected into arrays once (`Bodies`, `Pairs`); `Intervals` holds, for many intervals of
-one motion at a time, the placements at their midpoints (Pinocchio's) and what the motion bounds need. Obstacles may
-move on their own (`obstacle_motion`), at the times of the motion.
+one motion at a time, the placements at their midpoints (Pinocchio's) and what the motion bounds need. What stands has
+one place for all intervals: scenes have thousands of it. Obstacles may move on their own (`obstacle_motion`), at the
+times of the motion.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.distance.compiled.c_library import Record
-from hdplan.planner.certificate import bounds_loop, support_loop
+from hdplan.planner.certificate import bounds_loop
 from hdplan.planner.certificate.exact_proximity import Piece, transform
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Array, Chain, Mask, Motion, cross
@@ -67,16 +68,16 @@ class Bodies:
         self.half = np.array([0.5 * (piece.high - piece.low) for piece in self.pieces]).reshape(-1, 3)  # box sizes / 2
         self.hollow = np.array([piece.surface is not None for piece in self.pieces], dtype=bool)
         self.drifting = np.array([body.obstacle_motion is not None for body in bodies], dtype=bool)  # (g,)
+        self.moving = np.flatnonzero((self.joint > 0) | self.drifting)  # (m,) the others stand
+        # On interval k a body has row `row` + k `step` of the places (r, …) that `Intervals` holds.
+        self.row, self.step = np.arange(len(bodies)), np.zeros(len(bodies), dtype=np.int64)
+        self.row[self.moving] = len(bodies) + np.arange(len(self.moving))
+        self.step[self.moving] = len(self.moving)
 
     @cached_property
     def standing(self) -> tuple[Array, Array, Array]:
         """Rotations, origins and centres of the bodies in the world (g, …), true of those that nothing moves."""
         return self.rotation, self.origin, np.einsum("gij,gj->gi", self.rotation, self.center) + self.origin
-
-    @cached_property
-    def record(self) -> Record:
-        """The pieces, for the loop in C."""
-        return support_loop.record(self.pieces)
 
     def speed(self, g: int) -> float:
         """Return the greatest speed of any point of a drifting body [m/s]."""
@@ -104,17 +105,17 @@ class Bodies:
         return motion
 
     def drift(self, middle: Array, half: Array) -> tuple[Array, Motion]:
-        """Return where the drifting bodies are at times `middle` (k,) [s], (k, g, 4, 4), and their motion within `half`
-        (k,) [s] of these times, (k, g); the other bodies are at rest.
+        """Return where the drifting ones of the `moving` bodies are at times `middle` (k,) [s], (k, m, 4, 4), and their
+        motion within `half` (k,) [s] of these times, (k, m); the others of them are at rest.
 
         Within one segment a point x moves by s (ω × (x − o) + v) `half`, up to an error of ½ (|ω| half)² ‖x − o‖, with
         o the body's origin; over several segments it is no faster than in the fastest of them.
         """
-        shape = (len(middle), len(self.bodies))
+        shape = (len(middle), len(self.moving))
         placements, omega, velocity = np.zeros((*shape, 4, 4)), np.zeros((*shape, 3)), np.zeros((*shape, 3))
         first, second = np.zeros(shape), np.zeros(shape)
-        for g in np.flatnonzero(self.drifting).tolist():
-            motion, lever = self._motion(g), self._lever(g)
+        for g in np.flatnonzero(self.drifting[self.moving]).tolist():
+            motion, lever = self._motion(self.moving[g]), self._lever(self.moving[g])
             placements[:, g] = motion.at(middle)
             begin = motion.segment(middle - half)
             end = np.maximum(np.searchsorted(motion.begins, middle + half, side="left") - 1, begin)
@@ -140,6 +141,11 @@ class Bodies:
         return np.array([_around(self.chain, body) for body in self.bodies]).reshape(-1, 3)
 
 
+def _rows(standing: Array, moving: Array) -> Array:
+    """Return the rows (r, …) of what is standing (g, …), and of what is moving on each interval (k, m, …)."""
+    return np.concatenate([standing, moving.reshape(-1, *standing.shape[1:])])
+
+
 def _lengths(vectors: Array) -> Array:
     """Return the lengths (k,) of vectors (k, 3), without overflow."""
     return np.asarray(np.hypot(np.hypot(vectors[:, 0], vectors[:, 1]), vectors[:, 2]))
@@ -161,9 +167,8 @@ class Pairs:
     moves_b: Mask  # (P, n) and the other way round
 
     @classmethod
-    def of(cls, bodies: Bodies, rows: Sequence[tuple[int, int, int]]) -> Pairs:
-        """Build from (a, b, group); pairs without relative motion are left out."""
-        table = np.array(rows, dtype=np.int64).reshape(-1, 3)
+    def of(cls, bodies: Bodies, table: Index) -> Pairs:
+        """Build from rows (a, b, group); pairs without relative motion are left out."""
         carried_by = bodies.chain.carried_by[bodies.joint]
         a, b = carried_by[table[:, 0]], carried_by[table[:, 1]]
         moving = (a != b).any(axis=1) | bodies.drifting[table[:, :2]].any(axis=1)
@@ -180,50 +185,53 @@ class Intervals:
     width: Array  # (k,)
     delta: Array  # (k, n) half of the joints' motion, signed, δ
     deviation: Array  # (k, n) by how much they may deviate from the straight line, ε
-    rotation: Array  # (k, bodies, 3, 3) of the bodies
-    origin: Array  # (k, bodies, 3)
-    center: Array  # (k, bodies, 3) of their bounding balls and boxes
+    rotation: Array  # (r, 3, 3) of the bodies, at `row`
+    origin: Array  # (r, 3)
+    center: Array  # (r, 3) of their bounding balls and boxes
+    reach: Array  # (r, n) ρ
     axes: Array  # (k, n, 3) of the joints
     points: Array  # (k, n, 3) on the axes
-    reach: Array  # (k, bodies, n) ρ
-    drift: Motion | None = None  # (k, bodies) of bodies that move on their own
-    transforms: dict[tuple[int, int], Any] = field(default_factory=dict)  # coal's, made on first use
+    drift: Motion | None = None  # (r,) of bodies that move on their own
+    transforms: dict[int, Any] = field(default_factory=dict)  # coal's, made on first use
 
     @classmethod
     def of(cls, bodies: Bodies, curve: Curve, rho: Array, interval: Index, start: Array, width: Array) -> Intervals:
         """Place the bodies; `rho` is `bodies.reach(curve)`, the others are the fields of the class."""
-        chain = bodies.chain
+        chain, moving = bodies.chain, bodies.moving
         middle, delta, deviation = curve.part(interval, start, width)
         turned, moved = chain.frames(bodies.to_pinocchio(middle))
-        # Contiguous, as loops in C take them, and with nothing computed for what stands: scenes have thousands of it.
-        rotation, origin, center = (np.tile(each, (len(middle), *[1] * each.ndim)) for each in bodies.standing)
-        carried = np.flatnonzero(bodies.joint)
-        frames = turned[:, bodies.joint[carried]]
-        rotation[:, carried] = frames @ bodies.rotation[carried]
-        origin[:, carried] = np.einsum("kgij,gj->kgi", frames, bodies.origin[carried]) + moved[:, bodies.joint[carried]]
+        joint = bodies.joint[moving]
+        rotation = turned[:, joint] @ bodies.rotation[moving]
+        origin = np.einsum("kgij,gj->kgi", turned[:, joint], bodies.origin[moving]) + moved[:, joint]
         drift = None
         if bodies.drifting.any():
             when, half = curve.span(interval, start, width)
-            placements, drift = bodies.drift(when, half)
-            rotation[:, bodies.drifting] = placements[:, bodies.drifting][..., :3, :3]
-            origin[:, bodies.drifting] = placements[:, bodies.drifting][..., :3, 3]
-            carried = np.flatnonzero((bodies.joint > 0) | bodies.drifting)
-        center[:, carried] = origin[:, carried] + np.einsum(
-            "kgij,gj->kgi", rotation[:, carried], bodies.center[carried]
-        )
+            placements, own = bodies.drift(when, half)
+            free = bodies.drifting[moving]
+            rotation[:, free], origin[:, free] = placements[:, free, :3, :3], placements[:, free][..., :3, 3]
+            parts = own.omega, own.velocity, own.first, own.second
+            drift = Motion(*(_rows(np.zeros((len(rho), *part.shape[2:])), part) for part in parts))
+        center = origin + np.einsum("kgij,gj->kgi", rotation, bodies.center[moving])
         axes = np.einsum("knij,nj->kni", turned[:, 1:], chain.axes)
         axes, points = np.ascontiguousarray(axes), np.ascontiguousarray(moved[:, 1:])
         most = np.abs(delta) + deviation
-        reach = chain.local_reach(rho, bodies.joint, center, bodies.radius, axes, points, most)
+        reach = chain.local_reach(rho[moving], joint, center, bodies.radius[moving], axes, points, most)
+        standing = (*bodies.standing, np.zeros(rho.shape))
+        rotation, origin, center, reach = map(_rows, standing, (rotation, origin, center, reach))
         return cls(
-            bodies, interval, start, width, delta, deviation, rotation, origin, center, axes, points, reach, drift
+            bodies, interval, start, width, delta, deviation, rotation, origin, center, reach, axes, points, drift
         )
 
-    def motion(self, row: Index, body: Index, moves: Mask) -> Motion:
-        """Return the motion of bodies (i,) on intervals (i,) due to the joints `moves` (i, n) alone, without what they
+    def row(self, node: Index | int, body: Index | int) -> Any:
+        """Return the rows of bodies' places on intervals."""
+        return self.bodies.row[body] + node * self.bodies.step[body]
+
+    def motion(self, node: Index, body: Index, moves: Mask) -> Motion:
+        """Return the motion of bodies (i,) on intervals (i,) due to the joints `moves` (i, n) alone, and what they
         drift."""
-        delta, deviation = self.delta[row] * moves, self.deviation[row] * moves
-        return Motion.of(self.bodies.chain, delta, deviation, self.axes[row], self.points[row], self.reach[row, body])
+        delta, deviation, row = self.delta[node] * moves, self.deviation[node] * moves, self.row(node, body)
+        found = Motion.of(self.bodies.chain, delta, deviation, self.axes[node], self.points[node], self.reach[row])
+        return found if self.drift is None else found + self.drift[row]
 
     @cached_property
     def record(self) -> Record:
@@ -231,26 +239,21 @@ class Intervals:
         return bounds_loop.intervals(self)
 
     @cached_property
-    def speed(self) -> Array:
-        """The farthest that each joint alone moves each body, (|δ| + ε) ρ (k, bodies, n) [m]."""
-        result: Array = (np.abs(self.delta) + self.deviation)[:, None] * self.reach
-        return result
-
-    @cached_property
     def moved(self) -> Array:
-        """The farthest that each body moves (k, bodies) [m]."""
-        result: Array = np.einsum("kn,kgn->kg", np.abs(self.delta) + self.deviation, self.reach)
-        return result if self.drift is None else result + self.drift.first
+        """The farthest that each body moves (r,) [m]."""
+        still, moving = len(self.bodies.bodies), (len(self.interval), len(self.bodies.moving), -1)
+        reach = self.reach[still:].reshape(moving)
+        far = _rows(np.zeros(still), np.einsum("kn,kgn->kg", np.abs(self.delta) + self.deviation, reach))
+        return far if self.drift is None else far + self.drift.first
 
-    def transform(self, row: int, body: int) -> Any:
+    def transform(self, row: int) -> Any:
         """Return one body's placement for coal."""
-        key = (row, body)
-        if key not in self.transforms:
-            self.transforms[key] = transform(self.rotation[row, body], self.origin[row, body])
-        return self.transforms[key]
+        if row not in self.transforms:
+            self.transforms[row] = transform(self.rotation[row], self.origin[row])
+        return self.transforms[row]
 
-    def pose(self, row: int, body: int) -> Array:
+    def pose(self, node: int, body: int) -> Array:
         """Return one body's placement (4, 4)."""
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = self.rotation[row, body], self.origin[row, body]
+        pose, row = np.eye(4), self.row(node, body)
+        pose[:3, :3], pose[:3, 3] = self.rotation[row], self.origin[row]
         return pose

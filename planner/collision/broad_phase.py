@@ -7,6 +7,7 @@ D is guaranteed to be positive.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -20,6 +21,7 @@ from hdplan.planner.collision.halfspace_bodies import FEW, HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.scenes.array_types import Array, Mask, Rows
+from hdplan.scenes.once import read_only
 
 # Every direction is within 27.6 degrees of one of a box's 26 directions whose support is attained at the same place of
 # the box. So where a sphere of radius r is farther than r / cos(27.6°) from the box, one of the planes is sure to
@@ -234,8 +236,6 @@ def body_pairs(
         )
     joint_a = np.array([body.joint for body in bodies], dtype=np.int64)[first]
     joint_b = np.array([body.joint for body in halfspace_bodies], dtype=np.int64)[second]
-    middles = [(body.body.vertices.min(axis=0) + body.body.vertices.max(axis=0)) / 2 for body in bodies]
-    spans = [np.linalg.norm(b.body.vertices - middle, axis=1).max() for b, middle in zip(bodies, middles, strict=True)]
     return BodyPairs(
         body=first,
         halfspace_body=second,
@@ -246,8 +246,8 @@ def body_pairs(
         moves=supports[joint_a].astype(float) - supports[joint_b],
         body_table=np.array([_body_row(body, slots) for body in bodies]),
         plane_tables=tables,
-        centres=np.array(middles),
-        radii=np.array([span + body.body.radius for span, body in zip(spans, bodies, strict=True)]),
+        centres=np.array([body.ball[0] for body in bodies]),
+        radii=np.array([body.ball[1] for body in bodies]),
         widest=WIDEST if plane_slots.min() >= FEW else WIDEST_OF_FACES,
         boxes=np.array([body.box for body in halfspace_bodies]),
         half_sizes=np.array([body.half_size for body in halfspace_bodies]) + margins[:, None],
@@ -255,6 +255,7 @@ def body_pairs(
     )
 
 
+@functools.lru_cache(maxsize=1024)
 def _body_row(body: LinkBody, slots: int) -> Array:
     """Vertices, weights and radius in one row; unused slots repeat the first vertex with weight 0.
 
@@ -263,4 +264,4 @@ def _body_row(body: LinkBody, slots: int) -> Array:
     vertices = body.body.vertices[:slots]
     spare = slots - len(vertices)
     weights = np.append(np.ones(len(vertices)), np.zeros(spare))
-    return np.concatenate([vertices.ravel(), np.tile(vertices[0], spare), weights, [body.body.radius]])
+    return read_only(np.concatenate([vertices.ravel(), np.tile(vertices[0], spare), weights, [body.body.radius]]))

@@ -10,6 +10,7 @@ other shape 50; "faces" gives a box or a link only its 6 faces; "sphere" adds 96
 
 from __future__ import annotations
 
+import functools
 import itertools
 from dataclasses import dataclass
 
@@ -24,7 +25,7 @@ from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.once import freeze
+from hdplan.scenes.once import freeze, read_only
 from hdplan.scenes.shapes import Mesh, Points, Shape
 
 FEW, MANY = 26, 50  # planes of box-like bodies and of all others; one compiled kernel each
@@ -203,13 +204,14 @@ def _face_normals(points: Array) -> Array:
     return np.array(kept).reshape(-1, 3)
 
 
+@functools.cache
 def _round_directions() -> Array:
     """MANY directions for bodies that are round about z: the box's, 8 more sideways (16 in all) and 16 more slanted.
     Like those of a box and a ball they are mirror symmetric, so that a mirrored scene is the same problem."""
     between = np.pi / 8 + np.arange(8) * np.pi / 4
     sideways = np.stack([np.cos(between), np.sin(between), 0 * between], axis=1)
     slanted = (sideways + [0, 0, 1]) / np.sqrt(2)
-    return np.vstack([box_directions(), sideways, slanted, slanted * [1, 1, -1]])
+    return read_only(np.vstack([box_directions(), sideways, slanted, slanted * [1, 1, -1]]))
 
 
 def _ball_directions(half_size: Array) -> Array:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,7 +34,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.lazy_imports import LazyModule, scipy
-from hdplan.scenes.once import ForkSafeLock
+from hdplan.scenes.once import ForkSafeLock, read_only
 from hdplan.scenes.progress import tell
 
 if TYPE_CHECKING:
@@ -54,6 +55,13 @@ class LinkBody:
     link: str
     joint: int  # of robot.model; 0 is the world
     body: ConvexBody  # in that joint's frame
+
+    @cached_property
+    def ball(self) -> tuple[Array, float]:
+        """The centre (3,) and radius of a ball around it [m]."""
+        vertices = self.body.vertices
+        middle: Array = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+        return read_only(middle), np.linalg.norm(vertices - middle, axis=1).max() + self.body.radius
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from hdplan.distance.bodies import ConvexBody
-from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.once import freeze
@@ -27,14 +25,11 @@ class Reach:
         """Share its arrays read-only."""
         freeze(self)
 
-    def meets(self, others: Sequence[HalfspaceBody], margin: ArrayLike) -> Mask:
-        """For each standing body (B,), whether the ball touches its box enlarged by `margin`, one for all or one for
-        each [m]; if not, the pair can be left out."""
-        margins = np.full(len(others), margin, dtype=np.float64)
-        boxes = np.array([other.box for other in others]).reshape(-1, 4, 4)
-        half_sizes = np.array([other.half_size for other in others]).reshape(-1, 3)
+    def meets(self, boxes: Array, half_sizes: Array) -> Mask:
+        """For each box (B, 4, 4) with these half sizes (B, 3) [m], such as that of a standing body enlarged by its
+        margin, whether the ball touches it; if not, the pair can be left out."""
         local = ((self.centre - boxes[:, :3, 3])[:, None] @ boxes[:, :3, :3])[:, 0]
-        outside = np.maximum(np.abs(local) - half_sizes - margins[:, None], 0.0)
+        outside = np.maximum(np.abs(local) - half_sizes, 0.0)
         return np.asarray(np.einsum("bi,bi->b", outside, outside) <= self.radius**2)
 
 

@@ -27,6 +27,7 @@ def run_plan(
     *,
     output: Path | None,
     plot: Path | None,
+    proof: Path | None,
     solver: str,
     distance: str | None,
     seed: int,
@@ -49,6 +50,10 @@ def run_plan(
         from hdplan.planner.pictures.plot import check_picture
 
         check_picture(plot)
+    if proof is not None:
+        from hdplan.planner.commands.prove import check_proof_of_plan
+
+        check_proof_of_plan(proof, output, request, robot)
     with limited(time_limit):
         problem = load_scene(scene, request=request, robot=robot)
         if distance is not None:
@@ -66,11 +71,17 @@ def run_plan(
         from hdplan.planner.pictures.plot import plot as draw
 
         draw(Subject.planned(Setup.of(problem), result), plot)
+    proven = result.certified
+    if proof is not None and output is not None and result.certified:
+        from hdplan.planner.commands.prove import written_proof
+
+        proven = written_proof(scene, output, proof)
     if not quiet:
         with printing() as show:
             if as_json:
                 show(json.dumps(result.summary()))
             else:
+                files = [output, plot, proof if proven else None]
                 show(verdict_text(result.certificate))
-                show(table(result_rows(result, [str(file) for file in (output, plot) if file is not None])))
-    return 0 if result.certified else 1
+                show(table(result_rows(result, [str(file) for file in files if file is not None])))
+    return 0 if proven else 1

@@ -113,7 +113,7 @@ class Solid:
         proper = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
         return TriangleMesh(mesh.vertices[np.unique(label, return_index=True)[1]], corners[proper].astype(np.int64))
 
-    @property
+    @cached_property
     def open(self) -> bool:
         """Whether it has a hole, through which a body could enter without touching a triangle."""
         return bool(self.shells.open.any())

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from hdplan.planner.motion.ros_message import ROWS, joint_trajectory, read_message, robot_trajectory
 from hdplan.scenes.errors import InputError
-from hdplan.scenes.fields import MOST_VALUES, read_mapping
 from hdplan.scenes.yaml_text import flow_style
+from hdplan.scenes.yaml_values import MOST_VALUES, read_mapping
 
 if TYPE_CHECKING:
     from hdplan.planner.motion.trajectory import Trajectory

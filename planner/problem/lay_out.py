@@ -13,24 +13,27 @@ from dataclasses import replace
 import numpy as np
 
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
-from hdplan.planner.collision.collision_model import SELF_ACTIVATION, collision_model_of
+from hdplan.planner.collision.collision_model import SELF_ACTIVATION, BodyPair, CollisionModel, collision_model_of
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_obstacle
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.problem.clearance import Clearance
+from hdplan.planner.problem.pace import Pace
 from hdplan.planner.problem.problem import Problem, Terms
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.smoothness import Smoothness
 from hdplan.planner.problem.swept_clearance import SweptClearance
 from hdplan.planner.robot.setup import Query, Setup
 from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.once import made_once
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.scene import Scene
 
 SAMPLES_PER_INTERVAL = 2  # at least
 PLAIN, TIMED = 0.01, 0.05  # weight of the acceleration [–]: gentle bends are taken faster, but need more room
+QUICK, EVEN = 0.03, 0.1  # weights of acceleration and velocity beside the pace [–]
 
 
 def self_margin(scene: Scene) -> float:
@@ -61,11 +64,13 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
     terms = Terms()
     clearances = scene.clearances
     margins = np.array([clearances[body.name] + settings.activation for body in halfspace_bodies])
+    boxes = np.array([body.box for body in halfspace_bodies]).reshape(-1, 4, 4)
+    half_sizes = np.array([body.half_size for body in halfspace_bodies]).reshape(-1, 3) + margins[:, None]
     pairs = [
         (a, b)
         for a, body in enumerate(bodies)
         if body.joint > 0
-        for b in np.flatnonzero(model.reach[a].meets(halfspace_bodies, margins)).tolist()
+        for b in np.flatnonzero(model.reach[a].meets(boxes, half_sizes)).tolist()
     ]
     if pairs:
         laid_out = body_pairs(bodies, halfspace_bodies, pairs, margins, kinematics.supports)
@@ -92,9 +97,8 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
         halfspace_bodies, notes = (*halfspace_bodies, *drifting), [*notes, *words]
     margin = self_margin(scene)
     kept = [(pair, kept > margin) for pair, kept in zip(model.self_pairs, model.distances_kept, strict=True)]
-    own = [pair for pair, proven in kept if not proven]
-    if own:
-        laid_out = body_pairs(bodies, model.planes, own, margin, kinematics.supports)
+    if own := tuple(pair for pair, proven in kept if not proven):
+        laid_out = _between_links(model, own, margin)
         distance = _distance(laid_out, bodies, model.planes, settings)
         terms = replace(terms, self_collision=Clearance("self-collision", laid_out, distance))
     if scene.path != PathConstraints():
@@ -122,11 +126,21 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
     )
 
 
-def with_activation(problem: Problem, activation: float) -> Problem:
-    """Lay out the same problem again, with a penalty that sets in at another distance [m]."""
-    scene = problem.scene
+@made_once(8)
+def _between_links(model: CollisionModel, pairs: tuple[BodyPair, ...], margin: float) -> BodyPairs:
+    return body_pairs(model.bodies, model.planes, pairs, margin, model.kinematics.supports)
+
+
+def closer(problem: Problem, activation: float, quick: bool) -> Problem:
+    """Lay out the same problem again for the last touches to a motion: with a penalty that sets in at another distance
+    [m], and, where the motion is to be quick within limits of velocity, with `Pace` in place of most of the
+    smoothness."""
+    scene, limits = problem.scene, problem.setup.limits.get("velocity")
     other = replace(scene, planner=replace(scene.planner, activation=activation))
-    return lay_out(replace(problem.setup, scene=other), Query(problem.start, problem.goal))
+    laid_out = lay_out(replace(problem.setup, scene=other), Query(problem.start, problem.goal))
+    if not quick or limits is None or not np.isfinite(limits).any():
+        return laid_out
+    return replace(laid_out, smoothness=Smoothness(problem.waypoints, QUICK, EVEN), pace=Pace(limits))
 
 
 def _distance(

@@ -21,6 +21,7 @@ from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.kinematics.forward import Kinematics
 from hdplan.planner.problem import loops
+from hdplan.planner.problem.pace import Pace
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.smoothness import Smoothness
 from hdplan.planner.problem.terms import MotionPenalty, Term, nowhere
@@ -46,12 +47,12 @@ class Evaluation:
     """The cost at some waypoints, with derivatives with respect to the interior ones (M = N − 2 of them)."""
 
     cost: float
-    smoothness: float
+    smoothness: float  # and the pace
     penalty: float  # without its weight
     depth: Array  # (B,) how far the worst pair at each sample may be inside its margin [m]
     gradient: Array  # (M, n)
-    diagonal: Array  # (M, n, n) penalty curvature of each waypoint
-    coupling: Array  # (M − 1, n, n) penalty curvature between neighbours
+    diagonal: Array  # (M, n, n) curvature of penalty and pace at each waypoint
+    coupling: Array  # (M − 1, n, n) the same between neighbours
 
 
 @dataclass(frozen=True)
@@ -93,6 +94,7 @@ class Problem:
     unresolved: tuple[tuple[str, str], ...]  # link pairs left to the certificate, as their outer bodies overlap anyway
     apart: tuple[tuple[int, int], ...]  # pairs of bodies left out, proven to keep their margin within the joint limits
     notes: tuple[str, ...]  # for the user
+    pace: Pace | None = None  # of the cost, where a motion is to be quick
 
     def __repr__(self) -> str:
         """Name the scene, the robot and the terms."""
@@ -134,14 +136,20 @@ class Problem:
         """Cost and derivatives at waypoints (N, n) with penalty weight w [1/m²]."""
         smoothness, gradient = self.smoothness.value(positions)
         found = self.penalty(positions)
+        gradient += weight * found.gradient
+        diagonal, coupling = weight * found.diagonal, weight * found.coupling
+        if self.pace:
+            pace = self.pace.value(positions)
+            smoothness, gradient = smoothness + pace.cost, gradient + pace.gradient
+            diagonal, coupling = diagonal + pace.diagonal, coupling + pace.coupling
         return Evaluation(
             cost=smoothness + weight * found.cost,
             smoothness=smoothness,
             penalty=found.cost,
             depth=found.depth,
-            gradient=(gradient + weight * found.gradient)[1:-1],
-            diagonal=weight * found.diagonal[1:-1],
-            coupling=weight * found.coupling[1:-1],
+            gradient=gradient[1:-1],
+            diagonal=diagonal[1:-1],
+            coupling=coupling[1:-1],
         )
 
     def penalty(self, positions: Array) -> MotionPenalty:

@@ -144,7 +144,13 @@ def program(problem: Problem, hessian: str) -> Program:
     x, p = ca.MX.sym("x", n * (3 * problem.waypoints - 4)), ca.MX.sym("p")
     penalty = PenaltyFunction(problem, exact)
     q, step, change = _columns(problem, x)
-    cost = ca.sumsqr(step) / (2 * h) + settings.acceleration * ca.sumsqr(change) / (2 * h**3) + p * penalty.function(x)
+    cost = (
+        settings.velocity * ca.sumsqr(step) / (2 * h)
+        + settings.acceleration * ca.sumsqr(change) / (2 * h**3)
+        + p * penalty.function(x)
+    )
+    if problem.pace:
+        cost += problem.pace.expression(step)
     dynamics = ca.vertcat(q[:, 1:] - q[:, :-1] - step[:, :-1], step[:, 1:] - step[:, :-1] - change)  # (2 n, N − 2)
     rows = (*ca.horzsplit(dynamics), q[:, -1] + step[:, -1])
     equal = (*[np.zeros(2 * n)] * (problem.waypoints - 2), problem.goal)

@@ -14,14 +14,16 @@ from hdplan.scenes.array_types import Array
 class Smoothness:
     """CHOMP's prior: squared velocity and acceleration of the motion over a duration of one, by finite differences.
 
-        ½ Σ_k h |(q_{k+1} − q_k)/h|² + ½ α Σ_k h |(q_{k+1} − 2 q_k + q_{k−1})/h²|²,  h = 1/(N − 1)
+        ½ β Σ_k h |(q_{k+1} − q_k)/h|² + ½ α Σ_k h |(q_{k+1} − 2 q_k + q_{k−1})/h²|²,  h = 1/(N − 1)
 
-    The velocity makes the motion short and even, the acceleration makes its bends gentle. Ratliff et al., CHOMP, ICRA
+    The velocity makes the motion short and even, the acceleration makes its bends gentle; β is 1 but where the `Pace`
+    of a motion counts. Ratliff et al., CHOMP, ICRA
     2009, section II.
     """
 
     waypoints: int  # N
     acceleration: float  # α, relative to the squared duration
+    velocity: float = 1.0  # β
 
     @cached_property
     def matrix(self) -> Array:
@@ -29,7 +31,7 @@ class Smoothness:
         h = 1 / (self.waypoints - 1)
         first = np.diff(np.eye(self.waypoints), axis=0)
         second = np.diff(first, axis=0)
-        matrix: Array = first.T @ first / h + self.acceleration * second.T @ second / h**3
+        matrix: Array = self.velocity * first.T @ first / h + self.acceleration * second.T @ second / h**3
         return matrix
 
     @cached_property

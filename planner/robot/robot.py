@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -28,7 +29,7 @@ from hdplan.planner.robot.self_pairs import (
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import FEW, InputError, listed, naming, nearest
 from hdplan.scenes.files import Stamps, stamps_of
-from hdplan.scenes.once import freeze
+from hdplan.scenes.once import freeze, read_only
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_files.description import Semantics, Tree, read_words
 from hdplan.scenes.robot_files.library import description_of
@@ -91,11 +92,16 @@ class Robot:
         """The pairs of links that are not checked, as they are proven never to touch."""
         return tuple(pair for pair, reason in self.unchecked.items() if reason == NEVER_TOUCHING)
 
-    @property
+    @cached_property
     def turning(self) -> NDArray[np.bool_]:
         """Which joints turn, rather than slide (n,)."""
         joints = itertools.islice(self.model.joints, 1, None)
-        return np.array([bool(np.any(motion_axes(joint)[1])) for joint in joints])
+        return read_only(np.array([bool(np.any(motion_axes(joint)[1])) for joint in joints]))
+
+    @cached_property
+    def _circling(self) -> tuple[bool, ...]:
+        """Which joints Pinocchio describes by cosine and sine."""
+        return tuple(joint.nq == 2 for joint in itertools.islice(self.model.joints, 1, None))
 
     def draw(self, rng: np.random.Generator, count: int) -> Array:
         """Return random configurations (count, n), uniform within the limits; a joint that may turn by more than one
@@ -110,9 +116,9 @@ class Robot:
         """Return Pinocchio's configurations (..., nq) for joint values (..., n): (cos, sin) for a continuous joint."""
         values = np.asarray(q, dtype=np.float64)
         columns: list[Array] = []
-        for index, joint in enumerate(itertools.islice(self.model.joints, 1, None)):
+        for index, circling in enumerate(self._circling):
             angle = values[..., index]
-            columns.extend((angle,) if joint.nq == 1 else (np.cos(angle), np.sin(angle)))
+            columns.extend((np.cos(angle), np.sin(angle)) if circling else (angle,))
         return np.stack(columns, axis=-1)
 
     def configuration(self, target: JointTarget, from_request: bool = False) -> Array:

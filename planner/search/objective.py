@@ -52,6 +52,10 @@ class Objective(ABC):
     def least(self, problem: Problem) -> float:
         """Return a lower bound of it for all motions from a problem's start to its goal."""
 
+    def least_along(self, path: Array) -> float:
+        """Return a lower bound of it for all timings of waypoints (N, n)."""
+        return 0.0
+
     def achieved(self, path: Array, motion: Trajectory) -> Achieved:
         """Return the same with its name and unit."""
         return Achieved(self.name, self.value(path, motion), self.unit)
@@ -87,6 +91,10 @@ class Time(Objective):
     def least(self, problem: Problem) -> float:
         """Return the time that the slowest joint alone needs."""
         return self.retimer.shortest(problem.start, problem.goal)
+
+    def least_along(self, path: Array) -> float:
+        """Return the time that it takes with every joint at its limit of velocity."""
+        return self.retimer.shortest_along(path)
 
 
 class Smoothness(Objective):

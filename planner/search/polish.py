@@ -1,12 +1,11 @@
-"""Better motions after the first certified one, in rounds: each changes something, and its motion is kept only if it is
-certified and better.
+"""Better motions after the first certified one, in rounds: each improves one motion, and its result is kept only if it
+is certified and better.
 
-Better is less of what `Scene.objective` asks for (`objective`). Rounds take turns:
-
-* *nearer*: the penalty sets in at half the distance from obstacles, and solving continues from the motion as it is,
-  which becomes straighter. After a failure the distance stays.
-* *another way*: the next guess of the roadmap, to each goal in turn, at the distance reached so far: perhaps there is a
-  better way around an obstacle, or a better goal.
+Better is less of what `Scene.objective` asks for (`objective`). The first round improves the motion as it is; those
+that follow, motions from further guesses, of each goal in turn: perhaps there is a better way around, or a better
+goal. To improve a motion is to solve until it has converged, with the penalty setting in ever closer to obstacles
+(CLOSER), and where time is the objective with the cost of its pace. Of these motions the last one is retimed and
+certified; if that fails, the one before it.
 
 Rounds are counted, not timed, so that the same seed gives the same motion on every machine.
 """
@@ -16,14 +15,14 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterator, Sequence
 
-from hdplan.planner.problem.lay_out import with_activation
+from hdplan.planner.problem.lay_out import closer
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.search.search import Guess, Search
 from hdplan.planner.solvers.solution import FIRST_WEIGHT
 
-CLOSER = 0.5  # factor on the activation
-LEAST = 1e-3  # [m] of the activation
+CLOSER = (0.5, 0.3, 0.2)  # of the activation
+LEAST = 1e-3  # [m] of it
 
 
 def polish(searches: Sequence[Search], taken: int, rounds: int, seed: int) -> None:
@@ -31,27 +30,29 @@ def polish(searches: Sequence[Search], taken: int, rounds: int, seed: int) -> No
     has another one then, or another search a better one."""
 
     @functools.cache
-    def laid_out(i: int, activation: float) -> Problem:
-        return with_activation(searches[i].problem, activation)
+    def stages(i: int) -> tuple[Problem, ...]:
+        search = searches[i]
+        activation = search.problem.scene.planner.activation
+        chosen = [share * activation for share in CLOSER if share * activation >= LEAST] or [activation]
+        return tuple(closer(search.problem, each, search.objective.name == "time") for each in chosen)
 
-    activation = searches[taken].problem.scene.planner.activation
-    ways, nearer = _ways(searches, seed), True
-    for turn in range(rounds):
-        best = searches[taken]
-        assert best.best is not None
-        if best.over:
+    further: Iterator[tuple[int, Guess]] | None = None
+    for _ in range(rounds):
+        best = searches[taken].best
+        assert best is not None
+        if searches[taken].over:
             break
-        if nearer and turn % 2 == 0 and activation * CLOSER >= LEAST:
-            motion = best.best.solution.trajectory.positions
-            nearer = best.improve(laid_out(taken, activation * CLOSER), Guess(motion), best.value)
-            activation *= CLOSER if nearer else 1.0
-        else:
-            i, guess = next(ways)
-            if searches[i].improve(laid_out(i, activation), guess, best.value):
-                taken = i
+        if further is None:
+            searches[taken].improve(stages(taken), best.path, searches[taken].value)
+            further = _further(searches, seed)
+            continue
+        i, guess = next(further)
+        path = searches[i].way(guess)
+        if path is not None and searches[i].improve(stages(i), path, searches[taken].value):
+            taken = i
 
 
-def _ways(searches: Sequence[Search], seed: int) -> Iterator[tuple[int, Guess]]:
+def _further(searches: Sequence[Search], seed: int) -> Iterator[tuple[int, Guess]]:
     """Yield a search and a guess for it, in turn, without end; the first guesses of untried goals come first."""
     ways = [seeds(search.problem, seed + 1) for search in searches]
     lines = [next(guesses) for guesses in ways]

@@ -8,8 +8,9 @@ outer bodies at samples, and neither relies on the other.
 from __future__ import annotations
 
 import itertools
+import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -25,6 +26,7 @@ from hdplan.planner.solvers.solution import (
     DETOUR_WEIGHT,
     FIRST_WEIGHT,
     RAISE,
+    SLOW,
     Budget,
     Iteration,
     Solution,
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
 GUESSES = 3  # first guesses for a goal before the next goal's turn
 DENSER = 2  # times that solving continues at denser samples, before a certificate
 GAIN = 1e-3  # [–] by which a motion must be better than another to take its place
+CONVERGED = 1e-4  # relative decrease of the cost by a step, below which a motion that is bettered has converged
 REPAIRS = 3  # times that solving continues from a motion whose certificate failed, before the next guess
 
 
@@ -52,6 +55,7 @@ class Event:
     step: Iteration | None = None
     positions: Array | None = None  # (N, n) the waypoints after that step; to be kept, but not changed
     certificate: Certificate | None = None
+    motion: Trajectory | None = None  # that it is of
 
 
 class Guess(NamedTuple):
@@ -65,8 +69,8 @@ class Guess(NamedTuple):
 class Best(NamedTuple):
     """The best motion so far."""
 
-    solution: Solution
-    trajectory: Trajectory  # with times where the scene asks for them
+    path: Array  # (N, n) the waypoints
+    trajectory: Trajectory  # along them, with times where the scene asks for them
     certificate: Certificate
     steps: tuple[Iteration, ...]
     whole: bool  # whether the certificate names every failure
@@ -97,14 +101,18 @@ class Search:
         self.attempts = self.iterations = 0
         self.certify_seconds = 0.0
 
-    def attempt(self, first: Guess) -> bool:
-        """Solve from one guess, and continue where the certificate fails; True if the search is over."""
+    def attempt(self, first: Guess, value: float = math.inf) -> bool:
+        """Solve from one guess, and continue where the certificate fails; True if the search is over. A motion that
+        cannot cost less than `value`, as a certified one to another goal does, is not certified."""
         self.attempts += 1
         self.steps = ()
         guess, weight = first.positions, first.weight
         problem = self.problem.resampled(guess)
         for turn in range(1 + REPAIRS):
             problem, solution = self._solve(problem, guess, weight)
+            if value < math.inf and self.objective.least_along(solution.trajectory.positions) >= value:
+                self._took(solution)
+                return self.over
             certificate, intervals = self._certify(solution)
             if solution.status is SolverStatus.INTERRUPTED or self.over:
                 return True
@@ -123,10 +131,10 @@ class Search:
         """Whether to stop: asked to, or past the deadline."""
         return self.stop() or time.perf_counter() > self.deadline
 
-    def _solve(self, problem: Problem, guess: Array, weight: float) -> tuple[Problem, Solution]:
+    def _solve(self, problem: Problem, guess: Array, weight: float, slow: float = SLOW) -> tuple[Problem, Solution]:
         """Solve until the motion is clear at the samples that it needs itself, as it may move farther than the guess;
         again at most DENSER times."""
-        budget = Budget(self.deadline, first_weight=weight, report=self._report_step, stop=self.stop)
+        budget = Budget(self.deadline, first_weight=weight, slow=slow, report=self._report_step, stop=self.stop)
         for again in range(DENSER, -1, -1):
             solution = self.last = self.solver.solve(problem, guess, budget)
             positions = solution.trajectory.positions
@@ -158,24 +166,42 @@ class Search:
     def value(self) -> float:
         """What the best motion costs, by the scene's objective."""
         assert self.best is not None
-        return self.objective.value(self.best.solution.trajectory.positions, self.best.trajectory)
+        return self.objective.value(self.best.path, self.best.trajectory)
 
-    def improve(self, problem: Problem, first: Guess, value: float) -> bool:
-        """Solve a problem to this goal from one guess; keep the motion if it is certified and costs less than
-        `value`."""
+    def way(self, first: Guess) -> Array | None:
+        """Begin another attempt: solve from one guess; the motion (N, n) if it keeps its distance, not yet
+        certified."""
         self.attempts += 1
         self.steps = ()
-        _, solution = self._solve(problem.resampled(first.positions), first.positions, first.weight)
+        return self._touched(self.problem, first.positions, first.weight, SLOW)
+
+    def improve(self, ways: Iterable[Problem], positions: Array, value: float) -> bool:
+        """Go on from a motion (N, n) through problems to this goal, one after the other, each from where the one before
+        it led; keep the last motion that is certified and costs less than `value`, if there is one."""
+        found = []
+        for problem in ways:
+            touched = self._touched(problem, positions, DETOUR_WEIGHT, CONVERGED)
+            if touched is None:
+                break
+            found.append(positions := touched)
+        for positions in sorted(found, key=self.objective.least_along):
+            path = Trajectory(self.problem.robot.joint_names, positions, self.problem.robot.locked)
+            if self.objective.least_along(positions) >= (1.0 - GAIN) * value:
+                continue
+            trajectory = path if self.retimer is None else self.retimer(path).trajectory
+            if self.objective.value(positions, trajectory) >= (1.0 - GAIN) * value:
+                continue
+            certificate = self._certificate(trajectory)
+            if certificate.certified:
+                self.best = Best(positions, trajectory, certificate, self.steps, whole=True)
+                return True
+        return False
+
+    def _touched(self, problem: Problem, positions: Array, weight: float, slow: float) -> Array | None:
+        """Solve from a motion (N, n); None if the result does not keep its distance."""
+        _, solution = self._solve(problem.resampled(positions), positions, weight, slow)
         self._took(solution)
-        if solution.status is not SolverStatus.CLEAR:
-            return False
-        trajectory = solution.trajectory if self.retimer is None else self.retimer(solution.trajectory).trajectory
-        if self.objective.value(solution.trajectory.positions, trajectory) >= (1.0 - GAIN) * value:
-            return False
-        certificate = self._certificate(trajectory)
-        if certificate.certified:
-            self.best = Best(solution, trajectory, certificate, self.steps, whole=True)
-        return certificate.certified
+        return solution.trajectory.positions if solution.status is SolverStatus.CLEAR else None
 
     def _report_step(self, step: Iteration, positions: Array) -> None:
         self.report(Event(self.attempts, step=self._numbered(step), positions=positions))
@@ -193,11 +219,6 @@ class Search:
         """Order of searches, best first: certified at the least cost (`value`), then as `_rank`."""
         assert self.best is not None
         return (0.0, self.value) if self.certified else _rank(self.best.certificate)
-
-    @property
-    def best_rank(self) -> tuple[float, ...]:
-        """A rank that no motion of this search exceeds."""
-        return (0.0, self.objective.least(self.problem))
 
     def certify_last(self) -> bool:
         """Certify a motion whose certificate was interrupted; False if there is none."""
@@ -217,7 +238,7 @@ class Search:
         """Certify a motion, with all its failures, and report it."""
         certificate = self.certifier.certify(trajectory, required=self.required)
         self.certify_seconds += certificate.seconds
-        self.report(Event(self.attempts, certificate=certificate))
+        self.report(Event(self.attempts, certificate=certificate, motion=trajectory))
         return certificate
 
     def _certify(self, solution: Solution) -> tuple[Certificate, list[int]]:
@@ -233,8 +254,8 @@ class Search:
         self._took(solution)
         self.certify_seconds += certificate.seconds
         if self.best is None or _rank(certificate) < _rank(self.best.certificate):
-            self.best = Best(solution, trajectory, certificate, self.steps, whole=not hopeless)
-        self.report(Event(self.attempts, certificate=certificate))
+            self.best = Best(solution.trajectory.positions, trajectory, certificate, self.steps, whole=not hopeless)
+        self.report(Event(self.attempts, certificate=certificate, motion=trajectory))
         failed = set(certificate.unproven)
         if parameter is not None:  # rows in time are denser than waypoints, and lie elsewhere
             last = self.problem.waypoints - 2
@@ -262,9 +283,10 @@ def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Array |
     lines = [(search, _guesses(search.problem, seed, begin)) for search, begin in zip(searches, warm, strict=True)]
     while not any(search.certified for search in searches):
         for search, guesses in lines:
-            if any(other.certified and other.rank() < search.best_rank for other in searches):
+            value = min((other.value for other in searches if other.certified), default=math.inf)
+            if value < search.objective.least(search.problem):
                 continue
-            over = any(search.attempt(guess) for guess in itertools.islice(guesses, GUESSES))
+            over = any(search.attempt(guess, value) for guess in itertools.islice(guesses, GUESSES))
             if over and not search.certified:
                 return
 

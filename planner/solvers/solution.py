@@ -31,7 +31,7 @@ class SolverStatus(enum.Enum):
 
 FIRST_WEIGHT, LAST_WEIGHT, RAISE = 6e3, 3e8, 6.0  # of the penalty [1/m²]
 DETOUR_WEIGHT = FIRST_WEIGHT * RAISE**3  # keeps a guess that leads around obstacles there [1/m²]
-SLOW = 0.01  # relative decrease below which a step counts as stalled
+SLOW = 0.01  # relative decrease of the cost by a step that counts as stalled, unless a budget says otherwise
 REFUSED = 1 / 3  # a refused step counts as this share of a stalled one, as the next is another try at the same
 GIVE_UP = 9  # refused steps in a row, the patience of three weights
 ENOUGH = 0.5  # share of the activation band that may be used up when the motion counts as clear
@@ -65,6 +65,7 @@ class Budget:
     deadline: float = float("inf")  # time.perf_counter() at which to stop
     iterations: int = 1000
     first_weight: float = FIRST_WEIGHT  # of the penalty [1/m²]
+    slow: float = SLOW  # relative decrease of the cost below which a step counts as stalled
     report: Callable[[Iteration, Array], None] = _silent
     """Called once per iteration, with the waypoints (N, n) at its end."""
     stop: Callable[[], bool] = _never
@@ -128,7 +129,7 @@ class Progress:
         self.steps.append(Iteration(len(self.steps) + 1, state.cost, state.smoothness, depth, self.weight))
         self.budget.report(self.steps[-1], positions)
         gain = before - state.cost
-        self.stalled = 0.0 if gain > SLOW * before else self.stalled + (1.0 if gain > 0.0 else REFUSED)
+        self.stalled = 0.0 if gain > self.budget.slow * before else self.stalled + (1.0 if gain > 0.0 else REFUSED)
         self.refused = 0 if gain > 0.0 else self.refused + 1
         if self.stalled < self.patience:
             return False

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hdplan.planner.studies.anytime import anytime_curves, anytime_rows, shares
 from hdplan.planner.studies.report import (
     Cell,
     Report,
@@ -33,7 +34,13 @@ if TYPE_CHECKING:
     from hdplan.planner.studies.planning_runs import Run, Runs, Variant
 
 LITTLE = 1.0  # [rad, rad²] the least path or acceleration in a ratio: that of a straight line would be 0
-FILES = ("planning_study.csv", "planning_study.md", "planning_study.png")
+FILES = (
+    "planning_study.csv",
+    "planning_study.md",
+    "planning_study.png",
+    "planning_quality.csv",
+    "planning_quality.png",
+)
 LEGEND = """\
 Each line changes one setting; all others stand at their defaults. Certified: proven within {limit:g} s; first guess:
 from the straight line. Lost: the exact distance of the real meshes less the planner's lower bound D̃ of it, at {near}
@@ -42,6 +49,12 @@ the deepest pair where the penalty acts, median. Path and acceleration: length i
 acceleration (less than {little:g} rad² counts as that), in % of the default's motion in the same scene, geometric mean
 over the scenes that both solve. Time: of a whole plan, warm, on the processor, median / largest over all the scenes.
 Pair: one pair's distance with derivative, median.
+"""
+QUALITY = """\
+## What quality costs in time
+
+The best certified motion after a time, in % of the first one's, geometric mean over {scenes} scenes, while rounds of
+`planner.polish` go on; within the scene's limits of rates, or those of cuRobo's published results.
 """
 
 
@@ -89,20 +102,30 @@ def study_planning(folder: Path, scenes: Sequence[Scene], quick: bool, report: R
         if found.complete:
             raise InputError(f"no scene can be planned: {'; '.join(found.refused) or 'there is none'}")
         raise KeyboardInterrupt
+    curves, left_out = anytime_curves(scenes, quick, report=report, stop=stop)
+    complete = found.complete and not stop()
+    from hdplan.planner.studies.anytime_sheet import anytime_sheet
     from hdplan.planner.studies.planning_sheet import planning_sheet
 
     rows = summaries(found)
     notes = [*_about(found), *_advice(rows)]
+    if left_out:
+        notes.append(("without quality over time", "; ".join(left_out)))
     took = f"{perf_counter() - begin:.0f} s on {os.cpu_count()} processors"
-    notes.append(("measured", f"in {took}{'' if found.complete else ', interrupted: what there was until then'}"))
+    notes.append(("measured", f"in {took}{'' if complete else ', interrupted: what there was until then'}"))
     told = "".join(f"- **{what}**: {words}\n" for what, words in notes)
     near = sum(len(run.lost) for run in found.of(found.variants[0]))
     legend = LEGEND.format(limit=TIME_LIMIT, near=near, reach=100 * NEAR, little=LITTLE)
-    table = [_short_row(summary) for summary in rows]
-    markdown = "\n".join(["# What accuracy costs in time, for planning\n", told, legend, markdown_text(table)])
-    csv = csv_text([_row(run) for run in found.runs])
-    write_report(paths, [csv, markdown, png(planning_sheet(rows, complete=found.complete))])
-    return Report({"one setting changed at a time": table}, notes, paths, found.complete)
+    tables = {"one setting changed at a time": [_short_row(summary) for summary in rows]}
+    parts = ["# What accuracy costs in time, for planning\n", told, legend, *map(markdown_text, tables.values())]
+    pictures: list[str | bytes] = [png(planning_sheet(rows, complete))]
+    if curves:
+        tables["what quality costs in time"] = shares(curves)
+        parts += [QUALITY.format(scenes=len(curves)), markdown_text(tables["what quality costs in time"])]
+        pictures += [csv_text(anytime_rows(curves)), png(anytime_sheet(curves, complete))]
+    contents = [csv_text([_row(run) for run in found.runs]), "\n".join(parts), *pictures]
+    write_report(paths := paths[: len(contents)], contents)
+    return Report(tables, notes, paths, complete)
 
 
 def label(variant: Variant) -> str:

@@ -101,7 +101,19 @@ Sheet = Annotated[
     Path | None,
     typer.Option(metavar="FILE", help="Draw scene, joints, clearance and convergence, as .png, .pdf or .svg."),
 ]
+ProofToWrite = Annotated[
+    Path | None,
+    typer.Option(
+        "--proof", metavar="FILE.proof", help="Write a proof of the motion too, for `hdplan verify`; it needs -o."
+    ),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
+
+# prove, verify
+Proof = Annotated[Path, typer.Option("--output", "-o", metavar="FILE.proof", help="Where the proof goes.")]
+ProofToCheck = Annotated[
+    Path, typer.Argument(metavar="PROOF", help="A proof, as `hdplan prove` and `hdplan plan --proof` write it.")
+]
 
 # follow, simulate, plot
 Executed = Annotated[

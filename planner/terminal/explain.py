@@ -204,7 +204,7 @@ def _settings(problem: Problem) -> Rows:
     for field in dataclasses.fields(PlannerSettings):
         value = getattr(problem.scene.planner, field.name)
         origin = "default" if value == field.default else "scene"
-        value = problem.scene.objective if field.name == "objective" else value
+        value = getattr(problem.scene, field.name) if value is None else value  # as the rest of the scene has it
         shown = str(value).lower() if isinstance(value, str | bool) else f"{value:g}"
         rows.append((field.name, f"{shown}{UNITS.get(field.name, '')} ({origin})"))
     return rows

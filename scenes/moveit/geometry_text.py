@@ -16,9 +16,10 @@ from pathlib import Path
 from typing import Any
 
 from hdplan.scenes.errors import InputError, naming, nearest
-from hdplan.scenes.fields import MOST_VALUES, Document, Field
+from hdplan.scenes.fields import Document, Field
 from hdplan.scenes.files import read_file
 from hdplan.scenes.values import shorten
+from hdplan.scenes.yaml_values import MOST_VALUES
 
 ENDING = ".scene"
 SIZES = {"sphere": 1, "box": 3, "cylinder": 2}  # numbers of each kind

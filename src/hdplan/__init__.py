@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from hdplan.planner.motion.trajectory import Trajectory
     from hdplan.planner.plan import plan
     from hdplan.planner.problem.problem import Problem
+    from hdplan.planner.proof.proof import NotProvenError, Proof, prove
     from hdplan.planner.result import PlanResult
     from hdplan.planner.robot.robot import Robot, load_robot
     from hdplan.planner.search.inverse_kinematics import inverse_kinematics
@@ -72,6 +73,7 @@ _HOMES = {  # of names, below hdplan
     "InputError": "scenes.errors",
     "Limits": "scenes.limits",
     "Mesh": "scenes.shapes",
+    "NotProvenError": "planner.proof.proof",
     "Obstacle": "scenes.obstacles",
     "OutOfTime": "scenes.errors",
     "PathConstraints": "scenes.path_constraints",
@@ -82,6 +84,7 @@ _HOMES = {  # of names, below hdplan
     "Pose": "scenes.poses",
     "PoseTarget": "scenes.targets",
     "Problem": "planner.problem.problem",
+    "Proof": "planner.proof.proof",
     "Relative": "scenes.path_constraints",
     "Robot": "planner.robot.robot",
     "RobotSpec": "scenes.robot_spec",
@@ -102,6 +105,7 @@ _HOMES = {  # of names, below hdplan
     "load_robot": "planner.robot.robot",
     "load_scene": "scenes.yaml_format.reader",
     "plan": "planner.plan",
+    "prove": "planner.proof.proof",
     "solve": "planner.solvers",
 }
 
@@ -120,6 +124,7 @@ __all__ = [
     "InputError",
     "Limits",
     "Mesh",
+    "NotProvenError",
     "Obstacle",
     "OutOfTime",
     "PathConstraints",
@@ -130,6 +135,7 @@ __all__ = [
     "Pose",
     "PoseTarget",
     "Problem",
+    "Proof",
     "Relative",
     "Robot",
     "RobotSpec",
@@ -153,6 +159,7 @@ __all__ = [
     "load_robot",
     "load_scene",
     "plan",
+    "prove",
     "solve",
 ]
 

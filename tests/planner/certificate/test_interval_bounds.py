@@ -8,7 +8,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from hdplan.planner.certificate import bounds_loop, support_loop
+from hdplan.planner.certificate import bounds_loop
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.interval_bounds import Bounds, Items
 from hdplan.planner.certificate.intervals import Intervals
@@ -80,7 +80,7 @@ def exact(certifier: Certifier, curve: Curve) -> np.ndarray:
                 np.zeros(1),
             )
             bounds = Bounds(sweep.bodies, sweep.pairs)
-            items = bounds.with_motion(here, Items.all(1, np.arange(len(sweep.pairs.a))))
+            items = Items.all(1, np.arange(len(sweep.pairs.a)))
             values.append(bounds.by_best_plane(here, items)[0])
     return np.array(values).reshape(len(curve) - 1, LOOKS, -1)
 
@@ -91,10 +91,10 @@ def test_no_bound_is_above_the_distance(laid_out: LaidOut) -> None:
     bounds, count = Bounds(sweep.bodies, sweep.pairs), len(sweep.pairs.a)
     least = exact(certifier, curve).min(axis=1)  # (intervals, pairs)
     assert np.all(bounds.over_all(intervals) <= least.min(axis=0))
-    items = bounds.with_motion(intervals, Items.all(4, np.arange(count)))
+    items = Items.all(4, np.arange(count))
     by_ball, normal = bounds.by_ball(intervals, items)
-    _, by_plane = bounds.by_plane(intervals, items, normal)
-    _, by_best, _ = bounds.by_best_plane(intervals, items)
+    _, by_plane, _ = bounds.by_plane(intervals, items, normal)
+    _, by_best, _, _ = bounds.by_best_plane(intervals, items)
     for bound in (by_ball, by_plane, by_best):
         assert np.all(bound.reshape(4, count) <= least)
     assert np.median(least.ravel() - by_best) < np.median(least.ravel() - by_ball)
@@ -103,15 +103,17 @@ def test_no_bound_is_above_the_distance(laid_out: LaidOut) -> None:
 def test_the_loop_in_c_is_the_one_in_numpy(laid_out: LaidOut, monkeypatch: pytest.MonkeyPatch) -> None:
     certifier, intervals, _ = laid_out
     bounds, count = Bounds(certifier.sweep.bodies, certifier.sweep.pairs), len(certifier.sweep.pairs.a)
-    items = bounds.with_motion(intervals, Items.all(4, np.arange(count)))
+    items = Items.all(4, np.arange(count))
     normal = np.random.default_rng(8).normal(size=(4 * count, 3))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     normal[::7, 1] = np.nan  # nothing may pass for proven
     compiled = bounds.by_plane(intervals, items, normal)
-    monkeypatch.setattr(support_loop, "library", lambda: None)
+    monkeypatch.setattr(bounds_loop, "library", lambda: None)
     for found, expected in zip(compiled, bounds.by_plane(intervals, items, normal), strict=True):
         np.testing.assert_allclose(found, expected, rtol=0, atol=SAME)
+    for found in compiled[:2]:
         assert np.isnan(found[::7]).all()
+        assert np.isfinite(np.delete(found, np.s_[::7])).all()
 
 
 def test_a_bound_over_all_is_no_better_than_over_one(laid_out: LaidOut) -> None:
@@ -127,21 +129,38 @@ def test_a_bound_over_all_is_no_better_than_over_one(laid_out: LaidOut) -> None:
     assert np.all(whole[~moving] <= by_ball.reshape(4, -1).min(axis=0)[~moving] + 1e-12)
 
 
-def test_balls_and_motions_in_c_are_those_in_numpy(laid_out: LaidOut, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_balls_in_c_are_those_in_numpy(laid_out: LaidOut, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also with what drifts, a body inside another's box, and a place that is not a number."""
     certifier, intervals, _ = laid_out
-    center = intervals.center.copy()
-    center[1, 0], center[2] = np.nan, center[2, :1]
+    center, every = intervals.center.copy(), np.arange(len(certifier.sweep.bodies.bodies))
+    center[intervals.row(2, every)] = center[intervals.row(2, 1)]
+    center[intervals.row(1, certifier.sweep.bodies.moving[0])] = np.nan
     intervals = dataclasses.replace(intervals, center=center)
     bounds, count = Bounds(certifier.sweep.bodies, certifier.sweep.pairs), len(certifier.sweep.pairs.a)
     items = Items.all(4, np.arange(count))
-    compiled = (*bounds.by_ball(intervals, items), *(bounds.with_motion(intervals, items).motions or ()))
+    compiled = bounds.by_ball(intervals, items)
     monkeypatch.setattr(bounds_loop, "library", lambda: None)
-    plain = (*bounds.by_ball(intervals, items), *(bounds.with_motion(intervals, items).motions or ()))
-    assert np.isnan(plain[0]).any()
-    np.testing.assert_allclose(compiled[0], plain[0], rtol=0, atol=SAME)
+    plain = bounds.by_ball(intervals, items)
     known = ~np.isnan(plain[0])
+    assert not known.all()
+    np.testing.assert_allclose(compiled[0], plain[0], rtol=0, atol=SAME)
     np.testing.assert_allclose(compiled[1][known], plain[1][known], rtol=0, atol=SAME)
-    for one, other in zip(compiled[2:], plain[2:], strict=True):
-        for field in dataclasses.fields(one):
-            np.testing.assert_allclose(getattr(one, field.name), getattr(other, field.name), rtol=1e-13, atol=SAME)
+
+
+def test_what_stands_has_one_place_and_what_moves_is_where_it_is_alone(laid_out: LaidOut) -> None:
+    certifier, intervals, curve = laid_out
+    bodies = certifier.sweep.bodies
+    still = np.setdiff1d(np.arange(len(bodies.bodies)), bodies.moving)
+    assert len(intervals.rotation) == len(bodies.bodies) + 4 * len(bodies.moving)
+    every = intervals.row(np.arange(4)[:, None], np.arange(len(bodies.bodies)))  # (4, bodies)
+    assert (every[:, still] == every[0, still]).all()
+    assert len(np.unique(every[:, bodies.moving])) == 4 * len(bodies.moving)
+    assert not intervals.reach[every[0, still]].any()
+    for k in range(4):
+        alone = Intervals.of(bodies, curve, bodies.reach(curve), np.array([k]), np.zeros(1), np.ones(1))
+        here = alone.row(0, np.arange(len(bodies.bodies)))
+        for name in ("rotation", "origin", "center", "reach", "moved"):
+            np.testing.assert_array_equal(getattr(alone, name)[here], getattr(intervals, name)[every[k]])
+        for row, body in zip(here, bodies.bodies, strict=True):
+            if body.joint == 0 and body.obstacle_motion is None:
+                np.testing.assert_array_equal(alone.rotation[row], body.placement[:3, :3])

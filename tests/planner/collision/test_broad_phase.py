@@ -274,11 +274,12 @@ def test_no_pair_is_ruled_out_that_comes_near(arm: Robot) -> None:
     """Pairs that the reach rules out are outside their margin at every configuration tried; some are ruled out."""
     bodies, kinematics = link_bodies(arm), Kinematics(arm.model)
     planes = clutter(60, 17, spread=2.5)
+    boxes, halves = np.array([plane.box for plane in planes]), np.array([plane.half_size for plane in planes])
     out = [
         (a, b)
         for a, body in enumerate(bodies)
         if body.joint > 0
-        for b in np.flatnonzero(~reach_of(arm, body.joint, body.body).meets(planes, MARGIN))
+        for b in np.flatnonzero(~reach_of(arm, body.joint, body.body).meets(boxes, halves + MARGIN))
     ]
     assert len(out) > 10
     pairs = open_wide(body_pairs(bodies, planes, out, MARGIN, kinematics.supports))

@@ -315,7 +315,7 @@ def assert_out_of_reach(arm: Robot, count: int, seed: int) -> int:
     for q in np.array_split(arm.draw(rng, count), max(count // 5_000, 1)):
         batch = model.kinematics.evaluate(q)
         for body, reach in zip(model.bodies, model.reach, strict=True):
-            ruled_out = np.flatnonzero(~reach.meets(planes, margin)) if body.joint else []
+            ruled_out = np.flatnonzero(~reach.meets(boxes, halves + margin)) if body.joint else []
             out += len(ruled_out)
             vertices = np.einsum("kij,vj->kvi", batch.rotations[:, body.joint], body.body.vertices)
             vertices += batch.translations[:, body.joint, None]

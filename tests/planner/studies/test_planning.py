@@ -165,7 +165,7 @@ def test_three_files_hold_the_whole_study(measured: Callable[[Runs], None], tmp_
     measured(found)
     report = study_planning(tmp_path / "out", [], False, nothing, nothing)
     assert report.complete
-    assert [path.name for path in report.files] == list(FILES)
+    assert [path.name for path in report.files] == list(FILES[:3]), "without scenes there is no quality over time"
     with report.files[0].open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == len(found.runs)

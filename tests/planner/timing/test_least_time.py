@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.least_time import least_times
+from hdplan.planner.timing.retiming import Retimer
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.yaml_format.reader import load_scene
 
@@ -65,3 +68,16 @@ def test_no_planned_motion_is_shorter(limits: dict[str, float]) -> None:
     way = result.trajectory.positions[-1] - result.trajectory.positions[0]
     least = least_times(way, problem_limits).max()
     assert least <= result.trajectory.duration <= 1.3 * least + 0.1
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_timing_of_a_path_undercuts_its_shortest(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    limits = Limits(velocity="urdf", acceleration=15.0, jerk=500.0)
+    retimer = Retimer(Setup.of(replace(load_scene("panda_bookshelf"), limits=limits)))
+    robot = retimer.robot
+    corners = robot.draw(rng, 3)
+    path = np.stack([np.interp(np.linspace(0, 2, 32), [0, 1, 2], column) for column in corners.T], axis=1)
+    motion = retimer(Trajectory(robot.joint_names, path, robot.locked)).trajectory
+    assert motion.duration is not None
+    assert 0.5 * motion.duration < retimer.shortest_along(path) <= motion.duration

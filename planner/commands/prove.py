@@ -1,0 +1,52 @@
+"""`hdplan prove`: write down why a motion is free."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hdplan.planner.proof.proof import NotProvenError, prove
+from hdplan.planner.terminal.console import printing, say, waiting
+from hdplan.planner.terminal.tables import table
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.output import check_writable
+
+ENDINGS = (".proof",)
+MOTIONS = (".json", ".csv")  # of which there can be proofs
+
+
+def run_prove(scene: str, trajectory: Path, *, output: Path) -> int:
+    """Write the proof of a motion. Returns the exit code: 0 if there is one, else 1."""
+    check_writable(output, ENDINGS)
+    with waiting("proving", shown=True):
+        try:
+            proof = prove(scene, trajectory)
+        except NotProvenError as error:
+            say(f"no proof: {error}", "red")
+            return 1
+        proof.save(output)
+    with printing() as show:
+        show(f"proof of: {proof.certificate.text}")
+        size = f"{len(proof.data) / 1e3:.1f} kB"
+        show(table([("leaves", str(proof.leaves)), ("size", size), ("written", str(output))]))
+    return 0
+
+
+def check_proof_of_plan(proof: Path, output: Path | None, request: Path | None, robot: str | None) -> None:
+    """Raise InputError, before a motion is planned, if no proof of it could be written."""
+    check_writable(proof, ENDINGS)
+    if output is None or output.suffix.lower() not in MOTIONS:
+        raise InputError(f"--proof: is about a motion's file: write one too, -o FILE with {' or '.join(MOTIONS)}")
+    if request is not None or robot is not None:
+        raise InputError(
+            "--proof: is about a hdplan scene and its own robot, so that --request and --robot do not go with it"
+        )
+
+
+def written_proof(scene: str, trajectory: Path, output: Path) -> bool:
+    """Write the proof of a motion just planned, or say why there is none."""
+    try:
+        prove(scene, trajectory).save(output)
+    except NotProvenError as error:
+        say(f"no proof: {error}", "red")
+        return False
+    return True

@@ -1,0 +1,72 @@
+"""Pace of a motion: the cost that makes it quick where joint velocities are limited.
+
+A step d takes joint j at least |d_j|/v_j, and all joints together the largest of these. So a path through waypoints q_k
+takes at least Σ_k max_j |q_{k+1,j} − q_{k,j}|/v_j, whatever its timing; the joints that are not the slowest may go a
+longer way for nothing. In place of the largest stands the p-norm, which has derivatives, and, as in the smoothness,
+squares, which keep the steps even:
+
+    ½ V² Σ_k h ‖x_k‖_p²,   x_kj = (q_{k+1,j} − q_{k,j}) / (h v_j),   h = 1/(N − 1),   p = 16
+
+It is convex. V², the mean of v_j², gives it the size of the smoothness. For n joints the p-norm exceeds the largest by
+a factor of at most n^(1/p), 1.13 for seven.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hdplan.planner.problem.terms import MotionPenalty
+from hdplan.scenes.array_types import Array
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+P = 16  # of the norm
+
+
+@dataclass(frozen=True, eq=False)
+class Pace:
+    """The cost of the steps between waypoints."""
+
+    limits: Array  # (n,) v [rad/s] or [m/s]; inf where there is none, at least one is finite
+
+    @cached_property
+    def shares(self) -> Array:
+        """V/v_j (n,), 0 for a joint without a limit."""
+        limited = np.isfinite(self.limits)
+        return np.asarray(np.sqrt(np.mean(self.limits[limited] ** 2)) / self.limits)
+
+    def value(self, positions: Array) -> MotionPenalty:
+        """Cost, gradient and Hessian, which is exact, at waypoints (N, n); its depth is 0."""
+        count, n = positions.shape
+        x = np.diff(positions, axis=0) * self.shares
+        size = np.abs(x)
+        largest = size.max(axis=1, keepdims=True)
+        ratio = np.divide(size, largest, out=np.ones_like(size), where=largest > 0.0)  # keeps powers within range
+        total = (ratio**P).sum(axis=1, keepdims=True)
+        length = largest * total ** (1 / P)  # (N − 1, 1) ‖x‖_p, times h
+        direction = ratio ** (P - 1) * np.sign(x)
+        outer = total ** (2 / P - 1)
+        slope = (count - 1) * largest * outer * direction * self.shares
+        bend = (2 - P) / total[..., None] * direction[:, :, None] * direction[:, None, :]
+        bend[:, range(n), range(n)] += (P - 1) * ratio ** (P - 2)
+        bend *= (count - 1) * outer[..., None] * self.shares[:, None] * self.shares
+        gradient, diagonal = np.zeros((count, n)), np.zeros((count, n, n))
+        gradient[1:] += slope
+        gradient[:-1] -= slope
+        diagonal[1:] += bend
+        diagonal[:-1] += bend
+        return MotionPenalty(
+            0.5 * (count - 1) * float(np.sum(length**2)), gradient, diagonal, -bend, np.zeros(count - 1)
+        )
+
+    def expression(self, steps: ca.MX) -> ca.MX:
+        """The same as an expression of the steps (n, N − 1) between waypoints."""
+        import casadi as ca
+
+        square = (steps * self.shares) ** 2 + 1e-18  # the norm has no second derivative where nothing moves
+        return 0.5 * steps.shape[1] * ca.sum2(ca.sum1(square ** (P // 2)) ** (2 / P))

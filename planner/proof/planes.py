@@ -1,0 +1,202 @@
+"""Separating planes along a motion: for every pair of pieces, a tree of intervals with a direction at each leaf.
+
+The checker's own bound (`hdplan.verify.Motion`) says whether a direction suffices on an interval, so that what is
+written is accepted; here directions are only proposed. An interval without one is halved, as the checker halves it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import coal
+import numpy as np
+
+from hdplan.planner.geometry.coal_shapes import convex_hull
+from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.deadline import check_time
+from hdplan.verify import Motion, Piece, World, half
+
+FULL = 32767.0  # directions are written as whole numbers of at most this
+SHORTEST = 2.0**-17  # of an interval between two rows: below it, a pair cannot be proven
+AT_ONCE = 20_000  # leaves examined together
+NEAR = 0.3  # [m] by which two bodies may move against each other for a direction of their middle to be of use
+NUDGE = 1e-5  # [rad] of slightly turned poses
+FLAT = 1e-4  # thickness, as a share of the size, below which coal gets a thicker hull
+
+
+@dataclass(frozen=True, eq=False)
+class Leaves:
+    """Leaves of the trees of some pairs, in the order of the pairs and of the motion."""
+
+    pair: Rows  # (L,)
+    depth: Rows  # (L,)
+    normal: Array  # (L, 3) whole numbers
+    bound: Array  # (L,) [m] proven by each
+
+
+@dataclass(frozen=True)
+class Obstruction:
+    """A pair that planes cannot keep apart: its hulls are too close, or it would need intervals that are too short."""
+
+    pair: int
+    row: float
+    distance: float  # [m] of the hulls there, or the bound
+
+
+class Planes:
+    """Proposes and checks planes between the pieces of one world."""
+
+    def __init__(self, world: World, shapes: dict[bytes, tuple[Any, float]]) -> None:
+        """Take the pieces; `shapes` keeps coal's for pieces that were seen before."""
+        self.world = world
+        self.shapes: list[tuple[Any, float]] = []
+        for piece in world.pieces:
+            key = piece.corners.tobytes() + piece.sweep.tobytes()
+            if key not in shapes:
+                shapes[key] = _coal_shape(piece)
+            self.shapes.append(shapes[key])
+
+    def separate(self, chosen: Rows, floor: Array) -> tuple[Leaves, list[Obstruction]]:
+        """Return planes that keep the chosen pairs (k,) `floor` (P,) [m] apart over the whole motion, and the pairs for
+        which there are none; the leaves of those are not complete."""
+        pair, rows = chosen, len(self.world.rows) - 1
+        low, high, depth = np.zeros(len(pair)), np.full(len(pair), float(rows)), np.zeros(len(pair), dtype=np.int64)
+        normal = np.zeros((len(pair), 3))
+        done = [(pair[:0], low[:0], depth[:0], normal[:0], low[:0])]
+        lost: dict[int, Obstruction] = {}
+        while len(pair):
+            check_time("writing the proof")
+            bound, distance = np.full(len(pair), -np.inf), np.full(len(pair), np.inf)
+            for begin in range(0, len(pair), AT_ONCE):
+                part = slice(begin, begin + AT_ONCE)
+                spans, node = np.unique(np.stack([low[part], high[part]], axis=1), axis=0, return_inverse=True)
+                motion = Motion(self.world, spans)
+                normal[part], bound[part], distance[part] = self._examine(
+                    motion, node.ravel(), self.world.pairs[pair[part]], normal[part], floor[pair[part]]
+                )
+            good = bound >= floor[pair]
+            done.append((pair[good], low[good], depth[good], normal[good], bound[good]))
+            short = ~good & (high - low <= SHORTEST)
+            for i in np.flatnonzero(~good & ((distance < floor[pair]) | short)).tolist():
+                lost.setdefault(int(pair[i]), Obstruction(int(pair[i]), low[i], min(distance[i], bound[i])))
+            left = ~good & ~np.isin(pair, list(lost))
+            pair, low, high, depth, normal = pair[left], low[left], high[left], depth[left], normal[left]
+            middle = np.array([half(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True)])
+            low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+            pair, depth, normal = np.tile(pair, 2), np.tile(depth + 1, 2), np.tile(normal, (2, 1))
+        ended: list[Any] = [np.concatenate(each) for each in zip(*done, strict=True)]
+        order = np.lexsort((ended[1], ended[0]))
+        return Leaves(*(each[order] for each in (ended[0], *ended[2:]))), list(lost.values())
+
+    def once(self, bodies: tuple[int, int]) -> tuple[int, Array] | None:
+        """Return a row at which two hulls are apart, and a direction (3,) that shows it; None if there is none."""
+        rows = np.arange(len(self.world.rows) - 1, dtype=np.float64)
+        motion = Motion(self.world, np.stack([rows, rows + 2.0**-30], axis=1))
+        found = [self._direction(motion, int(row), *bodies, 0.0) for row in rows]
+        best = int(np.argmax([distance for _, distance in found]))
+        normal = whole(found[best][0][None])
+        bound = motion.gaps(np.array([best]), np.array([bodies]), normal)
+        return (best, normal[0]) if bound[0] > 1e-6 else None
+
+    def _examine(
+        self, motion: Motion, node: Rows, bodies: Rows, normal: Array, floor: Array
+    ) -> tuple[Array, Array, Array]:
+        """Return the best directions found, of the interval above, of the bodies' boxes, or else coal's; their bounds;
+        and, where coal was asked, a distance that the hulls do not exceed somewhere on the interval."""
+        rows = np.flatnonzero(~normal.any(axis=1))
+        normal, distance = normal.copy(), np.full(len(node), np.inf)
+        if len(rows):
+            normal[rows] = whole(np.array([self._outward(motion, node[i], *bodies[i]) for i in rows.tolist()]))
+        bound = motion.gaps(node, bodies, normal)
+        travel, astray = np.zeros(len(node)), np.zeros(len(node))  # [m] over the interval, and off its middle
+        for body in bodies.T:
+            own = body < self.world.own
+            travel[own] += (motion.most[node[own]] * motion.reach[node[own], body[own]]).sum(axis=1)
+            astray[own] += (motion.off[node[own]] * motion.reach[node[own], body[own]]).sum(axis=1)
+        rows = np.flatnonzero((bound < floor) & (travel < NEAR))
+        if len(rows):
+            found = [self._direction(motion, node[i], bodies[i, 0], bodies[i, 1], floor[i]) for i in rows.tolist()]
+            better, distance[rows] = whole(np.array([each for each, _ in found])), [each for _, each in found]
+            value = motion.gaps(node[rows], bodies[rows], better)
+            use = value > bound[rows]
+            normal[rows[use]], bound[rows[use]] = better[use], value[use]
+        return normal, bound, distance + astray
+
+    def _pose(self, motion: Motion, node: int, body: int) -> tuple[Array, Array]:
+        piece = self.world.pieces[body]
+        turn, at = motion.turn.mid[node, piece.joint], motion.at.mid[node, piece.joint]
+        return turn @ piece.pose[0].mid, turn @ piece.pose[1].mid + at
+
+    def _outward(self, motion: Motion, node: int, a: int, b: int) -> Array:
+        """Return the direction from the box of b to the centre of a."""
+        (turn_a, at_a), (turn_b, at_b) = self._pose(motion, node, a), self._pose(motion, node, b)
+        corners, sweep = self.world.pieces[b].corners, self.world.pieces[b].sweep
+        local = turn_b.T @ (turn_a @ self.world.centers[a] + at_a - at_b)
+        away = local - np.clip(local, corners.min(axis=0) - sweep, corners.max(axis=0) + sweep)
+        return np.asarray(turn_b @ (away if away.any() else local))
+
+    def _direction(self, motion: Motion, node: int, a: int, b: int, doubted: float) -> tuple[Array, float]:
+        """Return coal's direction from b to a at the middle of an interval, and about the distance of the two hulls.
+
+        coal is sometimes wrong where bodies are parallel: where it says less than `doubted`, slightly turned poses are
+        tried too, and the farthest gap counts.
+        """
+        (one, swollen), (other, more) = self.shapes[a], self.shapes[b]
+        (turn_a, at_a), (turn_b, at_b) = self._pose(motion, node, a), self._pose(motion, node, b)
+        best, farthest = np.array([0.0, 0.0, 1.0]), -np.inf
+        for turn in _TURNS:
+            result, poses = (
+                coal.DistanceResult(),
+                (coal.Transform3s(turn_a @ turn, at_a), coal.Transform3s(turn_b, at_b)),
+            )
+            distance = float(coal.distance(one, poses[0], other, poses[1], _REQUEST, result)) + swollen + more
+            normal = -np.array(result.normal)
+            if turn is _TURNS[0] and distance >= doubted:
+                return normal, distance
+            near = normal @ at_a - _reach(self.world.pieces[a], -normal @ turn_a)
+            gap = float(near - normal @ at_b) - _reach(self.world.pieces[b], normal @ turn_b)
+            if gap > farthest:
+                best, farthest = normal, gap
+        return best, farthest + swollen + more
+
+
+def _reach(piece: Piece, direction: Array) -> float:
+    """Return the greatest value of direction · x over a piece, in its frame."""
+    return float((piece.corners @ direction).max() + np.linalg.norm(piece.sweep * direction))
+
+
+def whole(directions: Array) -> Array:
+    """Return directions (k, 3) as whole numbers, the largest of which is FULL."""
+    largest = np.abs(directions).max(axis=1, keepdims=True)
+    good = np.isfinite(largest) & (largest > 0.0)
+    return np.asarray(np.where(good, np.rint(FULL * directions / np.where(good, largest, 1.0)), [0.0, 0.0, FULL]))
+
+
+def _coal_shape(piece: Piece) -> tuple[Any, float]:
+    """Return a shape of coal that is about a piece, as it only proposes directions, and how much larger it is [m]."""
+    corners, sweep = piece.corners, piece.sweep
+    if sweep.any():
+        length = float(np.ptp(corners[:, 2]))
+        if length == 0.0:
+            return coal.Ellipsoid(*sweep), 0.0
+        return (coal.Capsule(sweep[0], length) if sweep[2] else coal.Cylinder(sweep[0], length)), 0.0
+    extents = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
+    swell = 0.0
+    if len(extents) < 3 or extents[2] < FLAT * extents[0]:
+        swell = FLAT * (float(extents[0]) or 1.0)
+        around = swell * np.array([[1, 1, 1], [-1, -1, 1], [-1, 1, -1], [1, -1, -1]])
+        corners = (corners[:, None] + around).reshape(-1, 3)
+    if (hull := convex_hull(corners)) is not None:
+        return hull, 2.0 * swell
+    directions = np.random.default_rng(0).normal(size=(250, 3))  # coal cannot hold it: the farthest corners will do
+    return convex_hull(corners[np.unique((directions @ corners.T).argmax(axis=1))]), 2.0 * swell
+
+
+def _slightly(x: float, y: float, z: float) -> Array:
+    """Return the rotation by a small vector [rad], to first order."""
+    return np.array([[1.0, -z, y], [z, 1.0, -x], [-y, x, 1.0]])
+
+
+_REQUEST = coal.DistanceRequest()
+_TURNS = [_slightly(*(NUDGE * np.array(way))) for way in ((0, 0, 0), (1, 2, -1), (-2, 1, 1), (1, -1, 2))]

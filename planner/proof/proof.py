@@ -1,0 +1,221 @@
+"""A certified motion → a proof that travels: a file that `hdplan.verify` checks without hdplan (docs/proof.md).
+
+The certificate says what can be proven; here the planes are found that prove nearly as much (SHORT, SHARE) by the
+checker's own bound. A mesh whose hull is too close is divided into groups of triangles, finer where that is needed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.verdict import Certificate
+from hdplan.planner.motion.robot_curve import curve_of
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.proof.meshes import divided, fills_its_hull
+from hdplan.planner.proof.planes import Obstruction, Planes
+from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.errors import HdplanError, InputError, naming
+from hdplan.scenes.output import write_output
+from hdplan.scenes.robot_files.library import description_of
+from hdplan.scenes.values import FilePath, checked, path_of
+from hdplan.scenes.yaml_format.reader import find_scene, load_scene
+from hdplan.verify import MAGIC, VERSION, Piece, RejectedError, World, statement, verify
+
+SHORT, SHARE = 1e-4, 0.02  # [m], or share of it, by which less is proven than by the certificate
+MOST_ROUNDS = 40  # in which meshes are divided
+CLAIMS = ("limits", "start", "goal")
+
+
+class NotProvenError(HdplanError):
+    """A motion of which no proof can be written, and why."""
+
+
+@dataclass(frozen=True)
+class Proof:
+    """A proof that a motion is free, as `hdplan.verify` reads it."""
+
+    data: bytes  # the file's content
+    text: str  # what is proven, in the checker's words
+    certificate: Certificate  # that it was made from
+    leaves: int  # of all pairs
+
+    def save(self, path: FilePath) -> None:
+        """Write the file, whole or not at all. Raises InputError for a path that cannot be written."""
+        write_output(checked(path_of, path, "path"), self.data)
+
+
+def prove(scene: FilePath, trajectory: FilePath) -> Proof:
+    """Certify a motion and write down why it is free.
+
+    A proof is about files: `scene` is a hdplan scene, or a shipped one's name, `trajectory` a JSON or CSV file.
+
+    Raises:
+        InputError: for bad files, and for what a proof cannot hold yet, by name.
+        NotProvenError: the motion is not certified, or no planes were found.
+    """
+    scene_file, motion_file = find_scene(scene), checked(path_of, trajectory, "trajectory")
+    setup = Setup.of(load_scene(scene_file))
+    motion = Trajectory.load(motion_file)
+    with naming(motion_file):
+        certifier = Certifier(setup)
+        certificate = certifier.certify(motion)
+        asked, _ = certifier.asked(curve_of(setup.robot, motion))
+    if not certificate.certified:
+        raise NotProvenError(certificate.text)
+    _refuse_unproven_pairs(setup)
+    try:
+        return _Writer(scene_file, motion_file, setup).write(certificate, asked)
+    except RejectedError as error:
+        raise InputError(f"no proof of this can be written: {error}") from None
+
+
+def _refuse_unproven_pairs(setup: Setup) -> None:
+    """Refuse pairs of links that are left out because they were found to touch: that is no proof."""
+    for pair, reason in setup.robot.unchecked.items():
+        if reason == ALWAYS_TOUCHING:
+            raise InputError(
+                f"{setup.scene.source}: links {pair[0]} and {pair[1]} touch at every sampled configuration, which "
+                "proves nothing: if they may touch, name them in robot.ignore_pairs"
+            )
+
+
+class _Writer:
+    """The proof of one motion in the making."""
+
+    def __init__(self, scene: Path, motion: Path, setup: Setup) -> None:
+        self.scene, self.motion, self.setup = scene, motion, setup
+        self.cuts: dict[str, Any] = {}
+        self.known: dict[tuple[bytes, bytes], tuple[Rows, Array]] = {}  # depths and normals by pieces
+        self.shapes: dict[bytes, tuple[Any, float]] = {}
+
+    def write(self, certificate: Certificate, asked: float) -> Proof:
+        least = self.setup.scene.self_collision.clearance
+        clearance, own = _less(certificate.clearance, asked), _less(certificate.self_clearance, least)
+        for _ in range(MOST_ROUNDS):
+            world = world_of(self.setup, self.scene, self.motion, self.cuts)
+            lost = self._separate(world, clearance, own)
+            if not lost:
+                return self._pack(world, clearance, own, certificate)
+            self._divide(world, lost)
+        raise NotProvenError(f"no planes were found within {MOST_ROUNDS} divisions of meshes")
+
+    def _separate(self, world: World, clearance: float, own: float) -> list[Obstruction]:
+        """Find planes for the pairs of pieces that are new, and return those for which there are none."""
+        keys = [_identity(piece) for piece in world.pieces]
+        pairs = [(keys[a], keys[b]) for a, b in world.pairs.tolist()]
+        planes = self.planes = Planes(world, self.shapes)
+        between_links = world.pairs[:, 1] < world.own
+        floor = np.where(between_links, own, clearance)
+        for p, (_, b) in enumerate(world.pairs.tolist()):
+            floor[p] = max(floor[p], 0.0 if between_links[p] else world.clearances.get(world.pieces[b].name, 0.0))
+        new = np.array([p for p, key in enumerate(pairs) if key not in self.known], dtype=np.int64)
+        leaves, lost = planes.separate(new, floor)
+        without = {each.pair for each in lost}
+        for p in new.tolist():
+            if p not in without:
+                rows = slice(*np.searchsorted(leaves.pair, [p, p + 1]).tolist())
+                self.known[pairs[p]] = leaves.depth[rows], leaves.normal[rows]
+        self.found = [self.known.get(key) for key in pairs]
+        return lost
+
+    def _divide(self, world: World, lost: list[Obstruction]) -> None:
+        """Divide the groups of triangles that are too close to something. Raises NotProvenError where nothing can be
+        divided."""
+        finer = {i: self._finer(world, i) for each in lost for i in world.pairs[each.pair].tolist()}
+        for each in lost:
+            a, b = world.pairs[each.pair].tolist()
+            if not finer[a] and not finer[b]:
+                raise NotProvenError(
+                    f"no plane keeps {world.pieces[a].key} and {world.pieces[b].key} apart after waypoint "
+                    f"{int(each.row)}: their hulls are {each.distance * 1e3:.3g} mm apart"
+                )
+
+    def _finer(self, world: World, piece: int) -> bool:
+        """Divide the triangles of a piece, if it has several."""
+        key = world.pieces[piece].key
+        if key not in world.meshes or (key not in self.cuts and fills_its_hull(world.meshes[key])):
+            return False
+        triangles = world.meshes[key]
+        groups = self.cuts.get(key, np.zeros(len(triangles), dtype=np.int64))
+        which = [i for i, each in enumerate(world.pieces) if each.key == key].index(piece)  # in the order of the groups
+        finer = divided(groups, which, triangles)
+        self.cuts.update({} if finer is None else {key: finer})
+        return finer is not None
+
+    def _pack(self, world: World, clearance: float, own: float, certificate: Certificate) -> Proof:
+        """Return the file, once the checker accepts it."""
+        once = [self.planes.once((a, b)) for a, b in world.once.tolist()]
+        for (a, b), found in zip(world.once.tolist(), once, strict=True):
+            if found is None:
+                names = world.pieces[a].key, world.pieces[b].key
+                raise NotProvenError(
+                    f"the hulls of {names[0]} and {names[1]} are never apart: one may lie inside the other"
+                )
+        depths = [each[0] for each in self.found if each is not None]
+        normals = [each[1] for each in self.found if each is not None]
+        between_links = world.pairs[:, 1] < world.own
+        head: dict[str, Any] = {
+            "version": VERSION,
+            "files": world.files,
+            "clearance": None if between_links.all() else clearance,
+            "self_clearance": own if between_links.any() else None,
+            "held": world.held,
+            "cuts": {key: len(groups) for key, groups in self.cuts.items()},
+            "pairs": len(depths),
+            "leaves": sum(map(len, depths)),
+            "once": len(once),
+            "claims": [],
+        }
+        for claim in CLAIMS:
+            try:
+                statement(world, {**head, "claims": [claim]})
+            except RejectedError:
+                continue
+            head["claims"].append(claim)
+        parts = (
+            *((groups, "<u2") for groups in self.cuts.values()),
+            (np.array([len(each) for each in depths]), "<u4"),
+            (np.concatenate([*depths, np.zeros(0)]), "<u1"),
+            (np.concatenate([*normals, np.zeros((0, 3))]), "<i2"),
+            (np.array([each[0] for each in once if each]), "<u4"),
+            (np.array([each[1] for each in once if each]), "<i2"),
+        )
+        content = (
+            json.dumps(head, allow_nan=False).encode() + b"\n" + b"".join(x.astype(kind).tobytes() for x, kind in parts)
+        )
+        data = MAGIC + zlib.compress(content, 9)
+        return Proof(data, verify(self.scene, self.motion, data), certificate, head["leaves"])
+
+
+def world_of(setup: Setup, scene: Path, motion: Path, cuts: dict[str, Any] | None = None) -> World:
+    """Return scene, robot and motion as the checker reads them, the robot from the files that hdplan reads. Raises
+    RejectedError."""
+    _, urdf, srdf, _ = description_of(setup.scene.robot)
+    files = {key: _hash(file) for key, file in (("urdf", urdf), ("srdf", srdf)) if file is not None}
+    return World(scene, motion, {"files": files, "held": dict(setup.robot.locked)}, cuts or {})
+
+
+def _less(clearance: float | None, asked: float) -> float:
+    """Return the clearance [m] to prove: nearly the certificate's, but not less than what is asked."""
+    if clearance is None:
+        return SHORT
+    return max(asked, clearance - min(max(SHORT, SHARE * clearance) * 0.9, 0.5 * clearance))
+
+
+def _hash(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def _identity(piece: Piece) -> bytes:
+    """What tells a piece from others, also in another division of its mesh."""
+    return hashlib.sha256(piece.key.encode() + b"\0" + piece.corners.tobytes()).digest()

@@ -1,0 +1,861 @@
+# ruff: noqa: D105
+"""Check a proof that a robot's motion is free. One file, NumPy alone, nothing of the planner that wrote the proof.
+
+    python -m hdplan.verify SCENE TRAJECTORY PROOF     or     python verify.py SCENE TRAJECTORY PROOF
+
+Scene (YAML), robot (URDF, SRDF, meshes) and motion are read here, by parsers of its own. A proof (`docs/proof.md`)
+holds no geometry, only, for every pair of convex pieces, a binary tree of intervals of the motion with a direction n at
+every leaf. "Accepted" is a theorem about real numbers; what it rests on is printed with it (`ASSUMES`).
+
+Numbers. A `Ball` is a real number known up to a radius. NumPy's results are used only as IEEE 754 defines them: + - x /
+and sqrt, rounded to nearest, in any order, also fused: a sum of k products is then off by at most k 2^-53 /
+(1 - k 2^-53) times the sum of the absolute products (Higham 2002, section 3.1). Radii are rounded up by `up`. What is
+not a number passes no comparison.
+
+Leaves. On a leaf, -1 <= s <= 1, the joints are at q(s) = q_m + s d + e(s), |e_j| <= eps_j: the control points of the
+motion's polynomials differ by at most eps from those of the straight line, so the curve does. Seen from the last body
+that carries both pieces, a point x of a piece is at x + s (W x x + V) + r(s), with W and V the sums over the joints j
+beyond that body of d_j z_j and d_j o_j x z_j (or d_j z_j, if j slides); z_j is the joint's axis, o_j a point on it, at
+q_m. With rho_j the greatest distance of the piece from axis j (1 if j slides), |d2x / dq_i dq_j| <= rho_j for i at or
+before j, and 0 if i slides, so that
+
+    |r| <= R = 1/2 sum_j |d_j| rho_j (|d_j| [j turns] + 2 sum_(i<j, turns) |d_i|) + sum_j eps_j rho_j.
+
+rho_j is at most the distance of axis j from the centre of a ball around the piece at q_m, plus its radius, plus what
+the joints after j move the piece: sum_(k>j) (|d_k| + eps_k) rho_k. What is linear in s is least at s = -1 or 1, so that
+
+    |n| distance >= min_(s = -1, 1) [min_(a in A) n.(a + s a') - max_(b in B) n.(b + s b')] - (R_A + R_B) |n|,
+
+where least and greatest values over a piece are those over its corners, and of the ellipsoid that sweeps them.
+
+Meshes. A mesh may be divided into groups of triangles, whose hulls contain every triangle. Two surfaces that never meet
+do not let one body into the other: if the hulls around both are apart once, neither ever lies within the other.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+import os
+import sys
+import xml.etree.ElementTree as ElementTree
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+MAGIC, VERSION = b"hdplan proof\n", 1
+MOST_BYTES, MOST_LEAVES, MOST_ROWS, DEEPEST = 1 << 27, 1_000_000, 100_000, 50  # of a file, a proof, a motion, a tree
+NARROWEST = 2.0**-30  # of an interval between two rows
+AT_ONCE = 20_000  # leaves checked together
+EPS = 2.0**-53  # of rounding to nearest
+SAME, ROUNDED = 1e-6, 1e-9  # [rad or m] between the motion's end and the scene's; by which it may be beyond a limit
+
+ASSUMES = """the URDF, SRDF and meshes are the robot: links are rigid, joints have no play
+the robot follows the curve of the trajectory's file, without rounding its corners
+obstacles stand where the scene says and are what it says; what a link holds is fixed to it
+joints that do not move stay where scene or trajectory hold them, or else where the proof says
+links that turn about one joint with no other link between them, and pairs excused by SRDF or scene, may touch
+links that do not move relative to each other, and links fixed to the world and standing obstacles, are not compared
+a mesh is its triangles and what they enclose
+the computer's + - x / and square root are those of IEEE 754, rounded to nearest
+Python, NumPy and the libraries that read YAML and XML work
+the files read are those whose hashes are in the proof"""
+
+
+class RejectedError(Exception):
+    """Why a proof is not accepted."""
+
+
+def need(condition: Any, words: str) -> None:
+    """Reject unless a condition holds."""
+    if not condition:
+        raise RejectedError(" ".join(words.split()))
+
+
+# --- real numbers up to a radius --------------------------------------------------------------------------------------
+
+
+def up(x: Any) -> Any:
+    """An upper bound of what fewer than 1000 roundings (or underflows) of numbers >= 0 have made too small."""
+    return x * (1.0 + 2.0**-40) + 2.0**-1000
+
+
+class Ball:
+    """Real numbers within `rad` of `mid`, arrays of one shape."""
+
+    __array_ufunc__ = None
+
+    def __init__(self, mid: Any, rad: Any = 0.0) -> None:
+        self.mid: Any = np.asarray(mid, dtype=np.float64)
+        self.rad: Any = np.broadcast_to(np.asarray(rad, dtype=np.float64), self.mid.shape)
+
+    def __getitem__(self, key: Any) -> Ball:
+        return Ball(self.mid[key], self.rad[key])
+
+    def __neg__(self) -> Ball:
+        return Ball(-self.mid, self.rad)
+
+    def __add__(self, other: Any) -> Ball:
+        b = other if isinstance(other, Ball) else Ball(other)
+        mid = self.mid + b.mid
+        return Ball(mid, up(self.rad + b.rad + EPS * np.abs(mid)))
+
+    def __sub__(self, other: Any) -> Ball:
+        b = other if isinstance(other, Ball) else Ball(other)
+        return self + (-b)
+
+    def __rsub__(self, other: Any) -> Ball:
+        return Ball(other) - self
+
+    def __mul__(self, other: Any) -> Ball:
+        b = other if isinstance(other, Ball) else Ball(other)
+        mid = self.mid * b.mid
+        return Ball(mid, up(np.abs(self.mid) * b.rad + self.rad * (np.abs(b.mid) + b.rad) + EPS * np.abs(mid)))
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    @property
+    def size(self) -> Any:
+        """An upper bound of the absolute values."""
+        return up(np.abs(self.mid) + self.rad)
+
+
+def dot(spec: str, a: Any, b: Any) -> Ball:
+    """einsum of two arrays; sums of at most 60 products."""
+    a, b = (x if isinstance(x, Ball) else Ball(x) for x in (a, b))
+    one, two = np.abs(a.mid), np.abs(b.mid)
+    rad = np.einsum(spec, one, b.rad + 64 * EPS * two) + np.einsum(spec, a.rad, two + b.rad)
+    return Ball(np.einsum(spec, a.mid, b.mid), up(rad))
+
+
+def stack(parts: Sequence[Ball], axis: int = 0) -> Ball:
+    """np.stack."""
+    return Ball(np.stack([x.mid for x in parts], axis), np.stack([x.rad for x in parts], axis))
+
+
+def cross(a: Any, b: Ball) -> Ball:
+    """a x b along the last axis."""
+    i, j = [1, 2, 0], [2, 0, 1]
+    one, two = b[..., j] * a[..., i], b[..., i] * a[..., j]
+    return Ball.__sub__(one, two)
+
+
+def norm(x: Any) -> Any:
+    """An upper bound of lengths along the last axis, from upper bounds of absolute values."""
+    return up(np.sqrt(up((x * x).sum(axis=-1))))
+
+
+def above(a: Any, b: Any) -> Any:
+    """An upper bound of a + b."""
+    return a + b + 4 * EPS * (np.abs(a) + np.abs(b)) + 2.0**-1000
+
+
+def unit(v: Any) -> Ball:
+    """v / |v| for exact numbers v. With m = fl(|v|) and S = |v|^2 known as a ball: |sqrt(S) - m| <= |S - m^2| / m = t,
+    and |v / |v| - v / m| <= |v| t / (|v| m) <= 2 |v| t / m^2 as long as t <= m / 2, which 1e-6 < m < 1e6 ensures."""
+    square = dot("i,i->", v, v)
+    m = float(np.sqrt(square.mid))
+    need(1e-6 < m < 1e6, f"{v.tolist()} is no direction or rotation")
+    off = up((Ball(m) * m - square).size / m)
+    return Ball(v / m, up(2 * np.abs(v) * off / (m * m) + EPS * np.abs(v / m)))
+
+
+HALF_PI = Ball(1.5707963267948966, 6.2e-17)  # pi/2 = 1.5707963267948965579989... + 6.123...e-17
+SINE, COSINE = (
+    [Ball((-1) ** (n // 2) / float(np.prod(np.arange(1, n + 1, dtype=float))), EPS) for n in range(first, 19, 2)]
+    for first in (1, 0)
+)
+
+
+def cos_sin(x: Any) -> tuple[Ball, Ball]:
+    """Cosine and sine of exact numbers |x| <= 1e6.
+
+    With k the whole number nearest to 2x/pi and r = x - k pi/2, they are those of r, exchanged and with signs by k mod
+    4. For |r| <= 0.8 the series of sin after r^17 and of cos after r^18 alternate with falling terms, so that they are
+    off by less than the next: 0.8^19 / 19! < 1.3e-19, 0.8^20 / 20! < 5e-21. The coefficients 1/n!, n <= 18, are one
+    division by a whole number that is exact in double precision (18! < 2^53), off by less than 2^-53.
+    """
+    x = np.asarray(x, dtype=np.float64)
+    need((np.abs(x) <= 1e6).all(), "an angle is beyond 1e6 rad")
+    k = np.rint(x * (2 / np.pi))
+    r = x - k * HALF_PI
+    need((r.size <= 0.8).all(), "an angle could not be reduced")
+    square, sin, cos = r * r, Ball(np.zeros_like(x)), Ball(np.zeros_like(x))
+    for a, b in zip(reversed([*SINE, Ball(0.0)]), reversed(COSINE), strict=True):
+        sin, cos = sin * square + a, cos * square + b
+    sin, cos = sin * r + Ball(0.0, 1.3e-19), cos + Ball(0.0, 5e-21)
+    turn, ways = k.astype(np.int64) % 4, ((cos, -sin, -cos, sin), (sin, cos, -sin, -cos))
+    one, two = (Ball(np.choose(turn, [v.mid for v in w]), np.choose(turn, [v.rad for v in w])) for w in ways)
+    return one, two
+
+
+Pose = tuple[Ball, Ball]  # rotation (3, 3) and origin (3,)
+HERE: Pose = (Ball(np.eye(3)), Ball(np.zeros(3)))
+CROSS = np.zeros((3, 3, 3))  # CROSS v is the matrix of v x ...
+CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]], CROSS[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = -1.0, 1.0
+
+
+def rotation(axis: Ball, angle: Any) -> Ball:
+    """Rotations (..., 3, 3) by exact angles (...,) about a unit axis: 1 + sin K + (1 - cos) K^2, K x = axis x x."""
+    cos, sin = cos_sin(angle)
+    k = dot("ijk,k->ij", CROSS, axis)
+    return np.eye(3) + sin[..., None, None] * k + (1.0 - cos)[..., None, None] * dot("ij,jk->ik", k, k)
+
+
+def compose(a: Pose, b: Pose) -> Pose:
+    """The pose b, given in the frame a, where a is."""
+    return dot("ij,jk->ik", a[0], b[0]), dot("ij,j->i", a[0], b[1]) + a[1]
+
+
+def rpy(angles: Any) -> Ball:
+    """R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    x, y, z = (rotation(Ball(np.eye(3)[i]), angles[i]) for i in range(3))
+    return dot("ij,jk->ik", dot("ij,jk->ik", z, y), x)
+
+
+# --- what the files say -----------------------------------------------------------------------------------------------
+
+
+def numbers(value: Any, count: int, what: str) -> Any:
+    """Return `count` finite numbers; one for all of them will do."""
+    rows = value if isinstance(value, list) else [value] * count
+    good = len(rows) == count and all(type(x) in (int, float) and abs(x) < 1e9 for x in rows)
+    need(good, f"{what}: {count} finite numbers are expected")
+    return np.array(rows, dtype=np.float64)
+
+
+def mapping(value: Any, what: str, allowed: str) -> dict[str, Any]:
+    """Return a mapping that has no other keys than those `allowed`, as others may change what is meant."""
+    need(isinstance(value, dict) and {*value} <= {*allowed.split()}, f"{what}: a mapping of some of {allowed}")
+    return {key: item for key, item in value.items() if item is not None}
+
+
+def listing(value: Any, what: str) -> list[Any]:
+    """Return a list that is not too long; empty for nothing."""
+    need(value is None or (isinstance(value, list) and len(value) <= MOST_ROWS), f"{what}: a list is expected")
+    return value or []
+
+
+def pose_of(value: Any, what: str) -> Pose:
+    """Read a pose of a scene."""
+    keys, turn = mapping(value or {}, what, "position rpy quaternion_xyzw"), HERE[0]
+    need(not {"rpy", "quaternion_xyzw"} <= {*keys}, f"{what}: has two rotations")
+    if "quaternion_xyzw" in keys:
+        q = unit(numbers(keys["quaternion_xyzw"], 4, what))
+        k = dot("ijk,k->ij", CROSS, q[:3])
+        turn = np.eye(3) + 2.0 * (q[3] * k + dot("ij,jk->ik", k, k))
+    elif "rpy" in keys:
+        turn = rpy(numbers(keys["rpy"], 3, what))
+    return turn, Ball(numbers(keys.get("position", 0.0), 3, what))
+
+
+def words(element: Any, key: str, default: str) -> Any:
+    """Return the three numbers of an element's attribute."""
+    text = default if element is None else element.get(key, default)
+    return numbers([float(x) for x in text.split()], 3, f"URDF: {key}")
+
+
+def origin(element: Any) -> Pose:
+    """Read the origin of an element of a URDF."""
+    at = element.find("origin")
+    return rpy(words(at, "rpy", "0 0 0")), Ball(words(at, "xyz", "0 0 0"))
+
+
+def read(path: Path) -> bytes:
+    """Return the content of a regular file."""
+    need(path.is_file() and path.stat().st_size <= MOST_BYTES, f"{path}: no file, or one that is too large")
+    return path.read_bytes()
+
+
+def triangles(path: Path, data: bytes) -> Any:
+    """Return the corners (F, 3, 3) of a mesh file's triangles."""
+    kind = path.suffix.lower()
+    need(kind in (".stl", ".obj"), f"{path}: meshes of this kind cannot be checked (stl and obj can)")
+    if kind == ".stl" and len(data) >= 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
+        rows = np.frombuffer(data, dtype=np.dtype([("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")]), offset=84)
+        found = rows["v"].astype(np.float64)
+    else:
+        lines = [x for x in (line.split() for line in data.decode("utf-8", "replace").lower().splitlines()) if x]
+        key = "vertex" if kind == ".stl" else "v"
+        points = np.array([x[1:4] for x in lines if x[0] == key], dtype=np.float64).reshape(-1, 3)
+        if kind == ".stl":
+            found = points.reshape(-1, 3, 3)
+        else:
+            fans, before = [], 0
+            for x in lines:
+                before += x[0] == "v"
+                face = [int(y.split("/")[0]) for y in x[1:]] if x[0] == "f" else []
+                face = [i - 1 if i > 0 else before + i for i in face]
+                need(all(0 <= i < len(points) for i in face), f"{path}: a face has a vertex that is not there")
+                fans += [[face[0], face[i], face[i + 1]] for i in range(1, len(face) - 1)]
+            found = points[np.array(fans, dtype=np.int64).reshape(-1, 3)]
+    need(len(found) and (np.abs(found) < 1e9).all(), f"{path}: has no triangles, or numbers that are not finite")
+    return found
+
+
+@dataclass(eq=False)
+class Piece:
+    """The hull of corners, swept by an ellipsoid, in a frame that is fixed in that of a joint (-1: the world)."""
+
+    name: str  # of the link, held object or obstacle
+    joint: int
+    pose: Pose
+    key: str  # of its shape, which several pieces may cover
+    corners: Any  # (m, 3)
+    off: Any = 0.0  # (3,) by how much the corners may be wrong
+    sweep: Any = field(default_factory=lambda: np.zeros(3))  # (3,) semi-axes of the ellipsoid, along the frame's axes
+    cover: bool = False  # whether it is only the hull around several pieces of its shape
+
+
+@dataclass
+class Joint:
+    """A joint that moves; its pose is that of its frame at 0, in the frame of the moving joint before it (-1: none)."""
+
+    name: str
+    parent: int
+    pose: Pose
+    axis: Ball
+    turns: bool
+    low: float
+    high: float
+
+
+class World:
+    """What is to be kept apart, as the files say it: pieces of the robot, of what it holds, of obstacles, and pairs."""
+
+    def __init__(self, scene: Path, motion: Path, said: dict[str, Any], cuts: dict[str, Any]) -> None:
+        """Read all files; `said` is the head of a proof, `cuts` its groups of the triangles of meshes."""
+        self.scene, self.said, self.cuts, self.files = scene, said, cuts, dict[str, str]()
+        self.pieces, self.meshes = list[Piece](), dict[str, Any]()  # triangles of each mesh, by its key
+        top = yaml.load(self.file("scene", scene), getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+        sections = "robot obstacles attached start goal from_request self_collision limits payload path timing planner"
+        self.top = mapping(top, str(scene), f"hdplan {sections}")
+        need(self.top.get("hdplan") == 1, f"{scene}: not a hdplan scene, version 1")
+        self.read_motion(motion)
+        self.read_robot()
+        self.own, self.clearances = len(self.pieces), dict[str, float]()
+        for i, entry in enumerate(listing(self.top.get("obstacles"), "obstacles")):
+            keys = mapping(entry, f"obstacles[{i}]", "name shape pose clearance motion")
+            name = str(keys.get("name", f"obstacle{i}"))
+            need("motion" not in keys, f"obstacle '{name}': moves, which cannot be checked yet")
+            need(name not in {x.name for x in self.pieces}, f"obstacle '{name}': its name is taken")
+            self.clearances[name] = float(numbers(keys.get("clearance", 0.0), 1, name)[0])
+            self.add(name, -1, pose_of(keys.get("pose"), name), self.shape(keys.get("shape"), name), name)
+        self.pair_up()
+
+    def file(self, key: str, path: Path) -> bytes:
+        """Read a file and note its hash, which must be the proof's."""
+        data = read(path)
+        self.files[key] = hashlib.sha256(data).hexdigest()
+        same = self.said["files"].get(key, self.files[key]) == self.files[key]
+        need(same, f"{key}: {path} is not the file that was proven: its SHA-256 differs")
+        return data
+
+    def read_motion(self, path: Path) -> None:
+        """Read the rows, and make the control points (N - 1, d + 1, n) of the polynomial between each two."""
+        data, kind, rates = self.file("motion", path), path.suffix.lower(), ("positions", "velocities", "accelerations")
+        need(kind in (".json", ".csv"), f"{path}: motions of this kind cannot be checked (json and csv can)")
+        if kind == ".json":
+            keys = f"hdplan_trajectory joint_names interpolation locked times verdict steps {' '.join(rates)}"
+            said = mapping(json.loads(data), str(path), keys)
+            self.names, self.locked = [str(x) for x in said["joint_names"]], said.get("locked", {})
+        else:
+            head, *lines = [row for row in csv.reader(data.decode("utf-8-sig").splitlines()) if row]
+            columns = dict(zip((x.strip() for x in head), np.array(lines, dtype=np.float64).T, strict=True))
+            ends, self.locked = ("", ".velocity", ".acceleration"), dict[str, float]()
+            self.names = [x for x in columns if x != "time" and not x.endswith(ends[1:])]
+            need(len(columns) == len(head), f"{path}: a column stands twice")
+            tables = {rate: [columns[x + end] for x in self.names if end in ("", *(y[-len(end) :] for y in columns))]
+                      for rate, end in zip(rates, ends, strict=True)}  # fmt: skip
+            said = {rate: np.transpose(x) for rate, x in tables.items() if x}
+            said |= {"times": columns["time"]} if "time" in columns else {}
+        given = [np.array(said[key], dtype=np.float64) for key in rates if key in said]
+        times = np.array(said["times"], dtype=np.float64) if "times" in said else None
+        count, n = given[0].shape
+        good = 2 <= count <= MOST_ROWS and 1 <= n <= 60 and len({*self.names}) == n == len(self.names)
+        need(good, f"{path}: too few or too many rows or joints, or a joint twice")
+        need(all(x.shape == (count, n) and (np.abs(x) < 1e9).all() for x in given), f"{path}: numbers must be finite")
+        rated = [x in said for x in ("times", *rates[1:])]
+        need(sorted(rated, reverse=True) == rated, f"{path}: velocities need times, accelerations need velocities")
+        a, b = Ball(given[0][:-1]), Ball(given[0][1:])
+        control, self.rows, self.times = [a, b], given[0], times
+        if times is not None:
+            good = times.shape == (count,) and (np.abs(times) < 1e9).all() and (np.diff(times) > 0).all()
+            need(good, f"{path}: times must be finite and increase")
+            width = (Ball(times[1:]) - times[:-1])[:, None]
+        if len(given) == 2:
+            v, w = (x * (width * Ball(1 / 3, EPS)) for x in (given[1][:-1], given[1][1:]))
+            control = [a, a + v, b - w, b]
+        if len(given) == 3:
+            v, w = (x * (width * Ball(0.2, EPS)) for x in (given[1][:-1], given[1][1:]))
+            x, y = (x * (width * width * Ball(0.05, EPS)) for x in (given[2][:-1], given[2][1:]))
+            control = [a, a + v, a + 2.0 * v + x, b - 2.0 * w + y, b - w, b]
+        self.control = stack(control, 1)
+
+    # --- the robot ---
+
+    def read_robot(self) -> None:
+        """Read the tree of links, where each is in the frame of the joint that carries it, and the pieces of all."""
+        keys = "name urdf srdf package_dirs group base locked ignore_pairs"
+        spec = self.spec = mapping(self.top.get("robot"), "robot", keys)
+        here = self.scene.resolve().parent
+        folders = [here / str(x) for x in listing(spec.get("package_dirs"), "package_dirs")]
+        package = metadata.distribution("example-robot-data")
+        some = next(Path(str(package.locate_file(x))) for x in package.files or () if str(x).endswith(".urdf"))
+        library = next(x for x in some.parents if x.name == "robots")
+        urdfs, srdfs = ([here / str(spec[key])] if key in spec else [] for key in ("urdf", "srdf"))
+        if "name" in spec:
+            known = sorted([*library.glob("*/urdf/*.urdf"), *library.glob("*/robots/*.urdf")])
+            urdfs = [x for x in known if spec["name"] in (x.stem.removesuffix("_robot"),
+                                                          x.parents[1].name.removesuffix("_description"))]  # fmt: skip
+            srdfs = [y for x in urdfs for y in sorted((x.parents[1] / "srdf").glob("*.srdf"))]
+        elif urdfs:
+            folders += urdfs[0].resolve().parents
+        ros = [Path(x) for x in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if x]
+        self.folders = [*folders, library.parent.parent, library, *ros]
+        urdf, srdf = self.pick("urdf", urdfs), self.pick("srdf", srdfs)
+        need(urdf, "robot: there is no URDF of this robot with the hash that is in the proof")
+        assert urdf is not None
+        self.urdf, root = urdf, ElementTree.fromstring(self.file("urdf", urdf))
+        words_ = ElementTree.fromstring(self.file("srdf", srdf) if srdf else b"<robot/>")
+        pairs = [frozenset((x.get("link1", ""), x.get("link2", ""))) for x in words_.findall("disable_collisions")]
+        self.excused, self.states = dict.fromkeys(pairs, "the SRDF"), dict[str, dict[str, float]]()
+        for state in words_.findall("group_state"):  # a joint that two states of one name have elsewhere is at neither
+            known_ = self.states.setdefault(state.get("name", ""), {})
+            for x in [x for x in state.findall("joint") if len(x.get("value", "").split()) == 1]:
+                name, value = x.get("name", ""), float(x.get("value", ""))
+                known_[name] = value if known_.get(name, value) == value else np.nan
+        ignored = listing(spec.get("ignore_pairs"), "ignore_pairs")
+        self.excused |= {frozenset(map(str, listing(x, "ignore_pairs"))): "robot.ignore_pairs" for x in ignored}
+        links = {x.get("name", ""): x for x in root.findall("link")}
+        self.above, below = dict[str, str](), dict[str, list[tuple[str, Any]]]()
+        for joint in root.findall("joint"):
+            parent, child = (x.get("link", "") for x in (joint.find("parent"), joint.find("child")) if x is not None)
+            need({parent, child} <= {*links} and child not in self.above, f"{urdf}: its links make no tree")
+            self.above[child] = parent
+            below.setdefault(parent, []).append((child, joint))
+        (first,) = [x for x in links if x not in self.above]
+        self.at: dict[str, tuple[int, Pose]] = {first: (-1, pose_of(spec.get("base"), "robot.base"))}
+        self.joints, self.held, waiting = list[Joint](), dict[str, float](), [first]
+        while waiting:
+            link = waiting.pop()
+            for child, joint in below.get(link, ()):
+                self.at[child] = self.place(joint, *self.at[link])
+                waiting.append(child)
+        need(len(self.at) == len(root.findall("link")), f"{urdf}: its links make no tree")
+        need({*self.names} == {x.name for x in self.joints}, f"{urdf}: not all joints of the motion can move in it")
+        order = [self.names.index(x.name) for x in self.joints]
+        self.control, self.rows = self.control[:, :, order], self.rows[:, order]
+        self.carried = np.zeros((len(order) + 1, len(order)), dtype=bool)  # by which joints; the last row: the world
+        for i, each in enumerate(self.joints):
+            self.carried[i] = self.carried[each.parent]
+            self.carried[i, i] = True
+        for link, element in links.items():
+            for i, shape in enumerate(element.findall("collision")):
+                number, pose = self.at[link]
+                self.add(link, number, compose(pose, origin(shape)), self.solid(shape, f"link '{link}'"), f"{link} {i}")
+        for i, entry in enumerate(listing(self.top.get("attached"), "attached")):
+            held = mapping(entry, f"attached[{i}]", "name link shape pose touch_links mass")
+            name, link = str(held.get("name", f"attached{i}")), str(held["link"])
+            need(link in links and name not in self.at, f"attached[{i}]: its link is not known, or its name is taken")
+            self.at[name] = number, pose = self.at[link]
+            placed = compose(pose, pose_of(held.get("pose"), name))
+            self.add(name, number, placed, self.shape(held["shape"], name), name)
+            touching = [str(x) for x in listing(held.get("touch_links"), "touch_links")]
+            self.excused |= {frozenset((name, x)): "touch_links" for x in touching}
+
+    def pick(self, key: str, files: list[Path]) -> Path | None:
+        """Return the file of the proof's hash among several."""
+        wanted = self.said["files"].get(key)
+        return next((x for x in files if x.is_file() and hashlib.sha256(read(x)).hexdigest() == wanted), None)
+
+    def place(self, joint: Any, parent: int, pose: Pose) -> tuple[int, Pose]:
+        """Return the moving joint that carries a joint's child, and the child's pose in its frame."""
+        name, kind, limit = joint.get("name", ""), joint.get("type", ""), joint.find("limit")
+        pose = compose(pose, origin(joint))
+        if kind == "fixed":
+            return parent, pose
+        need(kind in ("revolute", "continuous", "prismatic"), f"joint '{name}': type '{kind}' cannot be checked")
+        axis, mimic, start = unit(words(joint.find("axis"), "xyz", "1 0 0")), joint.find("mimic"), self.top.get("start")
+        if name in self.names:
+            low, high = (float(limit.get(x, 0)) for x in ("lower", "upper")) if limit is not None else (-np.inf, np.inf)
+            ends = (-np.inf, np.inf) if kind == "continuous" else (low, high)
+            self.joints.append(Joint(name, parent, pose, axis, kind != "prismatic", *ends))
+            return len(self.joints) - 1, HERE
+        moving = mimic is not None and mimic.get("joint") in self.names
+        need(not moving, f"joint '{name}': follows a joint that moves, which cannot be checked")
+        given = start.get("joints") if isinstance(start, dict) else None
+        sources = (self.spec.get("locked"), given, self.locked, self.said["held"])
+        values = [x[name] for x in sources if isinstance(x, dict) and name in x]
+        need(values, f"joint '{name}': nothing says where it is held")
+        value = self.held[name] = float(numbers(values[0], 1, f"joint '{name}'")[0])
+        need(
+            self.said["held"].get(name, value) == value,
+            f"joint '{name}': is held at {value:g}, not where the proof says",
+        )
+        step = (rotation(axis, value), HERE[1]) if kind != "prismatic" else (HERE[0], axis * value)
+        return parent, compose(pose, step)
+
+    def solid(self, collision: Any, where: str) -> tuple[Any, Any, Any]:
+        """Return the shape of a collision element of a URDF, as `shape` does."""
+        (shape,) = (x for element in collision.findall("geometry") for x in element)
+        if shape.tag == "mesh":
+            scheme, told, rest = shape.get("filename", "").partition("://")
+            packaged = told and scheme in ("package", "model")
+            name = rest.lstrip("/") if packaged else rest or scheme
+            found = [x / name for x in (self.folders if packaged else [self.urdf.parent]) if (x / name).is_file()]
+            need(found, f"{where}: mesh '{name}' is not found")
+            return self.mesh(found[0], words(shape, "scale", "1 1 1"))
+        sizes: dict[str, Any] = {key: float(shape.get(key)) for key in ("radius", "length") if key in shape.attrib}
+        sizes |= {key: words(shape, key, "").tolist() for key in ("size", "radii") if key in shape.attrib}
+        return self.shape({"type": shape.tag, **sizes}, where)
+
+    def shape(self, value: Any, where: str) -> tuple[Any, Any, Any]:
+        """Return corners (m, 3), their error and the sweeping ellipsoid's semi-axes, of a shape of the scene; triangles
+        (F, 3, 3) in place of corners for a mesh."""
+        keys = mapping(value, f"{where}: shape", "type size radius radii length points file scale")
+        kind, none = str(keys.pop("type", "")), np.zeros(3)
+        round_ = {"sphere": "radius", "cylinder": "radius length", "capsule": "radius length", "ellipsoid": "radii"}
+        needed = {**round_, "box": "size", "points": "points", "mesh": "file"}.get(kind, "?").split()
+        need({*keys} - {*(["scale"] * (kind == "mesh"))} == {*needed}, f"{where}: a shape '{kind}' with other keys")
+        if kind == "mesh":
+            return self.mesh(self.scene.resolve().parent / str(keys["file"]), numbers(keys.get("scale", 1), 3, where))
+        if kind == "points":
+            return np.array([numbers(x, 3, where) for x in listing(keys["points"], where)]), none, none
+        three = numbers(keys.get("size", keys.get("radii", 1)), 3, where)
+        radius, length = (float(numbers(keys.get(key, 1), 1, where)[0]) for key in ("radius", "length"))
+        need(min(*three, radius, length) >= 0, f"{where}: a size is negative")
+        if kind == "box":
+            corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+            return corners * three, none, none
+        line = np.array([[0, 0, -0.5], [0, 0, 0.5]]) * (length if "length" in keys else 0.0)
+        return line, none, three if kind == "ellipsoid" else radius * np.array([1.0, 1.0, float(kind != "cylinder")])
+
+    def mesh(self, path: Path, scale: Any) -> tuple[Any, Any, Any]:
+        """Return the triangles of a mesh file, scaled."""
+        found = triangles(path, self.file(f"mesh {path.parent.name}/{path.name}", path)) * scale
+        return found, 2 * EPS * np.abs(found).max(axis=(0, 1)) * (scale != 1), np.zeros(3)
+
+    def add(self, name: str, joint: int, pose: Pose, shape: tuple[Any, Any, Any], key: str) -> None:
+        """Note a shape as pieces: a mesh as its hull, or as the hulls of the groups of its triangles and one around."""
+        corners, off, sweep = shape
+        if corners.ndim == 2:
+            self.pieces.append(Piece(name, joint, pose, key, corners, off, sweep))
+            return
+        self.meshes[key], groups = corners, self.cuts.get(key, np.zeros(len(corners)))
+        need(groups.shape == corners.shape[:1], f"mesh of {key}: has {len(corners)} triangles, not {len(groups)}")
+        labels = np.unique(groups).tolist()
+        for mask, cover in [(groups == x, False) for x in labels] + [(groups >= 0, True)] * (len(labels) > 1):
+            own = np.unique(corners[mask].reshape(-1, 3), axis=0)
+            self.pieces.append(Piece(name, joint, pose, key, own, off, sweep, cover))
+
+    # --- what is to be kept apart ---
+
+    def pair_up(self) -> None:
+        """List the pairs of pieces to be kept apart (P, 2), the pairs of hulls that have to be apart once (Q, 2), and
+        why other pairs are left out."""
+        pieces, self.left_out = self.pieces, dict[frozenset[str], str]()
+        rows, once = list[tuple[int, int]](), dict[tuple[int, int], None]()
+        last = {x.key: i for i, x in enumerate(pieces)}  # of each shape: the hull around it
+        for a in range(self.own):
+            for b in range(a + 1, len(pieces)):
+                one, two = pieces[a], pieces[b]
+                if one.cover or two.cover or one.name == two.name or (b >= self.own and one.joint < 0):
+                    continue
+                if b < self.own and (reason := self.excuse(one.name, two.name)):
+                    self.left_out[frozenset((one.name, two.name))] = reason
+                    continue
+                rows.append((a, b))
+                if pieces[last[one.key]].cover or pieces[last[two.key]].cover:
+                    once[last[one.key], last[two.key]] = None
+        self.pairs, self.once = (np.array(list(x), dtype=np.int64).reshape(-1, 2) for x in (rows, once))
+        self.centers = np.array([(x.corners.min(axis=0) + x.corners.max(axis=0)) / 2 for x in pieces]).reshape(-1, 3)
+        away = [norm(up(np.abs(x.corners - c) + x.off)).max() for x, c in zip(pieces, self.centers, strict=True)]
+        self.radii = up(np.array(away) + [x.sweep.max() for x in pieces])  # of balls around the pieces
+
+    def excuse(self, one: str, two: str) -> str | None:
+        """Say why two links, or held objects, need not be kept apart; None if they must be."""
+        (a, _), (b, _) = self.at[one], self.at[two]
+        if a == b or self.top.get("self_collision") is False:
+            return "fixed to each other" if a == b else "self_collision: false"
+        if reason := self.excused.get(frozenset((one, two))):
+            return reason
+        one_joint = (a >= 0 and self.joints[a].parent == b) or (b >= 0 and self.joints[b].parent == a)
+        if not one_joint or not {one, two} <= {*self.above, *self.above.values()}:
+            return None
+        ways = [[link] for link in (one, two)]
+        for way in ways:
+            while way[-1] in self.above:
+                way.append(self.above[way[-1]])
+        shared = [link for link in ways[0] if link in ways[1]]
+        between = {link for way in ways for link in way if link not in shared} | {*shared[:1]}
+        return None if (between - {one, two}) & {x.name for x in self.pieces} else "neighbours"
+
+
+# --- leaves -----------------------------------------------------------------------------------------------------------
+
+
+def half(a: float, b: float) -> float:
+    """Where an interval of the motion is cut: between two rows if it has any within, or else in its middle."""
+    return float(np.floor((a + b) / 2)) if b - a > 1 else (a + b) / 2
+
+
+def leaves(depths: Sequence[int], rows: int) -> Iterator[tuple[float, float]]:
+    """Yield the intervals of the leaves of a binary tree over [0, rows], whose depths stand in order."""
+    waiting = [(0.0, float(rows), 0)]
+    for wanted in depths:
+        need(waiting, "there are more leaves than the motion needs")
+        a, b, depth = waiting.pop()
+        while depth < wanted <= DEEPEST:
+            middle, depth = half(a, b), depth + 1
+            waiting.append((middle, b, depth))
+            b = middle
+        need(depth == wanted and b - a >= NARROWEST, f"the leaves' depths make no tree at {a:g} of {rows}")
+        yield a, b
+    need(not waiting, f"no leaf covers the motion from {waiting[-1][0] if waiting else 0:g} on, of {rows}")
+
+
+class Motion:
+    """Joints, frames and reaches on intervals of the motion, one row each: see the head of this file."""
+
+    def __init__(self, world: World, spans: Any) -> None:
+        """Compute them for `spans` (k, 2) of the rows, exact numbers."""
+        self.world, (low, high), degree = world, spans.T, world.control.mid.shape[1] - 1
+        first, k, count = np.floor(low).astype(int), len(spans), len(world.joints)
+        counts = np.ceil(high).astype(int) - first
+        begins = np.cumsum(counts) - counts
+        need(counts.sum() <= 1 << 20, "the intervals of the leaves cover too many rows")
+        row, span = np.arange(counts.sum()) - np.repeat(begins - first, counts), np.repeat(np.arange(k), counts)
+        start, end = (np.clip(x[span] - row, 0, 1)[:, None, None] for x in (low, high))
+        made = []
+        for i in range(degree + 1):  # values of the blossom: the control points of a part of a polynomial
+            points = world.control[row]
+            for step in range(degree):
+                cut = end if step < i else start
+                points = points[:, :-1] * (1.0 - cut) + points[:, 1:] * cut
+            made.append(points[:, 0])
+        part = stack(made, 1)
+        self.step: Any = (part.mid[begins + counts - 1, -1] - part.mid[begins, 0]) / 2  # any numbers will do, as for
+        place = (row - low[span])[:, None] + start[:, 0] + (end - start)[:, 0] * np.arange(degree + 1) / degree
+        line = Ball(2 * place / (high - low)[span, None] - 1, 16 * EPS)[:, :, None] * self.step[span, None]
+        over = part.mid - line.mid
+        edges = np.maximum.reduceat(over.max(axis=1), begins), np.minimum.reduceat(over.min(axis=1), begins)
+        self.middle: Any = (edges[0] + edges[1]) / 2  # the middle: `off` is how far the curve is from their line
+        self.off: Any = np.maximum.reduceat((part - (line + self.middle[span, None])).size.max(axis=1), begins)
+        self.most: Any = up(np.abs(self.step) + self.off)
+        still: Pose = (Ball(np.zeros((k, 3, 3)) + np.eye(3)), Ball(np.zeros((k, 3))))
+        frames = [still] * (count + 1)  # the last is the world's
+        for j, joint in enumerate(world.joints):
+            turn, at = frames[joint.parent]
+            turn, at = dot("kij,jl->kil", turn, joint.pose[0]), dot("kij,j->ki", turn, joint.pose[1]) + at
+            if joint.turns:
+                frames[j] = dot("kij,kjl->kil", turn, rotation(joint.axis, self.middle[:, j])), at
+            else:
+                frames[j] = turn, dot("kij,kj->ki", turn, joint.axis * self.middle[:, j, None]) + at
+        self.turn, self.at = stack([x for x, _ in frames], 1), stack([x for _, x in frames], 1)
+        self.turning = np.array([x.turns for x in world.joints])
+        self.axis = dot("knij,nj->kni", self.turn[:, :-1], stack([x.axis for x in world.joints]))
+        arm, turns = cross(self.at[:, :-1], self.axis), self.turning[:, None]
+        self.moment = Ball(np.where(turns, arm.mid, self.axis.mid), np.where(turns, arm.rad, self.axis.rad))
+        own, self.reach = world.pieces[: world.own], np.zeros((k, world.own, count))
+        ends = []
+        for piece, center in zip(own, world.centers, strict=False):
+            local = dot("ij,j->i", piece.pose[0], center) + piece.pose[1]
+            ends.append(dot("kij,j->ki", self.turn[:, piece.joint], local) + self.at[:, piece.joint])
+        after, carried = np.zeros((k, world.own)), world.carried[[x.joint for x in own]]
+        for j in reversed(range(count if own else 0)):
+            away = norm(cross(stack(ends, 1) - self.at[:, j, None], self.axis[:, j, None]).size)
+            far = up(away + world.radii[: world.own] + after) if self.turning[j] else np.ones_like(after)
+            self.reach[:, :, j] = np.where(carried[:, j], far, 0.0)
+            after = up(after + self.most[:, j, None] * self.reach[:, :, j])
+
+    def gaps(self, node: Any, pairs: Any, normal: Any) -> Any:
+        """Return lower bounds (L,) of the distance of pairs (L, 2) on intervals (L,) by directions (L, 3)."""
+        a, b = pairs.T
+        moves = self.world.carried[[x.joint for x in self.world.pieces]]
+        near, rest = self.extremes(node, a, moves[a] & ~moves[b], -normal)
+        far, more = self.extremes(node, b, moves[b] & ~moves[a], normal)
+        length = norm(np.abs(normal))
+        least = -above(above(near, far).max(axis=0), up(length * (rest + more))) / length
+        return np.where(least > 0, least * (1 - 8 * EPS), 2 * least)  # `length` may be too large
+
+    def extremes(self, node: Any, body: Any, moves: Any, d: Any) -> tuple[Any, Any]:
+        """Return upper bounds (2, L) of d.(x + s x') over the points x of pieces at s = 1, -1, and R (L,)."""
+        world, step = self.world, self.step[node] * moves
+        turned = cross(d, dot("ln,lni->li", step * self.turning, self.axis[node]))
+        slide = dot("li,li->l", d, dot("ln,lni->li", step, self.moment[node]))
+        reach = self.reach[node, np.minimum(body, world.own - 1)] * moves  # obstacles: none of the joints
+        angle = np.abs(step) * self.turning
+        before = np.cumsum(np.pad(angle, ((0, 0), (1, 0)))[:, :-1], axis=1)
+        rest = up((reach * (0.5 * np.abs(step) * (angle + 2 * before) + self.off[node])).sum(axis=1))
+        joint, found = np.array([x.joint for x in world.pieces])[body], []
+        for sign in (1.0, -1.0):
+            way = Ball(d) + sign * turned
+            base = dot("li,li->l", way, self.at[node, joint]) + sign * slide
+            local, value = dot("li,lij->lj", way, self.turn[node, joint]), above(base.mid, base.rad)
+            for g in np.unique(body):
+                value[body == g] = above(value[body == g], support(world.pieces[g], local[body == g]))
+            found.append(value)
+        return np.stack(found), rest
+
+
+def support(piece: Piece, d: Ball) -> Any:
+    """Return upper bounds (k,) of d.x over the points x of a piece, for directions (k, 3) in the frame of its joint."""
+    local, shift = dot("ki,ij->kj", d, piece.pose[0]), dot("ki,i->k", d, piece.pose[1])
+    size = np.abs(piece.corners).max(axis=0)
+    error = ((local.rad + 8 * EPS * np.abs(local.mid)) * size + local.size * piece.off).sum(axis=1)
+    value = above((local.mid @ piece.corners.T).max(axis=1), up(error + norm(piece.sweep * local.size)))
+    return above(value, above(shift.mid, shift.rad))
+
+
+# --- the proof --------------------------------------------------------------------------------------------------------
+
+Trees = tuple[Any, Any, Any, Any, Any]
+"""Of every pair the number of leaves (P,), their depths (L,) and directions (L, 3); rows (Q,) and directions (Q, 3)
+where hulls around several pieces are apart."""
+
+
+def unpack(data: bytes) -> tuple[dict[str, Any], dict[str, Any], Trees]:
+    """Return head, groups of triangles by mesh, and trees of a proof's file."""
+    need(data.startswith(MAGIC), "the file is not a proof")
+    inflate = zlib.decompressobj()
+    line, _, rest = inflate.decompress(data[len(MAGIC) :], MOST_BYTES).partition(b"\n")
+    need(inflate.eof and not inflate.unused_data, "the proof is cut short, too large, or goes on after its end")
+    keys = "version files clearance self_clearance held cuts pairs leaves once claims"
+    head, at, arrays = mapping(json.loads(line), "the proof's head", keys), 0, []
+    good = all(isinstance(head[x], dict) for x in ("files", "held", "cuts"))
+    need(good and head["version"] == VERSION, "the proof's head is not of this version")
+    sizes = [*((x, "<u2") for x in head["cuts"].values()), (head["pairs"], "<u4"), (head["leaves"], "<u1")]
+    sizes += [(3 * head["leaves"], "<i2"), (head["once"], "<u4"), (3 * head["once"], "<i2")]
+    for count, kind in sizes:
+        need(type(count) is int and 0 <= count <= 3 * MOST_LEAVES, "the proof counts more than is allowed")
+        array = np.frombuffer(rest[at : at + count * int(kind[2])], dtype=kind)
+        need(len(array) == count, "the proof is shorter than its head says")
+        arrays.append(array.astype(np.int64))
+        at += array.nbytes
+    need(at == len(rest), "the proof is longer than its head says")
+    *groups, counts, depths, normals, rows, ways = arrays
+    trees = counts, depths, normals.reshape(-1, 3).astype(np.float64), rows, ways.reshape(-1, 3).astype(np.float64)
+    return head, dict(zip(head["cuts"], groups, strict=True)), trees
+
+
+def verify(scene: Path, motion: Path, proof: Path | bytes) -> str:
+    """Return what is proven by a proof's file, or its content. Raises RejectedError, which names leaf, pair and
+    reason."""
+    try:
+        with np.errstate(all="ignore"):
+            head, cuts, trees = unpack(proof if isinstance(proof, bytes) else read(proof))
+            world = World(scene, motion, head, cuts)
+            need(world.files == head["files"] and {*cuts} <= {*world.meshes}, "the proof names other files or meshes")
+            check_apart(world, head, trees)
+            return statement(world, head)
+    except RejectedError:
+        raise
+    except Exception as error:  # whatever is not as it should be: it is no proof
+        words_ = " ".join(f"{type(error).__name__}: {error}".split())
+        raise RejectedError(f"a file is not as it should be ({words_})") from None
+
+
+def check_apart(world: World, head: dict[str, Any], trees: Trees) -> None:
+    """Check that the leaves cover the motion and keep the pairs apart."""
+    counts, depths, normals, rows, ways = trees
+    kinds = ("clearance", "self_clearance")
+    asked = {key: float(numbers(head[key], 1, key)[0]) for key in kinds if head.get(key) is not None}
+    kind = [kinds[int(b < world.own)] for b in world.pairs[:, 1]]
+    need(len(counts) == len(world.pairs), f"{len(world.pairs)} pairs are to be kept apart, the proof has {len(counts)}")
+    need({*kind} == {*asked} and min(asked.values(), default=1.0) > 0, "clearances are missing, or not above 0")
+    need(len(rows) == len(world.once) and rows.max(initial=0) < len(world.control.mid), "rows where hulls are apart")
+    need(counts.sum() == len(depths) <= MOST_LEAVES, "the pairs have other leaves than the proof")
+    need(normals.any(axis=1).all() and ways.any(axis=1).all(), "a direction is 0")
+    others = [world.pieces[b].name for b in world.pairs[:, 1]]
+    least: Any = np.array([max(asked[k], world.clearances.get(x, 0.0)) for k, x in zip(kind, others, strict=True)])
+    pieces = world.pieces
+    spans, pair, ends = list[tuple[float, float]](), np.repeat(np.arange(len(counts)), counts), np.cumsum(counts)
+    bodies = np.concatenate([world.pairs[pair], world.once])
+    for p, end in enumerate(ends.tolist()):
+        try:
+            spans += leaves(depths[end - counts[p] : end].tolist(), len(world.rows) - 1)
+        except RejectedError as error:
+            raise RejectedError(f"{' and '.join(pieces[i].key for i in world.pairs[p])}: {error}") from None
+    spans += [(float(row), float(row) + NARROWEST) for row in rows.tolist()]
+    floor, normals = np.append(least[pair], np.full(len(rows), 1e-9)), np.concatenate([normals, ways])
+    unique, node = np.unique(np.array(spans).reshape(-1, 2), axis=0, return_inverse=True)
+    order = np.argsort(node.ravel(), kind="stable")
+    for begin in range(0, len(order), AT_ONCE):
+        chosen = order[begin : begin + AT_ONCE]
+        used, local = np.unique(node.ravel()[chosen], return_inverse=True)
+        found = Motion(world, unique[used]).gaps(local.ravel(), bodies[chosen], normals[chosen])
+        for i in np.flatnonzero(~(found >= floor[chosen]))[:1]:
+            leaf, (low, high) = chosen[i], spans[chosen[i]]
+            where = f"leaf {leaf}, from {low:.6g} to {high:.6g} of {len(world.rows) - 1} intervals"
+            short = f"its plane keeps them {found[i] * 1e3:.6g} mm apart, not {floor[leaf] * 1e3:.6g} mm"
+            raise RejectedError(f"{' and '.join(pieces[i].key for i in bodies[leaf])}: {where}: {short}")
+
+
+def statement(world: World, head: dict[str, Any]) -> str:
+    """Check limits and ends, as far as the proof claims them, and say what is proven and what is not."""
+    claims, top, joints = [str(x) for x in listing(head["claims"], "claims")], world.top, world.joints
+    need({*claims} <= {"limits", "start", "goal"}, "the proof claims what cannot be checked")
+    ranges = (top.get("limits") or {}).get("position") or {}
+    need({*ranges} <= {x.name for x in joints}, "limits.position: a joint does not move")
+    limits = [numbers(ranges[x.name], 2, x.name).tolist() if x.name in ranges else [x.low, x.high] for x in joints]
+    low, high = np.array(limits, dtype=np.float64).T + [[-ROUNDED], [ROUNDED]]
+    spans = np.arange(len(world.rows) - 1.0)[:, None] + [0, 1] if "limits" in claims else np.zeros((0, 2))
+    while len(spans):
+        motion = Motion(world, spans)
+        beyond = ~((motion.middle - motion.most >= low) & (motion.middle + motion.most <= high))
+        finest = len(spans) > AT_ONCE or spans[0, 1] - spans[0, 0] < 2.0**-20
+        for i, j in np.argwhere(beyond)[: int(finest)]:
+            raise RejectedError(f"joint '{joints[j].name}' leaves its limits near row {spans[i, 0]:g}")
+        spans = spans[beyond.any(axis=1)]
+        middle = spans.mean(axis=1)
+        spans = np.concatenate([np.stack([spans[:, 0], middle], axis=1), np.stack([middle, spans[:, 1]], axis=1)])
+    for end, row in (("start", world.rows[0]), ("goal", world.rows[-1])):
+        if end in claims:
+            asked = mapping(top.get(end), end, "joints state")
+            target = world.states.get(str(asked["state"])) if "state" in asked else asked.get("joints")
+            if isinstance(target, list) and all(x.parent == i - 1 for i, x in enumerate(joints)):
+                target = dict(zip([x.name for x in joints], numbers(target, len(joints), end).tolist(), strict=True))
+            places = target if isinstance(target, dict) else {}
+            near = [abs(q - places.get(x.name, np.nan)) <= SAME for q, x in zip(row.tolist(), joints, strict=True)]
+            need(all(near), f"{end}: the motion's end is elsewhere, or is not one that can be checked")
+    said = [f"accepted: over the whole motion of {len(world.rows)} rows"]
+    own = {name: x for name, x in world.clearances.items() if x > (head.get("clearance") or 0.0)}
+    more = "".join(f"; {1e3 * x:g} mm from {name}" for name, x in own.items())
+    for key, what in (("clearance", "from every obstacle"), ("self_clearance", "from one another")):
+        if head.get(key):
+            least = f"at least {1e3 * head[key] - 5e-7:.6f} mm {what}"
+            said.append(f"  links and held objects are {least}{more * (key == 'clearance')}")
+    open_ = [x for x in ("limits", "start", "goal") if x not in claims]
+    open_ += [f"limits.{x}" for x in top.get("limits") or {} if x != "position"]
+    open_ += [x for x in ("path", "timing") if x in top]
+    said += [f"  also proven: {', '.join(claims)}"] * bool(claims)
+    said += [f"  NOT proven by this file: {', '.join(open_)}"] * bool(open_)
+    for reason in dict.fromkeys(world.left_out.values()):
+        pairs = sorted("-".join(sorted(x)) for x, why in world.left_out.items() if why == reason)
+        said.append(f"  not compared, {reason}: {', '.join(pairs)}")
+    said += [f"  held: {', '.join(f'{name} at {at:g}' for name, at in world.held.items())}"] * bool(world.held)
+    return "\n".join([*said, "  if:", *(f"    {line}" for line in ASSUMES.splitlines())])
+
+
+def main() -> int:
+    """Run from the command line."""
+    if len(sys.argv) != 4:
+        sys.exit("usage: python -m hdplan.verify SCENE TRAJECTORY PROOF")
+    try:
+        print(verify(*map(Path, sys.argv[1:])))
+    except RejectedError as error:
+        print(f"rejected: {error}")
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

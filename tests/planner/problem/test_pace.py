@@ -1,0 +1,77 @@
+"""Laws of the pace: between the time of the slowest joint and a little more, convex, and exact in its derivatives."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from hdplan.planner.problem.pace import P, Pace
+from hdplan.scenes.array_types import Array
+
+
+def a_motion(seed: int) -> tuple[Pace, Array]:
+    rng = np.random.default_rng(seed)
+    n, count = int(rng.integers(1, 9)), int(rng.integers(3, 12))
+    limits = np.exp(rng.normal(size=n))
+    if n > 1 and seed % 3 == 0:
+        limits[rng.integers(n)] = np.inf
+    return Pace(limits), np.cumsum(rng.normal(size=(count, n)), axis=0)
+
+
+def whole_hessian(pace: Pace, motion: Array) -> Array:
+    count, n = motion.shape
+    found = pace.value(motion)
+    whole = np.zeros((count, n, count, n))
+    for k in range(count):
+        whole[k, :, k] = found.diagonal[k]
+    for k in range(count - 1):
+        whole[k + 1, :, k], whole[k, :, k + 1] = found.coupling[k], found.coupling[k].T
+    return whole.reshape(count * n, count * n)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_it_lies_between_the_slowest_joints_time_and_little_more(seed: int) -> None:
+    pace, motion = a_motion(seed)
+    steps = np.diff(motion, axis=0)
+    slowest = (np.abs(steps) * pace.shares).max(axis=1)
+    least = 0.5 * len(steps) * np.sum(slowest**2)
+    cost = pace.value(motion).cost
+    assert least * (1 - 1e-12) <= cost <= least * motion.shape[1] ** (2 / P) * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_gradient_and_hessian_three_ways(seed: int) -> None:
+    pace, motion = a_motion(seed)
+    found = pace.value(motion)
+    steps = ca.MX.sym("steps", motion.shape[1], len(motion) - 1)
+    expression = pace.expression(steps)
+    x = ca.MX.sym("x", motion.size)
+    rows = ca.reshape(x, motion.shape[1], len(motion))
+    whole = ca.substitute(expression, steps, rows[:, 1:] - rows[:, :-1])
+    hessian, gradient = ca.hessian(whole, x)
+    symbolic = ca.Function("pace", [x], [whole, gradient, hessian])
+    cost, slope, bend = (each.full() for each in symbolic(motion.ravel()))
+    assert found.cost == pytest.approx(cost.item(), rel=1e-9)
+    np.testing.assert_allclose(found.gradient.ravel(), slope.ravel(), atol=1e-8 * np.abs(slope).max())
+    np.testing.assert_allclose(whole_hessian(pace, motion), bend, atol=1e-7 * np.abs(bend).max())
+    rng = np.random.default_rng(seed)
+    way = rng.normal(size=motion.shape)
+    ahead, behind = (pace.value(motion + sign * 1e-6 * way) for sign in (1, -1))
+    assert (ahead.cost - behind.cost) / 2e-6 == pytest.approx(np.sum(found.gradient * way), rel=1e-5)
+    change = (ahead.gradient - behind.gradient).ravel() / 2e-6
+    np.testing.assert_allclose(change, whole_hessian(pace, motion) @ way.ravel(), atol=1e-3 * np.abs(change).max())
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_it_is_convex(seed: int) -> None:
+    pace, motion = a_motion(seed)
+    values = np.linalg.eigvalsh(whole_hessian(pace, motion))
+    assert values[0] >= -1e-9 * values[-1]
+
+
+def test_a_motion_that_stands_costs_nothing_and_breaks_nothing() -> None:
+    found = Pace(np.array([1.0, 2.0])).value(np.zeros((4, 2)))
+    assert found.cost == 0.0
+    assert not found.gradient.any()
+    assert np.isfinite(found.diagonal).all()

@@ -1,0 +1,316 @@
+"""Laws of proofs: what is certified is written and accepted; what is changed so that it is not true is rejected, in
+words; a damaged file is rejected, and costs nothing."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import subprocess
+import sys
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hdplan
+import hdplan.verify as verify
+from hdplan.scenes.yaml_format.reader import find_scene
+
+SCENES = ("panda_cage", "panda_carry", "panda_table_pick", "ur5_table", "planar_arm")
+
+
+class Proven:
+    """A scene, its motion and the proof as files that may be changed."""
+
+    def __init__(self, name: str, folder: Path) -> None:
+        self.scene, self.motion, self.folder = find_scene(name), folder / "m.json", folder
+        result = hdplan.plan(hdplan.load_scene(name), time_limit=60)
+        assert result.certified
+        result.save(self.motion)
+        self.certificate = result.certificate
+        self.proof = hdplan.prove(name, self.motion)
+
+    def verify(self, data: bytes | None = None, scene: Path | None = None, motion: Path | None = None) -> str:
+        return verify.verify(scene or self.scene, motion or self.motion, self.proof.data if data is None else data)
+
+    def content(self) -> tuple[dict[str, Any], bytes]:
+        """The head, and the arrays."""
+        line, _, rest = zlib.decompress(self.proof.data[len(verify.MAGIC) :]).partition(b"\n")
+        return json.loads(line), rest
+
+
+def packed(head: dict[str, Any], rest: bytes) -> bytes:
+    return verify.MAGIC + zlib.compress(json.dumps(head).encode() + b"\n" + rest, 1)
+
+
+@pytest.fixture(scope="module")
+def proven(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Proven]:
+    made: dict[str, Proven] = {}
+
+    def get(name: str) -> Proven:
+        if name not in made:
+            made[name] = Proven(name, tmp_path_factory.mktemp(name))
+        return made[name]
+
+    return get
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_what_is_certified_is_accepted_with_nearly_the_same_clearance(
+    name: str, proven: Callable[[str], Proven]
+) -> None:
+    each = proven(name)
+    text, head = each.verify(), each.content()[0]
+    assert text.startswith("accepted")
+    assert each.proof.text == text
+    for key, bound in (("clearance", each.certificate.clearance), ("self_clearance", each.certificate.self_clearance)):
+        if bound is not None:
+            assert bound - max(1e-4, 0.02 * bound) <= head[key] <= bound
+    assert len(each.proof.data) < 50_000
+    assert head["claims"] == ["limits", "start", "goal"]
+
+
+def test_the_checker_runs_on_its_own(proven: Callable[[str], Proven], tmp_path: Path) -> None:
+    """As a file outside the package, without hdplan."""
+    each = proven("ur5_table")
+    each.proof.save(tmp_path / "m.proof")
+    (tmp_path / "alone.py").write_bytes(Path(verify.__file__).read_bytes())
+    code = (
+        "import sys; sys.modules['hdplan'] = None; import runpy; sys.argv = sys.argv[1:];"
+        "runpy.run_path(sys.argv[0], run_name='__main__')"
+    )
+    files = [str(each.scene), str(each.motion), str(tmp_path / "m.proof")]
+    command = [sys.executable, "-c", code, str(tmp_path / "alone.py"), *files]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.split(":")[0], done.stderr) == (0, "accepted", "")
+    (tmp_path / "m.proof").write_bytes(each.proof.data[:-10])
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.split(":")[0], done.stderr) == (1, "rejected", "")
+
+
+def test_a_motion_that_is_not_certified_has_no_proof(proven: Callable[[str], Proven], tmp_path: Path) -> None:
+    each = proven("panda_cage")
+    said = json.loads(each.motion.read_text())
+    said["positions"] = [said["positions"][0], said["positions"][-1]]
+    (tmp_path / "m.json").write_text(json.dumps(said))
+    with pytest.raises(hdplan.NotProvenError, match="contact"):
+        hdplan.prove("panda_cage", tmp_path / "m.json")
+
+
+@pytest.mark.parametrize(
+    ("scene", "words"),
+    [("panda_conveyor", "moves"), ("kinova_shelf", "kind|touch")],
+)
+def test_what_a_proof_cannot_hold_is_refused_by_name(scene: str, words: str, tmp_path: Path) -> None:
+    problem = hdplan.load_scene(scene)
+    hdplan.plan(problem, time_limit=60).save(tmp_path / "m.json")
+    with pytest.raises(hdplan.InputError, match=words):
+        hdplan.prove(scene, tmp_path / "m.json")
+
+
+# --- changes ----------------------------------------------------------------------------------------------------------
+
+
+def rejected(words: str, check: Callable[[], str]) -> None:
+    with pytest.raises(verify.RejectedError, match=words) as found:
+        check()
+    assert str(found.value) == " ".join(str(found.value).split())
+
+
+def test_other_files_are_rejected(proven: Callable[[str], Proven], tmp_path: Path) -> None:
+    each = proven("panda_cage")
+    for key in ("scene", "motion"):
+        path = tmp_path / getattr(each, key).name
+        path.write_bytes(getattr(each, key).read_bytes() + b"\n")
+        rejected(f"{key}: .* is not the file", lambda key=key, path=path: each.verify(**{key: path}))
+    head, rest = each.content()
+    for key in head["files"]:
+        other = {**head, "files": {**head["files"], key: "0" * 64}}
+        rejected("hash|SHA-256|excused|pairs|files", lambda other=other: each.verify(packed(other, rest)))
+        less = {**head, "files": {k: v for k, v in head["files"].items() if k != key}}
+        rejected("hash|files|pairs", lambda less=less: each.verify(packed(less, rest)))
+
+
+def moved(each: Proven, tmp_path: Path, change: Callable[[dict[str, Any]], None], **files: Path) -> str:
+    """Verify the proof for a changed motion, whose hash it has."""
+    said = json.loads(each.motion.read_text())
+    change(said)
+    path = tmp_path / "m.json"
+    path.write_text(json.dumps(said))
+    return rehashed(each, {"motion": path})
+
+
+def rehashed(each: Proven, files: dict[str, Path]) -> str:
+    head, rest = each.content()
+    head["files"] |= {key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in files.items()}
+    return each.verify(packed(head, rest), **{key: path for key, path in files.items() if key in ("scene", "motion")})
+
+
+@pytest.mark.parametrize("name", ["panda_cage", "ur5_table"])
+def test_other_motions_are_rejected_where_they_are_not_free(
+    name: str, proven: Callable[[str], Proven], tmp_path: Path
+) -> None:
+    """Rows that are moved: the certificate says which of these motions keep what the proof claims."""
+    each, rng = proven(name), np.random.default_rng(0)
+    scene, head = hdplan.load_scene(name), each.content()[0]
+    said: list[str] = []
+    for _ in range(15):
+        row, joint = int(rng.integers(1, 31)), int(rng.integers(0, 6))
+        step = float(rng.normal() * 10.0 ** rng.uniform(-4, 0.5))
+
+        def change(said: dict[str, Any], row: int = row, joint: int = joint, step: float = step) -> None:
+            said["positions"][row][joint] += step
+
+        try:
+            moved(each, tmp_path, change)
+        except verify.RejectedError as error:
+            said.append(str(error))
+            continue
+        certificate = hdplan.certify(scene, hdplan.Trajectory.load(tmp_path / "m.json"), required=0.0)
+        assert certificate.certified
+        assert certificate.clearance is not None
+        assert certificate.worst is not None
+        assert certificate.worst.distance >= head["clearance"]
+    assert len(said) > 3
+    assert all(re.search(r" and .*leaf \d+, from .* apart, not|leaves its limits", words) for words in said)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("0.012, length: 0.95}, pose: {position: [0.436, 0.1", "0.05, length: 0.95}, pose: {position: [0.436, 0.1"),
+        ("[0.436, 0.147, 0.475]", "[0.40, 0.147, 0.475]"),
+        ("[0.436, 0.147, 0.475]", "[.nan, 0.147, 0.475]"),
+        ("type: capsule", "type: cylinder, size: [1, 1, 1]"),
+        ("name: panda\n", "name: panda\n  base: {position: [0.05, 0, 0]}\n"),
+        ("panda_finger_joint1: 0.04", "panda_finger_joint1: 0.01"),
+        ("goal: {joints: [0.648", "goal: {joints: [0.647"),
+        ("hdplan: 1", "hdplan: 2"),
+        ("hdplan: 1", "hdplan: 1\nfloor: 3"),
+        ("hdplan: 1", "hdplan: 1\nlimits: {position: {panda_joint1: [-0.01, 0.01]}}"),
+    ],
+)  # fmt: skip
+def test_other_scenes_are_rejected(before: str, after: str, proven: Callable[[str], Proven], tmp_path: Path) -> None:
+    each = proven("panda_cage")
+    text = each.scene.read_text()
+    assert before in text
+    path = tmp_path / "scene.yaml"
+    path.write_text(text.replace(before, after))
+    rejected(".", lambda: rehashed(each, {"scene": path}))
+
+
+def changed_urdf(each: Proven, folder: Path, change: Callable[[str], str]) -> str:
+    """Verify against a changed robot description: the scene then names it by its file."""
+    from hdplan.scenes.robot_files.library import description_of, library_package_dirs
+
+    _, urdf, srdf, _ = description_of(hdplan.load_scene(each.scene).robot)
+    text = urdf.read_text()
+    new = change(text)
+    assert new != text
+    (folder / "robot.urdf").write_text(new)
+    dirs = ", ".join(str(path) for path in library_package_dirs())
+    robot = f"urdf: robot.urdf\n  srdf: {srdf}\n  package_dirs: [{dirs}]\n"
+    (folder / "scene.yaml").write_text(each.scene.read_text().replace("name: panda\n", robot))
+    return rehashed(each, {"scene": folder / "scene.yaml", "urdf": folder / "robot.urdf"})
+
+
+def test_other_robots_are_rejected(proven: Callable[[str], Proven], tmp_path: Path) -> None:
+    each = proven("panda_cage")
+    assert changed_urdf(each, tmp_path, lambda text: text + "\n<!-- the same -->").startswith("accepted")
+    place = 'xyz="0.0825 0 0"'
+    found = changed_urdf
+    for change in (
+        lambda text: text.replace(place, place.replace("0.0825", "0.12"), 1),
+        lambda text: text.replace('axis xyz="0 0 1"', 'axis xyz="0 1 0"', 1),
+        lambda text: re.sub(r'lower="-?[\d.]+"', 'lower="-0.01"', text),
+        lambda text: text.replace("collision/link5.stl", "collision/link0.stl"),
+        lambda text: text.replace('type="revolute"', 'type="planar"', 1),
+        lambda text: text[: len(text) // 2],
+    ):
+        rejected(".", lambda change=change: found(each, tmp_path, change))
+
+
+def test_a_claim_that_is_not_proven_is_rejected(proven: Callable[[str], Proven]) -> None:
+    each = proven("panda_cage")
+    head, rest = each.content()
+    for change in (
+        {"clearance": head["clearance"] + 0.002},
+        {"self_clearance": 0.13},
+        {"clearance": None},
+        {"self_clearance": None},
+        {"clearance": float("nan")},
+        {"clearance": float("inf")},
+        {"clearance": -1.0},
+        {"clearance": "1"},
+        {"held": {**head["held"], "panda_finger_joint1": 0.01}},
+        {"version": 2},
+        {"pairs": head["pairs"] - 1},
+        {"leaves": 10**15},
+        {"leaves": -1},
+        {"once": 1},
+        {"cuts": {"panda_link5 0": 10**9}},
+        {"cuts": []},
+        {"files": None},
+        {"claims": {"limits": 1}},
+        {"more": 1},
+    ):
+        rejected(".", lambda change=change: each.verify(packed({**head, **change}, rest)))
+
+
+@pytest.mark.parametrize("name", ["panda_cage", "ur5_table"])
+def test_trees_with_gaps_are_rejected(name: str, proven: Callable[[str], Proven]) -> None:
+    """A leaf dropped, twice, or of another depth, with all counts as they should be."""
+    each, rng = proven(name), np.random.default_rng(1)
+    head, rest = each.content()
+    skip = 2 * sum(head["cuts"].values())
+    counts = np.frombuffer(rest, "<u4", head["pairs"], skip)
+    depths = np.frombuffer(rest, "<u1", head["leaves"], skip + counts.nbytes)
+    normals = np.frombuffer(rest, "<i2", 3 * head["leaves"], skip + counts.nbytes + depths.nbytes).reshape(-1, 3)
+    tail = rest[skip + counts.nbytes + depths.nbytes + normals.nbytes :]
+    assert packed(head, rest[:skip] + counts.tobytes() + depths.tobytes() + normals.tobytes() + tail) == packed(
+        head, rest
+    )
+    for _ in range(6):
+        leaf = int(rng.integers(len(depths)))
+        pair = int(np.searchsorted(np.cumsum(counts), leaf, side="right"))
+        less, more = counts.copy(), counts.copy()
+        less[pair] -= 1
+        more[pair] += 1
+        other = depths.copy()
+        other[leaf] += 1
+        for c, d, n in (
+            (less, np.delete(depths, leaf), np.delete(normals, leaf, axis=0)),
+            (more, np.insert(depths, leaf, depths[leaf]), np.insert(normals, leaf, normals[leaf], axis=0)),
+            (counts, other, normals),
+        ):
+            data = packed({**head, "leaves": len(d)}, rest[:skip] + c.tobytes() + d.tobytes() + n.tobytes() + tail)
+            rejected(" and .*(leaf|leaves|depths)", lambda data=data: each.verify(data))
+
+
+def test_damaged_files_are_rejected(proven: Callable[[str], Proven]) -> None:
+    """Cut short, bytes changed before and after compression: never another error, and nothing false is accepted."""
+    each, rng = proven("panda_cage"), np.random.default_rng(2)
+    data, (head, rest) = each.proof.data, each.content()
+    for length in rng.integers(0, len(data), 20).tolist():
+        rejected(".", lambda length=length: each.verify(data[:length]))
+    rejected(".", lambda: each.verify(data + b"x"))
+    rejected(".", lambda: each.verify(verify.MAGIC + zlib.compress(b"0" * (verify.MOST_BYTES + 1), 9)))
+    content = json.dumps(head).encode() + b"\n" + rest
+    accepted = 0
+    for _ in range(50):
+        broken = bytearray(data if rng.random() < 0.4 else content)
+        for _ in range(int(rng.integers(1, 4))):
+            broken[int(rng.integers(len(broken)))] = int(rng.integers(256))
+        whole = bytes(broken) if broken[:13] == verify.MAGIC else verify.MAGIC + zlib.compress(bytes(broken), 1)
+        try:
+            text = each.verify(whole)
+        except verify.RejectedError:
+            continue
+        accepted += 1  # another direction that does as well, or a lower claim
+        least = float(re.search(r"at least ([\d.]+) mm from every", text)[1])  # type: ignore[index]
+        assert least <= 1e3 * each.certificate.worst.distance  # type: ignore[union-attr]
+    assert accepted < 25

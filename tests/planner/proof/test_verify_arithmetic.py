@@ -1,0 +1,181 @@
+"""Laws of the checker's arithmetic and kinematics: what it encloses is inside, to the last bit."""
+
+from __future__ import annotations
+
+import ast
+from fractions import Fraction
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import hdplan
+from hdplan import verify
+from hdplan.planner.motion.curve import Curve
+from hdplan.planner.proof.proof import world_of
+from hdplan.planner.robot.setup import Setup
+from hdplan.verify import Ball, Motion, World
+
+SOURCE = Path(verify.__file__)
+
+
+def test_the_checker_is_one_small_file_that_imports_nothing_of_hdplan() -> None:
+    text = SOURCE.read_text(encoding="utf-8")
+    found = {
+        (node.module or "") if isinstance(node, ast.ImportFrom) else alias.name
+        for node in ast.walk(ast.parse(text))
+        if isinstance(node, ast.Import | ast.ImportFrom)
+        for alias in node.names
+    }
+    assert not any(name.startswith(("hdplan", ".")) or name == "" for name in found)
+    assert {name.split(".")[0] for name in found} - {"numpy", "yaml"} <= {*__import__("sys").stdlib_module_names}
+
+
+def ball(rng: np.random.Generator, shape: tuple[int, ...]) -> Ball:
+    mid = rng.normal(size=shape) * 10.0 ** rng.uniform(-9, 3, shape)
+    return Ball(mid, np.abs(mid) * 10.0 ** rng.uniform(-18, -1, shape) * (rng.random(shape) < 0.7))
+
+
+def corners(x: Ball, rng: np.random.Generator) -> list[Fraction]:
+    """Exact numbers that each ball contains, at an end of it."""
+    sign = rng.choice([-1, 1], size=x.mid.shape)
+    return [Fraction(m) + int(s) * Fraction(r) for m, s, r in zip(x.mid.flat, sign.flat, x.rad.flat, strict=True)]
+
+
+def inside(x: Ball, exact: list[Fraction]) -> bool:
+    return all(abs(Fraction(m) - e) <= Fraction(r) for m, r, e in zip(x.mid.flat, x.rad.flat, exact, strict=True))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_balls_contain_exact_results(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    a, b = ball(rng, (40,)), ball(rng, (40,))
+    x, y = corners(a, rng), corners(b, rng)
+    assert inside(a + b, [p + q for p, q in zip(x, y, strict=True)])
+    assert inside(a - b, [p - q for p, q in zip(x, y, strict=True)])
+    assert inside(a * b, [p * q for p, q in zip(x, y, strict=True)])
+    m, n = ball(rng, (5, 9)), ball(rng, (9, 4))
+    u, v = np.array(corners(m, rng)).reshape(5, 9), np.array(corners(n, rng)).reshape(9, 4)
+    assert inside(verify.dot("ij,jk->ik", m, n), list((u @ v).flat))
+    one, two = ball(rng, (3,)), ball(rng, (3,))
+    (p, q, r), (s, t, w) = corners(one, rng), corners(two, rng)
+    assert inside(verify.cross(one, two), [q * w - r * t, r * s - p * w, p * t - q * s])
+    assert all(abs(e) <= Fraction(z) for e, z in zip(x, a.size, strict=True))
+    square = sum(e * e for e in x)
+    assert square <= Fraction(float(verify.norm(a.size))) ** 2
+
+
+def test_units_contain_the_exact_direction() -> None:
+    rng = np.random.default_rng(0)
+    with mpmath.workprec(300):
+        for count in (3, 4):
+            for v in rng.normal(size=(200, count)) * 10.0 ** rng.uniform(-4, 4, (200, 1)):
+                length = mpmath.sqrt(sum(mpmath.mpf(float(e)) ** 2 for e in v))
+                found = verify.unit(v)
+                for m, r, e in zip(found.mid, found.rad, v, strict=True):
+                    assert abs(mpmath.mpf(float(e)) / length - mpmath.mpf(float(m))) <= mpmath.mpf(float(r)) < 1e-13
+
+
+def test_sines_and_cosines_are_enclosed() -> None:
+    rng = np.random.default_rng(1)
+    wild = rng.normal(size=3000) * 10.0 ** rng.uniform(-12, 5, 3000)
+    near = np.arange(-40, 41) * np.pi / 4
+    x = np.concatenate([np.clip(wild, -1e6, 1e6), near, np.nextafter(near, 9), [0.0, -0.0, 5e-324, 1e6, -1e6]])
+    cos, sin = verify.cos_sin(x)
+    assert max(cos.rad[np.abs(x) < 10].max(), sin.rad[np.abs(x) < 10].max()) < 5e-15
+    with mpmath.workprec(200):
+        for i, angle in enumerate(x):
+            exact = mpmath.mpf(float(angle))
+            assert abs(mpmath.cos(exact) - mpmath.mpf(float(cos.mid[i]))) <= mpmath.mpf(float(cos.rad[i]))
+            assert abs(mpmath.sin(exact) - mpmath.mpf(float(sin.mid[i]))) <= mpmath.mpf(float(sin.rad[i]))
+
+
+@pytest.mark.parametrize("x", [1.1e6, np.inf, np.nan])
+def test_angles_out_of_reach_are_refused(x: float) -> None:
+    with pytest.raises(verify.RejectedError):
+        verify.cos_sin([0.0, x])
+
+
+def motions() -> list[tuple[str, str]]:
+    return [(scene, kind) for scene in ("panda_carry", "ur5_table") for kind in ("linear", "cubic", "quintic")]
+
+
+def random_motion(scene: str, kind: str, folder: Path) -> tuple[World, Curve, Setup]:
+    """A random motion of a shipped scene's robot, as the checker and as hdplan read it."""
+    rng, setup = np.random.default_rng(len(kind)), Setup.of(hdplan.load_scene(scene))
+    n = setup.robot.n
+    rates = {"linear": (), "cubic": ("velocities",), "quintic": ("velocities", "accelerations")}[kind]
+    rows = setup.query.start + np.cumsum(0.1 * rng.normal(size=(6, n)), axis=0)
+    times = None if kind == "linear" else np.cumsum(rng.uniform(0.1, 0.4, 6))
+    more = {name: rng.normal(size=(6, n)) for name in rates}
+    motion = hdplan.Trajectory(setup.robot.joint_names, rows, dict(setup.robot.locked), times, **more)
+    motion.save(folder / "m.json")
+    return world_of(setup, hdplan.scenes.yaml_format.reader.find_scene(scene), folder / "m.json"), motion.curve, setup
+
+
+@pytest.mark.parametrize(("scene", "kind"), motions())
+def test_intervals_enclose_curve_and_frames(scene: str, kind: str, tmp_path: Path) -> None:
+    """On random intervals, of many rows and of parts of one: the curve is near the checker's straight line, and its
+    frames are Pinocchio's."""
+    world, curve, setup = random_motion(scene, kind, tmp_path)
+    rng = np.random.default_rng(3)
+    wide = [(0.0, 5.0), (0.0, 2.0), (2.0, 5.0), (1.0, 2.0)]
+    spans = np.array(wide + [(row + k / 8, row + (k + 1) / 8) for row in range(5) for k in rng.permutation(8)[:3]])
+    motion, data = Motion(world, spans), setup.robot.model.createData()
+    for k, (low, high) in enumerate(spans):
+        for s in (-1.0, 1.0, *rng.uniform(-1, 1, 20)):
+            q = curve.at_parameter((low + (high - low) * (s + 1) / 2) / 5)
+            assert (np.abs(q - motion.middle[k] - s * motion.step[k]) <= motion.off[k] + 1e-14).all()
+        pin.forwardKinematics(setup.robot.model, data, setup.robot.pin_q(motion.middle[k]))
+        for j in range(setup.robot.n):
+            assert np.abs(motion.turn.mid[k, j] - data.oMi[j + 1].rotation).max() < 1e-13
+            assert np.abs(motion.at.mid[k, j] - data.oMi[j + 1].translation).max() < 1e-13
+    assert motion.off[:1].max() > 1e-3 > 1e-14 > motion.off[-1].max() or kind != "linear"
+
+
+@pytest.mark.parametrize(("scene", "kind"), motions())
+def test_no_bound_exceeds_the_distance_anywhere_on_its_interval(scene: str, kind: str, tmp_path: Path) -> None:
+    """For random pairs, intervals and directions; the distance is coal's, the bodies those of the loaded robot."""
+    import coal
+
+    from hdplan.planner.geometry.shapes import operations
+
+    world, curve, setup = random_motion(scene, kind, tmp_path)
+    robot, rng = setup.robot, np.random.default_rng(5)
+    items = {item.name: item for item in robot.collision.geometryObjects}
+    solids = {each.name: each for each in setup.scene.obstacles}
+    picked = rng.permutation(len(world.pairs))[:40]
+    width = 2.0 ** -rng.integers(0, 7, len(picked))
+    low = np.floor(rng.random(len(picked)) * 5 / width) * width
+    motion = Motion(world, np.stack([low, low + width], axis=1))
+    data, placed = robot.model.createData(), pin.GeometryData(robot.collision)
+    close = 0
+    for k, p in enumerate(picked.tolist()):
+        q = curve.at_parameter((low[k] + width[k] * np.linspace(0, 1, 9)) / 5)
+        least, best = np.inf, np.zeros(3)
+        for each in q:
+            pin.updateGeometryPlacements(robot.model, data, robot.collision, placed, robot.pin_q(each))
+            ends = []
+            for i in world.pairs[p].tolist():
+                key = world.pieces[i].key
+                name = key if key in items else key.replace(" ", "_")
+                if name in items:
+                    index = robot.collision.getGeometryId(name)
+                    pose = placed.oMg[index]
+                    ends += [items[name].geometry, coal.Transform3s(pose.rotation, pose.translation)]
+                else:
+                    pose = solids[key].pose.matrix
+                    shape = operations(solids[key].shape).coal(solids[key].shape, key)
+                    ends += [shape, coal.Transform3s(pose[:3, :3], pose[:3, 3])]
+            result = coal.DistanceResult()
+            distance = coal.distance(*ends, coal.DistanceRequest(), result)
+            if distance < least:
+                least, best = distance, -np.array(result.normal)
+        ways = np.concatenate([[best], best + 0.3 * rng.normal(size=(3, 3)), rng.normal(size=(3, 3))])
+        count = len(ways)
+        bounds = motion.gaps(np.full(count, k), np.tile(world.pairs[p], (count, 1)), 100 * ways)
+        assert (bounds <= max(least, 0.0) + 1e-7).all()
+        close += bounds[0] > 0.8 * least > 0
+    assert close >= 10  # and many are tight

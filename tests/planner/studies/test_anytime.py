@@ -1,0 +1,49 @@
+"""Laws of quality over time: motions only get better, what is drawn is what was found, and what has no choice of its
+time is left out by name."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.robot import load_robot
+from hdplan.planner.studies.anytime import AnytimeCurve, Moment, _measures, anytime_curves, anytime_rows, shares
+from hdplan.scenes.yaml_format.reader import load_scene
+
+pytest.importorskip("matplotlib")
+
+
+def test_motions_get_better_and_are_counted_once() -> None:
+    curves, left_out = anytime_curves([load_scene(name) for name in ("panda_cage", "panda_conveyor")], quick=True)
+    (curve,) = curves
+    assert left_out == ["panda_conveyor: its duration is given"]
+    assert len(curve.moments) > 1
+    assert all(np.diff([moment.seconds for moment in curve.moments]) > 0.0)
+    assert all(np.diff([moment.duration for moment in curve.moments]) < 0.0)
+    assert len(anytime_rows(curves)) == len(curve.moments)
+    table = shares(curves)
+    assert table[0]["motion time [%]"] == pytest.approx(100.0)
+    assert table[-1]["motion time [%]"] <= 100.0
+
+
+def test_it_stops_with_what_there_is() -> None:
+    curves, left_out = anytime_curves([load_scene("panda_cage")], quick=True, stop=lambda: True)
+    assert (curves, left_out) == ([], [])
+
+
+def test_acceleration_and_path_by_hand() -> None:
+    """From rest at a constant acceleration of 2 rad/s² for a second: ∫ 4 dt = 4, and 1 rad."""
+    robot = load_robot("panda")
+    times = np.linspace(0.0, 1.0, 5)
+    one = np.eye(7)[0]
+    rows, rates = np.outer(times**2, one), np.outer(2.0 * times, one)
+    motion = Trajectory(robot.joint_names, rows, robot.locked, times, rates, np.tile(2.0 * one, (5, 1)))
+    length, squared = _measures(robot, motion)
+    assert length == pytest.approx(1.0)
+    assert squared == pytest.approx(4.0)
+
+
+def test_the_best_at_a_time() -> None:
+    curve = AnytimeCurve("x", (Moment(1.0, 3.0, 3.0, 3.0), Moment(2.0, 2.0, 2.0, 2.0)))
+    assert [curve.best_at(seconds).duration for seconds in (0.5, 1.0, 1.9, 2.0, 9.0)] == [3.0, 3.0, 3.0, 2.0, 2.0]

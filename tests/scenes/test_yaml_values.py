@@ -1,0 +1,140 @@
+"""YAML read in one pass: whatever the document, the values and refusals of PyYAML's own constructor."""
+
+from __future__ import annotations
+
+import datetime
+import random
+
+import pytest
+import yaml
+
+from hdplan.scenes import yaml_values
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.yaml_values import read_mapping
+
+PLAIN = (
+    *("0", "-1", "+1", "007", "0b11", "0x1F", "0o7", "1_000", "1:30", "-0", "123456789012345678901234567890"),
+    *(
+        "1.",
+        "-1.5",
+        "+.5",
+        ".5",
+        "1e-05",
+        "1.0e-5",
+        "1.0e+5",
+        "1.0E5",
+        "1_0.5",
+        "190:20:30.15",
+        "-.inf",
+        ".NaN",
+        "1.5.2",
+    ),
+    *("true", "True", "yes", "Off", "TRUE", "tRUE", "on", "null", "Null", "~", "", "nul", "=", "<<", "2026-11-22"),
+    *(
+        "2026-11-22 20:00:00",
+        "2026-99-99",
+        "name",
+        "a b",
+        "é",
+        "'1.5'",
+        '"true"',
+        '"\\u263a"',
+        "''",
+        "!!str 1",
+        "!!int '3'",
+    ),
+    *(
+        "!!float 1",
+        "!!int x",
+        "!what 1",
+        "! 1",
+        "&a 1",
+        "*a",
+        "!!binary aGk=",
+        "[1, 2.5, x]",
+        "{a: 1, b: 2}",
+        "{a: 1, a: 2}",
+    ),
+    *(
+        "{1: a, 1.0: b}",
+        "{1: a, 0x1: b}",
+        "{[1]: 2}",
+        "{<<: {a: 1}, b: 2}",
+        "!!set {a, b}",
+        "[&b x, *b]",
+        "&c [*c]",
+        "{? a}",
+    ),
+)
+
+
+def outcome(text: str) -> object:
+    try:
+        return repr(read_mapping(text.encode()))  # tells 1 from 1.0 and True, and a nan is itself
+    except InputError as error:
+        return str(error)
+
+
+def in_pyyamls_words(text: str, monkeypatch: pytest.MonkeyPatch) -> object:
+    built = yaml_values._built
+
+    def checked_only(content: str) -> object:
+        built(content)
+        return yaml_values._MORE
+
+    with monkeypatch.context() as patch:
+        patch.setattr(yaml_values, "_built", checked_only)
+        return outcome(text)
+
+
+@pytest.mark.parametrize("value", PLAIN)
+def test_every_word_means_what_it_means_in_pyyaml(value: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for text in (
+        f"k: {value}",
+        f"k: [{value}]",
+        f"{value}: 1",
+        f"- {value}",
+        f"k: {value}\n---\nk: 1\n",
+        f"---\n{value}",
+    ):
+        assert outcome(text) == in_pyyamls_words(text, monkeypatch), text
+
+
+def test_random_documents_whole_and_damaged(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = random.Random(0)
+
+    def value(depth: int) -> object:
+        kind = rng.randrange(10 if depth else 8)
+        match kind:
+            case 0 | 1:
+                return rng.choice(
+                    [rng.gauss(0, 1), rng.gauss(0, 1) * 10.0 ** rng.randrange(-30, 30), float("inf"), -0.0]
+                )
+            case 2:
+                return rng.choice([rng.randrange(-99, 99), True, False, None, 2**70])
+            case 3 | 4 | 5:
+                return "".join(rng.choice("ab1.0-:#'\"[]{}, \n&*!é~=") for _ in range(rng.randrange(6)))
+            case 6:
+                return rng.choice(["yes", "no", "1.5", "null", "1e5", "0x1", "<<"])
+            case 7:
+                return datetime.date(2026, 11, 1 + rng.randrange(20))
+            case 8:
+                return [value(depth - 1) for _ in range(rng.randrange(4))]
+        return {str(value(0)) or "k": value(depth - 1) for _ in range(rng.randrange(4))}
+
+    whole = 0
+    for _ in range(300):
+        wanted = {"key": value(4), "more": value(3)}
+        text = yaml.safe_dump(
+            wanted, sort_keys=False, default_flow_style=rng.choice([True, False, None]), allow_unicode=True
+        )
+        assert outcome(text) == in_pyyamls_words(text, monkeypatch) == repr(wanted)
+        whole += yaml_values._built(text) is not yaml_values._MORE
+        at = rng.randrange(len(text))
+        for damaged in (
+            text[:at],
+            text[:at] + rng.choice("[]{}:,'\"&*!-#\n\t ") + text[at:],
+            text[:at] + text[at + 1 :],
+        ):
+            assert outcome(damaged) == in_pyyamls_words(damaged, monkeypatch), damaged
+    assert whole > 150  # most need nothing of PyYAML
