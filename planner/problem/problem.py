@@ -194,8 +194,8 @@ class Problem:
     def casadi(self, hessian: str = "exact") -> Program:
         """The problem as a CasADi program, for Ipopt, fatrop and other solvers of CasADi's.
 
-        hessian: of the penalty, "exact" or "gauss_newton", its positive semidefinite part. With the exact one solvers
-        take a third of the steps to a minimum; with the other they more often pass by the nearest one, which is worse.
+        hessian: of the penalty, "exact" or "gauss_newton", its positive semidefinite part. To a tolerance solvers take
+        half of the steps with the exact one; in runs of a few steps the other gets further.
 
         `nlp` is the dictionary of x, p, f and g that `casadi.nlpsol` takes, `bounds` holds lbx, ubx, lbg and ubg, and
         `stages` the options by which fatrop finds the stages. `guess(positions)` gives the x of waypoints (N, n),
