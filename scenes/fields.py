@@ -131,6 +131,16 @@ class Field:
         found: bool = self.checked(boolean, self.value)
         return found
 
+    def texts(self) -> tuple[str, ...]:
+        """Return a list of texts, each as `text` has it."""
+        found: tuple[str, ...] = self.checked(Row(text, of="values"), self.value)
+        return found
+
+    def booleans(self, length: int | None = None) -> tuple[bool, ...]:
+        """Return a list of booleans."""
+        found: tuple[bool, ...] = self.checked(Row(boolean, length, "booleans"), self.value)
+        return found
+
     # The checks of a scene's classes
 
     def checked(self, check: Check, value: object) -> Any:

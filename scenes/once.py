@@ -26,9 +26,10 @@ def read_only(array: NDArray[Number]) -> NDArray[Number]:
 
 def freeze(holder: Any) -> None:
     """Make an object's arrays read-only: a `__post_init__` for objects that caches share."""
-    for name, value in tuple(vars(holder).items()):
-        if isinstance(value, np.ndarray):
-            object.__setattr__(holder, name, read_only(value))
+    own = vars(holder)
+    for name, value in own.items():
+        if isinstance(value, np.ndarray) and value.flags.writeable:
+            own[name] = read_only(value)
 
 
 class ForkSafeLock:

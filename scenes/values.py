@@ -57,7 +57,7 @@ class Number:
 
     def __call__(self, value: object) -> float:
         """Return it as a float."""
-        if isinstance(value, bool) or not isinstance(value, float | numbers.Real):
+        if type(value) is not float and (isinstance(value, bool) or not isinstance(value, numbers.Real)):
             raise wrong(self._allowed, value, "number")
         try:
             number = float(value)
@@ -127,7 +127,7 @@ class Row:
 
 def is_row(value: object) -> TypeGuard[list[Any] | tuple[Any, ...]]:
     """Tell whether a value is a list, a tuple or an array."""
-    return isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim > 0)
+    return isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim > 0)
 
 
 @dataclass(frozen=True)

@@ -86,7 +86,7 @@ def _built(content: str) -> object:
     begun: list[tuple[str | None, int]] = []  # anchors of the open collections, and the count before each
     made: list[list[Any]] = [[]]  # the documents, and what is read of each open collection; keys and values in turn
     own = True  # whether nothing has to be left to PyYAML
-    for event in yaml.parse(content, yaml.CSafeLoader):
+    for event in iter(yaml.CSafeLoader(content).get_event, None):
         fault, value = None, _MORE
         if isinstance(event, yaml.ScalarEvent):
             count += 1
@@ -131,14 +131,14 @@ def _of_scalar(event: yaml.ScalarEvent) -> object:
         return _MORE
     if not event.implicit[0]:
         return word
-    if _FLOAT.fullmatch(word):
-        return float(word)
-    if _INT.fullmatch(word):
-        return int(word)
     if word in _WORDS:
         return _WORDS[word]
     if word[0] not in _RULES.yaml_implicit_resolvers:
         return word
+    if _FLOAT.fullmatch(word):
+        return float(word)
+    if _INT.fullmatch(word):
+        return int(word)
     tag: str = _RULES.resolve(yaml.ScalarNode, word, (True, False))  # type: ignore[no-untyped-call]
     if tag == f"{_TAG}str":
         return word
@@ -148,7 +148,7 @@ def _of_scalar(event: yaml.ScalarEvent) -> object:
 def _mapping(parts: list[Any]) -> object:
     """Return the mapping of keys and values in turn, _MORE if a key stands twice or cannot be one."""
     keys = parts[::2]
-    if any(isinstance(key, list | dict) for key in keys):
+    if any(isinstance(key, (list, dict)) for key in keys):
         return _MORE
     value = dict(zip(keys, parts[1::2], strict=True))
     return value if len(value) == len(keys) else _MORE

@@ -24,7 +24,8 @@ SHORTEST = 2.0**-17  # of a waypoint interval: below it, the answer is "not prov
 STILL = 1e-6  # [m] motion below which halving does not help
 TOLERANCE = 5e-4  # [m] by which the proven clearance may fall short of the least distance found,
 RELATIVE_TOLERANCE = 0.05  # or by this share of it, whichever is larger; never by more than half
-FIRST_PAIRS = 12  # evaluated where each comes closest, before the closest distance is known; later chunks are larger
+FIRST_PAIRS = 6  # evaluated where each comes closest, before the closest distance is known; later chunks are larger,
+GROWTH = 2  # each by this factor: what it finds spares the next one measurements
 WAYPOINTS_AT_ONCE = 256  # at which open meshes are checked
 MOST_ITEMS = 30_000  # pairs on intervals evaluated together: more would only fill the memory
 MOST_EXACT_CALLS = 300_000  # exact distances computed in one proof; after that the rest is "not proven"
@@ -229,14 +230,20 @@ class _Run:
         bound, normal = self.bounds.by_ball(nodes, items)
         known = np.any(items.normal != 0.0, axis=1, keepdims=True)
         items = replace(items, bound=np.maximum(items.bound, bound), normal=np.where(known, items.normal, normal))
-        order, left = np.argsort(items.bound), []
+        unsettled = self._open(nodes, items)
+        if not len(unsettled):
+            return None
+        size = min(FIRST_PAIRS, int(np.count_nonzero(np.bincount(items.pair))))
+        items = items[~(items.bound > unsettled.bound.max())]  # the rest is settled, and would come last
+        order, left = np.argsort(items.bound, kind="stable"), []  # equal bounds in one order on every processor
         # no pair twice at first: many intervals of one pair would all be measured before the closest pair is known
         lowest = np.sort(np.unique(items.pair[order], return_index=True)[1])[:FIRST_PAIRS]
         order = np.concatenate([order[lowest], np.delete(order, lowest)])
-        first, size = 0, len(lowest)
+        first, after = 0, len(lowest)
         while first < len(order):
-            chunk = self._open(nodes, items[order[first : first + size]])
-            first, size = first + size, 4 * size
+            chunk = self._open(nodes, items[order[first:after]])
+            first, size = after, GROWTH * size
+            after += size
             if len(chunk):
                 _, bound, _ = self.bounds.by_plane(nodes, chunk, chunk.normal)
                 chunk = self._open(nodes, replace(chunk, bound=np.maximum(chunk.bound, bound)))
@@ -297,7 +304,7 @@ class _Run:
             values[i] = max(values[i], self._surface(nodes, int(items.node[i]), int(items.pair[i])))
             bound[i] = max(bound[i], values[i] - travel[i] - ROUNDING)
         touching = values <= self.floor[items.pair]
-        order = np.argsort(values)
+        order = np.argsort(values, kind="stable")
         group, notable = self.pairs.group[items.pair[order]], touching[order]
         for which in (0, 1):
             notable[np.flatnonzero(group == which)[:1]] = True  # the closest

@@ -13,6 +13,7 @@ too large. Between triangles coal's distance itself is used, after plausibility 
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -61,10 +62,13 @@ class Piece:
 
     def __post_init__(self) -> None:
         """Compute the bounding box and the bounding ball."""
-        reach = np.array([self.disc, self.disc, 0.0]) + self.ball + (0.0 if self.radii is None else self.radii)
-        low, high = self.vertices.min(axis=0) - reach, self.vertices.max(axis=0) + reach
+        low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
+        if self.sweep:
+            reach = np.array([self.disc, self.disc, 0.0]) + self.ball + (0.0 if self.radii is None else self.radii)
+            low, high = low - reach, high + reach
         center = 0.5 * (low + high)
-        farthest = float(np.linalg.norm(self.vertices - center, axis=1).max()) + self.ball
+        away = self.vertices - center
+        farthest = math.sqrt((away * away).sum(axis=1).max()) + self.ball
         if self.radii is not None:
             farthest += float(self.radii.max())
         if self.disc:
@@ -296,8 +300,7 @@ def transform(rotation: Array, origin: Array) -> Any:
 
 
 def _box(size: Array) -> Piece:
-    signs = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
-    return Piece(signs * size, coal.Box(*size))
+    return Piece(_CORNERS * size, coal.Box(*size))
 
 
 def _cylinder(radius: float, length: float) -> Piece:
@@ -350,5 +353,6 @@ def _turns() -> tuple[Array, ...]:
     return tuple(turns)
 
 
+_CORNERS = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))  # of a cube
 _REQUEST = coal.DistanceRequest()
 _TURNS = _turns()

@@ -60,7 +60,7 @@ class Planes:
     def separate(self, chosen: Rows, floor: Array) -> tuple[Leaves, list[Obstruction]]:
         """Return planes that keep the chosen pairs (k,) `floor` (P,) [m] apart over the whole motion, and the pairs for
         which there are none; the leaves of those are not complete."""
-        pair, rows = chosen, len(self.world.rows) - 1
+        pair, rows = chosen, len(self.world.control.mid)
         low, high, depth = np.zeros(len(pair)), np.full(len(pair), float(rows)), np.zeros(len(pair), dtype=np.int64)
         normal = np.zeros((len(pair), 3))
         done = [(pair[:0], low[:0], depth[:0], normal[:0], low[:0])]
@@ -91,7 +91,7 @@ class Planes:
 
     def once(self, bodies: tuple[int, int]) -> tuple[int, Array] | None:
         """Return a row at which two hulls are apart, and a direction (3,) that shows it; None if there is none."""
-        rows = np.arange(len(self.world.rows) - 1, dtype=np.float64)
+        rows = np.arange(len(self.world.control.mid), dtype=np.float64)
         motion = Motion(self.world, np.stack([rows, rows + 2.0**-30], axis=1))
         found = [self._direction(motion, int(row), *bodies, 0.0) for row in rows]
         best = int(np.argmax([distance for _, distance in found]))
@@ -111,9 +111,10 @@ class Planes:
         bound = motion.gaps(node, bodies, normal)
         travel, astray = np.zeros(len(node)), np.zeros(len(node))  # [m] over the interval, and off its middle
         for body in bodies.T:
-            own = body < self.world.own
-            travel[own] += (motion.most[node[own]] * motion.reach[node[own], body[own]]).sum(axis=1)
-            astray[own] += (motion.off[node[own]] * motion.reach[node[own], body[own]]).sum(axis=1)
+            moves = np.array([piece.joint >= 0 for piece in self.world.pieces])[body]
+            reach = motion.reach[node[moves], motion.slot[body[moves]]]
+            travel[moves] += (motion.most[node[moves]] * reach).sum(axis=1)
+            astray[moves] += (motion.off[node[moves]] * reach).sum(axis=1)
         rows = np.flatnonzero((bound < floor) & (travel < NEAR))
         if len(rows):
             found = [self._direction(motion, node[i], bodies[i, 0], bodies[i, 1], floor[i]) for i in rows.tolist()]

@@ -111,6 +111,10 @@ class Smoothness(Objective):
         """Return the cost of the waypoints."""
         return self.cost.value(path)[0]
 
+    def least_along(self, path: Array) -> float:
+        """Return the cost of the waypoints."""
+        return self.cost.value(path)[0]
+
     def least(self, problem: Problem) -> float:
         """Return the cost of the straight line, which is the least."""
         return self.cost.value(problem.polyline())[0]

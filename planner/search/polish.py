@@ -13,6 +13,7 @@ Rounds are counted, not timed, so that the same seed gives the same motion on ev
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Iterator, Sequence
 
 from hdplan.planner.problem.lay_out import closer
@@ -23,6 +24,8 @@ from hdplan.planner.solvers.solution import FIRST_WEIGHT
 
 CLOSER = (0.5, 0.3, 0.2)  # of the activation
 LEAST = 1e-3  # [m] of it
+NOTHING_LEFT = 0.02  # of the objective to be gained: a motion so close to the least possible is good enough
+WAYS = 8  # that are compared in a round, before the most promising one is improved
 
 
 def polish(searches: Sequence[Search], taken: int, rounds: int, seed: int) -> None:
@@ -38,18 +41,24 @@ def polish(searches: Sequence[Search], taken: int, rounds: int, seed: int) -> No
 
     further: Iterator[tuple[int, Guess]] | None = None
     for _ in range(rounds):
-        best = searches[taken].best
+        best, value = searches[taken].best, searches[taken].value
         assert best is not None
-        if searches[taken].over:
+        least = min(search.objective.least(search.problem) for search in searches)
+        if searches[taken].over or value <= (1.0 + NOTHING_LEFT) * least:
             break
         if further is None:
-            searches[taken].improve(stages(taken), best.path, searches[taken].value)
+            searches[taken].improve(stages(taken), best.path, value)
             further = _further(searches, seed)
             continue
-        i, guess = next(further)
-        path = searches[i].way(guess)
-        if path is not None and searches[i].improve(stages(i), path, searches[taken].value):
-            taken = i
+        found = []
+        for i, guess in itertools.islice(further, WAYS):
+            search = searches[i]
+            if search.objective.least(search.problem) < value and (path := search.way(guess)) is not None:
+                found.append((search.objective.least_along(path), i, path))
+        if found:
+            _, i, path = min(found, key=lambda each: each[:2])
+            if searches[i].improve(stages(i), path, value):
+                taken = i
 
 
 def _further(searches: Sequence[Search], seed: int) -> Iterator[tuple[int, Guess]]:

@@ -30,9 +30,9 @@ def note_allowed(section: Field, objects: Collection[str], disabled: Iterable[Li
     for name, row in zip(names, rows, strict=True):
         # In ROS 2 messages a row is a mapping {enabled: [...]}.
         values = row.mapping(("enabled",), ["enabled"])["enabled"] if isinstance(row.value, Mapping) else row
-        for other, entry in zip(names, values.items(len(names), "booleans"), strict=True):
+        for other, free in zip(names, values.booleans(len(names)), strict=True):
             pair = link_pair(name, other)
-            allowed[pair] = entry.boolean() and allowed.get(pair, True)
+            allowed[pair] = free and allowed.get(pair, True)
     whole = {name.partition("/")[0] for name in objects}
     touching = [f"{name} (with anything)" for name, free in defaults.items() if free and name in whole]
     touching += [
@@ -47,13 +47,13 @@ def note_allowed(section: Field, objects: Collection[str], disabled: Iterable[Li
         section.note(f"asks to check {_few(checked)}, which the robot's SRDF disables; hdplan does not check them")
 
 
-def _texts(entries: Field | None) -> list[str]:
-    return [item.text() for item in entries.items()] if entries else []
+def _texts(entries: Field | None) -> tuple[str, ...]:
+    return entries.texts() if entries else ()
 
 
 def _defaults(section: Field, keys: Mapping[str, Field]) -> dict[str, bool]:
     names = _texts(keys.get("default_entry_names"))
-    values = [item.boolean() for item in keys["default_entry_values"].items()] if "default_entry_values" in keys else []
+    values = keys["default_entry_values"].booleans() if "default_entry_values" in keys else ()
     if len(names) != len(values):
         raise section.error(
             f"must have as many default_entry_values as default_entry_names, found {len(values)} and {len(names)}"

@@ -177,7 +177,7 @@ def _attached(state: Field | None, standing: Collection[str]) -> dict[str, list[
     for entry in entries:
         said = entry.mapping(MESSAGES["AttachedCollisionObject"], required=["link_name", "object"])
         link = said["link_name"].text()
-        touching = tuple(name.text() for name in said["touch_links"].items()) if "touch_links" in said else ()
+        touching = said["touch_links"].texts() if "touch_links" in said else ()
         body = said["object"].mapping(MESSAGES["CollisionObject"])
         header = body["header"].mapping(MESSAGES["Header"]) if "header" in body else {}
         frame = header["frame_id"].value if "frame_id" in header else ""
@@ -210,10 +210,10 @@ def _state(section: Field, frames: Frames, base: Pose) -> dict[str, float]:
     if "joint_state" not in keys:
         return {}
     joints = keys["joint_state"].mapping(MESSAGES["JointState"])
-    names = [item.text() for item in joints["name"].items()] if "name" in joints else []
+    names = joints["name"].texts() if "name" in joints else ()
     if len(set(names)) != len(names):
         raise joints["name"].error(f"names a joint twice: {next(name for name in names if names.count(name) > 1)!r}")
-    values = joints["position"].items() if "position" in joints else []
+    values = joints["position"].numbers(unit="rad or m") if "position" in joints else ()
     if len(values) != len(names):
         raise keys["joint_state"].error(f"must have as many positions as names, found {len(values)} and {len(names)}")
-    return {name: value.number(unit="rad or m") for name, value in zip(names, values, strict=True)}
+    return dict(zip(names, values, strict=True))

@@ -59,7 +59,7 @@ SAME, ROUNDED = 1e-6, 1e-9  # [rad or m] between the motion's end and the scene'
 
 ASSUMES = """the URDF, SRDF and meshes are the robot: links are rigid, joints have no play
 the robot follows the curve of the trajectory's file, without rounding its corners
-obstacles stand where the scene says and are what it says; what a link holds is fixed to it
+obstacles are what and where the scene says, and move as it says; what a link holds is fixed to it
 joints that do not move stay where scene or trajectory hold them, or else where the proof says
 links that turn about one joint with no other link between them, and pairs excused by SRDF or scene, may touch
 links that do not move relative to each other, and links fixed to the world and standing obstacles, are not compared
@@ -157,14 +157,23 @@ def above(a: Any, b: Any) -> Any:
     return a + b + 4 * EPS * (np.abs(a) + np.abs(b)) + 2.0**-1000
 
 
-def unit(v: Any) -> Ball:
-    """v / |v| for exact numbers v. With m = fl(|v|) and S = |v|^2 known as a ball: |sqrt(S) - m| <= |S - m^2| / m = t,
-    and |v / |v| - v / m| <= |v| t / (|v| m) <= 2 |v| t / m^2 as long as t <= m / 2, which 1e-6 < m < 1e6 ensures."""
+def length(v: Any) -> Ball:
+    """|v|: with m = fl(|v|) and S = |v|^2 known as a ball, |sqrt(S) - m| <= |S - m^2| / m."""
     square = dot("i,i->", v, v)
     m = float(np.sqrt(square.mid))
-    need(1e-6 < m < 1e6, f"{v.tolist()} is no direction or rotation")
-    off = up((Ball(m) * m - square).size / m)
-    return Ball(v / m, up(2 * np.abs(v) * off / (m * m) + EPS * np.abs(v / m)))
+    need(1e-6 < m < 1e6, "a direction or rotation is none")
+    return Ball(m, up((Ball(m) * m - square).size / m))
+
+
+def inverse(x: Ball) -> Ball:
+    """1 / x for x > 0: with |x - m| <= r <= m / 2, |1 / x - 1 / m| <= r / (m (m - r)) <= 2 r / m^2."""
+    need((x.mid > 2 * x.rad).all(), "a division by what may be 0")
+    return Ball(1 / x.mid, up(2 * x.rad / (x.mid * x.mid) + 2 * EPS / x.mid))
+
+
+def unit(v: Any) -> Ball:
+    """v / |v|."""
+    return Ball(v) * inverse(length(v))
 
 
 HALF_PI = Ball(1.5707963267948966, 6.2e-17)  # pi/2 = 1.5707963267948965579989... + 6.123...e-17
@@ -327,6 +336,44 @@ class Joint:
     high: float
 
 
+def turn_of(matrix: Ball) -> tuple[Ball, Ball]:
+    """Axis and angle of a rotation M that is neither too small nor near a half turn. M - M^T is 2 sin(angle) times the
+    cross product's matrix of the axis, and its trace 1 + 2 cos(angle). With w near the angle, e = sin(angle) cos w -
+    cos(angle) sin w is sin(angle - w), so that |angle - w| <= 1.01 |e| where |e| <= 0.1. A direction v off by r is
+    off by at most 2 r / |v| once it has length 1."""
+    v = dot("ijk,ij->k", CROSS, matrix) * 0.5
+    m = float(np.sqrt((v.mid * v.mid).sum()))
+    cos = (dot("ij,ij->", np.eye(3), matrix) - 1.0) * 0.5
+    r = norm(v.rad)
+    need(m > 1e-3 > 1e6 * r, "an obstacle turns by too little, or by half a turn, from one pose to the next")
+    w = float(np.arctan2(m, cos.mid))
+    one, two = cos_sin(w)
+    e = (Ball(m, r) * one - cos * two).size
+    axis = unit(v.mid)
+    return Ball(axis.mid, up(axis.rad + 2 * r / m)), Ball(w, up(1.01 * e))
+
+
+def track(times: list[float], values: list[Ball], now: float) -> Ball:
+    """Return what is linear between times and constant outside of them."""
+    if not times[0] < now < times[-1]:
+        return values[0] if now <= times[0] else values[-1]
+    i = max(k for k, x in enumerate(times) if x <= now)
+    return values[i] + (values[i + 1] - values[i]) * ((Ball(now) - times[i]) * inverse(Ball(times[i + 1]) - times[i]))
+
+
+def blossom(control: Ball, start: Any, end: Any) -> Ball:
+    """Return the control points (k, d + 1, n) of parts of polynomials from `start` to `end` (k, 1, 1): the values of
+    their blossoms."""
+    made, degree = [], control.mid.shape[1] - 1
+    for i in range(degree + 1):
+        points = control
+        for step in range(degree):
+            cut = end if step < i else start
+            points = points[:, :-1] * (1.0 - cut) + points[:, 1:] * cut
+        made.append(points[:, 0])
+    return stack(made, 1)
+
+
 class World:
     """What is to be kept apart, as the files say it: pieces of the robot, of what it holds, of obstacles, and pairs."""
 
@@ -344,10 +391,14 @@ class World:
         for i, entry in enumerate(listing(self.top.get("obstacles"), "obstacles")):
             keys = mapping(entry, f"obstacles[{i}]", "name shape pose clearance motion")
             name = str(keys.get("name", f"obstacle{i}"))
-            need("motion" not in keys, f"obstacle '{name}': moves, which cannot be checked yet")
             need(name not in {x.name for x in self.pieces}, f"obstacle '{name}': its name is taken")
             self.clearances[name] = float(numbers(keys.get("clearance", 0.0), 1, name)[0])
-            self.add(name, -1, pose_of(keys.get("pose"), name), self.shape(keys.get("shape"), name), name)
+            joint, pose = -1, pose_of(keys.get("pose"), name)
+            need("pose" not in keys or "times" not in (keys.get("motion") or {}), f"obstacle '{name}': has two poses")
+            if "motion" in keys:
+                joint, pose = self.drift(name, mapping(keys["motion"], name, "velocity spin times poses"), pose)
+            self.add(name, joint, pose, self.shape(keys.get("shape"), name), name)
+        self.lay_tracks()
         self.pair_up()
 
     def file(self, key: str, path: Path) -> bytes:
@@ -385,7 +436,8 @@ class World:
         rated = [x in said for x in ("times", *rates[1:])]
         need(sorted(rated, reverse=True) == rated, f"{path}: velocities need times, accelerations need velocities")
         a, b = Ball(given[0][:-1]), Ball(given[0][1:])
-        control, self.rows, self.times = [a, b], given[0], times
+        control, self.rows = [a, b], given[0]
+        self.times: Any = times
         if times is not None:
             good = times.shape == (count,) and (np.abs(times) < 1e9).all() and (np.diff(times) > 0).all()
             need(good, f"{path}: times must be finite and increase")
@@ -398,6 +450,58 @@ class World:
             x, y = (x * (width * width * Ball(0.05, EPS)) for x in (given[2][:-1], given[2][1:]))
             control = [a, a + v, a + 2.0 * v + x, b - 2.0 * w + y, b - w, b]
         self.control = stack(control, 1)
+
+    def drift(self, name: str, motion: dict[str, Any], pose: Pose) -> tuple[int, Pose]:
+        """Note how an obstacle moves, as joints that follow the time: three slide along the world's axes, and every
+        turn has one of its own, the last turn first. Return the last joint, and the obstacle's pose in its frame."""
+        need(self.times is not None, f"obstacle '{name}': moves, and the motion has no times")
+        tracks: list[tuple[Ball, list[float], list[Ball]]] = []  # of the turns: axis, and angles at two times
+        if {*motion} == {"times", "poses"}:
+            times = numbers(motion["times"], len(listing(motion["times"], name)), name).tolist()
+            poses = [pose_of(x, name) for x in listing(motion["poses"], name)]
+            need(len(poses) == len(times) > 1 and min(np.diff(times)) > 0, f"obstacle '{name}': times must increase")
+            places, pose = stack([at for _, at in poses], 1), poses[0]
+            for i in range(len(times) - 1):
+                if not np.array_equal(poses[i][0].mid, poses[i + 1][0].mid):
+                    axis, angle = turn_of(dot("ij,kj->ik", poses[i + 1][0], poses[i][0]))
+                    tracks.append((axis, times[i : i + 2], [Ball(0.0), angle]))
+        else:
+            need({*motion} <= {"velocity", "spin"}, f"obstacle '{name}': its motion is not known")
+            velocity, spin = (numbers(motion.get(key, 0.0), 3, name) for key in ("velocity", "spin"))
+            times = [float(self.times[0]), float(self.times[-1])]
+            places = stack([pose[1] + Ball(velocity) * x for x in times], 1)
+            if spin.any():
+                tracks.append((unit(spin), times, [length(spin) * x for x in times]))
+        self.tracks += [(times, [places[i, k] for k in range(len(times))]) for i in range(3)]
+        ways = [(Ball(x), False) for x in np.eye(3)] + [(axis, True) for axis, _, _ in reversed(tracks)]
+        for i, (axis, turns) in enumerate(ways):
+            parent = len(self.joints) - 1 if i else -1
+            self.joints.append(Joint(f"{name} moves", parent, HERE, axis, turns, -np.inf, np.inf))
+        self.tracks += [(span, angles) for _, span, angles in reversed(tracks)]
+        return len(self.joints) - 1, (pose[0], HERE[1])
+
+    def lay_tracks(self) -> None:
+        """Add what obstacles do to the motion, whose intervals end where that changes; note what each joint carries."""
+        knots = {x for span, _ in self.tracks for x in span}
+        if self.tracks:
+            degree, inside = self.control.mid.shape[1] - 1, {x for x in knots if self.times[0] < x < self.times[-1]}
+            times = np.array(sorted({*self.times.tolist(), *inside}))
+            row: Any = np.searchsorted(self.times, times[:-1], side="right") - 1
+            share = inverse(Ball(self.times[row + 1]) - self.times[row])
+            start, end = ((Ball(x) - self.times[row]) * share for x in (times[:-1], times[1:]))
+            columns = [blossom(self.control[row], start[:, None, None], end[:, None, None])]
+            for span, values in self.tracks:
+                at = [track(span, values, x) for x in times.tolist()]
+                a, b = stack(at[:-1]), stack(at[1:])
+                rows = [a + (b - a) * (Ball(i) * Ball(1 / degree, EPS)) for i in range(degree + 1)]
+                columns.append(stack(rows, 1)[:, :, None])
+            mid, rad = (np.concatenate(x, axis=2) for x in ([y.mid for y in columns], [y.rad for y in columns]))
+            self.control = Ball(mid, rad)
+        count = len(self.joints)
+        self.carried = np.zeros((count + 1, count), dtype=bool)  # by which joints; the last row: the world
+        for i, each in enumerate(self.joints):
+            self.carried[i] = self.carried[each.parent]
+            self.carried[i, i] = True
 
     # --- the robot ---
 
@@ -453,10 +557,7 @@ class World:
         need({*self.names} == {x.name for x in self.joints}, f"{urdf}: not all joints of the motion can move in it")
         order = [self.names.index(x.name) for x in self.joints]
         self.control, self.rows = self.control[:, :, order], self.rows[:, order]
-        self.carried = np.zeros((len(order) + 1, len(order)), dtype=bool)  # by which joints; the last row: the world
-        for i, each in enumerate(self.joints):
-            self.carried[i] = self.carried[each.parent]
-            self.carried[i, i] = True
+        self.tracks = list[tuple[list[float], list[Ball]]]()  # of joints that follow the time: times and values there
         for link, element in links.items():
             for i, shape in enumerate(element.findall("collision")):
                 number, pose = self.at[link]
@@ -567,7 +668,7 @@ class World:
         for a in range(self.own):
             for b in range(a + 1, len(pieces)):
                 one, two = pieces[a], pieces[b]
-                if one.cover or two.cover or one.name == two.name or (b >= self.own and one.joint < 0):
+                if one.cover or two.cover or one.name == two.name or (b >= self.own and one.joint == two.joint):
                     continue
                 if b < self.own and (reason := self.excuse(one.name, two.name)):
                     self.left_out[frozenset((one.name, two.name))] = reason
@@ -634,14 +735,7 @@ class Motion:
         need(counts.sum() <= 1 << 20, "the intervals of the leaves cover too many rows")
         row, span = np.arange(counts.sum()) - np.repeat(begins - first, counts), np.repeat(np.arange(k), counts)
         start, end = (np.clip(x[span] - row, 0, 1)[:, None, None] for x in (low, high))
-        made = []
-        for i in range(degree + 1):  # values of the blossom: the control points of a part of a polynomial
-            points = world.control[row]
-            for step in range(degree):
-                cut = end if step < i else start
-                points = points[:, :-1] * (1.0 - cut) + points[:, 1:] * cut
-            made.append(points[:, 0])
-        part = stack(made, 1)
+        part = blossom(world.control[row], start, end)
         self.step: Any = (part.mid[begins + counts - 1, -1] - part.mid[begins, 0]) / 2  # any numbers will do, as for
         place = (row - low[span])[:, None] + start[:, 0] + (end - start)[:, 0] * np.arange(degree + 1) / degree
         line = Ball(2 * place / (high - low)[span, None] - 1, 16 * EPS)[:, :, None] * self.step[span, None]
@@ -664,15 +758,18 @@ class Motion:
         self.axis = dot("knij,nj->kni", self.turn[:, :-1], stack([x.axis for x in world.joints]))
         arm, turns = cross(self.at[:, :-1], self.axis), self.turning[:, None]
         self.moment = Ball(np.where(turns, arm.mid, self.axis.mid), np.where(turns, arm.rad, self.axis.rad))
-        own, self.reach = world.pieces[: world.own], np.zeros((k, world.own, count))
-        ends = []
-        for piece, center in zip(own, world.centers, strict=False):
-            local = dot("ij,j->i", piece.pose[0], center) + piece.pose[1]
+        own = [g for g, x in enumerate(world.pieces) if x.joint >= 0]
+        self.slot = np.zeros(len(world.pieces), dtype=int)  # of each piece that moves, among those
+        self.slot[own], ends = np.arange(len(own)), []
+        for g in own:
+            piece = world.pieces[g]
+            local = dot("ij,j->i", piece.pose[0], world.centers[g]) + piece.pose[1]
             ends.append(dot("kij,j->ki", self.turn[:, piece.joint], local) + self.at[:, piece.joint])
-        after, carried = np.zeros((k, world.own)), world.carried[[x.joint for x in own]]
+        self.reach, after = np.zeros((k, len(own), count)), np.zeros((k, len(own)))
+        carried = world.carried[[world.pieces[g].joint for g in own]]
         for j in reversed(range(count if own else 0)):
             away = norm(cross(stack(ends, 1) - self.at[:, j, None], self.axis[:, j, None]).size)
-            far = up(away + world.radii[: world.own] + after) if self.turning[j] else np.ones_like(after)
+            far = up(away + world.radii[own] + after) if self.turning[j] else np.ones_like(after)
             self.reach[:, :, j] = np.where(carried[:, j], far, 0.0)
             after = up(after + self.most[:, j, None] * self.reach[:, :, j])
 
@@ -691,7 +788,7 @@ class Motion:
         world, step = self.world, self.step[node] * moves
         turned = cross(d, dot("ln,lni->li", step * self.turning, self.axis[node]))
         slide = dot("li,li->l", d, dot("ln,lni->li", step, self.moment[node]))
-        reach = self.reach[node, np.minimum(body, world.own - 1)] * moves  # obstacles: none of the joints
+        reach = self.reach[node, self.slot[body]] * moves
         angle = np.abs(step) * self.turning
         before = np.cumsum(np.pad(angle, ((0, 0), (1, 0)))[:, :-1], axis=1)
         rest = up((reach * (0.5 * np.abs(step) * (angle + 2 * before) + self.off[node])).sum(axis=1))
@@ -781,7 +878,7 @@ def check_apart(world: World, head: dict[str, Any], trees: Trees) -> None:
     bodies = np.concatenate([world.pairs[pair], world.once])
     for p, end in enumerate(ends.tolist()):
         try:
-            spans += leaves(depths[end - counts[p] : end].tolist(), len(world.rows) - 1)
+            spans += leaves(depths[end - counts[p] : end].tolist(), len(world.control.mid))
         except RejectedError as error:
             raise RejectedError(f"{' and '.join(pieces[i].key for i in world.pairs[p])}: {error}") from None
     spans += [(float(row), float(row) + NARROWEST) for row in rows.tolist()]
@@ -794,23 +891,25 @@ def check_apart(world: World, head: dict[str, Any], trees: Trees) -> None:
         found = Motion(world, unique[used]).gaps(local.ravel(), bodies[chosen], normals[chosen])
         for i in np.flatnonzero(~(found >= floor[chosen]))[:1]:
             leaf, (low, high) = chosen[i], spans[chosen[i]]
-            where = f"leaf {leaf}, from {low:.6g} to {high:.6g} of {len(world.rows) - 1} intervals"
+            where = f"leaf {leaf}, from {low:.6g} to {high:.6g} of {len(world.control.mid)} intervals"
             short = f"its plane keeps them {found[i] * 1e3:.6g} mm apart, not {floor[leaf] * 1e3:.6g} mm"
             raise RejectedError(f"{' and '.join(pieces[i].key for i in bodies[leaf])}: {where}: {short}")
 
 
 def statement(world: World, head: dict[str, Any]) -> str:
     """Check limits and ends, as far as the proof claims them, and say what is proven and what is not."""
-    claims, top, joints = [str(x) for x in listing(head["claims"], "claims")], world.top, world.joints
+    claims, top = [str(x) for x in listing(head["claims"], "claims")], world.top
+    joints = world.joints[: world.rows.shape[1]]  # the others follow the time
     need({*claims} <= {"limits", "start", "goal"}, "the proof claims what cannot be checked")
     ranges = (top.get("limits") or {}).get("position") or {}
     need({*ranges} <= {x.name for x in joints}, "limits.position: a joint does not move")
     limits = [numbers(ranges[x.name], 2, x.name).tolist() if x.name in ranges else [x.low, x.high] for x in joints]
     low, high = np.array(limits, dtype=np.float64).T + [[-ROUNDED], [ROUNDED]]
-    spans = np.arange(len(world.rows) - 1.0)[:, None] + [0, 1] if "limits" in claims else np.zeros((0, 2))
+    spans = np.arange(float(len(world.control.mid)))[:, None] + [0, 1] if "limits" in claims else np.zeros((0, 2))
     while len(spans):
         motion = Motion(world, spans)
-        beyond = ~((motion.middle - motion.most >= low) & (motion.middle + motion.most <= high))
+        middle, most = motion.middle[:, : len(joints)], motion.most[:, : len(joints)]
+        beyond = ~((middle - most >= low) & (middle + most <= high))
         finest = len(spans) > AT_ONCE or spans[0, 1] - spans[0, 0] < 2.0**-20
         for i, j in np.argwhere(beyond)[: int(finest)]:
             raise RejectedError(f"joint '{joints[j].name}' leaves its limits near row {spans[i, 0]:g}")

@@ -12,7 +12,7 @@ import pinocchio as pin
 import pytest
 
 import hdplan
-from hdplan import verify
+import hdplan.verify as verify
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.proof.proof import world_of
 from hdplan.planner.robot.setup import Setup
@@ -98,6 +98,28 @@ def test_angles_out_of_reach_are_refused(x: float) -> None:
         verify.cos_sin([0.0, x])
 
 
+def test_inverses_contain_the_exact_result() -> None:
+    rng = np.random.default_rng(4)
+    x = ball(rng, (200,))
+    x = verify.Ball(np.abs(x.mid), np.minimum(x.rad, 0.3 * np.abs(x.mid)))
+    assert inside(verify.inverse(x), [1 / each for each in corners(x, rng)])
+    with pytest.raises(verify.RejectedError):
+        verify.inverse(verify.Ball([1.0, 1e-3], [0.0, 1e-2]))
+
+
+def test_axis_and_angle_of_a_rotation_are_enclosed() -> None:
+    rng = np.random.default_rng(6)
+    for angle in (0.01, 0.5, np.pi / 2, 2.0, 3.0):
+        axis = verify.unit(rng.normal(size=3))
+        way, turn = verify.turn_of(verify.rotation(axis, angle))
+        assert (np.abs(way.mid - axis.mid) <= way.rad + axis.rad).all()
+        assert abs(turn.mid - angle) <= turn.rad < 1e-10
+        assert way.rad.max() < 1e-10
+    for angle in (1e-5, np.pi):
+        with pytest.raises(verify.RejectedError, match="turns by"):
+            verify.turn_of(verify.rotation(axis, angle))
+
+
 def motions() -> list[tuple[str, str]]:
     return [(scene, kind) for scene in ("panda_carry", "ur5_table") for kind in ("linear", "cubic", "quintic")]
 
@@ -179,3 +201,56 @@ def test_no_bound_exceeds_the_distance_anywhere_on_its_interval(scene: str, kind
         assert (bounds <= max(least, 0.0) + 1e-7).all()
         close += bounds[0] > 0.8 * least > 0
     assert close >= 10  # and many are tight
+
+
+def test_moving_obstacles_are_where_the_scene_says(tmp_path: Path) -> None:
+    """Steady motions and timed poses, against hdplan's own; their times fall between the motion's rows."""
+    from hdplan.scenes.obstacle_motion import ObstacleMotion
+
+    rng = np.random.default_rng(8)
+    pose = hdplan.Pose.from_rpy((2.0, 0.3, 0.5), (0.1, -0.4, 0.9))
+    poses = [hdplan.Pose.from_rpy(rng.uniform(2, 3, 3).tolist(), rng.uniform(-1, 1, 3).tolist()) for _ in range(4)]
+    poses.insert(2, hdplan.Pose(rng.uniform(2, 3, 3).tolist(), poses[1].quaternion_xyzw))
+    motions_ = (hdplan.SteadyMotion((0.1, -0.2, 0.05), (0.3, 0.9, -0.4)), hdplan.SteadyMotion((0.0, 0.1, 0.0)))
+    obstacles = [hdplan.Obstacle(f"o{i}", hdplan.Box([0.1, 0.2, 0.3]), pose, None, m) for i, m in enumerate(motions_)]
+    timed = hdplan.TimedPoses((0.35, 0.8, 1.1, 1.9, 3.0), tuple(poses))
+    obstacles.append(hdplan.Obstacle("timed", hdplan.Sphere(0.1), motion=timed))
+    start = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
+    scene = hdplan.Scene(
+        robot="panda", obstacles=obstacles, start=start, goal=start, timing=hdplan.Timing(duration=2.5)
+    )
+    scene.save(tmp_path / "scene.yaml")
+    setup = Setup.of(hdplan.load_scene(tmp_path / "scene.yaml"))
+    rows = setup.query.start + 0.1 * rng.normal(size=(6, 7))
+    times = np.array([0.0, 0.4, 0.9, 1.3, 2.0, 2.5])
+    trajectory = hdplan.Trajectory(
+        setup.robot.joint_names, rows, dict(setup.robot.locked), times, rng.normal(size=(6, 7))
+    )
+    trajectory.save(tmp_path / "m.json")
+    world = world_of(setup, tmp_path / "scene.yaml", tmp_path / "m.json")
+    refined = np.array(sorted({*times.tolist(), 0.35, 0.8, 1.1, 1.9}))
+    assert len(world.control.mid) == len(refined) - 1
+    share = rng.random(60)
+    low = np.concatenate([np.floor(rng.random(60) * (len(refined) - 1) * 64) / 64, [0.0]])
+    motion = Motion(world, np.stack([low, low + 1 / 64], axis=1))
+    for piece in world.pieces[world.own :]:
+        exact = ObstacleMotion.of(next(each for each in setup.scene.obstacles if each.name == piece.name))
+        for k, s in enumerate([*(2 * share - 1), 0.0]):
+            now = float(np.interp(low[k] + (s + 1) / 128, np.arange(len(refined)), refined))
+            assert np.abs(trajectory.curve.at_time(now) - motion.middle[k, :7] - s * motion.step[k, :7]).max() <= (
+                motion.off[k, :7].max() + 1e-13
+            )
+            turn, at = np.eye(3), np.zeros(3)
+            chain, joint = [], piece.joint
+            while joint >= 0:
+                chain, joint = [joint, *chain], world.joints[joint].parent
+            for j in chain:
+                value = motion.middle[k, j] + s * motion.step[k, j]
+                assert motion.off[k, j] < 1e-12
+                if world.joints[j].turns:
+                    turn = turn @ verify.rotation(world.joints[j].axis, value).mid
+                else:
+                    at = at + turn @ world.joints[j].axis.mid * value
+            expected = exact.at(np.array([now]))[0]
+            assert np.abs(turn @ piece.pose[0].mid - expected[:3, :3]).max() < 1e-12
+            assert np.abs(at - expected[:3, 3]).max() < 1e-12

@@ -1,0 +1,126 @@
+"""Write and check proofs of motions through the problems of MotionBenchMaker.
+
+    python benchmarks/proofs.py DIR [--robot NAME ...] [--set cage ...] [--every K] [--time-limit S]
+
+DIR as in benchmarks/mbm.py. Every problem is planned with the command's defaults; scene and motion are written as
+files, as proofs are about files, and the proof of each certified motion is written and checked. Prints a table with a
+row per robot; to the error stream, a line per problem. Times to write and to check are of the processor; the checker's
+include reading scene, robot and meshes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from problems import RealProblem, real_problems
+
+import hdplan
+from hdplan.planner.studies.report import markdown_text
+from hdplan.verify import RejectedError, verify
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One problem."""
+
+    robot: str
+    problem: str
+    status: str  # "accepted", or why there is no proof
+    size: int = 0  # [bytes]
+    leaves: int = 0
+    certify: float = np.nan  # [s]
+    write: float = np.nan
+    verify: float = np.nan
+    short: float = np.nan  # [m] by which less is proven than by the certificate
+
+
+def run(problem: RealProblem, folder: Path, time_limit: float) -> Outcome:
+    """Plan, prove and verify one problem."""
+    name = f"{problem.set} {problem.number}"
+    scene = problem.load()
+    result = hdplan.plan(scene, time_limit=time_limit)
+    if not result.certified:
+        return Outcome(problem.robot, name, f"not certified: {result.certificate.text}")
+    files = folder / "scene.yaml", folder / "motion.json"
+    scene.save(files[0])
+    result.save(files[1])
+    began = time.process_time()
+    try:
+        proof = hdplan.prove(*files)
+    except hdplan.HdplanError as error:
+        return Outcome(problem.robot, name, str(error))
+    written = time.process_time()
+    try:
+        text = verify(*files, proof.data)
+    except RejectedError as error:
+        return Outcome(problem.robot, name, f"REJECTED: {error}")
+    verified = time.process_time()
+    least = float(text.partition("at least ")[2].partition(" ")[0]) / 1e3
+    certificate = proof.certificate
+    return Outcome(
+        problem.robot,
+        name,
+        "accepted",
+        len(proof.data),
+        proof.leaves,
+        certificate.seconds,
+        written - began - certificate.seconds,
+        verified - written,
+        np.nan if certificate.clearance is None else certificate.clearance - least,
+    )
+
+
+def table(outcomes: list[Outcome]) -> str:
+    """Markdown: one row per robot."""
+    rows = []
+    for robot in dict.fromkeys(outcome.robot for outcome in outcomes):
+        group = [outcome for outcome in outcomes if outcome.robot == robot]
+        good = [outcome for outcome in group if outcome.status == "accepted"]
+        rows.append(
+            {
+                "robot": robot,
+                "problems": len(group),
+                "accepted": len(good),
+                "size median / worst [kB]": _spread([outcome.size / 1e3 for outcome in good]),
+                "leaves median / worst": _spread([float(outcome.leaves) for outcome in good], 0),
+                "certify median / worst [s]": _spread([outcome.certify for outcome in good], 2),
+                "write median / worst [s]": _spread([outcome.write for outcome in good], 2),
+                "verify median / worst [s]": _spread([outcome.verify for outcome in good], 2),
+                "below the certificate median / worst [mm]": _spread([1e3 * outcome.short for outcome in good], 2),
+            }
+        )
+    return markdown_text(rows)
+
+
+def _spread(values: list[float], digits: int = 1) -> str:
+    return f"{np.median(values):.{digits}f} / {max(values):.{digits}f}" if values else ""
+
+
+def main() -> None:
+    """Run the benchmark from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--robot", choices=("panda", "ur5", "fetch", "baxter"), action="append")
+    parser.add_argument("--set", nargs="*", default=[])
+    parser.add_argument("--every", type=int, default=1, help="take every K-th problem of a set")
+    parser.add_argument("--time-limit", type=float, default=30.0)
+    options = parser.parse_args()
+    outcomes = []
+    with tempfile.TemporaryDirectory() as folder:
+        for robot in options.robot or ("panda", "ur5"):
+            for problem in real_problems(options.folder, robot, options.every, options.set):
+                outcomes.append(run(problem, Path(folder), options.time_limit))
+                print(outcomes[-1], file=sys.stderr)
+    if not outcomes:
+        sys.exit(f"no problems found below {options.folder}")
+    print(table(outcomes))
+
+
+if __name__ == "__main__":
+    main()
