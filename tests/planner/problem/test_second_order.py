@@ -178,3 +178,17 @@ def test_gravitys_torques(name: str) -> None:
     bend = ca.hessian(ca.dot(weights, ca.gradient(potential, symbol)), symbol)[0]
     each = ca.Function("bend", [symbol], [ca.densify(bend)])
     close(np.einsum("j,bjkl->bkl", weights, torques.bend(state)), np.array([np.array(each(row)) for row in q]))
+
+
+def test_where_a_length_has_no_derivative_its_second_is_finite() -> None:
+    """At no turn and at half of one, and at the place that is asked for."""
+    placements, columns = np.zeros((2, 2, 12)), np.random.default_rng(2).normal(size=(2, 3, 6))
+    placements[..., [0, 4, 8]] = 1.0
+    placements[1, 1, [4, 8]] = -1.0
+    state, moves, own = KinematicsBatch(placements, columns), np.ones(3, np.bool_), np.eye(4)
+    for measure in (
+        UprightMeasure(1, np.array([0.0, 0.0, 1.0]), moves, np.ones(1)),
+        WithinMeasure(1, np.zeros(3), moves, np.zeros(3), np.eye(3), np.ones(3)),
+        RelativeMeasure((1, 0), (own, own), (moves, ~moves), np.ones(2)),
+    ):
+        assert np.isfinite(measure.bend(state)).all()
