@@ -53,6 +53,7 @@ class Evaluation:
     gradient: Array  # (M, n)
     diagonal: Array  # (M, n, n) curvature of penalty and pace at each waypoint
     coupling: Array  # (M − 1, n, n) the same between neighbours
+    at_goal: Array  # (n,) the derivative with respect to the goal
 
 
 @dataclass(frozen=True)
@@ -150,6 +151,7 @@ class Problem:
             gradient=gradient[1:-1],
             diagonal=diagonal[1:-1],
             coupling=coupling[1:-1],
+            at_goal=gradient[-1],
         )
 
     def penalty(self, positions: Array) -> MotionPenalty:
