@@ -1,11 +1,11 @@
 """Better motions after the first certified one, in rounds: each improves one motion, and its result is kept only if it
 is certified and better.
 
-Better is less of what `Scene.objective` asks for (`objective`). The first round improves the motion as it is; those
-that follow, motions from further guesses, of each goal in turn: perhaps there is a better way around, or a better
-goal. To improve a motion is to solve until it has converged, with the penalty setting in ever closer to obstacles
-(CLOSER), and where time is the objective with the cost of its pace. Of these motions the last one is retimed and
-certified; if that fails, the one before it.
+Better is less of what `Scene.objective` asks for (`objective`). The first round improves the motion as it is; each that
+follows, the most promising of WAYS motions from further guesses, to each goal in turn: perhaps there is a better way
+around, or a better goal. To improve a motion is to solve until it has converged, with the penalty setting in ever
+closer to obstacles (CLOSER), where time is the objective with the cost of its pace, and with its end sliding along the
+goal set. What promises most is retimed and certified; if that fails, the next.
 
 Rounds are counted, not timed, so that the same seed gives the same motion on every machine.
 """

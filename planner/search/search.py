@@ -44,6 +44,7 @@ GUESSES = 3  # first guesses for a goal before the next goal's turn
 DENSER = 2  # times that solving continues at denser samples, before a certificate
 GAIN = 1e-3  # [–] by which a motion must be better than another to take its place
 CONVERGED = 1e-4  # relative decrease of the cost by a step, below which a motion that is bettered has converged
+FARTHEST, SHORTER = 0.3, 0.3  # [rad] or [m] that an end may slide at once; factor on it where that did not help
 REPAIRS = 3  # times that solving continues from a motion whose certificate failed, before the next guess
 
 
@@ -56,6 +57,9 @@ class Event:
     positions: Array | None = None  # (N, n) the waypoints after that step; to be kept, but not changed
     certificate: Certificate | None = None
     motion: Trajectory | None = None  # that it is of
+
+
+Slide = Callable[[Problem, Solution, float], Array | None]  # a motion's better end, at most so far away
 
 
 class Guess(NamedTuple):
@@ -89,12 +93,14 @@ class Search:
         deadline: float,
         report: Callable[[Event], None],
         stop: Callable[[], bool],
+        slide: Slide | None = None,
     ) -> None:
-        """Search for a motion that keeps `required` [m], until `deadline` (time.perf_counter())."""
+        """Search for a motion that keeps `required` [m], until `deadline` (time.perf_counter()). `slide` finds better
+        ends for it where the goal leaves a choice."""
         self.problem, self.certifier, self.retimer = problem, certifier, retimer
         self.solver, self.required = solver, required
         self.objective = objective_of(problem, retimer)
-        self.deadline, self.report, self.stop = deadline, report, stop
+        self.deadline, self.report, self.stop, self.slide = deadline, report, stop, slide
         self.last: Solution | None = None  # solved, not yet certified
         self.best: Best | None = None
         self.steps: tuple[Iteration, ...] = ()  # of the attempt under way
@@ -173,21 +179,32 @@ class Search:
         certified."""
         self.attempts += 1
         self.steps = ()
-        return self._touched(self.problem, first.positions, first.weight, SLOW)
+        solution = self._touched(self.problem, first.positions, first.weight, SLOW)
+        return None if solution is None else solution.trajectory.positions
 
     def improve(self, ways: Iterable[Problem], positions: Array, value: float) -> bool:
         """Go on from a motion (N, n) through problems to this goal, one after the other, each from where the one before
-        it led; keep the last motion that is certified and costs less than `value`, if there is one."""
-        found = []
+        it led, and its end slid to where that helps; keep the most promising motion that is certified, if it costs less
+        than `value`."""
+        found, goal, farthest = [], positions[-1], FARTHEST
         for problem in ways:
-            touched = self._touched(problem, positions, DETOUR_WEIGHT, CONVERGED)
-            if touched is None:
+            solution = self._touched(replace(problem, goal=goal), positions, DETOUR_WEIGHT, CONVERGED)
+            if solution is None:
                 break
-            found.append(positions := touched)
-        for positions in sorted(found, key=self.objective.least_along):
+            found.append(positions := solution.trajectory.positions)
+            end = self.slide(replace(problem, goal=goal), solution, farthest) if self.slide else None
+            if end is not None:
+                moved = positions + np.linspace(0.0, 1.0, len(positions))[:, None] * (end - goal)
+                solution = self._touched(replace(problem, goal=end), moved, solution.weight, CONVERGED)
+                if solution and self._promise(solution.trajectory.positions) < self._promise(positions):
+                    found.append(positions := solution.trajectory.positions)
+                    goal = end
+                else:
+                    farthest *= SHORTER
+        for positions in sorted(found, key=self._promise):
+            if self._promise(positions) >= (1.0 - GAIN) * value:
+                break
             path = Trajectory(self.problem.robot.joint_names, positions, self.problem.robot.locked)
-            if self.objective.least_along(positions) >= (1.0 - GAIN) * value:
-                continue
             trajectory = path if self.retimer is None else self.retimer(path).trajectory
             if self.objective.value(positions, trajectory) >= (1.0 - GAIN) * value:
                 continue
@@ -197,11 +214,15 @@ class Search:
                 return True
         return False
 
-    def _touched(self, problem: Problem, positions: Array, weight: float, slow: float) -> Array | None:
+    def _promise(self, path: Array) -> float:
+        """What a path (N, n) costs at least, once it is timed."""
+        return self.objective.least_along(path)
+
+    def _touched(self, problem: Problem, positions: Array, weight: float, slow: float) -> Solution | None:
         """Solve from a motion (N, n); None if the result does not keep its distance."""
         _, solution = self._solve(problem.resampled(positions), positions, weight, slow)
         self._took(solution)
-        return solution.trajectory.positions if solution.status is SolverStatus.CLEAR else None
+        return solution if solution.status is SolverStatus.CLEAR else None
 
     def _report_step(self, step: Iteration, positions: Array) -> None:
         self.report(Event(self.attempts, step=self._numbered(step), positions=positions))
