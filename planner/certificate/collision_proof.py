@@ -112,6 +112,7 @@ class _Run:
         self.failures: dict[tuple[int, int], Spot] = {}
         self.failed = np.zeros((len(curve) - 1, len(self.pairs.a)), dtype=bool)
         self.configurations = self.exact_calls = 0
+        self._asked: Array | None = None  # (P,) what `_enough` returns, until a closer place is found
 
     def prove(self) -> Proof:
         for spot in self._inside():
@@ -237,7 +238,10 @@ class _Run:
         items = items[~(items.bound > unsettled.bound.max())]  # the rest is settled, and would come last
         order, left = np.argsort(items.bound, kind="stable"), []  # equal bounds in one order on every processor
         # no pair twice at first: many intervals of one pair would all be measured before the closest pair is known
-        lowest = np.sort(np.unique(items.pair[order], return_index=True)[1])[:FIRST_PAIRS]
+        pair, place = items.pair[order], np.arange(len(order))
+        first_of = np.empty(len(self.pairs.a), dtype=np.int64)
+        first_of[pair[::-1]] = place[::-1]
+        lowest = np.flatnonzero(first_of[pair] == place)[:FIRST_PAIRS]
         order = np.concatenate([order[lowest], np.delete(order, lowest)])
         first, after = 0, len(lowest)
         while first < len(order):
@@ -283,8 +287,10 @@ class _Run:
 
     def _enough(self, pairs: Index) -> Array:
         """Return the bounds [m] at which pairs (i,) are settled."""
-        goals = np.array([self._goal(0), self._goal(1)])
-        return np.asarray(np.maximum(self.floor[pairs], goals[self.pairs.group[pairs]]))
+        if self._asked is None:
+            goals = np.array([self._goal(0), self._goal(1)])
+            self._asked = np.maximum(self.floor, goals[self.pairs.group])
+        return self._asked[pairs]
 
     def _goal(self, group: int) -> float:
         """Return the greatest clearance [m] that a group can be proven to keep, less a tolerance."""
@@ -340,7 +346,7 @@ class _Run:
         group = int(self.pairs.group[spot.pair])
         best = self.closest[group]
         if best is None or spot.distance < best.distance:
-            self.closest[group] = spot
+            self.closest[group], self._asked = spot, None
         if spot.touching:
             self._fail(spot)
 

@@ -61,7 +61,7 @@ class Bounds:
         """Return a bound (P,) [m] for each pair over all the intervals: the distance from a ball that contains the
         first body's whole motion to the second's box; −inf where the second moves as well."""
         bodies, pairs = self.bodies, self.pairs
-        links, first = np.unique(pairs.a, return_inverse=True)  # the first bodies: links, few beside the obstacles
+        links, first = self._first
         rows = nodes.row(np.arange(len(nodes.interval))[:, None], links)  # (k, links)
         center = nodes.center[rows]
         middle = 0.5 * (center.min(axis=0) + center.max(axis=0))  # (links, 3)
@@ -94,6 +94,12 @@ class Bounds:
         reach = nodes.reach[row] * self.pairs.moves_a[items.pair] + nodes.reach[other] * self.pairs.moves_b[items.pair]
         travel = np.einsum("in,in->i", most[items.node], reach)
         return distance - self.bodies.radius[a] - travel - drift - ROUNDING, normal
+
+    @cached_property
+    def _first(self) -> tuple[Index, Index]:
+        """The first bodies of all pairs, links, few beside the obstacles; and which of them is in each pair."""
+        links, first = np.unique(self.pairs.a, return_inverse=True)
+        return links, first
 
     @cached_property
     def _world(self) -> Record:

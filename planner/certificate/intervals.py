@@ -73,6 +73,7 @@ class Bodies:
         self.row, self.step = np.arange(len(bodies)), np.zeros(len(bodies), dtype=np.int64)
         self.row[self.moving] = len(bodies) + np.arange(len(self.moving))
         self.step[self.moving] = len(self.moving)
+        self.transforms: dict[int, Any] = {}  # coal's, of what stands, made on first use
 
     @cached_property
     def standing(self) -> tuple[Array, Array, Array]:
@@ -192,7 +193,7 @@ class Intervals:
     axes: Array  # (k, n, 3) of the joints
     points: Array  # (k, n, 3) on the axes
     drift: Motion | None = None  # (r,) of bodies that move on their own
-    transforms: dict[int, Any] = field(default_factory=dict)  # coal's, made on first use
+    transforms: dict[int, Any] = field(default_factory=dict)  # coal's, of what moves, made on first use
 
     @classmethod
     def of(cls, bodies: Bodies, curve: Curve, rho: Array, interval: Index, start: Array, width: Array) -> Intervals:
@@ -248,9 +249,10 @@ class Intervals:
 
     def transform(self, row: int) -> Any:
         """Return one body's placement for coal."""
-        if row not in self.transforms:
-            self.transforms[row] = transform(self.rotation[row], self.origin[row])
-        return self.transforms[row]
+        known = self.bodies.transforms if row < len(self.bodies.bodies) else self.transforms
+        if row not in known:
+            known[row] = transform(self.rotation[row], self.origin[row])
+        return known[row]
 
     def pose(self, node: int, body: int) -> Array:
         """Return one body's placement (4, 4)."""

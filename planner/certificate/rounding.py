@@ -57,7 +57,7 @@ def refuse_large_motion(bodies: Bodies, fields: Sequence[str], curve: Curve, joi
     latest = 0.0 if curve.times is None else float(np.abs(curve.times).max())  # [s]
     with np.errstate(over="ignore"):
         _refuse_late(bodies, fields, latest)
-        _refuse_far(bodies, fields, largest, latest)
+        coordinates = _refuse_far(bodies, fields, largest, latest)
     costs = JOINTS * bodies.reach(curve).max(axis=0, initial=0.0) * largest
     if not costs.sum() <= SHARE / UNIT:
         joint = int(costs.argmax())
@@ -68,7 +68,7 @@ def refuse_large_motion(bodies: Bodies, fields: Sequence[str], curve: Curve, joi
             f"of what it moves is lost in rounding; at most {allowed:.3g} is allowed"
         )
     step = 0.5 * np.abs(np.diff(curve.control, axis=1)).sum(axis=1).max(axis=0)  # (n,) upper bound of |δ|
-    reach = _coordinates(bodies, largest, latest)[bodies.joint > 0].max(initial=0.0)
+    reach = coordinates[bodies.joint > 0].max(initial=0.0)
     if not MOTION * reach * (step * bodies.chain.revolute).sum() <= SHARE / UNIT:
         joint = int((step * bodies.chain.revolute).argmax())
         raise InputError(
@@ -90,8 +90,9 @@ def _refuse_late(bodies: Bodies, fields: Sequence[str], latest: float) -> None:
             )
 
 
-def _refuse_far(bodies: Bodies, fields: Sequence[str], largest: Array, latest: float) -> None:
-    """Refuse bodies with too large coordinates, for joint values up to `largest` (n,) and times up to `latest` [s]."""
+def _refuse_far(bodies: Bodies, fields: Sequence[str], largest: Array, latest: float) -> Array:
+    """Refuse bodies with too large coordinates, for joint values up to `largest` (n,) and times up to `latest` [s];
+    return the coordinates M (g,) [m]."""
     moves = bodies.chain.carried_by[bodies.joint].sum(axis=1) + 1
     coordinates = _coordinates(bodies, largest, latest)
     far = ~(PLACING * moves * coordinates <= SHARE / UNIT)
@@ -101,6 +102,7 @@ def _refuse_far(bodies: Bodies, fields: Sequence[str], largest: Array, latest: f
             f"{fields[g]}: up to {coordinates[g]:g} m from the world's origin, where its place is lost in rounding; "
             f"at most {SHARE / UNIT / PLACING / moves[g]:.3g} m are allowed"
         )
+    return coordinates
 
 
 def _coordinates(bodies: Bodies, largest: Array, latest: float) -> Array:

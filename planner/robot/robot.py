@@ -115,6 +115,8 @@ class Robot:
     def pin_q(self, q: ArrayLike) -> Array:
         """Return Pinocchio's configurations (..., nq) for joint values (..., n): (cos, sin) for a continuous joint."""
         values = np.asarray(q, dtype=np.float64)
+        if not any(self._circling):
+            return values.copy()
         columns: list[Array] = []
         for index, circling in enumerate(self._circling):
             angle = values[..., index]
