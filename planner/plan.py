@@ -18,7 +18,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.end_clearance import reachable_clearance
 from hdplan.planner.search.polish import polish
-from hdplan.planner.search.search import Event, Search, search_in_turn
+from hdplan.planner.search.search import Event, Search, Slide, search_in_turn
 from hdplan.planner.search.warm_start import MOVED, rows_of, warm_start
 from hdplan.planner.solvers import solver_named
 from hdplan.scenes.array_types import Array
@@ -101,8 +101,8 @@ def plan(
     left = seconds_left()  # of the deadline, which covers more than this search
     deadline = built + min(time_limit, left - min(RESERVED * left, MOST_RESERVED) if left < math.inf else left)
     searches = [
-        Search(problem, certifier, retimer, run, required, deadline, report, stop)
-        for problem, (required, _) in zip(problems, clearances, strict=True)
+        Search(problem, certifier, retimer, run, required, deadline, report, stop, _slide(certifier, goal, required))
+        for problem, goal, (required, _) in zip(problems, goals, clearances, strict=True)
     ]
     warm: list[Array | None] = [None] * len(problems)
     if guess is not None and rows is not None:
@@ -126,9 +126,9 @@ def plan(
     notes = (*found, *clearances[taken][1])
     if seconds_left() == 0.0 and not best.certificate.certified:
         notes = (*notes, "the time limit passed: what is not proven may only not have been checked finely enough")
-    several = isinstance(scene.goal, Goals)
-    if several:
-        notes = (*notes, _taken(searches, taken, goals))
+    goal = JointTarget(goals[taken].field, tuple(best.path[-1].tolist())) if isinstance(scene.goal, Goals) else None
+    if goal is not None:
+        notes = (*notes, _taken(searches, taken, goal))
     elif taken == 0:
         notes = (*notes, *setup.turned)
     return PlanResult(
@@ -144,7 +144,7 @@ def plan(
         times=Times(load, build_, stopwatch.seconds, solved, certified),
         notes=(*problems[taken].notes, *best.certificate.notes, *notes),
         objective=searches[taken].objective.achieved(best.path, best.trajectory),
-        goal=goals[taken] if several else None,
+        goal=goal,
         asked=scene,
     )
 
@@ -176,12 +176,21 @@ def _retimer(setup: Setup) -> Retimer | None:
     return Retimer(setup)
 
 
-def _taken(searches: Sequence[Search], taken: int, goals: Sequence[JointTarget]) -> str:
+def _slide(certifier: Certifier, goal: JointTarget, required: float) -> Slide | None:
+    """Return what moves a motion's end along the goal set, if there is a choice and the motion is to be bettered."""
+    if isinstance(certifier.scene.goal, JointTarget) or not certifier.scene.polish:
+        return None
+    from hdplan.planner.search.goal_slide import sliding
+
+    return sliding(certifier, goal, required)
+
+
+def _taken(searches: Sequence[Search], taken: int, goal: JointTarget) -> str:
     """Say which goal was chosen, out of how many."""
     tried = sum(search.attempts > 0 for search in searches)
     found = sum(search.certified for search in searches)
-    joints = zip(searches[taken].problem.robot.joint_names, goals[taken].positions or (), strict=True)
+    joints = zip(searches[taken].problem.robot.joint_names, goal.positions or (), strict=True)
     return (
         f"goal chosen of {tried} tried, {found} certified, by least {searches[taken].objective.name}: "
-        f"{goals[taken].field} at " + ", ".join(f"{joint} {value:.4g}" for joint, value in joints)
+        f"{goal.field} at " + ", ".join(f"{joint} {value:.4g}" for joint, value in joints)
     )

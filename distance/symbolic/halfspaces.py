@@ -84,12 +84,14 @@ def halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: f
 
 
 @functools.cache
-def swept_halfspace_distance(vertices: int, planes: int, gamma: int, shaping_length: float) -> ca.Function:
+def swept_halfspace_distance(
+    vertices: int, planes: int, gamma: int, shaping_length: float, order: int = 1
+) -> ca.Function:
     """The same for the hull of A at two placements: D of its 2·vertices points, with a wrench for each placement.
 
     Inputs: first (12) and second (12), A's placements; placement_b, body and body_planes as in `halfspace_distance`.
     Outputs: distance [m]; first_wrench and second_wrench (6), dD = F·v + T·ω under a motion of A at that placement
-    alone; separation [m].
+    alone; separation [m]. With order 2 also hessian (12, 12) by both motions.
     """
     first, second, placement_b = (ca.MX.sym(name, 12) for name in ("first", "second", "placement_b"))
     body, body_planes = ca.MX.sym("body", 4 * vertices + 1), ca.MX.sym("body_planes", 4 * planes)
@@ -102,15 +104,20 @@ def swept_halfspace_distance(vertices: int, planes: int, gamma: int, shaping_len
     weights = body[3 * vertices : 4 * vertices]
     points = rotation_b.T @ ca.horzcat(*placed)  # A's, in B's frame
     axes = _axes(points, ca.vertcat(weights, weights), body[4 * vertices], body_planes, placements=2)
-    distance, separation, gradient = combined([axes], gamma, 1, ca.MX(shaping_length))
+    distance, separation, gradient, *bend = combined([axes], gamma, order, ca.MX(shaping_length))
     wrenches = [_wrench(rotation_b, placement_b[9:], part) for part in ca.vertsplit(gradient, 6)]
     mark = rigid_or_nan(*turns)
     return ca.Function(
         f"hdsdf_swept_halfspaces_{vertices}_{planes}_{gamma}",
         [first, second, placement_b, body, body_planes],
-        [distance + mark, *wrenches, separation + mark],
+        [
+            distance + mark,
+            *wrenches,
+            separation + mark,
+            *(_turned(rotation_b, placement_b[9:], hessian) for hessian in bend),
+        ],
         ["first", "second", "placement_b", "body", "body_planes"],
-        ["distance", "first_wrench", "second_wrench", "separation"],
+        ["distance", "first_wrench", "second_wrench", "separation", "hessian"][: order + 3],
     )
 
 
@@ -140,6 +147,7 @@ def _wrench(rotation_b: ca.MX, origin_b: ca.MX, gradient: ca.MX) -> ca.MX:
 
 
 def _turned(rotation_b: ca.MX, origin_b: ca.MX, hessian: ca.MX) -> ca.MX:
-    """The Hessian by a motion (6, 6) as B sees it, by the same motion about the world's origin."""
-    adjoint = ca.blockcat([[rotation_b.T, -rotation_b.T @ ca.skew(origin_b)], [ca.MX.zeros(3, 3), rotation_b.T]])
+    """The Hessian by a motion (6, 6) as B sees it, or by several, by the same motions about the world's origin."""
+    one = ca.blockcat([[rotation_b.T, -rotation_b.T @ ca.skew(origin_b)], [ca.MX.zeros(3, 3), rotation_b.T]])
+    adjoint = ca.diagcat(*[one] * (hessian.shape[0] // 6))
     return ca.densify(adjoint.T @ hessian @ adjoint)

@@ -26,6 +26,9 @@ class Posture(Term):
         coupling, depth = np.zeros((count - 1, n, n)), np.zeros(count - 1)  # it asks for nothing between waypoints
         return MotionPenalty(0.5 * float(off @ off) / count, gradient, diagonal, coupling, depth)
 
+    def bend(self, kinematics, samples):
+        """What the exact Hessian has beyond the curvature, for the CasADi program: nothing."""
+
 
 scene = hdplan.load_scene("panda_corridor")
 plain = hdplan.build(scene)

@@ -189,7 +189,7 @@ def world(bodies: Bodies, pairs: Pairs) -> Record:
     return Record(
         len(bodies.chain.axes),
         *(each.astype(np.int64) for each in (*whole, np.cumsum(number) - number, number, bodies.row, bodies.step)),
-        np.concatenate([piece.vertices for piece in pieces]),
+        np.concatenate([np.empty((0, 3)), *(piece.vertices for piece in pieces)]),
         *(np.array([piece.ball for piece in pieces]), np.array([piece.disc for piece in pieces])),
         np.array([none if piece.radii is None else piece.radii for piece in pieces]),
         *(bodies.half, bodies.radius),

@@ -46,15 +46,25 @@ class HdsdfPairs(PairDistance):
         if loops := hdsdf_loop.library():
             tables = self.pairs.tables
             return hdsdf_loop.hdsdf_rows(loops, tables, self.gamma, self.shaping_length, kinematics, sample, pair)
+        distance, wrench, separation = self._by_casadi(1, kinematics, sample, pair)
+        return distance[:, 0], wrench, separation[:, 0]
+
+    def with_hessian(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
+        """Return D (S,) [m], its wrench (S, 6) and its Hessian (S, 6, 6) by the same motion."""
+        distance, wrench, _, hessian = self._by_casadi(2, kinematics, sample, pair)
+        return distance[:, 0], wrench, hessian.reshape(-1, 6, 6)
+
+    def _by_casadi(self, order: int, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> list[Array]:
+        """The outputs of `halfspace_distance`."""
         batch, joints = kinematics.placements.shape[:2]
         placements = kinematics.placements.reshape(batch * joints, 12)  # row of sample s and joint j: s·joints + j
-        distance, separation, wrench = np.zeros(len(pair)), np.zeros(len(pair)), np.zeros((len(pair), 6))
+        results = [np.zeros((len(pair), width)) for width in (1, 6, 1, 36)[: order + 2]]
         slots = self.pairs.plane_slots[pair]
         for count in sorted(set(slots.tolist())):
-            kernel = _kernel(self.pairs.vertex_slots, count, self.gamma, self.shaping_length)
+            kernel = _kernel(self.pairs.vertex_slots, count, self.gamma, self.shaping_length, order)
             chosen = np.flatnonzero(slots == count)
             s, p = sample[chosen], pair[chosen]
-            values, wrenches, separations = kernel(
+            found = kernel(
                 [placements, placements, self.pairs.body_table, self.pairs.plane_tables[count]],
                 [
                     s * joints + self.pairs.joint_a[p],
@@ -63,10 +73,11 @@ class HdsdfPairs(PairDistance):
                     self.pairs.plane_row[p],
                 ],
             )
-            distance[chosen], wrench[chosen], separation[chosen] = values[:, 0], wrenches, separations[:, 0]
-        return distance, wrench, separation
+            for result, values in zip(results, found, strict=True):
+                result[chosen] = values
+        return results
 
 
 @made_once(64)
-def _kernel(vertices: int, planes: int, gamma: int, shaping_length: float) -> RowFunction:
-    return RowFunction(halfspace_distance(vertices, planes, gamma, shaping_length))
+def _kernel(vertices: int, planes: int, gamma: int, shaping_length: float, order: int) -> RowFunction:
+    return RowFunction(halfspace_distance(vertices, planes, gamma, shaping_length, order))

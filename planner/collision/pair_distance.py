@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.errors import InputError
 
 
 class PairDistance(Protocol):
@@ -27,3 +28,8 @@ class PairDistance(Protocol):
         hinge is taken; its derivative under a motion of the first body, as a wrench (S, 6), force and torque about the
         world's origin; and a lower bound of the true distance (S,) [m]."""
         ...
+
+    def with_hessian(self, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> tuple[Array, Array, Array]:
+        """Return D (S,) [m], its wrench (S, 6), and its second derivatives (S, 6, 6) by the same motion exp(ξ), ξ = [v,
+        ω]. Raises InputError where they are not known, as by default."""
+        raise InputError(f"hessian: no second derivatives are known of {self.how}; allowed: gauss_newton")

@@ -20,6 +20,7 @@ from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem import loops
 from hdplan.planner.problem.samples import Samples
+from hdplan.planner.problem.second_order import by_joints
 from hdplan.planner.problem.terms import Penalty, Term
 from hdplan.scenes.array_types import Array, Rows
 
@@ -106,3 +107,17 @@ class Clearance(PairTerm):
             curvature[seen] = np.add.reduceat(outer, starts)
             depth[seen] = np.maximum.reduceat(-inside.separation, starts)
         return Penalty(float(0.5 * np.sum(scale * inside.distance)), gradient, curvature, depth)
+
+    def bend(self, kinematics: KinematicsBatch, samples: Samples) -> Array:
+        """Σ_pairs w_s D ∇²D at the samples."""
+        result = np.zeros(kinematics.columns.shape[:2] + kinematics.columns.shape[1:2])
+        sample, pair = self.pairs.close(kinematics)
+        distance, wrench, hessian = self.distance.with_hessian(kinematics, sample, pair)
+        scale = samples.weight[sample] * np.minimum(distance, 0.0)
+        kept = np.flatnonzero(scale)
+        if len(kept):
+            sample, pair, scale = sample[kept], pair[kept], scale[kept]
+            each = by_joints(kinematics.columns[sample], self.pairs.moves[pair], wrench[kept], hessian[kept])
+            starts = np.flatnonzero(np.diff(sample, prepend=-1))
+            result[sample[starts]] = np.add.reduceat(scale[:, None, None] * each, starts)
+        return result

@@ -6,7 +6,8 @@ the angular velocity and the velocity of the world's origin per unit of joint j'
 
     g_j = −γ·w_j,   w_j = Σ_{b after j} m_b (l_j + a_j × c_b),   ∂g_j/∂q_k = −(γ × a_k)·w_j  for k at or before j,
 
-since joint k turns all that comes after it about a_k; the rest by symmetry (exact). World frame, [m, rad, kg, Nm or N].
+since joint k turns all that comes after it about a_k; the rest by symmetry (exact); so with the second derivatives,
+∂²g_j/∂q_k∂q_l = −(γ × a_k)·(a_l × w_j) for k at or before l, and l at or before j. World frame, [m, rad, kg, Nm or N].
 Joints that gravity can never load that much, by a bound over all configurations, are left out.
 """
 
@@ -56,14 +57,29 @@ class GravityTorques:
 
     def __call__(self, kinematics: KinematicsBatch) -> tuple[Array, Array]:
         """Return g (B, n) and ∂g/∂q (B, n, n) at B configurations."""
-        places = (kinematics.rotations @ self.centres[..., None])[..., 0] + kinematics.translations
-        after = self.supports * self.masses[:, None]  # (nj, n)
-        moments = np.einsum("bj,ibx->ijx", after, places)
-        moved = after.sum(axis=0)[:, None] * kinematics.linear + cross(kinematics.angular, moments)
+        moved = self._moved(kinematics)
         turned = cross(np.broadcast_to(self.gravity, kinematics.angular.shape), kinematics.angular)
         slope = -(moved @ turned.transpose(0, 2, 1))  # [j, k]
         slope = np.where(self.before, slope, np.where(self.before.T, slope.transpose(0, 2, 1), 0.0))
         return -(moved @ self.gravity), slope
+
+    def _moved(self, kinematics: KinematicsBatch) -> Array:
+        """w (B, n, 3)."""
+        places = (kinematics.rotations @ self.centres[..., None])[..., 0] + kinematics.translations
+        after = self.supports * self.masses[:, None]  # (nj, n)
+        moments = np.einsum("bj,ibx->ijx", after, places)
+        moved: Array = after.sum(axis=0)[:, None] * kinematics.linear + cross(kinematics.angular, moments)
+        return moved
+
+    def bend(self, kinematics: KinematicsBatch) -> Array:
+        """Return ∂²g/∂q² (B, n, n, n) at B configurations."""
+        turned = cross(np.broadcast_to(self.gravity, kinematics.angular.shape), kinematics.angular)
+        lifted = cross(kinematics.angular[:, :, None], self._moved(kinematics)[:, None])  # (B, n, n, 3) [l, j]
+        ordered = -np.einsum("bkx,bljx->bklj", turned, lifted)
+        ordered = ordered * (self.before.T[:, :, None] & self.before.T)  # k at or before l, l at or before j
+        first, second, third = np.sort(np.indices(ordered.shape[1:]), axis=0)
+        result: Array = ordered[:, first, second, third]
+        return result
 
     def most(self, model: pin.Model, travel: Array) -> Array:
         """Return bounds (n,) on |g_j| over all configurations; `travel` (n, 2) is the range of each coordinate.
@@ -102,6 +118,13 @@ class GravityMeasure:
         torque, slope = self.torques(kinematics)
         torque, slope, scale = torque[:, self.joints], slope[:, self.joints], ARM / self.limits
         return Measures((scale * torque)[..., None], (scale[:, None] * slope)[..., None, :])
+
+    def bend(self, kinematics: KinematicsBatch) -> Array:
+        """Those of the torques."""
+        torque, _ = self.torques(kinematics)
+        scale = ARM / self.limits * np.sign(torque[:, self.joints])
+        bent: Array = scale[..., None, None] * self.torques.bend(kinematics)[:, self.joints]
+        return bent
 
 
 class StaticTorque(Hinge):

@@ -47,6 +47,10 @@ class Measure(Protocol):
         """Evaluate."""
         ...
 
+    def bend(self, kinematics: KinematicsBatch) -> Array:
+        """The second derivatives of the lengths g (B, m, n, n)."""
+        ...
+
 
 class Hinge(Term):
     """A squared hinge on measures of a configuration."""
@@ -82,6 +86,22 @@ class Hinge(Term):
         gradient = ((weight * inside)[:, None] @ slope)[:, 0]
         curvature = weight[..., None] * (slope.transpose(0, 2, 1) @ slope)
         return Penalty(float(0.5 * np.sum(weight * inside**2)), gradient, curvature, self._depth(inside))
+
+    def bend(self, kinematics: KinematicsBatch, samples: Samples) -> Array:
+        """With e = max(g − (t − b), 0) and J = dv/dq, what e²/2 has beyond dr ᵀdr: e ∇²g − (e/g)² Jᵀ(I − u uᵀ) J."""
+        found = self.measure(kinematics)
+        length = np.linalg.norm(found.value, axis=2)
+        inside = np.maximum(length - (self.measure.bound - _band(self.measure.bound)), 0.0)
+        entered = inside > 0.0
+        scale = samples.weight[:, None] * inside
+        if not entered.any():
+            return np.zeros((len(inside), *found.slope.shape[-1:] * 2))
+        divisor = np.where(entered, length, 1.0)
+        along = ((found.value / divisor[..., None])[..., None, :] @ found.slope)[..., 0, :]
+        across = found.slope.swapaxes(-1, -2) @ found.slope - along[..., :, None] * along[..., None, :]
+        bent = self.measure.bend(kinematics) - (inside / divisor**2)[..., None, None] * across
+        result: Array = np.einsum("bm,bmij->bij", scale, bent)
+        return result
 
     def _depth(self, inside: Array) -> Array:
         band = _band(self.measure.bound)

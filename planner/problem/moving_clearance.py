@@ -45,6 +45,10 @@ class MovingClearance(Clearance):
         """The penalty at the samples of a motion."""
         return super().at_samples(self.met(kinematics, self.law.time_at(samples.parameter)), samples)
 
+    def bend(self, kinematics: KinematicsBatch, samples: Samples) -> Array:
+        """Σ_pairs w_s D ∇²D at the samples; the obstacles' places do not depend on the motion."""
+        return super().bend(self.met(kinematics, self.law.time_at(samples.parameter)), samples)
+
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:
         """How far the worst pair may be inside its margin (B,) [m] at path parameters; 0 where none are given."""
         if parameter is None:

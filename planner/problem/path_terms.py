@@ -18,6 +18,7 @@ import numpy as np
 
 from hdplan.planner.kinematics.forward import KinematicsBatch
 from hdplan.planner.problem.hinge import Hinge, Measure, Measures
+from hdplan.planner.problem.second_order import by_joints, cross_matrices, outer, point_along
 from hdplan.planner.robot.link_frame import link_frame, relative_links
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Mask
@@ -49,12 +50,25 @@ class UprightMeasure:
     def __call__(self, kinematics: KinematicsBatch) -> Measures:
         """Evaluate."""
         axis = kinematics.rotations[:, self.joint] @ self.axis
-        across = np.cross(axis, UP)
-        sine = np.linalg.norm(across, axis=1)
-        aside = np.where(sine[:, None] > PARALLEL, across / np.maximum(sine, PARALLEL)[:, None], [1.0, 0.0, 0.0])
+        aside, sine = _unit(np.cross(axis, UP))
         angle = np.arctan2(sine, axis @ UP)
         slope = -(kinematics.angular @ aside[..., None])[..., 0] * self.moves
         return Measures(LEVER * angle[:, None, None], LEVER * slope[:, None, None])
+
+    def bend(self, kinematics: KinematicsBatch) -> Array:
+        """As the link turns by ω, with c the unit vector across a on the side of z: cot θ (c·ω)² − (a·ω) (c·ω); 0 where
+        the angle has no derivative."""
+        axis = kinematics.rotations[:, self.joint] @ self.axis
+        aside, sine = _unit(np.cross(axis, UP))
+        towards = np.cross(aside, axis)
+        wrench, hessian = np.zeros((len(axis), 6)), np.zeros((len(axis), 6, 6))
+        wrench[:, 3:] = -LEVER * aside
+        mixed = outer(axis, towards)
+        cot = np.where(sine > PARALLEL, axis @ UP / np.maximum(sine, PARALLEL), 0.0)
+        hessian[:, 3:, 3:] = LEVER * (
+            cot[:, None, None] * outer(towards, towards) - 0.5 * (mixed + mixed.swapaxes(1, 2))
+        )
+        return by_joints(kinematics.columns, self.moves, wrench, hessian)[:, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +89,15 @@ class WithinMeasure:
         off = (place - self.centre) @ self.axes.T
         return Measures(off[..., None], (self.axes @ velocity.transpose(0, 2, 1))[..., None, :])
 
+    def bend(self, kinematics: KinematicsBatch) -> Array:
+        """That of the point along each axis."""
+        place = kinematics.rotations[:, self.joint] @ self.point + kinematics.translations[:, self.joint]
+        signs = np.sign((place - self.centre) @ self.axes.T)
+        along = [sign[:, None] * axis for sign, axis in zip(signs.T, self.axes, strict=True)]
+        return np.stack(
+            [by_joints(kinematics.columns, self.moves, *point_along(place, axis)) for axis in along], axis=1
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class RelativeMeasure:
@@ -88,23 +111,63 @@ class RelativeMeasure:
 
     def __call__(self, kinematics: KinematicsBatch) -> Measures:
         """Evaluate."""
-        places, turns, linear, angular = [], [], [], []
-        for joint, placement, moves in zip(self.joints, self.placements, self.moves, strict=True):
-            rotation = kinematics.rotations[:, joint]
-            place = rotation @ placement[:3, 3] + kinematics.translations[:, joint]
-            places.append(place)
-            turns.append(rotation @ placement[:3, :3])
-            linear.append((kinematics.linear + np.cross(kinematics.angular, place[:, None])) * moves[:, None])
+        linear, angular = [], []
+        (place, turned), (asked, wanted) = self._placed(kinematics)
+        for point, moves in zip((place, asked), self.moves, strict=True):
+            linear.append((kinematics.linear + np.cross(kinematics.angular, point[:, None])) * moves[:, None])
             angular.append(kinematics.angular * moves[:, None])
-        turn = turns[0] @ turns[1].transpose(0, 2, 1)
-        vector = scipy.spatial.transform.Rotation.from_matrix(turn).as_rotvec()
+        turn = turned @ wanted.transpose(0, 2, 1)
+        vector = _rotation_vector(turn)
         faster = angular[0] - angular[1] @ turn.transpose(0, 2, 1)
         return Measures(
-            np.stack([places[0] - places[1], LEVER * vector], axis=1),
+            np.stack([place - asked, LEVER * vector], axis=1),
             np.stack(
                 [(linear[0] - linear[1]).transpose(0, 2, 1), LEVER * _rate(vector) @ faster.transpose(0, 2, 1)], axis=1
             ),
         )
+
+    def bend(self, kinematics: KinematicsBatch) -> Array:
+        """With u the direction of the way and ṗ the velocity of the place: that of the place along u, and (|ṗ|² −
+        (u·ṗ)²)/‖p − c‖. As the link turns by ω, u the axis of φ: ½ cot(‖φ‖/2) (|ω|² − (u·ω)²)."""
+        (place, turned), (asked, wanted) = self._placed(kinematics)
+        moves = self.moves[0].astype(np.float64) - self.moves[1]
+        unit, length = _unit(place - asked)
+        wrench, hessian = point_along(place, unit)
+        velocity = np.concatenate([np.broadcast_to(np.eye(3), turned.shape), -cross_matrices(place)], axis=2)
+        hessian = hessian + velocity.swapaxes(1, 2) @ _across(unit, length) @ velocity
+        torque, bent = np.zeros_like(wrench), np.zeros_like(hessian)
+        unit, angle = _unit(_rotation_vector(turned @ wanted.swapaxes(1, 2)))
+        torque[:, 3:], bent[:, 3:, 3:] = LEVER * unit, LEVER * _across(unit, 2 * np.tan(0.5 * angle))
+        found = [by_joints(kinematics.columns, moves, *each) for each in ((wrench, hessian), (torque, bent))]
+        return np.stack(found, axis=1)
+
+    def _placed(self, kinematics: KinematicsBatch) -> list[tuple[Array, Array]]:
+        """Origins (B, 3) and rotations (B, 3, 3) in the world: of the link, and of where it is to be."""
+        found = []
+        for joint, placement in zip(self.joints, self.placements, strict=True):
+            rotation = kinematics.rotations[:, joint]
+            place = rotation @ placement[:3, 3] + kinematics.translations[:, joint]
+            found.append((place, rotation @ placement[:3, :3]))
+        return found
+
+
+def _rotation_vector(turns: Array) -> Array:
+    """The rotation vectors (B, 3) of rotations (B, 3, 3)."""
+    result: Array = scipy.spatial.transform.Rotation.from_matrix(turns).as_rotvec()
+    return result
+
+
+def _unit(vectors: Array) -> tuple[Array, Array]:
+    """Vectors (B, 3) of length one, and their lengths (B,); any direction where there is hardly a length."""
+    length = np.linalg.norm(vectors, axis=1)
+    unit = np.where(length[:, None] > PARALLEL, vectors / np.maximum(length, PARALLEL)[:, None], [1.0, 0.0, 0.0])
+    return unit, length
+
+
+def _across(unit: Array, length: Array) -> Array:
+    """(I − u uᵀ)/l (B, 3, 3), how u turns as the end of a vector of length l moves."""
+    result: Array = (np.eye(3) - outer(unit, unit)) / np.maximum(length, PARALLEL)[:, None, None]
+    return result
 
 
 def _rate(vector: Array) -> Array:
@@ -114,7 +177,7 @@ def _rate(vector: Array) -> Array:
     small = angle < NO_TURN
     wide = np.where(small, 1.0, angle)
     share = np.where(small, 1.0 / 12.0, 1.0 / wide**2 - 0.5 / (wide * np.tan(0.5 * wide)))
-    cross = np.cross(vector[:, None], np.eye(3)).transpose(0, 2, 1)
+    cross = cross_matrices(vector)
     return np.eye(3) - 0.5 * cross + share[:, None, None] * (cross @ cross)
 
 

@@ -1,7 +1,8 @@
 """The problem's penalty as an external function of CasADi, its gradient and Hessian declared.
 
-In: x as in `program`. Out: the penalty of its waypoints; the exact gradient; in place of the Hessian the Gauss-Newton
-curvature, one block of (q_k, d_k) for each stage. The three share one evaluation at each x.
+In: x as in `program`. Out: the penalty of its waypoints; the exact gradient; the exact Hessian or, in its place, the
+Gauss-Newton curvature, one block of (q_k, d_k) for each stage. The three share one evaluation at each x; what the exact
+Hessian has beyond the curvature takes another, where it is asked for.
 """
 
 from __future__ import annotations
@@ -32,9 +33,9 @@ class PenaltyFunction:
     nothing is evaluated any more, and the last values are returned everywhere. The failure is kept in `error`.
     """
 
-    def __init__(self, problem: Problem) -> None:
-        """Take a problem."""
-        self.problem = problem
+    def __init__(self, problem: Problem, exact: bool) -> None:
+        """Take a problem, and whether the Hessian is exact."""
+        self.problem, self.exact = problem, exact
         self.stop: Callable[[], bool] | None = None
         self.error: BaseException | None = None
         self._last: tuple[bytes, MotionPenalty] | None = None
@@ -47,7 +48,7 @@ class PenaltyFunction:
         place = (first + block).ravel().tolist()  # of steps too: of what is absent CasADi takes no second derivative
         gradient = ca.Sparsity.triplet(1, size, [0] * len(place), place)
         hessian = ca.Sparsity.triplet(size, size, row.tolist(), column.tolist())
-        second = _External("jac_jac_penalty", (x, scalar, gradient), (hessian, ca.Sparsity(size, 1)), self._curvature)
+        second = _External("jac_jac_penalty", (x, scalar, gradient), (hessian, ca.Sparsity(size, 1)), self._hessian)
         slope = _External("jac_penalty", (x, scalar), (gradient,), self._gradient, second)
         self.function = _External("penalty", (x,), (scalar,), self._value, slope)
 
@@ -63,12 +64,15 @@ class PenaltyFunction:
         try:
             self._stopped = last is not None and self.stop is not None and self.stop()
             if last is None or not self._stopped:
-                last = self._last = key, problem.penalty(np.vstack([problem.start, x[self._places], problem.goal]))
+                last = self._last = key, problem.penalty(self._positions(x))
         except BaseException as error:
             if last is None or self.stop is None:
                 raise
             self._stopped, self.error = True, error
         return last[1]
+
+    def _positions(self, x: Array) -> Array:
+        return np.vstack([self.problem.start, x[self._places], self.problem.goal])
 
     def _value(self, x: Array) -> Array:
         return np.array([self._at(x).cost])
@@ -77,12 +81,16 @@ class PenaltyFunction:
         slope = self._at(x).gradient[1:-1]
         return np.hstack([slope, np.zeros_like(slope)]).ravel()
 
-    def _curvature(self, x: Array) -> Array:
+    def _hessian(self, x: Array) -> Array:
         """The block between q_k and q_{k+1} is written at stage k, with δq_{k+1} = δq_k + δd_k."""
         found, n = self._at(x), self._places.shape[1]
-        ahead = found.coupling[1:-1]  # q_{k+1} (rows) with q_k
+        diagonal, coupling = found.diagonal, found.coupling
+        if self.exact and not self._stopped:
+            bend = self.problem.bend(self._positions(x))
+            diagonal, coupling = diagonal + bend[0], coupling + bend[1]
+        ahead = coupling[1:-1]  # q_{k+1} (rows) with q_k
         blocks = np.zeros((len(self._places), 2 * n, 2 * n))
-        blocks[:, :n, :n] = found.diagonal[1:-1]
+        blocks[:, :n, :n] = diagonal[1:-1]
         blocks[:-1, :n, :n] += ahead + ahead.transpose(0, 2, 1)
         blocks[:-1, n:, :n] = ahead
         blocks[:-1, :n, n:] = ahead.transpose(0, 2, 1)

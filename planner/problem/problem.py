@@ -53,6 +53,7 @@ class Evaluation:
     gradient: Array  # (M, n)
     diagonal: Array  # (M, n, n) curvature of penalty and pace at each waypoint
     coupling: Array  # (M − 1, n, n) the same between neighbours
+    at_goal: Array  # (n,) the derivative with respect to the goal
 
 
 @dataclass(frozen=True)
@@ -150,6 +151,7 @@ class Problem:
             gradient=gradient[1:-1],
             diagonal=diagonal[1:-1],
             coupling=coupling[1:-1],
+            at_goal=gradient[-1],
         )
 
     def penalty(self, positions: Array) -> MotionPenalty:
@@ -172,23 +174,42 @@ class Problem:
                 depth = np.maximum(depth, spanning.depth[self.samples.interval])
         return MotionPenalty(penalty, slope, diagonal, coupling, depth)
 
+    def bend(self, positions: Array) -> tuple[Array, Array]:
+        """What the Hessian of the penalty at waypoints (N, n) has beyond the curvature: blocks (N, n, n) of each
+        waypoint, and (N − 1, n, n) of q_{k+1} (rows) with q_k. Raises InputError for a term of which it is not
+        known."""
+        kinematics = self.kinematics.evaluate(self.samples.configurations(positions))
+        nothing = nowhere(*kinematics.columns.shape[:2])
+        found = [bend for term in self.terms if (bend := term.bend(kinematics, self.samples)) is not None]
+        _, diagonal, coupling = self.samples.to_waypoints(nothing.gradient, sum(found, nothing.curvature))
+        for term in self.terms:
+            if spanning := term.bend_over_motion(positions, self.kinematics):
+                diagonal, coupling = diagonal + spanning[0], coupling + spanning[1]
+        return diagonal, coupling
+
     @cached_property
     def _at_samples(self) -> loops.AtSamples:
         """The terms that are loops of C."""
         counts, found = np.array(self.samples.counts), [term.loop for term in self.terms if term.loop]
         return loops.AtSamples(self.kinematics, counts, self.samples.fraction, self.samples.weight, found)
 
-    def casadi(self) -> Program:
+    def casadi(self, hessian: str = "exact") -> Program:
         """The problem as a CasADi program, for Ipopt, fatrop and other solvers of CasADi's.
+
+        hessian: of the penalty, "exact" or "gauss_newton", its positive semidefinite part. To a tolerance solvers take
+        half of the steps with the exact one; in runs of a few steps the other gets further.
 
         `nlp` is the dictionary of x, p, f and g that `casadi.nlpsol` takes, `bounds` holds lbx, ubx, lbg and ubg, and
         `stages` the options by which fatrop finds the stages. `guess(positions)` gives the x of waypoints (N, n),
         `positions(x)` the waypoints of an x; `with_cost` and `with_constraint` add expressions of one's own. Keep the
         program as long as anything made from it.
+
+        Raises InputError for another `hessian`, and for an exact one of a term of which it is not known: that of the
+        distance by FCL, and of a term of one's own without `bend`.
         """
         from hdplan.planner.problem.program import program
 
-        return program(self)
+        return program(self, hessian)
 
     def depth(self, configurations: Array, parameter: Array | None = None) -> Array:
         """How far the worst term is inside its margin at single configurations (B, n) -> (B,) [m]: at no particular

@@ -6,10 +6,10 @@ It is written stage by stage, as optimal control is: stage k = 0 … N − 2 has
     minimize    Σ_k |d_k|²/(2 h) + α Σ_k |a_k|²/(2 h³) + p penalty(q)
     subject to  q_{k+1} = q_k + d_k,  d_{k+1} = d_k + a_k,  q_0 = start,  q_{N−2} + d_{N−2} = goal,  joint limits
 
-The penalty is `Problem.penalty`, called through an external function with declared derivatives. Its gradient is exact.
-In place of its Hessian stands the Gauss-Newton curvature, positive semidefinite: near a minimum solvers converge
-linearly. As the stages may not be coupled by a Hessian, the block between q_k and q_{k+1} is written at stage k with
-δq_{k+1} = δq_k + δd_k; the step of a solver is the same.
+The penalty is `Problem.penalty`, called through an external function with declared derivatives. Its gradient is exact,
+and so is its Hessian, unless the Gauss-Newton curvature is to stand in its place: positive semidefinite, so that near a
+minimum solvers converge linearly. As the stages may not be coupled by a Hessian, the block between q_k and q_{k+1} is
+written at stage k with δq_{k+1} = δq_k + δd_k; the step of a solver is the same.
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ from hdplan.scenes.errors import InputError
 
 if TYPE_CHECKING:
     from hdplan.planner.problem.problem import Problem
+
+HESSIANS = ("exact", "gauss_newton")  # of the penalty
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -131,12 +133,16 @@ class Program:
             raise InputError(f"{name}: depends on '{strange[0]}'; allowed are the program's x and p")
 
 
-def program(problem: Problem) -> Program:
-    """Write a problem as a CasADi program."""
+def program(problem: Problem, hessian: str) -> Program:
+    """Write a problem as a CasADi program; `hessian` is one of HESSIANS."""
+    if hessian not in HESSIANS:
+        raise InputError(f"hessian: must be one of {', '.join(HESSIANS)}, found {hessian!r}")
+    if exact := hessian == "exact":
+        problem.bend(problem.polyline())  # an error in it is raised here; a solver would see a failed evaluation
     settings, n = problem.smoothness, len(problem.start)
     h = 1 / (problem.waypoints - 1)
     x, p = ca.MX.sym("x", n * (3 * problem.waypoints - 4)), ca.MX.sym("p")
-    penalty = PenaltyFunction(problem)
+    penalty = PenaltyFunction(problem, exact)
     q, step, change = _columns(problem, x)
     cost = (
         settings.velocity * ca.sumsqr(step) / (2 * h)

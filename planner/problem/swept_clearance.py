@@ -20,8 +20,10 @@ from hdplan.planner.collision.broad_phase import BodyPairs
 from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.planner.problem.clearance import Inside, PairTerm
+from hdplan.planner.problem.samples import Samples
+from hdplan.planner.problem.second_order import by_joints
 from hdplan.planner.problem.terms import MotionPenalty
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.once import made_once
 
 
@@ -32,8 +34,8 @@ class SweptClearance(PairTerm):
         """Take pairs whose second bodies all stand in the world; compile the swept distance, or find it in the
         cache."""
         super().__init__(name, pairs, distance)
-        slots = pairs.vertex_slots
-        self.kernels = {count: _kernel(slots, count, gamma, shaping_length) for count in sorted(pairs.plane_tables)}
+        self.gamma, self.shaping_length = gamma, shaping_length
+        self.kernels = {count: self._kernel(count, 1) for count in sorted(pairs.plane_tables)}
 
     @property
     def functions(self) -> Mapping[str, Any]:
@@ -43,17 +45,25 @@ class SweptClearance(PairTerm):
     def between(self, kinematics: KinematicsBatch) -> Inside:
         """Every pair with D < 0 on every interval between N configurations: `sample` is the interval, `gradient` (S, 2
         n) is with respect to the configurations at its start and its end."""
+        interval, pair, (distance, *wrenches, separation) = self._rows(1, kinematics)
+        gradient = [
+            (kinematics.columns[interval + end] @ wrenches[end][..., None])[:, :, 0] * self.pairs.moves[pair]
+            for end in (0, 1)
+        ]
+        return Inside(interval, pair, distance[:, 0], separation[:, 0], np.hstack(gradient))
+
+    def _rows(self, order: int, kinematics: KinematicsBatch) -> tuple[Rows, Rows, list[Array]]:
+        """The intervals and pairs (S,) with D < 0, and the outputs of `swept_halfspace_distance`."""
         interval, pair = self.pairs.close_between(kinematics)
         joints = kinematics.placements.shape[1]
         placements = kinematics.placements.reshape(-1, 12)  # row of waypoint k and joint j: k·joints + j
         slots = self.pairs.plane_slots[pair]
-        distance, separation = np.zeros(len(pair)), np.zeros(len(pair))
-        wrenches = np.zeros((2, len(pair), 6))
-        for count, kernel in self.kernels.items():
+        results = [np.zeros((len(pair), width)) for width in (1, 6, 6, 1, 144)[: order + 3]]
+        for count in self.kernels:
             chosen = np.flatnonzero(slots == count)
             p = pair[chosen]
             first = interval[chosen] * joints
-            found = kernel(
+            found = self._kernel(count, order)(
                 [placements, placements, placements, self.pairs.body_table, self.pairs.plane_tables[count]],
                 [
                     first + self.pairs.joint_a[p],
@@ -63,15 +73,10 @@ class SweptClearance(PairTerm):
                     self.pairs.plane_row[p],
                 ],
             )
-            distance[chosen], separation[chosen] = found[0][:, 0], found[3][:, 0]
-            wrenches[:, chosen] = found[1:3]
-        kept = np.flatnonzero(distance < 0)
-        interval, pair = interval[kept], pair[kept]
-        gradient = [
-            (kinematics.columns[interval + end] @ wrenches[end, kept, :, None])[:, :, 0] * self.pairs.moves[pair]
-            for end in (0, 1)
-        ]
-        return Inside(interval, pair, distance[kept], separation[kept], np.hstack(gradient))
+            for result, values in zip(results, found, strict=True):
+                result[chosen] = values
+        kept = np.flatnonzero(results[0][:, 0] < 0)
+        return interval[kept], pair[kept], [result[kept] for result in results]
 
     def over_motion(self, positions: Array, kinematics: Kinematics) -> MotionPenalty:
         """The penalty over a motion through N waypoints."""
@@ -93,7 +98,29 @@ class SweptClearance(PairTerm):
             depth[k] = np.maximum.reduceat(-inside.separation, starts)
         return MotionPenalty(0.5 * weight * float(np.sum(inside.distance**2)), gradient, diagonal, coupling, depth)
 
+    def bend(self, kinematics: KinematicsBatch, samples: Samples) -> None:
+        """Nothing at the samples."""
+
+    def bend_over_motion(self, positions: Array, kinematics: Kinematics) -> tuple[Array, Array]:
+        """h Σ_pairs D ∇²D: both ends of an interval by themselves, and the block between them."""
+        count, n = positions.shape
+        diagonal, coupling = np.zeros((count, n, n)), np.zeros((count - 1, n, n))
+        placed = kinematics.evaluate(positions)
+        interval, pair, (distance, *wrenches, _, hessian) = self._rows(2, placed)
+        blocks, moves = hessian.reshape(-1, 2, 6, 2, 6), self.pairs.moves[pair]
+        columns = [placed.columns[interval + end] for end in (0, 1)]
+        scale = distance[:, :, None] / (count - 1)
+        for end in (0, 1):
+            within = by_joints(columns[end], moves, wrenches[end], blocks[:, end, :, end])
+            np.add.at(diagonal, interval + end, scale * within)
+        first, second = (each * moves[..., None] for each in columns)
+        np.add.at(coupling, interval, scale * (second @ blocks[:, 1, :, 0] @ first.swapaxes(1, 2)))
+        return diagonal, coupling
+
+    def _kernel(self, count: int, order: int) -> RowFunction:
+        return _kernel(self.pairs.vertex_slots, count, self.gamma, self.shaping_length, order)
+
 
 @made_once(64)
-def _kernel(vertices: int, planes: int, gamma: int, shaping_length: float) -> RowFunction:
-    return RowFunction(swept_halfspace_distance(vertices, planes, gamma, shaping_length))
+def _kernel(vertices: int, planes: int, gamma: int, shaping_length: float, order: int) -> RowFunction:
+    return RowFunction(swept_halfspace_distance(vertices, planes, gamma, shaping_length, order))

@@ -1,7 +1,7 @@
 """The interface of a term of the cost: a penalty at the samples of a motion, or on the motion as a whole.
 
 In: the kinematics of samples, or waypoints. Out: a cost, its exact gradient and a positive semidefinite curvature
-(Gauss-Newton).
+(Gauss-Newton); on its own, what the exact Hessian has beyond that.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 from hdplan.distance.compiled.c_library import Record
 from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.errors import InputError
 
 if TYPE_CHECKING:
     from hdplan.planner.problem.samples import Samples
@@ -71,6 +72,16 @@ class Term:
 
     def over_motion(self, positions: Array, kinematics: Kinematics) -> MotionPenalty | None:
         """The penalty on a motion through waypoints (N, n) of a robot; None for a term that has nothing there."""
+        return None
+
+    def bend(self, kinematics: KinematicsBatch, samples: Samples) -> Array | None:
+        """What the Hessian at the samples (B, n, n) has beyond the curvature; None for nothing. Raises InputError where
+        that is not known, as by default."""
+        raise InputError(f"hessian: no second derivatives are known of the term '{self.name}'; allowed: gauss_newton")
+
+    def bend_over_motion(self, positions: Array, kinematics: Kinematics) -> tuple[Array, Array] | None:
+        """The same of the penalty on the motion as a whole, as the blocks (N, n, n) and (N − 1, n, n) of
+        `MotionPenalty`."""
         return None
 
     def depth(self, kinematics: KinematicsBatch, parameter: Array | None = None) -> Array:

@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdplan.planner.kinematics.forward import Kinematics
+from hdplan.planner.kinematics.forward import Kinematics, KinematicsBatch
+from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.terms import MotionPenalty, Term
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.time_laws import MinimumJerk
@@ -57,3 +58,6 @@ class VelocityPenalty(Term):
         diagonal[1:] += bend
         diagonal[:-1] += bend
         return MotionPenalty(0.5 * weight * float(np.sum(beyond**2)), gradient, diagonal, -bend, beyond.max(axis=1))
+
+    def bend(self, kinematics: KinematicsBatch, samples: Samples) -> None:
+        """Nothing: the curvature is exact."""

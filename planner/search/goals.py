@@ -103,14 +103,19 @@ def settled(setup: Setup, motion: Trajectory | None = None) -> Setup:
     return setup.aiming_at(goal_choice(certifier).goals[0])
 
 
+def may_end(certifier: Certifier, q: Array, required: float = 0.0) -> bool:
+    """Whether a motion may end in a configuration (n,): with the clearance required [m], on the path constraints, and
+    with torques that the joints can bear."""
+    close = certifier.too_close(q, required, certifier.scene.end_time)
+    return not (close or certifier.off_path(q) or certifier.overload(q))
+
+
 def _free(certifier: Certifier, reached: Array, start: Array) -> list[tuple[float, Array]]:
     """The PICKED nearest configurations without contact that satisfy the path constraints, each with its score, best
     first."""
     scored = []
     time = certifier.scene.end_time
-    fit = (
-        q for q in reached if not (certifier.off_path(q) or certifier.overload(q) or certifier.too_close(q, 0.0, time))
-    )
+    fit = (q for q in reached if may_end(certifier, q))
     for q in itertools.islice(fit, PICKED):
         place, _ = certifier.nearest(q, CLOSE, time)
         crowded = 0.0 if place is None else 1.0 - place.distance / CLOSE

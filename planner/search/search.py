@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -42,8 +42,6 @@ if TYPE_CHECKING:
 
 GUESSES = 3  # first guesses for a goal before the next goal's turn
 DENSER = 2  # times that solving continues at denser samples, before a certificate
-GAIN = 1e-3  # [–] by which a motion must be better than another to take its place
-CONVERGED = 1e-4  # relative decrease of the cost by a step, below which a motion that is bettered has converged
 REPAIRS = 3  # times that solving continues from a motion whose certificate failed, before the next guess
 
 
@@ -56,6 +54,9 @@ class Event:
     positions: Array | None = None  # (N, n) the waypoints after that step; to be kept, but not changed
     certificate: Certificate | None = None
     motion: Trajectory | None = None  # that it is of
+
+
+Slide = Callable[[Problem, Solution, float], Array | None]  # a motion's better end, at most so far away
 
 
 class Guess(NamedTuple):
@@ -89,12 +90,14 @@ class Search:
         deadline: float,
         report: Callable[[Event], None],
         stop: Callable[[], bool],
+        slide: Slide | None = None,
     ) -> None:
-        """Search for a motion that keeps `required` [m], until `deadline` (time.perf_counter())."""
+        """Search for a motion that keeps `required` [m], until `deadline` (time.perf_counter()). `slide` finds better
+        ends for it where the goal leaves a choice."""
         self.problem, self.certifier, self.retimer = problem, certifier, retimer
         self.solver, self.required = solver, required
         self.objective = objective_of(problem, retimer)
-        self.deadline, self.report, self.stop = deadline, report, stop
+        self.deadline, self.report, self.stop, self.slide = deadline, report, stop, slide
         self.last: Solution | None = None  # solved, not yet certified
         self.best: Best | None = None
         self.steps: tuple[Iteration, ...] = ()  # of the attempt under way
@@ -104,8 +107,7 @@ class Search:
     def attempt(self, first: Guess, value: float = math.inf) -> bool:
         """Solve from one guess, and continue where the certificate fails; True if the search is over. A motion that
         cannot cost less than `value`, as a certified one to another goal does, is not certified."""
-        self.attempts += 1
-        self.steps = ()
+        self.begin()
         guess, weight = first.positions, first.weight
         problem = self.problem.resampled(guess)
         for turn in range(1 + REPAIRS):
@@ -168,40 +170,29 @@ class Search:
         assert self.best is not None
         return self.objective.value(self.best.path, self.best.trajectory)
 
-    def way(self, first: Guess) -> Array | None:
-        """Begin another attempt: solve from one guess; the motion (N, n) if it keeps its distance, not yet
-        certified."""
+    def begin(self) -> None:
+        """Begin another attempt."""
         self.attempts += 1
         self.steps = ()
-        return self._touched(self.problem, first.positions, first.weight, SLOW)
 
-    def improve(self, ways: Iterable[Problem], positions: Array, value: float) -> bool:
-        """Go on from a motion (N, n) through problems to this goal, one after the other, each from where the one before
-        it led; keep the last motion that is certified and costs less than `value`, if there is one."""
-        found = []
-        for problem in ways:
-            touched = self._touched(problem, positions, DETOUR_WEIGHT, CONVERGED)
-            if touched is None:
-                break
-            found.append(positions := touched)
-        for positions in sorted(found, key=self.objective.least_along):
-            path = Trajectory(self.problem.robot.joint_names, positions, self.problem.robot.locked)
-            if self.objective.least_along(positions) >= (1.0 - GAIN) * value:
-                continue
-            trajectory = path if self.retimer is None else self.retimer(path).trajectory
-            if self.objective.value(positions, trajectory) >= (1.0 - GAIN) * value:
-                continue
-            certificate = self._certificate(trajectory)
-            if certificate.certified:
-                self.best = Best(positions, trajectory, certificate, self.steps, whole=True)
-                return True
-        return False
-
-    def _touched(self, problem: Problem, positions: Array, weight: float, slow: float) -> Array | None:
-        """Solve from a motion (N, n); None if the result does not keep its distance."""
+    def clear(self, problem: Problem, positions: Array, weight: float, slow: float = SLOW) -> Solution | None:
+        """Solve a problem to this goal from a motion (N, n); None if the result does not keep its distance."""
         _, solution = self._solve(problem.resampled(positions), positions, weight, slow)
         self._took(solution)
-        return solution.trajectory.positions if solution.status is SolverStatus.CLEAR else None
+        return solution if solution.status is SolverStatus.CLEAR else None
+
+    def keep(self, path: Array, value: float) -> bool:
+        """Give times to a path (N, n) where the scene asks for them; keep the motion if it costs less than `value` and
+        is certified."""
+        trajectory = Trajectory(self.problem.robot.joint_names, path, self.problem.robot.locked)
+        if self.retimer is not None:
+            trajectory = self.retimer(trajectory).trajectory
+        if self.objective.value(path, trajectory) >= value:
+            return False
+        certificate = self._certificate(trajectory)
+        if certificate.certified:
+            self.best = Best(path, trajectory, certificate, self.steps, whole=True)
+        return certificate.certified
 
     def _report_step(self, step: Iteration, positions: Array) -> None:
         self.report(Event(self.attempts, step=self._numbered(step), positions=positions))

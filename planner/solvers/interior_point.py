@@ -1,7 +1,8 @@
 """Interior-point solvers on the problem's CasADi program: short runs, between which the penalty weight rises.
 
 A run begins at the motion of the last one. It counts as one step, and is judged like a step of any other solver: by the
-cost that `Problem.evaluate` finds.
+cost that `Problem.evaluate` finds. The Hessian is the Gauss-Newton curvature: in runs as short as these the exact one
+takes twice as long and ends in worse motions (docs/measurements.md).
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ QUIET = {"print_time": False, "error_on_fail": False, "show_eval_warnings": Fals
 
 def solve(plugin: str, options: Mapping[str, Any], problem: Problem, guess: Array, budget: Budget) -> Solution:
     """Improve a guess (N, n) by runs of one of CasADi's solvers, with options of that solver itself."""
-    program = problem.casadi()
+    program = problem.casadi("gauss_newton")
     stages = program.stages if plugin == "fatrop" else {}
     run = ca.nlpsol("run", plugin, program.nlp, {plugin: {"max_iter": STEPS, **options}, **stages, **QUIET})
     positions = problem.clip(guess)

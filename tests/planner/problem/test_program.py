@@ -67,9 +67,10 @@ every_scene = pytest.mark.parametrize("name", SCENES)
 @every_scene
 @pytest.mark.parametrize("waypoints", [3, 4, 7])
 def test_cost_gradient_and_curvature_are_those_of_the_evaluation(name: str, waypoints: int) -> None:
-    """Along every motion of the waypoints, which is all that a solver can move."""
+    """Along every motion of the waypoints, which is all that a solver can move; for the exact Hessian see
+    `test_hessian`."""
     problem = problem_of(name, waypoints)
-    program = problem.casadi()
+    program = problem.casadi("gauss_newton")
     hessian, gradient = ca.hessian(program.f, program.x)
     given = [program.x, program.p]
     found = ca.Function("found", given, [program.f, gradient, hessian, ca.vertcat(*program.rows)])
@@ -94,7 +95,7 @@ def test_cost_gradient_and_curvature_are_those_of_the_evaluation(name: str, wayp
 def test_the_gradient_is_that_of_the_cost(name: str) -> None:
     """By differences, in every direction of x."""
     problem = problem_of(name)
-    program = problem.casadi()
+    program = problem.casadi("gauss_newton")
     cost = ca.Function("cost", [program.x, program.p], [program.f])
     gradient = ca.Function("gradient", [program.x, program.p], [ca.gradient(program.f, program.x)])
     rng = np.random.default_rng(6)
@@ -121,7 +122,7 @@ def test_the_hessian_couples_no_stages(name: str) -> None:
 @every_scene
 def test_bounds_hold_the_ends_and_the_joint_limits(name: str) -> None:
     problem = problem_of(name)
-    program, n = problem.casadi(), len(problem.start)
+    program, n = problem.casadi("gauss_newton"), len(problem.start)
     bounds = program.bounds
     wild = np.random.default_rng(3).normal(size=(problem.waypoints, n)) * 10
     x = program.guess(wild)

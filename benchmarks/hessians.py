@@ -1,0 +1,118 @@
+"""The CasADi program to a tolerance, with the penalty's exact Hessian and with the Gauss-Newton curvature in its place.
+
+    python benchmarks/hessians.py [DIR] [--every K]
+
+The problems are the shipped scenes and, with DIR, every K-th problem of MotionBenchMaker for Panda and UR5. From the
+straight line, five weights of the penalty one after another, each to its minimum; and from the motion that the default
+solver found, its last weight. Ipopt and fatrop with a tolerance of 1e-6, at most 300 steps for a weight. Times are of
+the processor, warm, without the set-up.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+from problems import real_problems
+
+import hdplan
+from hdplan.planner.problem.problem import Problem
+from hdplan.planner.problem.program import HESSIANS
+from hdplan.planner.studies.report import Cell, markdown_text
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.yaml_format.reader import shipped_scenes
+
+PLUGINS = {"ipopt": {"sb": "yes"}, "fatrop": {}}
+OPTIONS = {"print_level": 0, "max_iter": 300, "tol": 1e-6, "mu_init": 1e-4}
+QUIET = {"print_time": False, "error_on_fail": False, "show_eval_warnings": False}
+WEIGHTS = tuple(6e3 * 6.0 ** np.arange(5))  # of the penalty [1/m²]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """All weights of one start."""
+
+    converged: bool  # at every weight
+    steps: int
+    seconds: float
+    cost: float  # at the last weight
+
+
+def main() -> None:
+    """Run the benchmark from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", nargs="?", type=Path, metavar="DIR")
+    parser.add_argument("--every", type=int, default=10)
+    options = parser.parse_args()
+    scenes = [hdplan.load_scene(name) for name in shipped_scenes()]
+    if options.folder is not None:
+        scenes += [
+            each.load() for robot in ("panda", "ur5") for each in real_problems(options.folder, robot, options.every)
+        ]
+    starts: dict[str, list[dict[tuple[str, str], Outcome]]] = {"straight line": [], "motion of the default solver": []}
+    for scene in scenes:
+        problem = hdplan.build(scene)
+        found = hdplan.solve(problem)
+        for name, first, weights in (
+            ("straight line", problem.polyline(), WEIGHTS),
+            ("motion of the default solver", found.trajectory.positions, (found.weight,)),
+        ):
+            starts[name].append(solved(problem, first, weights))
+            print(scene.name, name, *(vars(each) for each in starts[name][-1].values()), sep="\n  ", file=sys.stderr)
+    print(markdown_text([row for start, outcomes in starts.items() for row in rows(start, outcomes)]))
+
+
+def solved(problem: Problem, first: Array, weights: Sequence[float]) -> dict[tuple[str, str], Outcome]:
+    """Each solver with each Hessian."""
+    found = {}
+    for plugin, own in PLUGINS.items():
+        for hessian in HESSIANS:
+            program = problem.casadi(hessian)
+            stages = program.stages if plugin == "fatrop" else {}
+            solver = ca.nlpsol("solver", plugin, program.nlp, {plugin: OPTIONS | own, **QUIET, **stages})
+            x, states, began = program.guess(first), [], time.process_time()
+            for weight in weights:
+                result = solver(x0=x, p=weight, **program.bounds)
+                x = result["x"]
+                states.append(solver.stats())
+            found[plugin, hessian] = Outcome(
+                all(state["success"] for state in states),
+                sum(state["iter_count"] for state in states),
+                time.process_time() - began,
+                float(result["f"]),
+            )
+    return found
+
+
+def rows(start: str, outcomes: Sequence[dict[tuple[str, str], Outcome]]) -> list[dict[str, Cell]]:
+    """One row for each solver and Hessian."""
+    result: list[dict[str, Cell]] = []
+    for plugin, hessian in outcomes[0]:
+        own = [found[plugin, hessian] for found in outcomes]
+        costs = [found[plugin, hessian].cost / min(other.cost for other in found.values()) for found in outcomes]
+        result.append(
+            {
+                "from": start,
+                "solver": plugin,
+                "Hessian": hessian,
+                "converged": f"{sum(each.converged for each in own)} of {len(own)}",
+                "steps, median / p95": " / ".join(f"{x:.0f}" for x in np.quantile([e.steps for e in own], [0.5, 0.95])),
+                "time, median / p95 [s]": (
+                    " / ".join(f"{x:.2f}" for x in np.quantile([each.seconds for each in own], [0.5, 0.95]))
+                ),
+                "cost over the least of all, median / p95": (
+                    " / ".join(f"{x:.3f}" for x in np.quantile(costs, [0.5, 0.95]))
+                ),
+            }
+        )
+    return result
+
+
+if __name__ == "__main__":
+    main()
