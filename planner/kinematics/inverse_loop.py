@@ -304,23 +304,23 @@ class Loops:
     def linearized(self, q: Array) -> tuple[Array, Array]:
         """Errors (B, m) and Jacobians (B, m, n) at q (B, n), m = 6 links."""
         found = np.empty((len(q), self.rows)), np.empty((len(q), self.rows, self.n))
-        call(self.functions.linearized, self.goal.struct, len(q), q, *found, np.empty(self.room))
+        call(self.functions.linearized, self.goal, len(q), q, *found, np.empty(self.room))
         return found
 
     def approach(self, q: Array, steps: int, many: int, left: float, aim: float, enough: float) -> Array:
         """Where q (B, n) lead, in `steps` or fewer."""
         q, scratch = np.array(q, order="C"), (np.empty(len(q), np.int64), np.empty(q.shape), np.empty(self.room))
-        call(self.functions.approach, self.goal.struct, len(q), q, steps, many, left, aim, enough, *scratch)
+        call(self.functions.approach, self.goal, len(q), q, steps, many, left, aim, enough, *scratch)
         return q
 
     def centre(self, q: Array, steps: int) -> Array:
         """Configurations closer to the centre of the tolerances than q (B, n)."""
         q, scratch = np.array(q, order="C"), (np.empty(self.rows + self.n), np.empty(self.room))
-        call(self.functions.centre, self.goal.struct, len(q), q, steps, *scratch)
+        call(self.functions.centre, self.goal, len(q), q, steps, *scratch)
         return q
 
     def draw_near(self, q: Array, start: Array, steps: int, back: int, enough: float) -> Array:
         """Configurations closer to `start` (n,) than q (B, n), as near to the goal."""
         q, scratch = np.array(q, order="C"), (np.empty(2 * self.n), np.empty(self.room))
-        call(self.functions.draw_near, self.goal.struct, len(q), q, start, steps, back, enough, *scratch)
+        call(self.functions.draw_near, self.goal, len(q), q, start, steps, back, enough, *scratch)
         return q
