@@ -197,14 +197,14 @@ def leaves(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
     counts = np.frombuffer(arrays, "<i4", head["pairs"], skip).copy()
     depths = np.frombuffer(arrays, "<u1", head["leaves"], skip + counts.nbytes).copy()
     normals = (
-        np.frombuffer(arrays, "<i2", 3 * head["leaves"], skip + counts.nbytes + depths.nbytes).reshape(-1, 3).copy()
+        np.frombuffer(arrays, "<i4", 3 * head["leaves"], skip + counts.nbytes + depths.nbytes).reshape(-1, 3).copy()
     )
     tail = arrays[skip + counts.nbytes + depths.nbytes + normals.nbytes :]
     leaf = int(rng.integers(len(depths)))
     pair = int(np.searchsorted(np.cumsum(counts), leaf, side="right"))
     match int(rng.integers(6)):
         case 0:
-            normals[leaf] = (normals[leaf] + rng.normal(size=3) * 10.0 ** rng.uniform(1, 5)).clip(-32768, 32767)
+            normals[leaf] = (normals[leaf] + rng.normal(size=3) * 10.0 ** rng.uniform(1, 7)).clip(-(2**31), 2**31 - 1)
         case 1:
             normals[leaf] = -normals[leaf]
         case 2:

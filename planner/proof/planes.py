@@ -19,7 +19,7 @@ from hdplan.scenes.deadline import check_time
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.verify import Motion, Piece, World, half
 
-FULL = 32767.0  # directions are written as whole numbers of at most this
+COARSE, FINE = 2.0**6, 2.0**22  # directions are written as whole numbers of at most this: guesses, and coal's
 SHORTEST = 2.0**-17  # of an interval between two rows: below it, a pair cannot be proven
 AT_ONCE = 20_000  # leaves examined together
 NEAR = 0.3  # [m] by which two bodies may move against each other for a direction of their middle to be of use
@@ -97,7 +97,7 @@ class Planes:
         motion = Motion(self.world, np.stack([rows, rows + 2.0**-30], axis=1))
         found = [self._direction(motion, int(row), *bodies, 0.0) for row in rows]
         best = int(np.argmax([distance for _, distance in found]))
-        normal = whole(found[best][0][None])
+        normal = whole(found[best][0][None], FINE)
         bound = motion.gaps(np.array([best]), np.array([bodies]), normal)
         return (best, normal[0]) if bound[0] > 1e-6 else None
 
@@ -109,7 +109,7 @@ class Planes:
         rows = np.flatnonzero(~normal.any(axis=1))
         normal, distance = normal.copy(), np.full(len(node), np.inf)
         if len(rows):
-            normal[rows] = whole(np.array([self._outward(motion, node[i], *bodies[i]) for i in rows.tolist()]))
+            normal[rows] = whole(np.array([self._outward(motion, node[i], *bodies[i]) for i in rows.tolist()]), COARSE)
         bound = motion.gaps(node, bodies, normal)
         travel, astray = np.zeros(len(node)), np.zeros(len(node))  # [m] over the interval, and off its middle
         for body in bodies.T:
@@ -120,7 +120,7 @@ class Planes:
         rows = np.flatnonzero((bound < floor) & (travel < NEAR))
         if len(rows):
             found = [self._direction(motion, node[i], bodies[i, 0], bodies[i, 1], floor[i]) for i in rows.tolist()]
-            better, distance[rows] = whole(np.array([each for each, _ in found])), [each for _, each in found]
+            better, distance[rows] = whole(np.array([each for each, _ in found]), FINE), [each for _, each in found]
             value = motion.gaps(node[rows], bodies[rows], better)
             use = value > bound[rows]
             normal[rows[use]], bound[rows[use]] = better[use], value[use]
@@ -172,11 +172,11 @@ def _reach(piece: Piece, direction: Array) -> float:
     return float((piece.corners @ direction).max() + np.linalg.norm(piece.sweep * direction))
 
 
-def whole(directions: Array) -> Array:
-    """Return directions (k, 3) as whole numbers, the largest of which is FULL."""
+def whole(directions: Array, full: float) -> Array:
+    """Return directions (k, 3) as whole numbers, the largest of which is `full`."""
     largest = np.abs(directions).max(axis=1, keepdims=True)
     good = np.isfinite(largest) & (largest > 0.0)
-    return np.asarray(np.where(good, np.rint(FULL * directions / np.where(good, largest, 1.0)), [0.0, 0.0, FULL]))
+    return np.asarray(np.where(good, np.rint(full * directions / np.where(good, largest, 1.0)), [0.0, 0.0, full]))
 
 
 def _coal_shape(piece: Piece) -> tuple[Any, float]:

@@ -188,9 +188,9 @@ class _Writer:
             *((groups, "<u2") for groups in self.cuts.values()),
             (np.array([len(each) for each in depths]), "<u4"),
             (np.concatenate([*depths, np.zeros(0)]), "<u1"),
-            (np.concatenate([*normals, np.zeros((0, 3))]), "<i2"),
+            (np.concatenate([*normals, np.zeros((0, 3))]), "<i4"),
             (np.array([each[0] for each in once if each]), "<u4"),
-            (np.array([each[1] for each in once if each]), "<i2"),
+            (np.array([each[1] for each in once if each]), "<i4"),
         )
         content = (
             json.dumps(head, allow_nan=False).encode() + b"\n" + b"".join(x.astype(kind).tobytes() for x, kind in parts)

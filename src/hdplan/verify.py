@@ -96,7 +96,8 @@ class Ball:
 
     def __init__(self, mid: Any, rad: Any = 0.0) -> None:
         self.mid: Any = np.asarray(mid, dtype=np.float64)
-        self.rad: Any = np.broadcast_to(np.asarray(rad, dtype=np.float64), self.mid.shape)
+        rad = np.asarray(rad, dtype=np.float64)
+        self.rad: Any = rad if rad.shape == self.mid.shape else np.broadcast_to(rad, self.mid.shape)
 
     def __getitem__(self, key: Any) -> Ball:
         return Ball(self.mid[key], self.rad[key])
@@ -214,8 +215,12 @@ CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]], CROSS[[0, 1, 2], [2, 0, 1], [1, 2, 0]] =
 
 
 def rotation(axis: Ball, angle: Any) -> Ball:
-    """Rotations (..., 3, 3) by exact angles (...,) about a unit axis: 1 + sin K + (1 - cos) K^2, K x = axis x x."""
-    cos, sin = cos_sin(angle)
+    """Rotations (..., 3, 3) by exact angles (...,) about a unit axis."""
+    return by_cos_sin(axis, *cos_sin(angle))
+
+
+def by_cos_sin(axis: Ball, cos: Ball, sin: Ball) -> Ball:
+    """The rotation matrices 1 + sin K + (1 - cos) K^2, K x = axis x x."""
     k = dot("ijk,k->ij", CROSS, axis)
     return np.eye(3) + sin[..., None, None] * k + (1.0 - cos)[..., None, None] * dot("ij,jk->ik", k, k)
 
@@ -227,7 +232,10 @@ def compose(a: Pose, b: Pose) -> Pose:
 
 def rpy(angles: Any) -> Ball:
     """R = Rz(yaw) Ry(pitch) Rx(roll)."""
-    x, y, z = (rotation(Ball(np.eye(3)[i]), angles[i]) for i in range(3))
+    if not angles.any():
+        return HERE[0]
+    cos, sin = cos_sin(angles)
+    x, y, z = (by_cos_sin(Ball(np.eye(3)[i]), cos[i], sin[i]) for i in range(3))
     return dot("ij,jk->ik", dot("ij,jk->ik", z, y), x)
 
 
@@ -861,7 +869,7 @@ def unpack(data: bytes) -> tuple[dict[str, Any], dict[str, Any], Trees]:
     good = all(isinstance(head[x], dict) for x in ("files", "held", "cuts"))
     need(good and head["version"] == VERSION, "the proof's head is not of this version")
     sizes = [*((x, "<u2") for x in head["cuts"].values()), (head["pairs"], "<u4"), (head["leaves"], "<u1")]
-    sizes += [(3 * head["leaves"], "<i2"), (head["once"], "<u4"), (3 * head["once"], "<i2")]
+    sizes += [(3 * head["leaves"], "<i4"), (head["once"], "<u4"), (3 * head["once"], "<i4")]
     for count, kind in sizes:
         need(type(count) is int and 0 <= count <= 5 * MOST_LEAVES, "the proof counts more than is allowed")
         array = np.frombuffer(rest[at : at + count * int(kind[2])], dtype=kind)

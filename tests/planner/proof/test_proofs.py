@@ -313,7 +313,7 @@ def test_many_leaves_and_rows_are_checked_in_parts(proven: Callable[[str], Prove
     tree = _depths(20_000)
     counts[0], counts[1:] = len(tree), 1
     depths = np.concatenate([tree, np.zeros(head["pairs"] - 1)]).astype("<u1")
-    normals = np.full((len(depths), 3), 1000, "<i2")
+    normals = np.full((len(depths), 3), 1000, "<i4")
     data = packed({**head, "leaves": len(depths)}, counts.tobytes() + depths.tobytes() + normals.tobytes())
     rejected(r" and .*: leaf \d+, from .* its plane keeps them", lambda: each.verify(data, motion=tmp_path / "m.json"))
 
@@ -425,7 +425,7 @@ def test_trees_with_gaps_are_rejected(name: str, proven: Callable[[str], Proven]
     skip = 2 * sum(head["cuts"].values())
     counts = np.frombuffer(rest, "<u4", head["pairs"], skip)
     depths = np.frombuffer(rest, "<u1", head["leaves"], skip + counts.nbytes)
-    normals = np.frombuffer(rest, "<i2", 3 * head["leaves"], skip + counts.nbytes + depths.nbytes).reshape(-1, 3)
+    normals = np.frombuffer(rest, "<i4", 3 * head["leaves"], skip + counts.nbytes + depths.nbytes).reshape(-1, 3)
     tail = rest[skip + counts.nbytes + depths.nbytes + normals.nbytes :]
     assert packed(head, rest[:skip] + counts.tobytes() + depths.tobytes() + normals.tobytes() + tail) == packed(
         head, rest
