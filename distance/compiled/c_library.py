@@ -108,19 +108,14 @@ class Record:
 
     def __init__(self, *fields: int | NDArray[Any] | Record) -> None:
         """Take the fields in the struct's order."""
-        self.fields = tuple(
-            read_only(np.ascontiguousarray(each).view()) if isinstance(each, np.ndarray) else each for each in fields
-        )
-        self.struct = read_only(np.array([_field(each) for each in self.fields], np.int64))
+        kept = [np.ascontiguousarray(each) if isinstance(each, np.ndarray) else each for each in fields]
+        self._struct = np.array([_passed(each) for each in kept], np.int64)
+        self.fields = tuple(read_only(each) if isinstance(each, np.ndarray) else each for each in kept)
+        self.address = address(self._struct)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the fields: addresses are of this process."""
         return Record, self.fields
-
-
-def _field(value: int | NDArray[Any] | Record) -> int:
-    array = value.struct if isinstance(value, Record) else value
-    return address(array) if isinstance(array, np.ndarray) else array
 
 
 def address(array: NDArray[Any]) -> int:
@@ -130,10 +125,17 @@ def address(array: NDArray[Any]) -> int:
     return int(array.__array_interface__["data"][0])
 
 
-def call(function: Any, *arguments: float | NDArray[Any] | None) -> Any:
-    """Call a C function with numbers and arrays, which it takes as contiguous; None is no address."""
+def call(function: Any, *arguments: float | NDArray[Any] | Record | None) -> Any:
+    """Call a C function with numbers, structs, and arrays, which it takes as contiguous; None is no address."""
     given = [np.ascontiguousarray(each) if isinstance(each, np.ndarray) else each for each in arguments]
-    return function(*[address(each) if isinstance(each, np.ndarray) else each for each in given])
+    return function(*[_passed(each) for each in given])
+
+
+def _passed(argument: Any) -> Any:
+    """Return what C gets: of an array or a struct its address."""
+    if isinstance(argument, np.ndarray):
+        return address(argument)
+    return argument.address if isinstance(argument, Record) else argument
 
 
 def _loaded(name: str, source: str) -> ctypes.CDLL | None:

@@ -209,7 +209,7 @@ def intervals(nodes: Intervals) -> Record:
 def by_ball(loops: ctypes.CDLL, world: Record, nodes: Record, node: Rows, pair: Rows) -> tuple[Array, Array]:
     """Return a bound (i,) without what bodies drift and rounding may take, and the directions (i, 3)."""
     bound, normal = np.empty(len(node)), np.empty((len(node), 3))
-    call(loops.by_ball, world.struct, nodes.struct, len(node), node, pair, bound, normal)
+    call(loops.by_ball, world, nodes, len(node), node, pair, bound, normal)
     return bound, normal
 
 
@@ -218,5 +218,5 @@ def by_plane(
 ) -> tuple[Array, Array, Array]:
     """Return gap(n) (i,), the bound over the interval without what rounding may take, and the bodies' travel (i,)."""
     gap, bound, travel = np.empty((3, len(node)))
-    call(loops.by_plane, world.struct, nodes.struct, len(node), node, pair, normal, gap, bound, travel)
+    call(loops.by_plane, world, nodes, len(node), node, pair, normal, gap, bound, travel)
     return gap, bound, travel

@@ -283,7 +283,7 @@ def close_rows(
     room, joints = ROOM, 0 if placements is None else placements.shape[1]
     while True:
         sample, pair = np.empty(room, np.int64), np.empty(room, np.int64)
-        given = (tables.struct, batch, joints, placements, centres, reach, LEAST, room, sample, pair)
+        given = (tables, batch, joints, placements, centres, reach, LEAST, room, sample, pair)
         count = int(call(loops.close_rows, *given))
         if count < 0:
             raise MemoryError

@@ -84,9 +84,16 @@ def from_shape(name: str, shape: Shape, placement: Array, planes: str = "box") -
     pieces."""
     if isinstance(shape, Points):
         return from_points(name, np.array(shape.points), placement, planes)
-    outline = operations(shape).outline
-    if outline is None:
+    if operations(shape).outline is None:
         raise TypeError(f"{name}: a {type(shape).__name__} has to be split into convex pieces first")
+    return _placed(name, 0, placement, shape, *_enclosed(shape, planes))
+
+
+@functools.lru_cache(maxsize=4096)
+def _enclosed(shape: Shape, planes: str) -> tuple[Array, Array, Array]:
+    """The planes around a shape in its own frame, by normals and supports, and half the size of its box."""
+    outline = operations(shape).outline
+    assert outline is not None
     half = outline.half_size(shape)
     match outline.round_about:
         case "nothing":
@@ -95,7 +102,7 @@ def from_shape(name: str, shape: Shape, placement: Array, planes: str = "box") -
             directions = _many(_round_directions(), planes)
         case "centre":
             directions = _many(_ball_directions(half), planes)
-    return _placed(name, 0, placement, shape, directions, outline.support(shape, directions), half)
+    return read_only(directions), read_only(outline.support(shape, directions)), read_only(half)
 
 
 def from_points(name: str, points: Array, placement: Array, planes: str = "box") -> HalfspaceBody:

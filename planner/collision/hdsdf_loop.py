@@ -216,6 +216,6 @@ def hdsdf_rows(
     count, placements = len(pair), kinematics.placements
     distance, wrench, separation = np.empty(count), np.empty((count, 6)), np.empty(count)
     rows = (count, sample.astype(np.int64), pair.astype(np.int64), distance, wrench, separation)
-    if call(loops.hdsdf_rows, tables.struct, gamma, length, placements.shape[1], placements, *rows):
+    if call(loops.hdsdf_rows, tables, gamma, length, placements.shape[1], placements, *rows):
         raise MemoryError
     return distance, wrench, separation

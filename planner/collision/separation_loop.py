@@ -243,15 +243,16 @@ def separation(
     `hulls` are the joint and the vertices (m, 3) of either body; `moves` (n,) is 1 where a coordinate moves the first
     alone, −1 where it moves the second alone.
     """
-    n = len(moves)
+    n, joints = len(moves), tree.fields[0]
+    assert isinstance(joints, int)
     one, other = (Record(joint, len(vertices), vertices) for joint, vertices in hulls)
     rows = max(most, 0) + 3
     boxes, widest, looked = np.empty((rows, 2 * n + 1)), np.empty(rows, np.int64), np.empty(1)
-    size = 12 * int(tree.struct[0]) + 8 * n + 3 * sum(len(vertices) for _, vertices in hulls)
+    size = 12 * joints + 8 * n + 3 * sum(len(vertices) for _, vertices in hulls)
     room = np.empty(max(size, 2 * n + 1))
     low, high = ranges
     bound = call(
-        *(loops.separation, tree.struct, one.struct, other.struct, radii, moves, low, high, wanted, tight, most),
+        *(loops.separation, tree, one, other, radii, moves, low, high, wanted, tight, most),
         *(boxes, widest, room, looked),
     )
     return float(bound), int(looked[0])

@@ -73,5 +73,5 @@ def forward(loops: ctypes.CDLL, tree: Record, q: Array, joints: int) -> tuple[Ar
     """Return placements (B, joints, 12) and columns (B, n, 6) at configurations (B, n)."""
     batch, n = q.shape
     placements, columns = np.empty((batch, joints, 12)), np.empty((batch, n, 6))
-    call(loops.forward, tree.struct, batch, q, placements, columns)
+    call(loops.forward, tree, batch, q, placements, columns)
     return placements, columns

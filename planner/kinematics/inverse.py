@@ -2,6 +2,7 @@
 
 Damped least squares, dq = Jᵀ (J Jᵀ + λ² I)⁻¹ e, within the joint limits, for many configurations at once (Nakamura &
 Hanafusa, "Inverse kinematic solutions with singularity robustness", 1986). Free rotations are taken out of J and e.
+`inverse_loop` has the same in C.
 """
 
 from __future__ import annotations
@@ -10,6 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hdplan.distance.compiled.c_library import Record
+from hdplan.planner.kinematics import inverse_loop
 from hdplan.planner.kinematics.forward import Kinematics, kinematics_of
 from hdplan.planner.robot.link_frame import AXES, link_frame
 from hdplan.planner.robot.robot import Robot
@@ -65,12 +68,14 @@ class Aim(NamedTuple):
 
     links: tuple[LinkPose, ...]
     tolerances: Array  # (k, 2) [m] and [rad]
+    loops: inverse_loop.Loops | None  # in C; None without a compiler
 
     @classmethod
     def at(cls, robot: Robot, target: PoseTarget | AllOf) -> Aim:
         """Take a robot and its goal. Raises InputError as `link_frame`."""
         tolerances = [(pose.position_tolerance, pose.orientation_tolerance) for pose in target.poses]
-        return cls(tuple(LinkPose.of(robot, pose) for pose in target.poses), np.array(tolerances))
+        links = tuple(LinkPose.of(robot, pose) for pose in target.poses)
+        return cls(links, np.array(tolerances), _loops(links, np.array(tolerances)))
 
     @property
     def robot(self) -> Robot:
@@ -84,6 +89,8 @@ class Aim(NamedTuple):
 
     def linearized(self, q: Array) -> tuple[Array, Array]:
         """The pose errors (B, 6 k), one link after the other, and their Jacobian (B, 6 k, n)."""
+        if self.loops:
+            return self.loops.linearized(q)
         errors, jacobians = zip(*(link.linearized(q) for link in self.links), strict=True)
         return np.concatenate(errors, axis=1), np.concatenate(jacobians, axis=1)
 
@@ -102,6 +109,23 @@ class Aim(NamedTuple):
 
     def _parts(self, error: Array) -> Array:
         return error.reshape(len(error), len(self.links), 2, 3)
+
+
+def _loops(links: tuple[LinkPose, ...], tolerances: Array) -> inverse_loop.Loops | None:
+    functions = inverse_loop.library()
+    if functions is None:
+        return None
+    robot, arm = links[0].robot, links[0].arm
+    joints = np.array([link.joint for link in links], np.int64)
+    freedoms = np.array([("x", "y", "z", "none", "all").index(link.target.free_rotation) for link in links], np.int64)
+    placed, wanted = (
+        np.array([[*matrix[:3, :3].ravel(), *matrix[:3, 3]] for matrix in matrices])
+        for matrices in ([link.placement for link in links], [link.target.pose.matrix for link in links])
+    )
+    limits, rule = (tolerances, robot.lower, robot.upper), np.array([PARALLEL, DAMPING, LONGEST])
+    moved = arm.supports[joints].astype(np.int64)
+    goal = Record(arm.tree, len(links), joints, freedoms, moved, placed, wanted, *limits, rule)
+    return inverse_loop.Loops(functions, goal, len(links), arm.n, arm.nj)
 
 
 def damped_step(robot: Robot, q: Array, error: Array, jacobian: Array, longest: float = LONGEST) -> Array:

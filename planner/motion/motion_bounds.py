@@ -186,13 +186,14 @@ class Chain:
 
         `configurations` (k, nq) are Pinocchio's.
         """
-        data = self.model.createData()
-        placements = np.empty((len(configurations), self.model.njoints, 4, 4))
-        for row, configuration in zip(placements, configurations, strict=True):
+        data, shape = self.model.createData(), (len(configurations), self.model.njoints, 3)
+        rotations, origins = np.empty((*shape, 3)), np.empty(shape)
+        placements = [data.oMi[joint] for joint in range(self.model.njoints)]  # these and their parts are Pinocchio's
+        turned, moved = [each.rotation for each in placements], [each.translation for each in placements]  # own memory
+        for row, configuration in enumerate(configurations):
             pin.forwardKinematics(self.model, data, configuration)
-            for joint, placement in enumerate(data.oMi):
-                row[joint] = placement.np
-        return placements[..., :3, :3], placements[..., :3, 3]
+            rotations[row], origins[row] = turned, moved
+        return rotations, origins
 
     def local_reach(
         self,

@@ -87,7 +87,7 @@ def library() -> ctypes.CDLL | None:
 def reach_around(loops: ctypes.CDLL, chain: Record, joints: Rows, cylinders: Array, travel: Array) -> Array:
     """Return what `Chain.reach_around` returns."""
     rho = np.zeros((len(joints), len(travel)))
-    call(loops.reach_around, chain.struct, len(joints), joints, cylinders, travel, rho)
+    call(loops.reach_around, chain, len(joints), joints, cylinders, travel, rho)
     return rho
 
 
@@ -95,5 +95,5 @@ def local_reach(loops: ctypes.CDLL, chain: Record, joints: Rows, rho: Array, at:
     """Return what `Chain.local_reach` returns; `at`: its centers, radii, axes, origins and half."""
     count = len(at[0])
     local = np.zeros((count, *rho.shape))
-    call(loops.local_reach, chain.struct, count, len(rho), joints, rho, *at, local)
+    call(loops.local_reach, chain, count, len(rho), joints, rho, *at, local)
     return local

@@ -50,6 +50,8 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
     """
     scene, robot = setup.scene, setup.robot
     settings = scene.planner
+    if scene.objective == "energy":
+        _ = setup.loaded_model  # refuses a robot without masses, before any work
     if settings.swept and settings.distance != "hdsdf":
         raise InputError(f"{scene.source}: planner.swept: true needs planner.distance hdsdf, found {settings.distance}")
     model = collision_model_of(robot, settings.link_bodies, settings.normals)

@@ -157,7 +157,7 @@ def penalties(
     gradient, curvature, depth = np.zeros((asked, n)), np.zeros((asked, n, n)), np.zeros(batch)
     cost = call(
         loops.penalties,
-        *(pairs.tables.struct, distance.gamma, distance.shaping_length, n, pairs.moves, close_pairs.LEAST, batch),
+        *(pairs.tables, distance.gamma, distance.shaping_length, n, pairs.moves, close_pairs.LEAST, batch),
         *(kinematics.placements.shape[1], kinematics.placements, kinematics.columns, weight),
         *(np.empty(n, np.int64), np.empty(n), gradient, curvature, depth),
     )
@@ -190,7 +190,7 @@ class AtSamples:
         placements, columns = np.empty((batch, joints, 12)), np.empty((batch, n, 6))
         gradient, curvature, depth = np.zeros((batch, n)), np.zeros((batch, n, n)), np.zeros(batch)
         found = (placements, columns, gradient, curvature, depth)
-        cost = call(loops.at_samples, self.record.struct, close_pairs.LEAST, positions, *found)
+        cost = call(loops.at_samples, self.record, close_pairs.LEAST, positions, *found)
         if cost < 0.0:
             raise MemoryError
         return KinematicsBatch(placements, columns), Penalty(float(cost), gradient, curvature, depth)

@@ -12,9 +12,11 @@ from typing import Any
 import coal
 import numpy as np
 
-from hdplan.planner.geometry.coal_shapes import convex_hull
+from hdplan.planner.geometry.coal_shapes import convex_hull, triangle_tree
+from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.deadline import check_time
+from hdplan.scenes.lazy_imports import scipy
 from hdplan.verify import Motion, Piece, World, half
 
 FULL = 32767.0  # directions are written as whole numbers of at most this
@@ -152,7 +154,10 @@ class Planes:
                 (coal.Transform3s(turn_a @ turn, at_a), coal.Transform3s(turn_b, at_b)),
             )
             distance = float(coal.distance(one, poses[0], other, poses[1], _REQUEST, result)) + swollen + more
-            normal = -np.array(result.normal)
+            apart = np.array(result.getNearestPoint1()) - np.array(result.getNearestPoint2())
+            trees = isinstance(one, coal.BVHModelBase) or isinstance(other, coal.BVHModelBase)  # they have no normals
+            normal = apart if trees and apart.any() else -np.array(result.normal)
+            normal = normal / (float(np.linalg.norm(normal)) or 1.0)
             if turn is _TURNS[0] and distance >= doubted:
                 return normal, distance
             near = normal @ at_a - _reach(self.world.pieces[a], -normal @ turn_a)
@@ -182,16 +187,20 @@ def _coal_shape(piece: Piece) -> tuple[Any, float]:
         if length == 0.0:
             return coal.Ellipsoid(*sweep), 0.0
         return (coal.Capsule(sweep[0], length) if sweep[2] else coal.Cylinder(sweep[0], length)), 0.0
-    extents = np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)
-    swell = 0.0
-    if len(extents) < 3 or extents[2] < FLAT * extents[0]:
+    middle = corners.mean(axis=0)
+    _, extents, axes = np.linalg.svd(corners - middle, full_matrices=False)
+    if len(corners) < 3 or extents[1] < FLAT * extents[0]:  # a line, or a point: a thin body around it
         swell = FLAT * (float(extents[0]) or 1.0)
         around = swell * np.array([[1, 1, 1], [-1, -1, 1], [-1, 1, -1], [1, -1, -1]])
-        corners = (corners[:, None] + around).reshape(-1, 3)
+        return convex_hull((corners[:, None] + around).reshape(-1, 3)), 2.0 * swell
+    if extents[2] < FLAT * extents[0]:  # flat: coal is better at triangles than at thin bodies
+        ring = corners[scipy.spatial.ConvexHull((corners - middle) @ axes[:2].T).vertices]
+        fan = [[0, i, i + 1] for i in range(1, len(ring) - 1)]
+        return triangle_tree(TriangleMesh(ring, np.array(fan))), 2.0 * FLAT * float(extents[0])
     if (hull := convex_hull(corners)) is not None:
-        return hull, 2.0 * swell
+        return hull, 0.0
     directions = np.random.default_rng(0).normal(size=(250, 3))  # coal cannot hold it: the farthest corners will do
-    return convex_hull(corners[np.unique((directions @ corners.T).argmax(axis=1))]), 2.0 * swell
+    return convex_hull(corners[np.unique((directions @ corners.T).argmax(axis=1))]), 0.0
 
 
 def _slightly(x: float, y: float, z: float) -> Array:

@@ -21,6 +21,7 @@ from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.proof.meshes import divided, fills_its_hull
 from hdplan.planner.proof.planes import Obstruction, Planes
+from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Rows
@@ -33,7 +34,7 @@ from hdplan.verify import MAGIC, VERSION, Piece, RejectedError, World, statement
 
 SHORT, SHARE = 1e-4, 0.02  # [m], or share of it, by which less is proven than by the certificate
 MOST_ROUNDS = 40  # in which meshes are divided
-CLAIMS = ("limits", "start", "goal")
+CLAIMS = ("limits", "start", "goal")  # and the limits of rates that the scene has, each where it can be shown
 
 
 class NotProvenError(HdplanError):
@@ -131,7 +132,7 @@ class _Writer:
     def _divide(self, world: World, lost: list[Obstruction]) -> None:
         """Divide the groups of triangles that are too close to something. Raises NotProvenError where nothing can be
         divided."""
-        finer = {i: self._finer(world, i) for each in lost for i in world.pairs[each.pair].tolist()}
+        finer = {i: self._finer(world, i) for i in {i for each in lost for i in world.pairs[each.pair].tolist()}}
         for each in lost:
             a, b = world.pairs[each.pair].tolist()
             if not finer[a] and not finer[b]:
@@ -176,7 +177,8 @@ class _Writer:
             "once": len(once),
             "claims": [],
         }
-        for claim in CLAIMS:
+        rates = [name for name in DERIVATIVES if name in self.setup.limits]
+        for claim in (*CLAIMS, *rates):
             try:
                 statement(world, {**head, "claims": [claim]})
             except RejectedError:

@@ -58,7 +58,8 @@ class Setup:
 
     def aiming_at(self, goal: JointTarget) -> Setup:
         """Return the same with another goal."""
-        return replace(self, scene=replace(self.scene, goal=goal), aimed=True)
+        scene = self.scene if goal is self.scene.goal else replace(self.scene, goal=goal)
+        return replace(self, scene=scene, aimed=True)
 
     @cached_property
     def query(self) -> Query:

@@ -94,7 +94,23 @@ def reaching(
     nearest to `start` first, and the least miss of all tries, of each link. Path constraints guide the search too, but
     do not decide the result."""
     aim = Aim.at(robot, target)
-    q = np.vstack([np.clip(start, robot.lower, robot.upper), robot.draw(rng, STARTS - 1)])
+    check_time("looking for configurations that reach the goal")
+    q = _approached(aim, np.vstack([np.clip(start, robot.lower, robot.upper), robot.draw(rng, STARTS - 1)]), path)
+    error, _ = aim.linearized(q)
+    sizes = aim.sizes(error)
+    best = sizes[int(np.argmin((sizes / aim.tolerances).max(axis=(1, 2))))]
+    least = tuple(Miss(position, angle) for position, angle in best.tolist())
+    met = _centred(aim, q[aim.within(error, AT_MOST)])
+    met = _distinct(_fewest_turns(robot, aim.arm, met, start), start)
+    if not path:
+        met = _distinct(np.vstack([_drawn_near(aim, met, start), met]), start)
+    return met, least
+
+
+def _approached(aim: Aim, q: Array, path: tuple[PathTerm, ...]) -> Array:
+    """Move starts (B, n) towards the aim and the path constraints, until all that can be hoped for have arrived."""
+    if aim.loops and not path:
+        return aim.loops.approach(q, STEPS, MANY, (1.0 - ARRIVED) * len(q), AIM, ENOUGH)
     going = np.arange(len(q))
     if path:
         from hdplan.planner.problem.path_terms import to_path
@@ -109,20 +125,14 @@ def reaching(
         going, missing, jacobian = going[far], missing[far], jacobian[far]
         if len(going) <= (1.0 - ARRIVED if step >= MANY else 0.0) * len(q):
             break
-        q[going] = damped_step(robot, q[going], missing, jacobian)
-    error, _ = aim.linearized(q)
-    sizes = aim.sizes(error)
-    best = sizes[int(np.argmin((sizes / aim.tolerances).max(axis=(1, 2))))]
-    least = tuple(Miss(position, angle) for position, angle in best.tolist())
-    met = _centred(aim, q[aim.within(error, AT_MOST)])
-    met = _distinct(_fewest_turns(robot, aim.arm, met, start), start)
-    if not path:
-        met = _distinct(np.vstack([_drawn_near(aim, met, start), met]), start)
-    return met, least
+        q[going] = damped_step(aim.robot, q[going], missing, jacobian)
+    return q
 
 
 def _centred(aim: Aim, q: Array) -> Array:
     """Move configurations that reach the aim on towards its centre, as long as no error grows."""
+    if aim.loops:
+        return aim.loops.centre(q, CENTRING)
     error, jacobian = aim.linearized(q)
     for _ in range(CENTRING):
         moved = damped_step(aim.robot, q, error, jacobian)
@@ -136,6 +146,8 @@ def _centred(aim: Aim, q: Array) -> Array:
 def _drawn_near(aim: Aim, q: Array, start: Array) -> Array:
     """Move configurations (B, n) that reach the aim towards `start` as far as they go on reaching it: along the arm's
     self-motion and its free rotations, the part of the way that moves no link that counts."""
+    if aim.loops:
+        return aim.loops.draw_near(q, start, DRAWS, BACK, ENOUGH)
     error, jacobian = aim.linearized(q)
     for _ in range(DRAWS):
         way = start - q
@@ -166,8 +178,8 @@ def _fewest_turns(robot: Robot, arm: Kinematics, q: Array, start: Array) -> Arra
 
 def _distinct(q: Array, start: Array) -> Array:
     """The rows nearest to `start` first, those that are APART from all before them."""
-    kept: list[Array] = []
-    for row in q[np.argsort(np.linalg.norm(q - start, axis=1), kind="stable")]:
-        if all(np.abs(row - other).max() > APART for other in kept):
-            kept.append(row)
+    left, kept = q[np.argsort(np.linalg.norm(q - start, axis=1), kind="stable")], []
+    while len(left):
+        kept.append(left[0])
+        left = left[np.abs(left - left[0]).max(axis=1) > APART]
     return np.array(kept).reshape(-1, q.shape[1])

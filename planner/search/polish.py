@@ -15,16 +15,23 @@ from __future__ import annotations
 import functools
 import itertools
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from hdplan.planner.problem.lay_out import closer
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.roadmap import seeds
 from hdplan.planner.search.search import Guess, Search
-from hdplan.planner.solvers.solution import FIRST_WEIGHT
+from hdplan.planner.solvers.solution import DETOUR_WEIGHT, FIRST_WEIGHT
+from hdplan.scenes.array_types import Array
 
 CLOSER = (0.5, 0.3, 0.2)  # of the activation
 LEAST = 1e-3  # [m] of it
 NOTHING_LEFT = 0.02  # of the objective to be gained: a motion so close to the least possible is good enough
+GAIN = 1e-3  # [–] by which a motion must be better than another to take its place
+CONVERGED = 1e-4  # relative decrease of the cost by a step, below which a motion has converged
+FARTHEST, SHORTER = 0.3, 0.3  # [rad] or [m] that an end may slide at once; factor on it where that did not help
 WAYS = 8  # that are compared in a round, before the most promising one is improved
 
 
@@ -47,18 +54,46 @@ def polish(searches: Sequence[Search], taken: int, rounds: int, seed: int) -> No
         if searches[taken].over or value <= (1.0 + NOTHING_LEFT) * least:
             break
         if further is None:
-            searches[taken].improve(stages(taken), best.path, value)
+            _improve(searches[taken], stages(taken), best.path, value)
             further = _further(searches, seed)
             continue
         found = []
         for i, guess in itertools.islice(further, WAYS):
             search = searches[i]
-            if search.objective.least(search.problem) < value and (path := search.way(guess)) is not None:
+            if search.objective.least(search.problem) >= value:
+                continue
+            search.begin()
+            if solution := search.clear(search.problem, guess.positions, guess.weight):
+                path = solution.trajectory.positions
                 found.append((search.objective.least_along(path), i, path))
         if found:
             _, i, path = min(found, key=lambda each: each[:2])
-            if searches[i].improve(stages(i), path, value):
+            if _improve(searches[i], stages(i), path, value):
                 taken = i
+
+
+def _improve(search: Search, stages: Sequence[Problem], path: Array, value: float) -> bool:
+    """Go on from a motion (N, n) through problems to its goal, one after the other, each from where the one before it
+    led, and its end slid to where that helps; keep the most promising motion that is certified, if it costs less than
+    `value`."""
+    promise, found, goal, farthest = search.objective.least_along, [], path[-1], FARTHEST
+    for stage in stages:
+        problem = replace(stage, goal=goal)
+        solution = search.clear(problem, path, DETOUR_WEIGHT, CONVERGED)
+        if solution is None:
+            break
+        found.append(path := solution.trajectory.positions)
+        end = search.slide(problem, solution, farthest) if search.slide else None
+        if end is not None:
+            moved = path + np.linspace(0.0, 1.0, len(path))[:, None] * (end - goal)
+            solution = search.clear(replace(stage, goal=end), moved, solution.weight, CONVERGED)
+            if solution and promise(solution.trajectory.positions) < promise(path):
+                found.append(path := solution.trajectory.positions)
+                goal = end
+            else:
+                farthest *= SHORTER
+    enough = (1.0 - GAIN) * value
+    return any(promise(path) < enough and search.keep(path, enough) for path in sorted(found, key=promise))
 
 
 def _further(searches: Sequence[Search], seed: int) -> Iterator[tuple[int, Guess]]:

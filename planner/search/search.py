@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -42,9 +42,6 @@ if TYPE_CHECKING:
 
 GUESSES = 3  # first guesses for a goal before the next goal's turn
 DENSER = 2  # times that solving continues at denser samples, before a certificate
-GAIN = 1e-3  # [–] by which a motion must be better than another to take its place
-CONVERGED = 1e-4  # relative decrease of the cost by a step, below which a motion that is bettered has converged
-FARTHEST, SHORTER = 0.3, 0.3  # [rad] or [m] that an end may slide at once; factor on it where that did not help
 REPAIRS = 3  # times that solving continues from a motion whose certificate failed, before the next guess
 
 
@@ -110,8 +107,7 @@ class Search:
     def attempt(self, first: Guess, value: float = math.inf) -> bool:
         """Solve from one guess, and continue where the certificate fails; True if the search is over. A motion that
         cannot cost less than `value`, as a certified one to another goal does, is not certified."""
-        self.attempts += 1
-        self.steps = ()
+        self.begin()
         guess, weight = first.positions, first.weight
         problem = self.problem.resampled(guess)
         for turn in range(1 + REPAIRS):
@@ -174,55 +170,29 @@ class Search:
         assert self.best is not None
         return self.objective.value(self.best.path, self.best.trajectory)
 
-    def way(self, first: Guess) -> Array | None:
-        """Begin another attempt: solve from one guess; the motion (N, n) if it keeps its distance, not yet
-        certified."""
+    def begin(self) -> None:
+        """Begin another attempt."""
         self.attempts += 1
         self.steps = ()
-        solution = self._touched(self.problem, first.positions, first.weight, SLOW)
-        return None if solution is None else solution.trajectory.positions
 
-    def improve(self, ways: Iterable[Problem], positions: Array, value: float) -> bool:
-        """Go on from a motion (N, n) through problems to this goal, one after the other, each from where the one before
-        it led, and its end slid to where that helps; keep the most promising motion that is certified, if it costs less
-        than `value`."""
-        found, goal, farthest = [], positions[-1], FARTHEST
-        for problem in ways:
-            solution = self._touched(replace(problem, goal=goal), positions, DETOUR_WEIGHT, CONVERGED)
-            if solution is None:
-                break
-            found.append(positions := solution.trajectory.positions)
-            end = self.slide(replace(problem, goal=goal), solution, farthest) if self.slide else None
-            if end is not None:
-                moved = positions + np.linspace(0.0, 1.0, len(positions))[:, None] * (end - goal)
-                solution = self._touched(replace(problem, goal=end), moved, solution.weight, CONVERGED)
-                if solution and self._promise(solution.trajectory.positions) < self._promise(positions):
-                    found.append(positions := solution.trajectory.positions)
-                    goal = end
-                else:
-                    farthest *= SHORTER
-        for positions in sorted(found, key=self._promise):
-            if self._promise(positions) >= (1.0 - GAIN) * value:
-                break
-            path = Trajectory(self.problem.robot.joint_names, positions, self.problem.robot.locked)
-            trajectory = path if self.retimer is None else self.retimer(path).trajectory
-            if self.objective.value(positions, trajectory) >= (1.0 - GAIN) * value:
-                continue
-            certificate = self._certificate(trajectory)
-            if certificate.certified:
-                self.best = Best(positions, trajectory, certificate, self.steps, whole=True)
-                return True
-        return False
-
-    def _promise(self, path: Array) -> float:
-        """What a path (N, n) costs at least, once it is timed."""
-        return self.objective.least_along(path)
-
-    def _touched(self, problem: Problem, positions: Array, weight: float, slow: float) -> Solution | None:
-        """Solve from a motion (N, n); None if the result does not keep its distance."""
+    def clear(self, problem: Problem, positions: Array, weight: float, slow: float = SLOW) -> Solution | None:
+        """Solve a problem to this goal from a motion (N, n); None if the result does not keep its distance."""
         _, solution = self._solve(problem.resampled(positions), positions, weight, slow)
         self._took(solution)
         return solution if solution.status is SolverStatus.CLEAR else None
+
+    def keep(self, path: Array, value: float) -> bool:
+        """Give times to a path (N, n) where the scene asks for them; keep the motion if it costs less than `value` and
+        is certified."""
+        trajectory = Trajectory(self.problem.robot.joint_names, path, self.problem.robot.locked)
+        if self.retimer is not None:
+            trajectory = self.retimer(trajectory).trajectory
+        if self.objective.value(path, trajectory) >= value:
+            return False
+        certificate = self._certificate(trajectory)
+        if certificate.certified:
+            self.best = Best(path, trajectory, certificate, self.steps, whole=True)
+        return certificate.certified
 
     def _report_step(self, step: Iteration, positions: Array) -> None:
         self.report(Event(self.attempts, step=self._numbered(step), positions=positions))

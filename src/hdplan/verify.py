@@ -57,6 +57,8 @@ AT_ONCE = 20_000  # leaves checked together
 EPS = 2.0**-53  # of rounding to nearest
 SAME, ROUNDED = 1e-6, 1e-9  # [rad or m] between the motion's end and the scene's; by which it may be beyond a limit
 
+RATES = ("velocity", "acceleration", "jerk")
+
 ASSUMES = """the URDF, SRDF and meshes are the robot: links are rigid, joints have no play
 the robot follows the curve of the trajectory's file, without rounding its corners
 obstacles are what and where the scene says, and move as it says; what a link holds is fixed to it
@@ -274,6 +276,7 @@ def words(element: Any, key: str, default: str) -> Any:
 def origin(element: Any) -> Pose:
     """Read the origin of an element of a URDF."""
     at = element.find("origin")
+    need(len(element.findall("origin")) <= 1 and (at is None or {*at.attrib} <= {"xyz", "rpy"}), "URDF: an origin")
     return rpy(words(at, "rpy", "0 0 0")), Ball(words(at, "xyz", "0 0 0"))
 
 
@@ -334,6 +337,7 @@ class Joint:
     turns: bool
     low: float
     high: float
+    speed: float = np.nan  # of the URDF
 
 
 def turn_of(matrix: Ball) -> tuple[Ball, Ball]:
@@ -381,7 +385,17 @@ class World:
         """Read all files; `said` is the head of a proof, `cuts` its groups of the triangles of meshes."""
         self.scene, self.said, self.cuts, self.files = scene, said, cuts, dict[str, str]()
         self.pieces, self.meshes = list[Piece](), dict[str, Any]()  # triangles of each mesh, by its key
-        top = yaml.load(self.file("scene", scene), getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+        loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+        content = self.file("scene", scene)
+        waiting, seen = [yaml.compose(content, loader)], set[int]()
+        while waiting:  # a key that stands twice would hide what it says first
+            node = waiting.pop()
+            if id(node) not in seen and isinstance(node, yaml.MappingNode | yaml.SequenceNode):
+                seen.add(id(node))
+                named = [key.value for key, _ in node.value] if isinstance(node, yaml.MappingNode) else []
+                need(len(named) == len({*map(str, named)}), f"{scene}: a key stands twice among {named}")
+                waiting += [value for _, value in node.value] if named else node.value
+        top = yaml.load(content, loader)
         sections = "robot obstacles attached start goal from_request self_collision limits payload path timing planner"
         self.top = mapping(top, str(scene), f"hdplan {sections}")
         need(self.top.get("hdplan") == 1, f"{scene}: not a hdplan scene, version 1")
@@ -485,10 +499,11 @@ class World:
         knots = {x for span, _ in self.tracks for x in span}
         if self.tracks:
             degree, inside = self.control.mid.shape[1] - 1, {x for x in knots if self.times[0] < x < self.times[-1]}
-            times = np.array(sorted({*self.times.tolist(), *inside}))
-            row: Any = np.searchsorted(self.times, times[:-1], side="right") - 1
-            share = inverse(Ball(self.times[row + 1]) - self.times[row])
-            start, end = ((Ball(x) - self.times[row]) * share for x in (times[:-1], times[1:]))
+            times, rows_at = np.array(sorted({*self.times.tolist(), *inside})), self.times
+            row: Any = np.searchsorted(rows_at, times[:-1], side="right") - 1
+            share = inverse(Ball(rows_at[row + 1]) - rows_at[row])
+            start, end = ((Ball(x) - rows_at[row]) * share for x in (times[:-1], times[1:]))
+            self.times = times
             columns = [blossom(self.control[row], start[:, None, None], end[:, None, None])]
             for span, values in self.tracks:
                 at = [track(span, values, x) for x in times.tolist()]
@@ -554,11 +569,19 @@ class World:
                 self.at[child] = self.place(joint, *self.at[link])
                 waiting.append(child)
         need(len(self.at) == len(root.findall("link")), f"{urdf}: its links make no tree")
-        need({*self.names} == {x.name for x in self.joints}, f"{urdf}: not all joints of the motion can move in it")
+        need(
+            sorted(self.names) == sorted(x.name for x in self.joints),
+            f"{urdf}: not all joints of the motion can move in it",
+        )
         order = [self.names.index(x.name) for x in self.joints]
         self.control, self.rows = self.control[:, :, order], self.rows[:, order]
+        self.curve, self.clock = self.control, self.times  # of the robot alone
         self.tracks = list[tuple[list[float], list[Ball]]]()  # of joints that follow the time: times and values there
         for link, element in links.items():
+            tags = {x.tag for x in element}
+            need(
+                tags <= {"visual", "collision", "inertial"}, f"{urdf}: link '{link}' has unknown parts: {sorted(tags)}"
+            )
             for i, shape in enumerate(element.findall("collision")):
                 number, pose = self.at[link]
                 self.add(link, number, compose(pose, origin(shape)), self.solid(shape, f"link '{link}'"), f"{link} {i}")
@@ -588,7 +611,8 @@ class World:
         if name in self.names:
             low, high = (float(limit.get(x, 0)) for x in ("lower", "upper")) if limit is not None else (-np.inf, np.inf)
             ends = (-np.inf, np.inf) if kind == "continuous" else (low, high)
-            self.joints.append(Joint(name, parent, pose, axis, kind != "prismatic", *ends))
+            speed = float(limit.get("velocity", "nan")) if limit is not None else np.nan
+            self.joints.append(Joint(name, parent, pose, axis, kind != "prismatic", *ends, speed))
             return len(self.joints) - 1, HERE
         moving = mimic is not None and mimic.get("joint") in self.names
         need(not moving, f"joint '{name}': follows a joint that moves, which cannot be checked")
@@ -896,11 +920,40 @@ def check_apart(world: World, head: dict[str, Any], trees: Trees) -> None:
             raise RejectedError(f"{' and '.join(pieces[i].key for i in bodies[leaf])}: {where}: {short}")
 
 
+def check_rates(world: World, name: str, order: int) -> None:
+    """Check a limit on the time derivative of that order of the joints' values, as far as it exists: a motion is smooth
+    enough by the rule of its interpolation, but for its ends, where it is to be at rest."""
+    limits, joints = world.top.get("limits") or {}, world.joints[: world.rows.shape[1]]
+    asked = limits.get(name, "urdf" if name == "velocity" else None)
+    single = all(x.parent == i - 1 for i, x in enumerate(joints))  # only then the order of joints is known
+    need(world.clock is not None and (single or not isinstance(asked, list)), f"limits.{name}: cannot be checked")
+    values = asked if isinstance(asked, dict) else {x.name: asked for x in joints}
+    values = dict(zip([x.name for x in joints], asked, strict=True)) if isinstance(asked, list) else values
+    most = [values.get(x.name, "urdf") for x in joints]
+    most = [x.speed if y == "urdf" and name == "velocity" else y for x, y in zip(joints, most, strict=True)]
+    bound, rates = numbers(most, len(joints), f"limits.{name}"), world.curve
+    share = inverse(Ball(world.clock[1:]) - world.clock[:-1])[:, None, None]
+    need(rates.mid.shape[1] >= 2 * order, f"limits.{name}: the motion's interpolation is not smooth enough")
+    for k in range(order):
+        at_rest = max(rates[0, 0].size.max(), rates[-1, -1].size.max()) <= SAME or k == 0
+        need(at_rest, f"limits.{name}: the motion begins or ends with a jump")
+        rates = (rates[:, 1:] - rates[:, :-1]) * (float(rates.mid.shape[1] - 1) * share)
+    for part in range(8):
+        found = blossom(
+            rates, np.full((len(rates.mid), 1, 1), part / 8), np.full((len(rates.mid), 1, 1), (part + 1) / 8)
+        )
+        for row, _, j in np.argwhere(~(found.size <= bound * (1 + ROUNDED)))[:1]:
+            raise RejectedError(f"limits.{name}: joint '{joints[j].name}' exceeds it after row {row}")
+
+
 def statement(world: World, head: dict[str, Any]) -> str:
     """Check limits and ends, as far as the proof claims them, and say what is proven and what is not."""
     claims, top = [str(x) for x in listing(head["claims"], "claims")], world.top
     joints = world.joints[: world.rows.shape[1]]  # the others follow the time
-    need({*claims} <= {"limits", "start", "goal"}, "the proof claims what cannot be checked")
+    need({*claims} <= {"limits", "start", "goal", *RATES}, "the proof claims what cannot be checked")
+    for name in RATES:
+        if name in claims:
+            check_rates(world, name, RATES.index(name) + 1)
     ranges = (top.get("limits") or {}).get("position") or {}
     need({*ranges} <= {x.name for x in joints}, "limits.position: a joint does not move")
     limits = [numbers(ranges[x.name], 2, x.name).tolist() if x.name in ranges else [x.low, x.high] for x in joints]
@@ -933,8 +986,9 @@ def statement(world: World, head: dict[str, Any]) -> str:
             least = f"at least {1e3 * head[key] - 5e-7:.6f} mm {what}"
             said.append(f"  links and held objects are {least}{more * (key == 'clearance')}")
     open_ = [x for x in ("limits", "start", "goal") if x not in claims]
-    open_ += [f"limits.{x}" for x in top.get("limits") or {} if x != "position"]
-    open_ += [x for x in ("path", "timing") if x in top]
+    rated = {x: None for x in top.get("limits") or {} if x != "position"}
+    rated |= {"velocity": None} if rated or top.get("timing") else {}
+    open_ += [x for x in [*rated, *(["path"] if "path" in top else [])] if x not in claims]
     said += [f"  also proven: {', '.join(claims)}"] * bool(claims)
     said += [f"  NOT proven by this file: {', '.join(open_)}"] * bool(open_)
     for reason in dict.fromkeys(world.left_out.values()):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+
 import numpy as np
 import pytest
 
@@ -21,7 +23,11 @@ def test_any_array_reaches_c_as_it_is(pick: object, writeable: bool) -> None:
     table.setflags(write=writeable)
     whole = np.ascontiguousarray(table)
     assert address(whole) == whole.__array_interface__["data"][0]
-    assert Record(table, 3).struct[1] == 3
+    record = Record(table, 3)
+    np.testing.assert_array_equal(record.fields[0], table)
+    assert not record.fields[0].flags.writeable
+    struct = np.frombuffer((ctypes.c_longlong * 2).from_address(record.address), np.int64)
+    assert struct.tolist() == [record.fields[0].__array_interface__["data"][0], 3]
     library = c_functions("total", SOURCE)
     if library is not None:
         assert call(library.total, table.size, table) == pytest.approx(table.sum(), abs=1e-12)

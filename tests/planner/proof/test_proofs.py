@@ -3,6 +3,7 @@ words; a damaged file is rejected, and costs nothing."""
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import re
@@ -18,6 +19,10 @@ import pytest
 
 import hdplan
 import hdplan.verify as verify
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.proof.proof import world_of
+from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.yaml_format.reader import find_scene
 
 SCENES = ("panda_cage", "panda_carry", "panda_table_pick", "ur5_table", "planar_arm", "panda_gate")
@@ -71,7 +76,7 @@ def test_what_is_certified_is_accepted_with_nearly_the_same_clearance(
         if bound is not None:
             assert bound - max(1e-4, 0.02 * bound) <= head[key] <= bound
     assert len(each.proof.data) < 50_000
-    assert head["claims"] == ["limits", "start", "goal"]
+    assert head["claims"] == ["limits", "start", "goal", *(["velocity"] if name == "panda_gate" else [])]
 
 
 def test_the_checker_runs_on_its_own(proven: Callable[[str], Proven], tmp_path: Path) -> None:
@@ -110,6 +115,115 @@ def test_what_a_proof_cannot_hold_is_refused_by_name(scene: str, words: str, tmp
     hdplan.plan(problem, time_limit=60).save(tmp_path / "m.json")
     with pytest.raises(hdplan.InputError, match=words):
         hdplan.prove(scene, tmp_path / "m.json")
+
+
+# --- faults that a certificate once had -------------------------------------------------------------------------------
+
+
+DENTED = """v -1 -1 -1
+v 1 -1 -1
+v 1 1 -1
+v -1 1 -1
+v -1 -1 1
+v 1 -1 1
+v 1 1 1
+v -1 1 1
+v 0 0 0.5
+f 1 4 3 2
+f 1 2 6 5
+f 2 3 7 6
+f 3 4 8 7
+f 4 1 5 8
+f 5 6 9
+f 6 7 9
+f 7 8 9
+f 8 5 9
+"""
+HOME = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
+AWAY = [0.2, *HOME[1:]]
+
+
+def believed(monkeypatch: pytest.MonkeyPatch, folder: Path, scene: hdplan.Scene, rows: list[list[float]]) -> None:
+    """Write a proof of rows of a scene for a certificate that finds nothing wrong with them."""
+    real = Certifier.certify
+
+    def blind(self: Certifier, *arguments: Any, **options: Any) -> hdplan.Certificate:
+        certificate = real(self, *arguments, **options)
+        assert not certificate.certified
+        return dataclasses.replace(certificate, status=Status.CERTIFIED, clearance=1e-3, self_clearance=1e-3)
+
+    monkeypatch.setattr(Certifier, "certify", blind)
+    scene.save(folder / "scene.yaml")
+    robot = hdplan.load_robot(scene.robot)
+    hdplan.Trajectory(robot.joint_names, np.array(rows), dict(robot.locked)).save(folder / "m.json")
+    hdplan.prove(folder / "scene.yaml", folder / "m.json")
+
+
+def test_an_arm_inside_a_solid_has_no_proof(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Its surface is nowhere near: a dented cube of 10 m around the robot."""
+    (tmp_path / "dented.obj").write_text(DENTED)
+    solid = hdplan.Obstacle("solid", hdplan.Mesh(tmp_path / "dented.obj", (5.0, 5.0, 5.0)))
+    scene = hdplan.Scene(robot="panda", obstacles=[solid], start=HOME, goal=AWAY)
+    with pytest.raises(hdplan.NotProvenError, match="one may lie inside the other"):
+        believed(monkeypatch, tmp_path, scene, [HOME, AWAY])
+
+
+def test_a_ball_inside_a_held_solid_has_no_proof(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "dented.obj").write_text(DENTED)
+    held = hdplan.Attached(
+        "solid",
+        "panda_hand",
+        hdplan.Mesh(tmp_path / "dented.obj", (0.3, 0.3, 0.3)),
+        hdplan.Pose((0.0, 0.0, 0.45)),
+        ("panda_leftfinger", "panda_rightfinger"),
+    )
+    ball = hdplan.Obstacle("ball", hdplan.Sphere(0.01), hdplan.Pose((0.31, 0.0, 0.15)))
+    scene = hdplan.Scene(
+        robot="panda",
+        obstacles=[ball],
+        attached=[held],
+        start=HOME,
+        goal=AWAY,
+        self_collision=hdplan.SelfCollision(checked=False),
+    )
+    with pytest.raises(hdplan.NotProvenError, match=r"solid and ball|ball and solid"):
+        believed(monkeypatch, tmp_path, scene, [HOME, [0.01, *HOME[1:]]])
+
+
+def test_an_arm_that_sweeps_through_a_thin_wall_between_samples_has_no_proof(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    wall = hdplan.Obstacle("wall", hdplan.Box([0.3, 0.0005, 0.3]), hdplan.Pose((0.5, 0.0, 0.5)))
+    left, right = [[side, *HOME[1:]] for side in (-0.7, 0.7)]
+    scene = hdplan.Scene(robot="panda", obstacles=[wall], start=left, goal=right)
+    with pytest.raises(hdplan.NotProvenError, match=r"no plane keeps .* and wall apart"):
+        believed(monkeypatch, tmp_path, scene, [left, right])
+
+
+def test_limits_that_do_not_hold_are_not_claimed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A joint that is beyond its limit in the middle of a spline, and ends elsewhere than the goal."""
+    high = 2.8973
+    times, rows = [0.0, 1.0], [[high - 0.01, *HOME[1:]], [high - 0.01, *HOME[1:]]]
+    scene = hdplan.Scene(robot="panda", start=rows[0], goal=AWAY)
+    scene.save(tmp_path / "scene.yaml")
+    robot = hdplan.load_robot("panda")
+    speed = np.zeros((2, 7))
+    for rate in (0.039, 0.041):  # the most is an eighth of the difference of the two
+        speed[:, 0] = rate, -rate
+        motion = hdplan.Trajectory(robot.joint_names, np.array(rows), dict(robot.locked), np.array(times), speed)
+        motion.save(tmp_path / "m.json")
+        world = world_of(
+            Setup.of(hdplan.load_scene(tmp_path / "scene.yaml")), tmp_path / "scene.yaml", tmp_path / "m.json"
+        )
+        head = {"clearance": None, "self_clearance": 1e-3}
+        verify.statement(world, {**head, "claims": ["start"]})
+        with pytest.raises(verify.RejectedError, match="goal"):
+            verify.statement(world, {**head, "claims": ["goal"]})
+        if rate < 0.04:
+            assert "limits" in verify.statement(world, {**head, "claims": ["limits"]})
+        else:
+            with pytest.raises(verify.RejectedError, match="'panda_joint1' leaves its limits"):
+                verify.statement(world, {**head, "claims": ["limits"]})
 
 
 # --- changes ----------------------------------------------------------------------------------------------------------

@@ -157,6 +157,44 @@ def test_intervals_enclose_curve_and_frames(scene: str, kind: str, tmp_path: Pat
     assert motion.off[:1].max() > 1e-3 > 1e-14 > motion.off[-1].max() or kind != "linear"
 
 
+@pytest.mark.parametrize(("name", "order"), [("velocity", 1), ("acceleration", 2), ("jerk", 3)])
+def test_rates_are_accepted_just_above_their_greatest_value_and_never_below(
+    name: str, order: int, tmp_path: Path
+) -> None:
+    """Random quintics that begin and end at rest, or do not."""
+    rng = np.random.default_rng(order)
+    for trial in range(8):
+        world, curve, setup = random_motion("panda_carry", "quintic", tmp_path)
+        n = setup.robot.n
+        rates = [rng.normal(size=(6, n)) for _ in range(2)]
+        for rate in rates:
+            rate[[0, -1]] = 0.0
+        times = np.cumsum(rng.uniform(0.1, 0.4, 6))
+        motion = hdplan.Trajectory(setup.robot.joint_names, curve.rows, dict(setup.robot.locked), times, *rates)
+        motion.save(tmp_path / "m.json")
+        world = world_of(setup, hdplan.scenes.yaml_format.reader.find_scene("panda_carry"), tmp_path / "m.json")
+        found = motion.curve.at_time(np.linspace(times[0], times[-1], 4001), order)
+        greatest = np.abs(found).max(axis=0)
+        for factor, good in ((1.03, True), (0.999, False)):
+            world.top["limits"] = {name: dict(zip(setup.robot.joint_names, (factor * greatest).tolist(), strict=True))}
+            if good:
+                verify.check_rates(world, name, order)
+            else:
+                with pytest.raises(verify.RejectedError, match=f"limits.{name}: joint .* exceeds it after row"):
+                    verify.check_rates(world, name, order)
+        if order > 1 and trial == 0:
+            world.top["limits"] = {name: 1e6}
+            verify.check_rates(world, name, order)
+            rates[order - 2][-1, 2] = 1e-3
+            hdplan.Trajectory(setup.robot.joint_names, curve.rows, dict(setup.robot.locked), times, *rates).save(
+                tmp_path / "m.json"
+            )
+            world = world_of(setup, world.scene, tmp_path / "m.json")
+            world.top["limits"] = {name: 1e6}
+            with pytest.raises(verify.RejectedError, match="jump"):
+                verify.check_rates(world, name, order)
+
+
 @pytest.mark.parametrize(("scene", "kind"), motions())
 def test_no_bound_exceeds_the_distance_anywhere_on_its_interval(scene: str, kind: str, tmp_path: Path) -> None:
     """For random pairs, intervals and directions; the distance is coal's, the bodies those of the loaded robot."""

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hdplan.planner.build import build
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.kinematics.inverse_dynamics import dynamics_of
 from hdplan.planner.motion.robot_curve import curve_of
@@ -189,6 +190,8 @@ def test_energy_is_refused_without_masses(tmp_path: Path) -> None:
     assert result.certified
     with pytest.raises(InputError, match=r"light: planner\.objective: 'energy' .*joint 'turn' of light moves no mass"):
         plan(asking(scene, "energy"))
+    with pytest.raises(InputError, match="moves no mass"):  # `hdplan explain` builds, and refuses it too
+        build(asking(scene, "energy"))
 
 
 @pytest.mark.parametrize("objective", OBJECTIVES)

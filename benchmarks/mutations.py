@@ -1,0 +1,313 @@
+"""Change proofs, motions, scenes, robots and meshes at random, and see what the checker of proofs accepts.
+
+    python benchmarks/mutations.py [--count N] [--seed S] [--scene NAME ...]
+
+Every change keeps the hashes in the proof right, so that the checker gets to see it. What is accepted although
+something was changed is judged by hdplan: the certificate of the changed motion in the changed scene, of the changed
+robot, finds the closest distances; they must not be below what the proof claims, and limits and ends that it claims
+must hold. Prints a table with a row per kind of change; "false" must be 0, as must errors other than a rejection.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import re
+import resource
+import sys
+import tempfile
+import time
+import zlib
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+import hdplan
+from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.studies.report import markdown_text
+from hdplan.scenes.robot_files.library import description_of, library_package_dirs
+from hdplan.scenes.yaml_format.reader import find_scene
+from hdplan.verify import MAGIC, RejectedError, verify
+
+SCENES = ("panda_cage", "panda_carry", "panda_table_pick", "panda_gate", "ur5_table", "planar_arm")
+NUMBER = re.compile(r"(?<![\w.#])-?\d+(?:\.\d+)?(?:e-?\d+)?(?![\w.])")
+WILD = ("nan", "inf", ".nan", ".inf", "-1", "0", "1e308", "1e-320", "x", "", "[]", "{}", "null", "true", "9" * 30)
+
+
+@dataclass
+class Files:
+    """A proven motion with everything that the proof is about, in a folder of its own."""
+
+    folder: Path
+    parts: dict[str, bytes] = field(default_factory=dict)  # proof's head and arrays, and the content of each file
+    names: dict[str, str] = field(default_factory=dict)  # of the files, by their keys in the proof
+
+    @classmethod
+    def of(cls, scene: str, folder: Path) -> Files:
+        """Plan and prove a scene whose robot, SRDF and meshes are copied into the folder."""
+        problem = hdplan.load_scene(scene)
+        _, urdf, srdf, _ = description_of(problem.robot)
+        text, robot = find_scene(scene).read_text(), urdf.read_text()
+        for mesh in dict.fromkeys(re.findall(r'filename="(package://[^"]+\.stl)"', robot)):
+            found = next(d / mesh[10:] for d in library_package_dirs() if (d / mesh[10:]).is_file())
+            if "collision" in mesh:
+                (folder / found.name).write_bytes(found.read_bytes())
+                robot = robot.replace(mesh, found.name)
+        (folder / "robot.urdf").write_text(robot)
+        where = "urdf: robot.urdf\n"
+        if srdf is not None:
+            (folder / "robot.srdf").write_bytes(srdf.read_bytes())
+            where += "  srdf: robot.srdf\n"
+        where += f"  package_dirs: [{', '.join(map(str, library_package_dirs()))}]\n"
+        text = re.sub(r"  (name: (panda|ur5)|urdf: .*|srdf: .*)\n", "", text).replace(
+            "robot:\n", f"robot:\n  {where}", 1
+        )
+        (folder / "scene.yaml").write_text(text)
+        for extra in find_scene(scene).parent.glob("*.obj"):
+            (folder / extra.name).write_bytes(extra.read_bytes())
+        hdplan.plan(hdplan.load_scene(folder / "scene.yaml"), time_limit=60).save(folder / "motion.json")
+        proof = hdplan.prove(folder / "scene.yaml", folder / "motion.json")
+        files = cls(folder)
+        head, _, arrays = zlib.decompress(proof.data[len(MAGIC) :]).partition(b"\n")
+        files.parts |= {"head": head, "arrays": arrays}
+        for key in json.loads(head)["files"]:
+            name = {"scene": "scene.yaml", "motion": "motion.json"}.get(key, f"robot.{key}")
+            files.names[key] = key.partition("/")[2] or name
+            files.parts[key] = (folder / files.names[key]).read_bytes()
+        return files
+
+    def verify(self, changed: dict[str, bytes]) -> str:
+        """Verify with some parts changed, the hashes being those of the changed files."""
+        parts = {**self.parts, **changed}
+        for key, name in self.names.items():
+            (self.folder / name).write_bytes(parts[key])
+        data = changed.get("file")
+        if data is None:
+            head = parts["head"]
+            if "head" not in changed or b'"files"' in head:
+                for key in self.names:
+                    old, new = (hashlib.sha256(each[key]).hexdigest().encode() for each in (self.parts, parts))
+                    head = head.replace(old, new)
+            data = MAGIC + zlib.compress(head + b"\n" + parts["arrays"], 1)
+        return verify(self.folder / "scene.yaml", self.folder / "motion.json", data)
+
+    def judge(self, text: str) -> str:
+        """Say whether what was accepted is true of the files as they are now, and why not or why it is unknown."""
+        try:
+            scene, motion = (
+                hdplan.load_scene(self.folder / "scene.yaml"),
+                hdplan.Trajectory.load(self.folder / "motion.json"),
+            )
+            certificate = hdplan.certify(scene, motion, required=0.0)
+        except hdplan.InputError as error:
+            return f"not judged: {error}"
+        claims = re.search(r"also proven: (.*)", text)
+        claimed = claims[1].split(", ") if claims else []
+        status = certificate.status
+        if (status is Status.OUTSIDE_LIMITS and "limits" in claimed) or (
+            status is Status.WRONG_ENDS and len(claimed) == 3
+        ):
+            return f"false: {certificate.text}"
+        if status in (Status.OUTSIDE_LIMITS, Status.WRONG_ENDS):
+            return f"not judged: {certificate.text}"
+        for words, place in (("from every obstacle", certificate.worst), ("from one another", certificate.self_worst)):
+            said = re.search(rf"at least ([\d.]+) mm {words}", text)
+            if said and place is not None and place.distance < float(said[1]) / 1e3:
+                return f"false: {said[0]}, but {place}"
+        return "true"
+
+
+# --- changes ----------------------------------------------------------------------------------------------------------
+
+Change = Callable[[Files, np.random.Generator], dict[str, bytes]]
+
+
+def text_of(key: str, wild: bool = False) -> Change:
+    """Change a number in a text file: a little or a lot, or into something that is none."""
+
+    def change(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
+        text = files.parts[key].decode()
+        found = list(NUMBER.finditer(text))
+        for _ in range(int(rng.integers(1, 3))):
+            one = found[int(rng.integers(len(found)))]
+            value = float(one[0])
+            scale = 10.0 ** rng.uniform(-5, 1)
+            new = str(rng.choice(WILD)) if wild else repr(float(value + scale * rng.normal() * max(abs(value), 0.1)))
+            text = text[: one.start()] + new + text[one.end() :]
+            found = list(NUMBER.finditer(text))
+        return {key: text.encode()}
+
+    return change
+
+
+def lines_of(key: str) -> Change:
+    """Leave out, repeat or exchange lines of a text file."""
+
+    def change(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
+        lines = files.parts[key].splitlines(keepends=True)
+        i, j = (int(x) for x in rng.integers(len(lines), size=2))
+        match int(rng.integers(3)):
+            case 0:
+                del lines[i : i + int(rng.integers(1, 4))]
+            case 1:
+                lines.insert(j, lines[i])
+            case _:
+                lines[i], lines[j] = lines[j], lines[i]
+        return {key: b"".join(lines)}
+
+    return change
+
+
+def corner_of_a_mesh(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
+    """Move a corner of a triangle of a mesh."""
+    keys = [key for key in files.parts if key.startswith("mesh") and key.endswith(".stl")]
+    if not keys:
+        return text_of("motion")(files, rng)
+    key = keys[int(rng.integers(len(keys)))]
+    data = bytearray(files.parts[key])
+    at = 84 + 50 * int(rng.integers((len(data) - 84) // 50)) + 12 + 4 * int(rng.integers(9))
+    value = np.frombuffer(data[at : at + 4], "<f4")[0] + np.float32(10.0 ** rng.uniform(-5, 0) * rng.normal())
+    data[at : at + 4] = np.float32(value).astype("<f4").tobytes()
+    return {key: bytes(data)}
+
+
+def head_value(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
+    """Change a value of the proof's head."""
+    head = json.loads(files.parts["head"])
+    key = str(rng.choice(list(head)))
+    wild = [None, -1, 0, 1, 0.5, 10**18, float("nan"), float("inf"), "x", [], {}, True, [[]], {"a": -1}]
+    if isinstance(head[key], float):
+        head[key] *= 1 + 10.0 ** rng.uniform(-6, 0)
+    elif isinstance(head[key], dict) and head[key] and rng.random() < 0.7:
+        inner = str(rng.choice(list(head[key])))
+        head[key][inner] = wild[int(rng.integers(len(wild)))]
+    else:
+        head[key] = wild[int(rng.integers(len(wild)))]
+    return {"head": json.dumps(head).encode()}
+
+
+def leaves(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
+    """Turn planes, drop or repeat leaves, or change their depths, with or without their counts."""
+    head, arrays = json.loads(files.parts["head"]), files.parts["arrays"]
+    skip = 2 * sum(head["cuts"].values())
+    counts = np.frombuffer(arrays, "<i4", head["pairs"], skip).copy()
+    depths = np.frombuffer(arrays, "<u1", head["leaves"], skip + counts.nbytes).copy()
+    normals = (
+        np.frombuffer(arrays, "<i2", 3 * head["leaves"], skip + counts.nbytes + depths.nbytes).reshape(-1, 3).copy()
+    )
+    tail = arrays[skip + counts.nbytes + depths.nbytes + normals.nbytes :]
+    leaf = int(rng.integers(len(depths)))
+    pair = int(np.searchsorted(np.cumsum(counts), leaf, side="right"))
+    match int(rng.integers(6)):
+        case 0:
+            normals[leaf] = (normals[leaf] + rng.normal(size=3) * 10.0 ** rng.uniform(1, 5)).clip(-32768, 32767)
+        case 1:
+            normals[leaf] = -normals[leaf]
+        case 2:
+            depths, normals = np.delete(depths, leaf), np.delete(normals, leaf, axis=0)
+            counts[pair] -= 1
+        case 3:
+            depths, normals = np.insert(depths, leaf, depths[leaf]), np.insert(normals, leaf, normals[leaf], axis=0)
+            counts[pair] += 1
+        case 4:
+            depths[leaf] = int(rng.integers(256))
+        case _:
+            counts[pair] += int(rng.integers(-1, 2))
+            counts[int(rng.integers(len(counts)))] -= 1
+    made = arrays[:skip] + b"".join(each.tobytes() for each in (counts, depths, normals)) + tail
+    return {"head": json.dumps({**head, "leaves": len(depths)}).encode(), "arrays": made}
+
+
+def damage(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
+    """Change or cut bytes of the file, before or after compression."""
+    content = files.parts["head"] + b"\n" + files.parts["arrays"]
+    before = rng.random() < 0.7
+    data = bytearray(content if before else MAGIC + zlib.compress(content, 9))
+    for _ in range(int(rng.integers(1, 4))):
+        data[int(rng.integers(len(data)))] = int(rng.integers(256))
+    cut = bytes(data[: int(rng.integers(len(data)))] if rng.random() < 0.3 else data)
+    return {"file": MAGIC + zlib.compress(cut, 1) if before else cut}
+
+
+def bomb(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
+    """Claim or hold gigabytes."""
+    head = json.loads(files.parts["head"])
+    head[str(rng.choice(["pairs", "leaves", "once"]))] = int(10 ** rng.uniform(3, 17))
+    zeros = bytes(int(10 ** rng.uniform(5, 8)))
+    return {"file": MAGIC + zlib.compress(json.dumps(head).encode() + b"\n" + zeros, 9)}
+
+
+CHANGES: dict[str, Change] = {
+    "planes, leaves": leaves,
+    "the head": head_value,
+    "bytes": damage,
+    "gigabytes": bomb,
+    "the motion's numbers": text_of("motion"),
+    "the motion's numbers, wild": text_of("motion", wild=True),
+    "the motion's lines": lines_of("motion"),
+    "the scene's numbers": text_of("scene"),
+    "the scene's numbers, wild": text_of("scene", wild=True),
+    "the scene's lines": lines_of("scene"),
+    "the URDF's numbers": text_of("urdf"),
+    "the URDF's numbers, wild": text_of("urdf", wild=True),
+    "the URDF's lines": lines_of("urdf"),
+    "corners of meshes": corner_of_a_mesh,
+}
+
+
+def _difference(files: Files, changed: dict[str, bytes]) -> str:
+    """Show where a changed part begins to differ."""
+    key, new = next(iter(changed.items()))
+    old = files.parts.get(key, b"")
+    at = next((i for i, (a, b) in enumerate(zip(old, new, strict=False)) if a != b), 0)
+    return f"| {key}: {old[max(at - 40, 0) : at + 40]!r} -> {new[max(at - 40, 0) : at + 40]!r}"
+
+
+def main() -> None:
+    """Run the campaign from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--scene", action="append", help="by default six shipped ones")
+    options = parser.parse_args()
+    found: dict[str, Counter[str]] = {kind: Counter() for kind in CHANGES}
+    slowest, rng = 0.0, np.random.default_rng(options.seed)
+    with tempfile.TemporaryDirectory() as folder:
+        everything = []
+        for name in options.scene or SCENES:
+            (Path(folder) / name).mkdir()
+            everything.append(Files.of(name, Path(folder) / name))
+            assert everything[-1].verify({}).startswith("accepted")
+        for number in range(options.count):
+            kind = list(CHANGES)[number % len(CHANGES)]
+            files = everything[int(rng.integers(len(everything)))]
+            changed = CHANGES[kind](files, rng)
+            began = time.process_time()
+            try:
+                text = files.verify(changed)
+            except RejectedError:
+                verdict = "rejected"
+            except Exception as error:
+                verdict = f"error: {type(error).__name__}: {error}"
+            else:
+                verdict = files.judge(text)
+            slowest = max(slowest, time.process_time() - began)
+            found[kind][verdict.partition(":")[0]] += 1
+            if ":" in verdict:
+                print(number, kind, files.folder.name, verdict, _difference(files, changed), file=sys.stderr)
+    columns = ("rejected", "true", "not judged", "false", "error")
+    rows = [
+        {"changed": kind, "changes": sum(each.values()), **{c: each[c] for c in columns}}
+        for kind, each in found.items()
+    ]
+    print(markdown_text(rows))
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    print(f"slowest {slowest:.1f} s, memory at most {memory:.2f} GB")
+
+
+if __name__ == "__main__":
+    main()
