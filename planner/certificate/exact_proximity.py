@@ -30,7 +30,7 @@ from hdplan.planner.geometry.meshes import TriangleMesh, below, load_mesh
 from hdplan.planner.geometry.solids import Solid
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.once import freeze
+from hdplan.scenes.once import freeze, read_only
 from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
 
 Array = NDArray[np.float64]
@@ -353,6 +353,6 @@ def _turns() -> tuple[Array, ...]:
     return tuple(turns)
 
 
-_CORNERS = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))  # of a cube
+_CORNERS = read_only(np.array(list(itertools.product((-0.5, 0.5), repeat=3))))  # of a cube
 _REQUEST = coal.DistanceRequest()
 _TURNS = _turns()

@@ -5,6 +5,7 @@ When a motion is stretched in time by k, velocities fall by k, accelerations by 
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -23,7 +24,8 @@ MARGIN = 1e-6  # [–] of a limit that is left unused
 class PathSamples(NamedTuple):
     """Samples of a path q(u) under a time law u(t), at k times."""
 
-    q: Array  # (k, n)
+    path: BSpline
+    u: Array  # (k,)
     slopes: tuple[Array, Array, Array]  # first to third derivative of q by u (k, n)
     rates: tuple[Array, Array, Array]  # first to third derivative of u by time (k, 1)
 
@@ -35,8 +37,8 @@ class TimingLimit(Protocol):
         """Return TOPP-RA's constraint on a path at the points of a grid; None if it has none for this limit."""
         ...
 
-    def stretch_of_law(self, samples: PathSamples) -> float:
-        """Return by how much a time law must be stretched for the limit to hold at samples."""
+    def stretch_of_law(self, samples: PathSamples) -> Array:
+        """Return by how much a time law must be stretched for the limit to hold at each sample (k,)."""
         ...
 
     def stretch(self, curve: Curve) -> float:
@@ -54,13 +56,18 @@ class RateLimit:
 
     def constraint(self, spline: BSpline, grid: Array) -> Any | None:
         """Return toppra's own, for velocities and accelerations."""
+        return self._toppras
+
+    @cached_property
+    def _toppras(self) -> Any | None:
+        """It is the same on every path, and its making takes longer than its use."""
         from toppra import constraint
 
         both = np.stack([-self.limit, self.limit], axis=1)
         known = {1: constraint.JointVelocityConstraint, 2: constraint.JointAccelerationConstraint}
         return known[self.order](both) if self.order in known else None
 
-    def stretch_of_law(self, samples: PathSamples) -> float:
+    def stretch_of_law(self, samples: PathSamples) -> Array:
         """Compute it by the chain rule."""
         slope, bend, twist = samples.slopes
         first, second, third = samples.rates
@@ -70,7 +77,8 @@ class RateLimit:
             rate = bend * first**2 + slope * second
         else:
             rate = twist * first**3 + 3 * bend * first * second + slope * third
-        return float(float((np.abs(rate).max(axis=0) / self.limit).max()) ** (1 / self.order))
+        share: Array = np.abs(rate / self.limit).max(axis=1)
+        return share ** (1 / self.order)
 
     def stretch(self, curve: Curve) -> float:
         """Compute it from a bound on the whole curve, not from samples."""

@@ -27,7 +27,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.least_time import least_times
 from hdplan.planner.timing.limits import PathSamples, timing_limits
-from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, TimeLaw
+from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, Stepwise, TimeLaw
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.timing import MOST_ROWS, Timing
 
@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 
 GRID = 200  # intervals of the path for TOPP-RA
 WINDOWS = 20  # lengths of the averaging window that are tried
+COARSE = 3  # the first of so many are tried at first
 LEAST_WINDOW, MOST_WINDOW = 0.01, 1.0  # [–] of the fastest motion's duration
 FEWEST_ROWS = 2  # in a window
 CHORDS = 100  # of a path, to bound its time
@@ -129,7 +130,7 @@ class Retimer:
         for shortest, law in laws:
             if shortest >= best:
                 break
-            duration = self._allowed(spline, law)
+            duration = self._allowed(spline, law, shortest)
             if duration < best:
                 fastest, least, best = law, shortest, duration
         tried = (
@@ -141,15 +142,19 @@ class Retimer:
     def _laws(self, spline: BSpline) -> list[tuple[float, Averaged]]:
         """Return laws with windows of several lengths, each with its duration once it is stretched to the limits; the
         shortest first."""
-        knots, values, paces = self._time_optimal(spline)
-        shortest = FEWEST_ROWS / self.timing.rate
-        tried = np.maximum(knots[-1] * np.geomspace(LEAST_WINDOW, MOST_WINDOW, WINDOWS), shortest)
-        laws = [Averaged(knots, values, paces, float(window)) for window in np.unique(tried)]
-        stretched = [(law.duration * self._stretch_at_samples(spline, law), law) for law in laws]
-        return sorted(stretched, key=lambda each: each[0])
+        law, shortest = self._time_optimal(spline), FEWEST_ROWS / self.timing.rate
+        tried = np.maximum(law.knots[-1] * np.geomspace(LEAST_WINDOW, MOST_WINDOW, WINDOWS), shortest)
+        laws = [Averaged(law, float(window)) for window in np.unique(tried)]
+        found: dict[int, float] = {}
+        chosen = set(range(0, len(laws), COARSE))
+        while missing := sorted(chosen - set(found)):  # few of them at first, then those between the best ones
+            found |= zip(missing, self._durations_at_samples(spline, [laws[i] for i in missing]), strict=True)
+            best = min(found, key=found.__getitem__)
+            chosen = set(range(max(best - COARSE + 1, 0), min(best + COARSE, len(laws))))
+        return [(found[i], laws[i]) for i in sorted(found, key=found.__getitem__)]
 
-    def _time_optimal(self, spline: BSpline) -> tuple[Array, Array, Array]:
-        """Return times, parameters u and paces du/dt of the fastest law within the limits known to TOPP-RA."""
+    def _time_optimal(self, spline: BSpline) -> Stepwise:
+        """Return the fastest law within the limits known to TOPP-RA."""
         from toppra.algorithm import TOPPRA
 
         grid = np.linspace(0.0, 1.0, GRID + 1)
@@ -159,19 +164,23 @@ class Retimer:
         if paces is None or not np.isfinite(paces).all():
             raise HdplanError("no time law was found within the limits of velocity and acceleration")
         widths = 2.0 * np.diff(grid) / (paces[1:] + paces[:-1])
-        return np.concatenate([[0.0], np.cumsum(widths)]), grid, paces
+        return Stepwise(np.concatenate([[0.0], np.cumsum(widths)]), grid, paces)
 
-    def _stretch_at_samples(self, spline: BSpline, law: TimeLaw) -> float:
-        """Return by how much a law must be stretched for the limits to hold at SAMPLES times."""
-        u, first, second, third = law(np.linspace(0.0, law.duration, SAMPLES))[:, :, None]
-        slope, bend, twist = (spline(u[:, 0], order) for order in (1, 2, 3))
-        samples = PathSamples(spline(u[:, 0]), (slope, bend, twist), (first, second, third))
-        return max(limit.stretch_of_law(samples) for limit in self.limits)
+    def _durations_at_samples(self, spline: BSpline, laws: list[Averaged]) -> list[float]:
+        """Return the duration to which each law must be stretched for the limits to hold at SAMPLES times."""
+        share = np.linspace(0.0, 1.0, SAMPLES)
+        u, *rates = np.concatenate([law(law.duration * share) for law in laws], axis=1)
+        first, second, third = (rate[:, None] for rate in rates)
+        slope, bend, twist = (spline(u, order) for order in (1, 2, 3))
+        samples = PathSamples(spline, u, (slope, bend, twist), (first, second, third))
+        stretch = np.max([limit.stretch_of_law(samples) for limit in self.limits], axis=0)
+        longest = stretch.reshape(len(laws), SAMPLES).max(axis=1).tolist()
+        return [law.duration * most for law, most in zip(laws, longest, strict=True)]
 
-    def _allowed(self, spline: BSpline, law: TimeLaw) -> float:
+    def _allowed(self, spline: BSpline, law: TimeLaw, duration: float) -> float:
         """Return a duration, in whole rows, for which the limits hold all along the executed curve, and hardly longer
-        than needed."""
-        duration, best = law.duration * self._stretch_at_samples(spline, law), np.inf
+        than needed; from one at which they hold at samples."""
+        best = np.inf
         for _ in range(STRETCHES):
             self._check_rows(duration)
             duration = (row_count(duration, self.timing.rate) - 1) / self.timing.rate

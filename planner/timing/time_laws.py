@@ -13,6 +13,7 @@ acceleration:
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -59,31 +60,17 @@ class MinimumJerk:
 
 
 @dataclass(frozen=True, eq=False)
-class Averaged:
-    """A law with constant acceleration between knots, averaged over a window."""
+class Stepwise:
+    """A law with constant acceleration between knots, at rest before 0 and after the last of them."""
 
     knots: Array  # (m,) [s], from 0
     values: Array  # (m,) u there
     paces: Array  # (m,) du/dt there [1/s]
-    window: float  # τ [s]
-
-    @property
-    def duration(self) -> float:
-        """How long it takes [s]."""
-        return float(self.knots[-1]) + self.window
 
     def __call__(self, times: Array) -> Array:
-        """Return ũ and its first three derivatives (4, k) at times (k,)."""
-        difference: Array = (self._sharp(times) - self._sharp(times - self.window)) / self.window
-        return difference
-
-    def _sharp(self, times: Array) -> Array:
-        """Return ∫u, u, du/dt and d²u/dt² (4, k) of the law itself, which is at rest before 0 and after the end."""
-        widths = np.diff(self.knots)
-        change = np.diff(self.paces) / widths
-        area = widths * (self.values[:-1] + widths * (self.paces[:-1] / 2 + widths * change / 6))
-        before = np.concatenate([[0.0], np.cumsum(area)])
-        row = np.clip(np.searchsorted(self.knots, times, side="right") - 1, 0, len(widths) - 1)
+        """Return ∫u, u, du/dt and d²u/dt² (4, k) at times (k,)."""
+        change, before = self._pieces
+        row = np.clip(np.searchsorted(self.knots, times, side="right") - 1, 0, len(change) - 1)
         t = np.clip(times, 0.0, self.knots[-1]) - self.knots[row]
         u, pace, bend = self.values[row], self.paces[row], change[row]
         late = np.maximum(times - self.knots[-1], 0.0)
@@ -96,3 +83,30 @@ class Averaged:
                 np.where(moving, bend, 0.0),
             ]
         )
+
+    @cached_property
+    def _pieces(self) -> tuple[Array, Array]:
+        """The acceleration between knots (m − 1,), and ∫u up to each of them (m,)."""
+        widths = np.diff(self.knots)
+        change = np.diff(self.paces) / widths
+        area = widths * (self.values[:-1] + widths * (self.paces[:-1] / 2 + widths * change / 6))
+        return change, np.concatenate([[0.0], np.cumsum(area)])
+
+
+@dataclass(frozen=True, eq=False)
+class Averaged:
+    """A stepwise law, averaged over a window."""
+
+    law: Stepwise
+    window: float  # τ [s]
+
+    @property
+    def duration(self) -> float:
+        """How long it takes [s]."""
+        return float(self.law.knots[-1]) + self.window
+
+    def __call__(self, times: Array) -> Array:
+        """Return ũ and its first three derivatives (4, k) at times (k,)."""
+        now, then = np.split(self.law(np.concatenate([times, times - self.window])), 2, axis=1)
+        difference: Array = (now - then) / self.window
+        return difference

@@ -38,10 +38,10 @@ class TorqueLimit:
         torques = self.dynamics.coefficients(*(spline(grid, order) for order in range(3)))
         return None if self._too_heavy(torques.c) else _TorqueConstraint(torques, (1 - MARGIN) * self.limit)
 
-    def stretch_of_law(self, samples: PathSamples) -> float:
+    def stretch_of_law(self, samples: PathSamples) -> Array:
         """Compute it at the samples."""
         (slope, bend, _), (first, second, _) = samples.slopes, samples.rates
-        drive = self.dynamics.coefficients(samples.q, slope, bend)
+        drive = self.dynamics.coefficients(samples.path(samples.u), slope, bend)
         return self._stretch(drive.a * second + drive.b * first**2, drive.c)
 
     def stretch(self, curve: Curve) -> float:
@@ -49,15 +49,16 @@ class TorqueLimit:
         parameters = np.linspace(0.0, 1.0, SAMPLES * (len(curve) - 1) + 1)
         q, v, a = (curve.over_time(order).at_parameter(parameters) for order in range(3))
         gravity = self.dynamics.torques(q, 0.0 * v, 0.0 * a)
-        return self._stretch(self.dynamics.torques(q, v, a) - gravity, gravity)
+        return float(self._stretch(self.dynamics.torques(q, v, a) - gravity, gravity).max(initial=0.0))
 
-    def _stretch(self, moving: Array, gravity: Array) -> float:
-        """Return the k by which time must be stretched for |gravity + moving/k²| ≤ limit, each (m, n); 0 if gravity
-        alone exceeds a limit, as no stretch helps then."""
+    def _stretch(self, moving: Array, gravity: Array) -> Array:
+        """Return the k (m,) by which time must be stretched for |gravity + moving/k²| ≤ limit, each (m, n); 0 if
+        gravity alone exceeds a limit, as no stretch helps then."""
         if self._too_heavy(gravity):
-            return 0.0
+            return np.zeros(len(gravity))
         room = (1 - MARGIN) * self.limit - np.where(moving > 0.0, gravity, -gravity)
-        return float(np.sqrt((np.abs(moving) / room).max(initial=0.0)))
+        stretch: Array = np.sqrt((np.abs(moving) / room).max(axis=1))
+        return stretch
 
     def _too_heavy(self, gravity: Array) -> bool:
         """Whether the gravity torques (m, n) alone leave next to nothing of a limit anywhere."""

@@ -21,7 +21,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.retiming import Retimer, smooth
-from hdplan.planner.timing.time_laws import Averaged, MinimumJerk
+from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, Stepwise
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.scene import Scene
@@ -125,9 +125,8 @@ def test_derivatives_of_a_law_are_those_of_its_values(law: str) -> None:
     knots = np.cumsum([0.0, 0.3, 0.5, 0.2, 0.4])
     paces = np.array([0.0, 0.9, 1.1, 0.4, 0.0])
     values = np.concatenate([[0.0], np.cumsum(np.diff(knots) * (paces[1:] + paces[:-1]) / 2)])
-    found = (
-        MinimumJerk(1.7) if law == "minimum jerk" else Averaged(knots, values / values[-1], paces / values[-1], 0.25)
-    )
+    stepwise = Stepwise(knots, values / values[-1], paces / values[-1])
+    found = MinimumJerk(1.7) if law == "minimum jerk" else Averaged(stepwise, 0.25)
     times = np.linspace(0.01, found.duration - 0.01, 400)
     step = 1e-6
     at = found(times)
@@ -138,6 +137,19 @@ def test_derivatives_of_a_law_are_those_of_its_values(law: str) -> None:
     np.testing.assert_allclose(found(np.array([0.0, found.duration]))[:3], [[0, 1], [0, 0], [0, 0]], atol=1e-9)
     if isinstance(found, MinimumJerk):
         np.testing.assert_allclose(found(found.time_at(np.linspace(0, 1, 77)))[0], np.linspace(0, 1, 77), atol=1e-6)
+
+
+def test_an_averaged_law_is_the_average_of_the_law_over_its_window() -> None:
+    rng = np.random.default_rng(8)
+    for window in (0.02, 0.3, 1.5):
+        knots, paces = np.cumsum([0.0, *rng.uniform(0.1, 0.5, 5)]), np.array([0.0, *rng.uniform(0.2, 2.0, 4), 0.0])
+        values = np.cumsum([0.0, *(np.diff(knots) * (paces[1:] + paces[:-1]) / 2)])
+        stepwise = Stepwise(knots, values / values[-1], paces / values[-1])
+        for time in rng.uniform(-0.2, knots[-1] + window + 0.2, 20):
+            within = time - window * (np.arange(20_000) + 0.5) / 20_000
+            for order in (1, 2):
+                mean = stepwise(within)[order].mean()
+                assert Averaged(stepwise, window)(np.array([time]))[order - 1, 0] == pytest.approx(mean, abs=1e-3)
 
 
 # --- the check ----------------------------------------------------------------------------------------------------
