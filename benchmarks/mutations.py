@@ -294,8 +294,9 @@ def main() -> None:
             except Exception as error:
                 verdict = f"error: {type(error).__name__}: {error}"
             else:
-                verdict = files.judge(text)
+                verdict = ""
             slowest = max(slowest, time.process_time() - began)
+            verdict = verdict or files.judge(text)
             found[kind][verdict.partition(":")[0]] += 1
             if ":" in verdict:
                 print(number, kind, files.folder.name, verdict, _difference(files, changed), file=sys.stderr)

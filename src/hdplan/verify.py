@@ -51,9 +51,9 @@ import numpy as np
 import yaml
 
 MAGIC, VERSION = b"hdplan proof\n", 1
-MOST_BYTES, MOST_LEAVES, MOST_ROWS, DEEPEST = 1 << 27, 1_000_000, 100_000, 50  # of a file, a proof, a motion, a tree
+MOST_BYTES, MOST_LEAVES, MOST_ROWS, DEEPEST = 1 << 27, 200_000, 100_000, 50  # of a file, a proof, a motion, a tree
 NARROWEST = 2.0**-30  # of an interval between two rows
-AT_ONCE = 20_000  # leaves checked together
+AT_ONCE, MOST_PARTS = 20_000, 50_000  # leaves checked together, and parts of rows within them
 EPS = 2.0**-53  # of rounding to nearest
 SAME, ROUNDED = 1e-6, 1e-9  # [rad or m] between the motion's end and the scene's; by which it may be beyond a limit
 
@@ -387,6 +387,10 @@ class World:
         self.pieces, self.meshes = list[Piece](), dict[str, Any]()  # triangles of each mesh, by its key
         loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
         content = self.file("scene", scene)
+        depth = 0
+        for event in yaml.parse(content, loader):  # not by recursion, as the readers below
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            need(depth <= DEEPEST, f"{scene}: is nested too deeply")
         waiting, seen = [yaml.compose(content, loader)], set[int]()
         while waiting:  # a key that stands twice would hide what it says first
             node = waiting.pop()
@@ -442,6 +446,8 @@ class World:
             said = {rate: np.transpose(x) for rate, x in tables.items() if x}
             said |= {"times": columns["time"]} if "time" in columns else {}
         given = [np.array(said[key], dtype=np.float64) for key in rates if key in said]
+        rule = ("", "linear", "cubic", "quintic")[len(given)]
+        need(said.get("interpolation", rule) == rule, f"{path}: its interpolation is not that of its rows")
         times = np.array(said["times"], dtype=np.float64) if "times" in said else None
         count, n = given[0].shape
         good = 2 <= count <= MOST_ROWS and 1 <= n <= 60 and len({*self.names}) == n == len(self.names)
@@ -671,6 +677,7 @@ class World:
     def add(self, name: str, joint: int, pose: Pose, shape: tuple[Any, Any, Any], key: str) -> None:
         """Note a shape as pieces: a mesh as its hull, or as the hulls of the groups of its triangles and one around."""
         corners, off, sweep = shape
+        need(key not in {x.key for x in self.pieces}, f"'{key}' is the name of two shapes")
         if corners.ndim == 2:
             self.pieces.append(Piece(name, joint, pose, key, corners, off, sweep))
             return
@@ -756,7 +763,7 @@ class Motion:
         first, k, count = np.floor(low).astype(int), len(spans), len(world.joints)
         counts = np.ceil(high).astype(int) - first
         begins = np.cumsum(counts) - counts
-        need(counts.sum() <= 1 << 20, "the intervals of the leaves cover too many rows")
+        need(counts.sum() <= MOST_ROWS + MOST_PARTS, "the intervals of the leaves cover too many rows")
         row, span = np.arange(counts.sum()) - np.repeat(begins - first, counts), np.repeat(np.arange(k), counts)
         start, end = (np.clip(x[span] - row, 0, 1)[:, None, None] for x in (low, high))
         part = blossom(world.control[row], start, end)
@@ -856,7 +863,7 @@ def unpack(data: bytes) -> tuple[dict[str, Any], dict[str, Any], Trees]:
     sizes = [*((x, "<u2") for x in head["cuts"].values()), (head["pairs"], "<u4"), (head["leaves"], "<u1")]
     sizes += [(3 * head["leaves"], "<i2"), (head["once"], "<u4"), (3 * head["once"], "<i2")]
     for count, kind in sizes:
-        need(type(count) is int and 0 <= count <= 3 * MOST_LEAVES, "the proof counts more than is allowed")
+        need(type(count) is int and 0 <= count <= 5 * MOST_LEAVES, "the proof counts more than is allowed")
         array = np.frombuffer(rest[at : at + count * int(kind[2])], dtype=kind)
         need(len(array) == count, "the proof is shorter than its head says")
         arrays.append(array.astype(np.int64))
@@ -909,8 +916,9 @@ def check_apart(world: World, head: dict[str, Any], trees: Trees) -> None:
     floor, normals = np.append(least[pair], np.full(len(rows), 1e-9)), np.concatenate([normals, ways])
     unique, node = np.unique(np.array(spans).reshape(-1, 2), axis=0, return_inverse=True)
     order = np.argsort(node.ravel(), kind="stable")
-    for begin in range(0, len(order), AT_ONCE):
-        chosen = order[begin : begin + AT_ONCE]
+    parts = np.append(0, np.cumsum(np.ceil(unique[:, 1]) - np.floor(unique[:, 0])))[:-1]  # before each interval
+    chunk = parts[node.ravel()[order]] // MOST_PARTS * len(order) + np.arange(len(order)) // AT_ONCE
+    for chosen in np.split(order, np.flatnonzero(np.diff(chunk)) + 1) if len(order) else []:
         used, local = np.unique(node.ravel()[chosen], return_inverse=True)
         found = Motion(world, unique[used]).gaps(local.ravel(), bodies[chosen], normals[chosen])
         for i in np.flatnonzero(~(found >= floor[chosen]))[:1]:

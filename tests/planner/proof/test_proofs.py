@@ -293,6 +293,44 @@ def test_other_motions_are_rejected_where_they_are_not_free(
     assert all(re.search(r" and .*leaf \d+, from .* apart, not|leaves its limits", words) for words in said)
 
 
+def test_a_motion_that_says_it_is_another_curve_is_rejected(proven: Callable[[str], Proven], tmp_path: Path) -> None:
+    def change(said: dict[str, Any]) -> None:
+        said["interpolation"] = "cubic"
+
+    rejected("interpolation", lambda: moved(proven("panda_cage"), tmp_path, change))
+
+
+def test_many_leaves_and_rows_are_checked_in_parts(proven: Callable[[str], Proven], tmp_path: Path) -> None:
+    """The largest proofs that are allowed take little memory; they are rejected for what they say."""
+    each = proven("planar_arm")
+    said = json.loads(each.motion.read_text())
+    first, last = np.array(said["positions"][0]), np.array(said["positions"][-1])
+    said["positions"] = np.linspace(first, last, 20_000).tolist()
+    (tmp_path / "m.json").write_text(json.dumps(said))
+    head, _ = each.content()
+    head["files"]["motion"] = hashlib.sha256((tmp_path / "m.json").read_bytes()).hexdigest()
+    counts = np.zeros(head["pairs"], "<u4")
+    tree = _depths(20_000)
+    counts[0], counts[1:] = len(tree), 1
+    depths = np.concatenate([tree, np.zeros(head["pairs"] - 1)]).astype("<u1")
+    normals = np.full((len(depths), 3), 1000, "<i2")
+    data = packed({**head, "leaves": len(depths)}, counts.tobytes() + depths.tobytes() + normals.tobytes())
+    rejected(r" and .*: leaf \d+, from .* its plane keeps them", lambda: each.verify(data, motion=tmp_path / "m.json"))
+
+
+def _depths(rows: int) -> np.ndarray[Any, Any]:
+    """The depths of the tree whose leaves are single rows."""
+    found, waiting = [], [(0.0, float(rows), 0)]
+    while waiting:
+        a, b, depth = waiting.pop()
+        if b - a <= 1:
+            found.append(depth)
+        else:
+            middle = verify.half(a, b)
+            waiting += [(middle, b, depth + 1), (a, middle, depth + 1)]
+    return np.array(found)
+
+
 @pytest.mark.parametrize(
     ("before", "after"),
     [
@@ -305,6 +343,10 @@ def test_other_motions_are_rejected_where_they_are_not_free(
         ("goal: {joints: [0.648", "goal: {joints: [0.647"),
         ("hdplan: 1", "hdplan: 2"),
         ("hdplan: 1", "hdplan: 1\nfloor: 3"),
+        ("hdplan: 1", "hdplan: 1\nobstacles: []"),
+        ("radius: 0.012, length", "radius: 0.012, radius: 0.001, length"),
+        ("name: bar0", "name: panda_link5 0"),
+        ("hdplan: 1", "hdplan: 1\ntiming: " + "[" * 100_000 + "]" * 100_000),
         ("hdplan: 1", "hdplan: 1\nlimits: {position: {panda_joint1: [-0.01, 0.01]}}"),
     ],
 )  # fmt: skip
