@@ -33,7 +33,6 @@ from hdplan.scenes.timing import MOST_ROWS, Timing
 
 Array = NDArray[np.float64]
 
-GRID = 200  # intervals of the path for TOPP-RA
 WINDOWS = 20  # lengths of the averaging window that are tried
 COARSE = 3  # the first of so many are tried at first
 LEAST_WINDOW, MOST_WINDOW = 0.01, 1.0  # [–] of the fastest motion's duration
@@ -155,16 +154,10 @@ class Retimer:
 
     def _time_optimal(self, spline: BSpline) -> Stepwise:
         """Return the fastest law within the limits known to TOPP-RA."""
-        from toppra.algorithm import TOPPRA
+        from hdplan.planner.timing.time_optimal import grid, time_optimal  # toppra takes 0.3 s to import
 
-        grid = np.linspace(0.0, 1.0, GRID + 1)
-        asked = [limit.constraint(spline, grid) for limit in self.limits]
-        constraints = [constraint for constraint in asked if constraint is not None]
-        _, paces, _ = TOPPRA(constraints, _Path(spline), gridpoints=grid).compute_parameterization(0.0, 0.0)
-        if paces is None or not np.isfinite(paces).all():
-            raise HdplanError("no time law was found within the limits of velocity and acceleration")
-        widths = 2.0 * np.diff(grid) / (paces[1:] + paces[:-1])
-        return Stepwise(np.concatenate([[0.0], np.cumsum(widths)]), grid, paces)
+        asked = [limit.constraint(spline, grid()) for limit in self.limits]
+        return time_optimal(spline, [constraint for constraint in asked if constraint is not None])
 
     def _durations_at_samples(self, spline: BSpline, laws: list[Averaged]) -> list[float]:
         """Return the duration to which each law must be stretched for the limits to hold at SAMPLES times."""
@@ -242,15 +235,3 @@ def _rows(
     first, second = first[:, None] / stretch, second[:, None] / stretch**2
     slope, bend = spline(u, 1), spline(u, 2)
     return share * duration, u, (spline(u), slope * first, bend * first**2 + slope * second)
-
-
-class _Path:
-    """A spline with TOPP-RA's interface for paths."""
-
-    def __init__(self, spline: BSpline) -> None:
-        self.spline = spline
-        self.dof = spline.c.shape[1]
-        self.path_interval = np.array([0.0, 1.0])
-
-    def __call__(self, path_positions: Array, order: int = 0) -> Array:
-        return np.asarray(self.spline(path_positions, order))
