@@ -22,6 +22,8 @@ from peer_server import READY
 from peer_task import Answer, Task
 from peer_urdf import describe
 
+import hdplan
+
 PATIENCE = 5.0  # [s] beyond the time limit, for set-up and the last iteration
 LIBRARIES = Path(pin.__file__).resolve().parents[3]  # of the robotics packages; hpp-python does not name it
 
@@ -41,7 +43,7 @@ class Peer:
         request = {
             **vars(robot),
             "start": task.start.tolist(),
-            "goal": task.goal.tolist(),
+            **_goal(task),
             "time_limit": time_limit,
             **options,
         }
@@ -83,3 +85,11 @@ class Peer:
             self._start()
             return None
         return json.loads(line)
+
+
+def _goal(task: Task) -> dict[str, object]:
+    """The goal: joint values, or a pose of the hand in the world."""
+    match getattr(task.scene.goal, "targets", ()):
+        case (hdplan.PoseTarget() as target,):
+            return {"pose": target.pose.matrix.tolist()}
+    return {"goal": task.goal.tolist()}

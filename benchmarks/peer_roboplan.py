@@ -1,6 +1,7 @@
 """roboplan for `peers`: its RRT-Connect, then its shortcuts, both with collisions looked at every `step` [rad].
 
-Its collision test is coal's, as ours; it keeps no margin.
+A pose as the goal is reached by one configuration, that of its simple inverse kinematics, which is tried until it is
+free. Its collision test is coal's, as ours; it keeps no margin.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 from peer_server import serve
 from roboplan.core import (
+    CartesianConfiguration,
     JointConfiguration,
     PathShortcutter,
     PathShortcuttingOptions,
@@ -18,9 +20,12 @@ from roboplan.core import (
     loadUrdfSceneDescriptionFromXml,
 )
 from roboplan.rrt import RRT, RRTOptions
+from roboplan.simple_ik import SimpleIk, SimpleIkOptions
 
 NODES = 1_000_000  # the time limit ends the search
 SEED = 1
+RESTARTS = 1_000_000  # likewise
+CLOSE = 5e-4  # [m], [rad] half of hdplan's tolerance of a pose, in metres
 
 
 def solve(request: dict[str, Any]) -> dict[str, Any]:
@@ -39,14 +44,33 @@ def solve(request: dict[str, Any]) -> dict[str, Any]:
     )
     planner = RRT(scene, options)
     planner.setRngSeed(SEED)
-    start, goal = (JointConfiguration(request["joints"], np.array(request[end])) for end in ("start", "goal"))
+    start = JointConfiguration(request["joints"], np.array(request["start"]))
     try:
-        found = planner.plan(start, goal)
+        found = planner.plan(start, _goal(scene, start, request))
     except RuntimeError:  # not found
         return {"path": None, "setup": ready - began, "seconds": time.process_time() - ready}
     short = PathShortcutter(scene, PathShortcuttingOptions(group, max_step_size=step, seed=SEED)).shortcut(found)
     done = time.process_time()
     return {"path": [q.tolist() for q in short.positions], "setup": ready - began, "seconds": done - ready}
+
+
+def _goal(scene: Scene, start: JointConfiguration, request: dict[str, Any]) -> JointConfiguration:
+    """Raises RuntimeError if the pose is not reached."""
+    goal = JointConfiguration(request["joints"], np.array(request.get("goal", request["start"])))
+    if "pose" in request:
+        pose = CartesianConfiguration(request["base"], request["tip"], np.array(request["pose"]))
+        options = SimpleIkOptions(
+            request["group"],
+            max_time=request["time_limit"],
+            max_restarts=RESTARTS,
+            max_linear_error_norm=CLOSE,
+            max_angular_error_norm=CLOSE,
+        )
+        kinematics = SimpleIk(scene, options)
+        kinematics.setRngSeed(SEED)
+        if not kinematics.solveIk(pose, start, goal):
+            raise RuntimeError("no inverse kinematics")
+    return goal
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
-from problems import LIMITS
+from problems import LIMITS, with_pose_goal
 
 import hdplan
 from hdplan.planner.certificate.certifier import Certifier
@@ -52,15 +52,17 @@ class Task:
     scene: Scene
     robot: Robot
     start: Array  # (n,) joint values
-    goal: Array  # (n,)
+    goal: Array  # (n,); with a pose as the goal, one configuration that reaches it, which no planner is told
+    hand: str | None  # the link whose pose is the goal; None: the goal is `goal`
     bodies: tuple[Body, ...]  # convex hulls of the links' and the obstacles' pieces
     pairs: tuple[
         tuple[int, int], ...
     ]  # indices of the bodies that must stay apart: those that the certificate compares
 
     @classmethod
-    def of(cls, scene: Scene) -> Task:
-        """Load the scene's robot and list the bodies. Raises InputError."""
+    def of(cls, scene: Scene, hand: str | None = None) -> Task:
+        """Load the scene's robot and list the bodies; with a hand, its pose at the goal is the goal. Raises
+        InputError."""
         robot = load_scene_robot(scene)
         query = Setup.of(scene, robot).query
         bodies: list[Body] = []
@@ -77,7 +79,8 @@ class Task:
                 bodies.append(Body(f"{obstacle.name}/{len(bodies)}", piece, 0, obstacle.pose.matrix))
         pairs = [(a, b) for a, b in product(range(own), range(own, len(bodies))) if bodies[a].joint]
         pairs += [pair for a, b in robot.self_pairs for pair in product(links[a], links[b])]
-        return cls(scene, robot, query.start, query.goal, tuple(bodies), tuple(pairs))
+        asked = with_pose_goal(scene, hand) if hand else scene
+        return cls(asked, robot, query.start, query.goal, hand, tuple(bodies), tuple(pairs))
 
     @cached_property
     def certifier(self) -> Certifier:

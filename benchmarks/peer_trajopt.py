@@ -16,6 +16,8 @@ from typing import Any
 from peer_server import serve
 from tesseract_robotics.tesseract_collision import CollisionEvaluatorType
 from tesseract_robotics.tesseract_command_language import (
+    CartesianWaypoint,
+    CartesianWaypointPoly_wrap_CartesianWaypoint,
     CompositeInstruction,
     InstructionPoly_as_MoveInstructionPoly,
     MoveInstruction,
@@ -26,7 +28,7 @@ from tesseract_robotics.tesseract_command_language import (
     StateWaypointPoly_wrap_StateWaypoint,
     WaypointPoly_as_StateWaypointPoly,
 )
-from tesseract_robotics.tesseract_common import GeneralResourceLocator, ManipulatorInfo
+from tesseract_robotics.tesseract_common import GeneralResourceLocator, Isometry3d, ManipulatorInfo
 from tesseract_robotics.tesseract_environment import Environment
 from tesseract_robotics.tesseract_motion_planners import PlannerRequest
 from tesseract_robotics.tesseract_motion_planners_simple import generateInterpolatedProgram
@@ -64,6 +66,10 @@ kinematic_plugins:
     GROUP:
       default: KDL
       plugins: {KDL: {class: KDLFwdKinChainFactory, config: {base_link: BASE, tip_link: TIP}}}
+  inv_kin_plugins:
+    GROUP:
+      default: KDL
+      plugins: {KDL: {class: KDLInvKinChainLMAFactory, config: {base_link: BASE, tip_link: TIP}}}
 """
 
 
@@ -75,8 +81,7 @@ def solve(request: dict[str, Any]) -> dict[str, Any]:
     arm = ManipulatorInfo()
     arm.manipulator, arm.tcp_frame, arm.working_frame = request["group"], request["tip"], request["base"]
     program.setManipulatorInfo(arm)
-    for end in ("start", "goal"):
-        at = StateWaypointPoly_wrap_StateWaypoint(StateWaypoint(request["joints"], np.array(request[end])))
+    for at in (_state(request, "start"), _pose(request) if "pose" in request else _state(request, "goal")):
         move = MoveInstruction(at, MoveInstructionType_FREESPACE, PROFILE)
         program.appendMoveInstruction(MoveInstructionPoly_wrap_MoveInstruction(move))
     query = PlannerRequest()
@@ -87,6 +92,14 @@ def solve(request: dict[str, Any]) -> dict[str, Any]:
     done = time.process_time()
     path = [_joints(item) for item in result.results.getInstructions()] if result.successful else None
     return {"path": path, "setup": ready - began, "seconds": done - ready}
+
+
+def _state(request: dict[str, Any], end: str) -> object:
+    return StateWaypointPoly_wrap_StateWaypoint(StateWaypoint(request["joints"], np.array(request[end])))
+
+
+def _pose(request: dict[str, Any]) -> object:
+    return CartesianWaypointPoly_wrap_CartesianWaypoint(CartesianWaypoint(Isometry3d(np.array(request["pose"]))))
 
 
 def _joints(instruction: object) -> list[float]:

@@ -13,9 +13,9 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 
 import coal
 import numpy as np
+import pinocchio as pin
 import trimesh
 from peer_task import Array, Body, Task
-from scipy.spatial.transform import Rotation
 
 GROUP = "arm"
 BASE = "carrier_0"
@@ -30,11 +30,12 @@ class Description:
     group: str  # the arm's name in the SRDF
     joints: tuple[str, ...]  # in hdplan's order
     base: str  # the link that does not move
-    tip: str  # the last joint's link
+    tip: str  # the last joint's link, or the hand whose pose is the goal
 
 
 def describe(task: Task, folder: Path) -> Description:
-    """Describe robot and obstacles; hulls are written to the folder."""
+    """Describe robot and obstacles; hulls are written to the folder. Raises RuntimeError for a shape that URDF has
+    not."""
     model = task.robot.model
     robot = Element("robot", {"name": "task", "tesseract:make_convex": "true"})
     SubElement(robot, "link", name=BASE)
@@ -51,6 +52,10 @@ def describe(task: Task, folder: Path) -> Description:
         _joint(robot, "fixed", f"fix_{index}", body.joint, f"body_{index}")
         _link(robot, index, body, folder)
     tip = f"carrier_{model.njoints - 1}"
+    if task.hand:
+        frame, tip = model.frames[model.getFrameId(task.hand)], "hand"
+        _origin(_joint(robot, "fixed", "fix_hand", frame.parentJoint, tip), frame.placement.homogeneous)
+        SubElement(robot, "link", name=tip)
     names = tuple(model.names[1:])
     return Description(tostring(robot, encoding="unicode"), _srdf(task, tip), GROUP, names, BASE, tip)
 
@@ -88,6 +93,8 @@ def _link(robot: Element, index: int, body: Body, folder: Path) -> None:
             SubElement(geometry, "sphere", radius=repr(sphere.radius))
         case coal.Cylinder() as cylinder:
             SubElement(geometry, "cylinder", radius=repr(cylinder.radius), length=repr(2.0 * cylinder.halfLength))
+        case coal.Capsule() | coal.Cone() | coal.Ellipsoid() as other:
+            raise RuntimeError(f"{body.name}: URDF knows no {type(other).__name__.lower()}")
         case _:
             file = folder / f"{name}.stl"
             trimesh.convex.convex_hull(body.piece.vertices).export(file)
@@ -96,8 +103,7 @@ def _link(robot: Element, index: int, body: Body, folder: Path) -> None:
 
 
 def _origin(element: Element, pose: Array) -> None:
-    angles = Rotation.from_matrix(pose[:3, :3]).as_euler("xyz")
-    SubElement(element, "origin", xyz=_words(pose[:3, 3]), rpy=_words(angles))
+    SubElement(element, "origin", xyz=_words(pose[:3, 3]), rpy=_words(pin.rpy.matrixToRpy(pose[:3, :3])))
 
 
 def _words(values: Array) -> str:

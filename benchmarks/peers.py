@@ -1,7 +1,7 @@
 """hdplan beside its peers: the same problems, link hulls, machine and run, each path judged by the same certificate.
 
-    python benchmarks/peers.py DIR [--robot panda|ur5] [--set cage ...] [--every K] [--planner NAME ...]
-    [--time-limit S] [--csv F]
+    python benchmarks/peers.py DIR [--robot panda|ur5] [--set cage ...] [--every K] [--goals joints|pose]
+    [--planner NAME ...] [--time-limit S] [--csv F]
 
 DIR holds MotionBenchMaker's problems as `mbm` takes them. Prints a table of all planners over all problems; to the
 error stream, a line per problem and planner, and what is proven by set. The peers need
@@ -10,7 +10,8 @@ error stream, a line per problem and planner, and what is proven by set. The pee
 
 (later wheels of the last need a C++ runtime of 2023); without some of them choose by --planner those that are there.
 
-Planners, all on one core, from the same start to the same goal, each within its time limit:
+Planners, all on one core, from the same start to the same goal, each within its time limit; those that take a pose of
+the hand for a goal plan to it with `--goals pose`:
 
     hdplan          default settings, seed 0, within the limits below; claims a motion only with a certificate, whose
                     time is in its own, as is that of the timing
@@ -50,13 +51,13 @@ import csv
 import importlib
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from peer_task import Answer, Shape, Task, measure
-from problems import real_problems
+from problems import HANDS, real_problems
 from threadpoolctl import threadpool_limits
 
 import hdplan
@@ -134,6 +135,7 @@ PLANNERS: dict[str, Callable[[], Planner]] = {
     "hpp": lambda: apart("peer_hpp.py", validation="Discretized", tolerance=0.05),
     "hpp-proven": lambda: apart("peer_hpp.py", validation="Dichotomy", tolerance=0.0),
 }
+TO_POSES = ("hdplan", "trajopt", "trajopt-5mm", "roboplan", "roboplan-fine")
 
 
 @dataclass(frozen=True)
@@ -194,6 +196,7 @@ def overview(outcomes: list[Outcome]) -> str:
     """Markdown: all planners over all problems; path measures are medians over what is proven."""
     rows = []
     ours = {(o.robot, o.set, o.problem): o for o in outcomes if o.planner == "hdplan" and o.proven}
+    several = len({o.robot for o in outcomes}) > 1
     for (robot, planner), group in _grouped(outcomes, lambda o: (o.robot, o.planner)).items():
         seconds = [1e3 * o.seconds for o in group if np.isfinite(o.seconds)]
         proven = [o for o in group if o.proven]
@@ -201,30 +204,32 @@ def overview(outcomes: list[Outcome]) -> str:
         shapes = [o.shape for o in proven if o.shape]
         rows.append(
             {
-                "robot": robot,
+                **({"robot": robot} if several else {}),
                 "planner": WORDS[planner],
                 "claimed": f"{sum(o.claimed for o in group)} of {len(group)}",
                 "proven": len(proven),
                 "timed": sum(np.isfinite(o.motion) for o in proven),
-                "planning median / p95 [ms]": f"{_quantile(seconds, 0.5):.0f} / {_quantile(seconds, 0.95):.0f}",
-                "length [rad]": f"{_quantile([s.length for s in shapes], 0.5):.2f}",
+                "planning median / p95 [ms]": f"{_quantile(seconds, 0.5, '.0f')} / {_quantile(seconds, 0.95, '.0f')}",
+                "length [rad]": _quantile([s.length for s in shapes], 0.5, ".2f"),
                 "length, of hdplan's [%]": _share(
                     [(a.shape.length, b.shape.length) for a, b in pairs if a.shape and b.shape]
                 ),
-                "motion time [s]": f"{_quantile([o.motion for o in proven if np.isfinite(o.motion)], 0.5):.2f}",
+                "motion time [s]": _quantile([o.motion for o in proven if np.isfinite(o.motion)], 0.5, ".2f"),
                 "motion time, of hdplan's [%]": _share(
                     [(a.motion, b.motion) for a, b in pairs if np.isfinite(a.motion)]
                 ),
-                "∫ acceleration² [rad²]": f"{_quantile([s.acceleration for s in shapes], 0.5):.3g}",
-                "proven clearance median [mm]": f"{1e3 * _quantile([o.clearance for o in proven], 0.5):.1f}",
+                "∫ acceleration² [rad²]": _quantile([s.acceleration for s in shapes], 0.5, ",.0f"),
+                "proven clearance median [mm]": _quantile([1e3 * o.clearance for o in proven], 0.5, ".1f"),
             }
         )
     return markdown_text(rows)
 
 
-def _share(pairs: list[tuple[float, float]]) -> str:
-    """Return the sum of a peer's figures over that of hdplan's, in percent."""
-    theirs, own = np.sum(pairs, axis=0) if pairs else (np.nan, np.nan)
+def _share(pairs: list[tuple[float, float]]) -> str | None:
+    """Return the sum of a peer's figures over that of hdplan's, in percent; None without any."""
+    if not pairs:
+        return None
+    theirs, own = np.sum(pairs, axis=0)
     return f"{100.0 * theirs / own:.0f}"
 
 
@@ -249,14 +254,14 @@ def _grouped(
     return groups
 
 
-def _quantile(values: list[float], share: float) -> float:
-    return float(np.quantile(values, share)) if values else np.nan
+def _quantile(values: list[float], share: float, form: str) -> str | None:
+    return format(float(np.quantile(values, share)), form) if values else None
 
 
 # --- command line -----------------------------------------------------------------------------------------------------
 
 
-def available(names: list[str]) -> dict[str, Planner]:
+def available(names: Sequence[str]) -> dict[str, Planner]:
     """Return the planners, or end where the package of one is missing."""
     found = {}
     for name in names:
@@ -274,20 +279,26 @@ def main() -> None:
     parser.add_argument("--robot", choices=("panda", "ur5"), action="append")
     parser.add_argument("--set", nargs="*", default=[])
     parser.add_argument("--every", type=int, default=1, help="take every K-th problem of a set")
-    parser.add_argument("--planner", nargs="*", choices=tuple(PLANNERS), default=list(PLANNERS))
+    parser.add_argument("--goals", choices=("joints", "pose"), default="joints")
+    parser.add_argument("--planner", nargs="*", choices=tuple(PLANNERS), help="all that can, without it")
     parser.add_argument("--time-limit", type=float, default=10.0, help="[s] for each planner on each problem")
     parser.add_argument("--csv", type=Path)
     options = parser.parse_args()
-    planners = available(options.planner)
+    able = TO_POSES if options.goals == "pose" else tuple(PLANNERS)
+    chosen = able if options.planner is None else options.planner
+    if unable := set(chosen).difference(able):
+        parser.error(f"to poses plan {', '.join(able)}; not {', '.join(sorted(unable))}")
+    planners = available(chosen)
     outcomes: list[Outcome] = []
     with threadpool_limits(1):
         for robot in options.robot or ["panda"]:
             problems = real_problems(options.folder, robot, options.every, options.set)
+            hand = HANDS[robot] if options.goals == "pose" else None
             for problem in problems[:1]:
                 for name, planner in planners.items():
-                    run(name, planner, Task.of(problem.load()), (robot, "", ""), WARM_UP)
+                    run(name, planner, Task.of(problem.load(), hand), (robot, "", ""), WARM_UP)
             for problem in problems:
-                task, where = Task.of(problem.load()), (robot, problem.set, problem.number)
+                task, where = Task.of(problem.load(), hand), (robot, problem.set, problem.number)
                 for name, planner in planners.items():
                     outcomes.append(run(name, planner, task, where, options.time_limit))
                     print(line(outcomes[-1]), file=sys.stderr)

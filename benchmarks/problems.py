@@ -6,8 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import hdplan
+import pinocchio as pin
+from scipy.spatial.transform import Rotation
 
+import hdplan
+from hdplan.planner.robot.setup import Setup
+
+HANDS = {"panda": "panda_hand", "ur5": "ee_link"}  # whose poses are goals
 LIMITS = hdplan.Limits(velocity="urdf", acceleration=15.0, jerk=500.0)  # those of cuRobo's published figures
 
 
@@ -51,3 +56,14 @@ def real_problems(folder: Path, robot: str, every: int = 1, sets: Sequence[str] 
     """Every K-th problem of each set (or of those named) of one robot, in the order of their names."""
     folders = sorted(path for path in (folder / robot).iterdir() if path.is_dir() and (not sets or path.name in sets))
     return [RealProblem(file) for each in folders for file in sorted(each.glob("scene*.yaml"))[::every]]
+
+
+def with_pose_goal(scene: hdplan.Scene, link: str) -> hdplan.Scene:
+    """The scene with the pose of a link as its goal, to which the joints of its goal bring it."""
+    setup = Setup.of(scene)
+    model = setup.robot.model
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, setup.robot.pin_q(setup.query.goal))
+    place = data.oMf[model.getFrameId(link)]
+    quaternion = Rotation.from_matrix(place.rotation).as_quat()
+    return scene.with_goal(hdplan.PoseTarget(link, hdplan.Pose(place.translation, quaternion)))

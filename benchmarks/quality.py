@@ -24,9 +24,7 @@ from io import StringIO
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
-from problems import LIMITS, RealProblem, real_problems
-from scipy.spatial.transform import Rotation
+from problems import HANDS, LIMITS, RealProblem, real_problems, with_pose_goal
 from threadpoolctl import threadpool_limits
 
 import hdplan
@@ -34,9 +32,6 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.objective import Energy
 from hdplan.planner.studies.report import Cell, markdown_text
 from hdplan.scenes.output import write_output
-from hdplan.scenes.planner_settings import PlannerSettings
-
-HANDS = {"panda": "panda_hand", "ur5": "ee_link"}
 
 Key = tuple[str, str, int, str, str]
 
@@ -73,19 +68,8 @@ class Outcome:
 # --- planning ---------------------------------------------------------------------------------------------------------
 
 
-def with_pose_goal(scene: hdplan.Scene, link: str) -> hdplan.Scene:
-    """The scene with the pose of a link as its goal, to which the joints of its goal bring it."""
-    setup = Setup.of(scene)
-    model = setup.robot.model
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, setup.robot.pin_q(setup.query.goal))
-    place = data.oMf[model.getFrameId(link)]
-    quaternion = Rotation.from_matrix(place.rotation).as_quat()
-    return scene.with_goal(hdplan.PoseTarget(link, hdplan.Pose(place.translation, quaternion)))
-
-
-def posed(problem: RealProblem, goals: str, rounds: int) -> hdplan.Scene:
-    """The problem with the limits, the kind of goal and the rounds of polishing."""
+def posed(problem: RealProblem, goals: str, rounds: int | None) -> hdplan.Scene:
+    """The problem with the limits, the kind of goal and the rounds of polishing; None: the scene's default."""
     scene = dataclasses.replace(problem.load(), limits=LIMITS)
     scene = dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, polish=rounds))
     return with_pose_goal(scene, HANDS[problem.robot]) if goals == "pose" else scene
@@ -195,7 +179,7 @@ def main() -> None:
     parser.add_argument("--robot", choices=sorted(HANDS), default="panda")
     parser.add_argument("--every", type=int, default=1, help="take every K-th problem of a set")
     parser.add_argument("--goals", nargs="*", choices=("pose", "joints"), default=["pose", "joints"])
-    parser.add_argument("--polish", nargs="*", type=int, default=[PlannerSettings().polish])
+    parser.add_argument("--polish", nargs="*", type=int, help="rounds; the default's without it")
     parser.add_argument("--time-limit", type=float, default=30.0)
     parser.add_argument("--csv", type=Path, help="where each problem is written, and what was done is read from")
     options = parser.parse_args()
@@ -212,7 +196,8 @@ def main() -> None:
             for problem in todo:
                 yield run(problem, goals, rounds, options.time_limit)
 
-    kinds = [(goals, rounds) for goals in options.goals for rounds in options.polish]
+    polish = options.polish or [posed(problems[0], "joints", None).polish]
+    kinds = [(goals, rounds) for goals in options.goals for rounds in polish]
     with threadpool_limits(1):
         for outcome in kept(options.csv, list(known.values()), planned()):
             known[outcome.key] = outcome

@@ -31,7 +31,7 @@ from hdplan.planner.geometry.solids import Solid
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import freeze, read_only
-from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Shape, Sphere
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Sphere
 
 Array = NDArray[np.float64]
 
@@ -118,13 +118,17 @@ class Surface:
 
 def obstacle_pieces(obstacle: Obstacle) -> tuple[Piece, ...]:
     """Return the obstacle's true shape, in its frame. Raises InputError for a mesh file that cannot be used."""
-    if isinstance(obstacle.shape, Mesh):
-        return mesh_pieces(load_mesh(obstacle.shape, f"obstacles.{obstacle.name}"))
-    return (_convex(obstacle.shape),)
+    match obstacle.shape:
+        case Mesh() as shape:
+            return mesh_pieces(load_mesh(shape, f"obstacles.{obstacle.name}"))
+        case Points(points):
+            return (_hull(np.array(points, dtype=np.float64)),)
+        case shape:
+            return (_solid(shape),)
 
 
 @functools.lru_cache(maxsize=4096)
-def _convex(shape: Shape) -> Piece:
+def _solid(shape: Box | Sphere | Ellipsoid | Cylinder | Capsule) -> Piece:
     match shape:
         case Box(size):
             return _box(np.array(size))
@@ -136,10 +140,6 @@ def _convex(shape: Shape) -> Piece:
             return _cylinder(radius, length)
         case Capsule(radius, length):
             return _capsule(radius, length)
-        case Points(points):
-            return _hull(np.array(points, dtype=np.float64))
-        case Mesh():
-            raise TypeError("a mesh may be several pieces")
 
 
 def link_pieces(geometry: Any, name: str) -> tuple[Piece, ...]:

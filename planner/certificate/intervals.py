@@ -45,9 +45,7 @@ class Body:
         freeze(self)
 
     def around(self, chain: Chain) -> tuple[float, float, float]:
-        """Return a cylinder around it about its joint's axis, as `Chain.around` does; nothing where it stands."""
-        if self.joint == 0:
-            return 0.0, 0.0, 0.0
+        """Return a cylinder around it about its joint's axis, as `Chain.around` does."""
         points = self.piece.vertices @ self.placement[:3, :3].T + self.placement[:3, 3]
         return chain.around(self.joint, points, self.piece.sweep)
 
@@ -139,7 +137,10 @@ class Bodies:
     @cached_property
     def _cylinders(self) -> Array:
         """Around every body, as `Body.around` (g, 3)."""
-        return np.array([_around(self.chain, body) for body in self.bodies]).reshape(-1, 3)
+        found = np.zeros((len(self.bodies), 3))  # nothing around what stands
+        for row in np.flatnonzero(self.joint).tolist():
+            found[row] = _around(self.chain, self.bodies[row])
+        return found
 
 
 def _rows(standing: Array, moving: Array) -> Array:

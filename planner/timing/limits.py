@@ -24,7 +24,8 @@ MARGIN = 1e-6  # [–] of a limit that is left unused
 class PathSamples(NamedTuple):
     """Samples of a path q(u) under a time law u(t), at k times."""
 
-    q: Array  # (k, n)
+    path: BSpline
+    u: Array  # (k,)
     slopes: tuple[Array, Array, Array]  # first to third derivative of q by u (k, n)
     rates: tuple[Array, Array, Array]  # first to third derivative of u by time (k, 1)
 

@@ -33,8 +33,8 @@ from hdplan.scenes.timing import MOST_ROWS, Timing
 
 Array = NDArray[np.float64]
 
-GRID = 200  # intervals of the path for TOPP-RA
 WINDOWS = 20  # lengths of the averaging window that are tried
+COARSE = 3  # the first of so many are tried at first
 LEAST_WINDOW, MOST_WINDOW = 0.01, 1.0  # [–] of the fastest motion's duration
 FEWEST_ROWS = 2  # in a window
 CHORDS = 100  # of a path, to bound its time
@@ -144,31 +144,31 @@ class Retimer:
         law, shortest = self._time_optimal(spline), FEWEST_ROWS / self.timing.rate
         tried = np.maximum(law.knots[-1] * np.geomspace(LEAST_WINDOW, MOST_WINDOW, WINDOWS), shortest)
         laws = [Averaged(law, float(window)) for window in np.unique(tried)]
-        stretches = self._stretches_at_samples(spline, laws)
-        stretched = [(each.duration * stretch, each) for each, stretch in zip(laws, stretches, strict=True)]
-        return sorted(stretched, key=lambda each: each[0])
+        found: dict[int, float] = {}
+        chosen = set(range(0, len(laws), COARSE))
+        while missing := sorted(chosen - set(found)):  # few of them at first, then those between the best ones
+            found |= zip(missing, self._durations_at_samples(spline, [laws[i] for i in missing]), strict=True)
+            best = min(found, key=found.__getitem__)
+            chosen = set(range(max(best - COARSE + 1, 0), min(best + COARSE, len(laws))))
+        return [(found[i], laws[i]) for i in sorted(found, key=found.__getitem__)]
 
     def _time_optimal(self, spline: BSpline) -> Stepwise:
         """Return the fastest law within the limits known to TOPP-RA."""
-        from toppra.algorithm import TOPPRA
+        from hdplan.planner.timing.time_optimal import grid, time_optimal  # toppra takes 0.3 s to import
 
-        grid = np.linspace(0.0, 1.0, GRID + 1)
-        asked = [limit.constraint(spline, grid) for limit in self.limits]
-        constraints = [constraint for constraint in asked if constraint is not None]
-        _, paces, _ = TOPPRA(constraints, _Path(spline), gridpoints=grid).compute_parameterization(0.0, 0.0)
-        if paces is None or not np.isfinite(paces).all():
-            raise HdplanError("no time law was found within the limits of velocity and acceleration")
-        widths = 2.0 * np.diff(grid) / (paces[1:] + paces[:-1])
-        return Stepwise(np.concatenate([[0.0], np.cumsum(widths)]), grid, paces)
+        asked = [limit.constraint(spline, grid()) for limit in self.limits]
+        return time_optimal(spline, [constraint for constraint in asked if constraint is not None])
 
-    def _stretches_at_samples(self, spline: BSpline, laws: list[Averaged]) -> list[float]:
-        """Return by how much each law must be stretched for the limits to hold at SAMPLES times."""
+    def _durations_at_samples(self, spline: BSpline, laws: list[Averaged]) -> list[float]:
+        """Return the duration to which each law must be stretched for the limits to hold at SAMPLES times."""
         share = np.linspace(0.0, 1.0, SAMPLES)
-        u, first, second, third = np.concatenate([law(law.duration * share) for law in laws], axis=1)[:, :, None]
-        slope, bend, twist = (spline(u[:, 0], order) for order in (1, 2, 3))
-        samples = PathSamples(spline(u[:, 0]), (slope, bend, twist), (first, second, third))
+        u, *rates = np.concatenate([law(law.duration * share) for law in laws], axis=1)
+        first, second, third = (rate[:, None] for rate in rates)
+        slope, bend, twist = (spline(u, order) for order in (1, 2, 3))
+        samples = PathSamples(spline, u, (slope, bend, twist), (first, second, third))
         stretch = np.max([limit.stretch_of_law(samples) for limit in self.limits], axis=0)
-        return list(stretch.reshape(len(laws), SAMPLES).max(axis=1).tolist())
+        longest = stretch.reshape(len(laws), SAMPLES).max(axis=1).tolist()
+        return [law.duration * most for law, most in zip(laws, longest, strict=True)]
 
     def _allowed(self, spline: BSpline, law: TimeLaw, duration: float) -> float:
         """Return a duration, in whole rows, for which the limits hold all along the executed curve, and hardly longer
@@ -235,15 +235,3 @@ def _rows(
     first, second = first[:, None] / stretch, second[:, None] / stretch**2
     slope, bend = spline(u, 1), spline(u, 2)
     return share * duration, u, (spline(u), slope * first, bend * first**2 + slope * second)
-
-
-class _Path:
-    """A spline with TOPP-RA's interface for paths."""
-
-    def __init__(self, spline: BSpline) -> None:
-        self.spline = spline
-        self.dof = spline.c.shape[1]
-        self.path_interval = np.array([0.0, 1.0])
-
-    def __call__(self, path_positions: Array, order: int = 0) -> Array:
-        return np.asarray(self.spline(path_positions, order))

@@ -41,7 +41,7 @@ class TorqueLimit:
     def stretch_of_law(self, samples: PathSamples) -> Array:
         """Compute it at the samples."""
         (slope, bend, _), (first, second, _) = samples.slopes, samples.rates
-        drive = self.dynamics.coefficients(samples.q, slope, bend)
+        drive = self.dynamics.coefficients(samples.path(samples.u), slope, bend)
         return self._stretch(drive.a * second + drive.b * first**2, drive.c)
 
     def stretch(self, curve: Curve) -> float:

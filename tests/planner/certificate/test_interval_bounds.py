@@ -4,6 +4,8 @@ tighter."""
 from __future__ import annotations
 
 import dataclasses
+import gc
+import weakref
 
 import numpy as np
 import pytest
@@ -13,11 +15,12 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.interval_bounds import Bounds, Items
 from hdplan.planner.certificate.intervals import Intervals
 from hdplan.planner.motion.curve import Curve
+from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
 from hdplan.scenes.poses import Pose
-from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Sphere
+from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Points, Sphere
 from hdplan.scenes.yaml_format.reader import load_scene
 
 SAME = 1e-13  # [m] sums of three products, in another order
@@ -164,3 +167,17 @@ def test_what_stands_has_one_place_and_what_moves_is_where_it_is_alone(laid_out:
         for row, body in zip(here, bodies.bodies, strict=True):
             if body.joint == 0 and body.obstacle_motion is None:
                 np.testing.assert_array_equal(alone.rotation[row], body.placement[:3, :3])
+
+
+def test_point_clouds_are_not_kept_once_their_scene_is_gone() -> None:
+    """Clouds differ with every look of a camera: kept, they would fill the memory of a process that plans for days."""
+    scene, rng = load_scene("empty"), np.random.default_rng(4)
+    robot, gone = load_scene_robot(scene), []
+    for _ in range(3):
+        cloud = Obstacle("cloud", Points(tuple(map(tuple, rng.normal(size=(30, 3)).tolist()))), Pose((2.0, 0.0, 2.0)))
+        certifier = Certifier(Setup.of(dataclasses.replace(scene, obstacles=(cloud,)), robot))
+        certifier.certify(Trajectory(robot.joint_names, np.zeros((2, robot.n))), check_ends=False)
+        gone.append(weakref.ref(certifier.sweep.bodies.pieces[-1]))
+        del certifier
+    gc.collect()
+    assert [each() for each in gone] == [None] * 3
