@@ -110,8 +110,10 @@ def plan(
         warm[nearest], moved = warm_start(problems[nearest], rows, guess.times is not None)
         if moved > MOVED:
             found = (*found, f"the guess's ends were moved by up to {moved:.3g} rad or m, to the scene's")
+    attempts = None
     try:
         search_in_turn(searches, seed, warm)
+        attempts = _attempts(searches)
         if (taken := _best(searches)) is not None and searches[taken].certified:
             polish(searches, taken, scene.polish, seed)
     except KeyboardInterrupt:
@@ -138,7 +140,7 @@ def plan(
         certificate=best.certificate,
         solver=solver,
         seed=seed,
-        attempts=sum(search.attempts for search in searches),
+        attempts=_attempts(searches) if attempts is None else attempts,
         iterations=sum(search.iterations for search in searches),
         steps=best.steps,
         times=Times(load, build_, stopwatch.seconds, solved, certified),
@@ -147,6 +149,10 @@ def plan(
         goal=goal,
         asked=scene,
     )
+
+
+def _attempts(searches: Sequence[Search]) -> int:
+    return sum(search.attempts for search in searches)
 
 
 def _best(searches: Sequence[Search]) -> int | None:

@@ -44,7 +44,7 @@ class PlanResult:
     certificate: Certificate
     solver: str
     seed: int
-    attempts: int  # initial guesses tried
+    attempts: int  # initial guesses tried until one was certified
     iterations: int  # of the solver, all attempts together
     steps: tuple[Iteration, ...]  # of the attempt that is returned
     times: Times

@@ -165,10 +165,10 @@ class Scene(Checked):
 
     @property
     def polish(self) -> int:
-        """How many rounds try to better the first certified motion: `planner.polish`, or else two where time is the
+        """How many rounds try to better the first certified motion: `planner.polish`, or else three where time is the
         objective, which make most of the difference there, and none elsewhere."""
         rounds = self.planner.polish
-        return rounds if rounds is not None else 2 * (self.objective == "time")
+        return rounds if rounds is not None else 3 * (self.objective == "time")
 
     @property
     def standing(self) -> tuple[Obstacle, ...]:

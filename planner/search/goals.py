@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from hdplan.planner.problem.path_terms import PathTerm
 
 
+DRAWN = 10  # times at most that configurations are looked for, where a pose can be reached but not freely
 PICKED = 12  # free configurations of a pose that are compared, those nearest to the start
 CLOSE = 0.03  # [m] to an obstacle below which a goal is penalized
 TRIED = 6  # goals that are planned to, over all targets; at least one of each
@@ -60,14 +61,7 @@ def goal_choice(certifier: Certifier, seed: int = 0) -> Choice:
         start = robot.configuration(scene.start, scene.from_request)
         path = _path(certifier.setup)
         for target in scene.goal.targets:
-            if isinstance(target, JointTarget):
-                reached, nearest = robot.configuration(target)[None], None
-            else:
-                reached, nearest = reaching(robot, target, start, rng, path)
-                if path and not len(reached):  # to say whether the pose or the path is to blame
-                    reached, nearest = reaching(robot, target, start, rng)
-            reached = robot.nearest_turn(reached, start)
-            free = _free(certifier, reached, start)
+            reached, nearest, free = _reached(certifier, target, start, rng, path)
             if free and nearest is not None:
                 words.append(f"{target.field}: {_configurations(len(reached))} found; free and compared: {len(free)}")
             elif not free:
@@ -76,6 +70,30 @@ def goal_choice(certifier: Certifier, seed: int = 0) -> Choice:
         if not found:
             raise InputError("; ".join(refused))
     return Choice(tuple(goal for _, goal in sorted(found, key=lambda each: each[0])), (*words, *refused))
+
+
+def _reached(
+    certifier: Certifier,
+    target: JointTarget | PoseTarget | AllOf,
+    start: Array,
+    rng: np.random.Generator,
+    path: tuple[PathTerm, ...],
+) -> tuple[Array, tuple[Miss, ...] | None, list[tuple[float, Array]]]:
+    """Return the configurations found, by how much a pose was missed at least, and which of them are free, with their
+    scores. Where a pose is reached but never freely, others are drawn, DRAWN times in all."""
+    robot = certifier.robot
+    if isinstance(target, JointTarget):
+        reached = robot.nearest_turn(robot.configuration(target)[None], start)
+        return reached, None, _free(certifier, reached, start)
+    for _ in range(DRAWN):
+        reached, nearest = reaching(robot, target, start, rng, path)
+        if path and not len(reached):  # to say whether the pose or the path is to blame
+            reached, nearest = reaching(robot, target, start, rng)
+        reached = robot.nearest_turn(reached, start)
+        free = _free(certifier, reached, start)
+        if free or not len(reached):
+            break
+    return reached, nearest, free
 
 
 def _path(setup: Setup) -> tuple[PathTerm, ...]:

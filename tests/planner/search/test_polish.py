@@ -85,3 +85,17 @@ def test_stopped_within_it_the_best_so_far_is_returned() -> None:
     result = plan(scene, report=report, stop=stop)
     assert result.certified
     assert sum(certified) == 2
+
+
+def test_rounds_are_not_attempts() -> None:
+    first, better = (plan(polished(timed("panda_cage"), rounds)) for rounds in (0, 3))
+    assert better.attempts == first.attempts
+    assert better.iterations > first.iterations
+
+
+def test_nothing_is_tried_where_nothing_is_left_to_gain() -> None:
+    """A straight line in free space is as quick as it gets."""
+    certified: list[object] = []
+    scene = dataclasses.replace(timed("panda_cage"), obstacles=())
+    plan(polished(scene, 50), report=lambda event: certified.append(event.certificate) if event.certificate else None)
+    assert len(certified) == 1
