@@ -979,8 +979,9 @@ def statement(world: World, head: dict[str, Any]) -> str:
         motion = Motion(world, spans)
         middle, most = motion.middle[:, : len(joints)], motion.most[:, : len(joints)]
         beyond = ~((middle - most >= low) & (middle + most <= high))
+        surely = (middle - most > high) | (middle + most < low)
         finest = len(spans) > AT_ONCE or spans[0, 1] - spans[0, 0] < 2.0**-20
-        for i, j in np.argwhere(beyond)[: int(finest)]:
+        for i, j in np.argwhere(beyond if finest else surely)[:1]:
             raise RejectedError(f"joint '{joints[j].name}' leaves its limits near row {spans[i, 0]:g}")
         spans = spans[beyond.any(axis=1)]
         middle = spans.mean(axis=1)
