@@ -1,6 +1,6 @@
-"""The studies of `hdplan study` and `hdplan reproduce` as Markdown, and their picture where a page wants it.
+"""The studies of `hdplan study` and `hdplan reproduce` as Markdown, and their pictures where a page wants them.
 
-    python benchmarks/studies.py distance|planning|time|conservativeness|corridor|kinks [--picture FILE.png]
+    python benchmarks/studies.py distance|planning|time|conservativeness|corridor|kinks [--pictures FILE.png ...]
     [--problems DIR] [--every K]
 
 Each is what the command measures without `--quick`. `planning` takes the shipped scenes and every K-th of
@@ -43,14 +43,14 @@ def main() -> None:
     """Run one study from the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("study", choices=("distance", "planning", "kinks", *FIGURES))
-    parser.add_argument("--picture", type=Path)
+    parser.add_argument("--pictures", type=Path, nargs="*", default=[], metavar="FILE.png", help="named as they are")
     parser.add_argument("--problems", type=Path, metavar="DIR")
     parser.add_argument("--every", type=int, default=1)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         report = measure(options.study, Path(folder), options.problems, options.every)
-        if options.picture:
-            shutil.copyfile(next(file for file in report.files if file.suffix == ".png"), options.picture)
+        for picture in options.pictures:
+            shutil.copyfile(Path(folder) / picture.name, picture)
     for title, rows in report.tables.items():
         print(f"{title[0].upper()}{title[1:]}:\n\n{markdown_text(rows)}")
     print("\n".join(f"* {what}: {words}" for what, words in report.notes))
