@@ -212,6 +212,8 @@ Pose = tuple[Ball, Ball]  # rotation (3, 3) and origin (3,)
 HERE: Pose = (Ball(np.eye(3)), Ball(np.zeros(3)))
 CROSS = np.zeros((3, 3, 3))  # CROSS v is the matrix of v x ...
 CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]], CROSS[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = -1.0, 1.0
+for _array in (CROSS, *(part for ball in (HALF_PI, *SINE, *COSINE, *HERE) for part in (ball.mid, ball.rad))):
+    _array.flags.writeable = False
 
 
 def rotation(axis: Ball, angle: Any) -> Ball:
