@@ -52,6 +52,9 @@ import yaml
 
 MAGIC, VERSION = b"hdplan proof\n", 1
 MOST_BYTES, MOST_LEAVES, MOST_ROWS, DEEPEST = 1 << 27, 200_000, 100_000, 50  # of a file, a proof, a motion, a tree
+MOST_TEXT, MOST_LINES, MOST_PARTS_OF_TEXT = 1 << 25, 2_000_000, 500_000  # of a text, of a mesh, of a scene
+MOST_PAIRS, MOST_CORNERS, MOST_VALUES = 1_000_000, 2_000_000, 2_000_000  # of pieces, of pieces, of a motion
+MOST_HEAD = 1 << 20  # bytes, of the head of a proof
 NARROWEST = 2.0**-30  # of an interval between two rows
 AT_ONCE, MOST_PARTS = 20_000, 50_000  # leaves checked together, and parts of rows within them
 EPS = 2.0**-53  # of rounding to nearest
@@ -131,10 +134,12 @@ class Ball:
 
 
 def dot(spec: str, a: Any, b: Any) -> Ball:
-    """einsum of two arrays; sums of at most 60 products."""
+    """einsum of two arrays; sums of at most 60 products, or of as many as the first array's last axis is long."""
     a, b = (x if isinstance(x, Ball) else Ball(x) for x in (a, b))
+    terms = max(60, a.mid.shape[-1])
+    need(terms < 900, "too many joints")  # as `up` allows for fewer than 1000 roundings
     one, two = np.abs(a.mid), np.abs(b.mid)
-    rad = np.einsum(spec, one, b.rad + 64 * EPS * two) + np.einsum(spec, a.rad, two + b.rad)
+    rad = np.einsum(spec, one, b.rad + (terms + 4) * EPS * two) + np.einsum(spec, a.rad, two + b.rad)
     return Ball(np.einsum(spec, a.mid, b.mid), up(rad))
 
 
@@ -304,22 +309,57 @@ def triangles(path: Path, data: bytes) -> Any:
         rows = np.frombuffer(data, dtype=np.dtype([("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")]), offset=84)
         found = rows["v"].astype(np.float64)
     else:
-        lines = [x for x in (line.split() for line in data.decode("utf-8", "replace").lower().splitlines()) if x]
-        key = "vertex" if kind == ".stl" else "v"
-        points = np.array([x[1:4] for x in lines if x[0] == key], dtype=np.float64).reshape(-1, 3)
+        need(b"\0" not in data and len(data) <= MOST_TEXT and data.count(b"\n") <= MOST_LINES,
+             f"{path}: is no text, or too large")  # fmt: skip
+        lines = [x for x in (line.split() for line in data.replace(b"\r", b"\n").split(b"\n")) if x]
         if kind == ".stl":
-            found = points.reshape(-1, 3, 3)
+            lines = [[y.lower() for y in x] for x in lines if x[0].lower() not in (b"solid", b"endsolid")]
+            facet = [b"facet", b"outer", *[b"vertex"] * 3, b"endloop", b"endfacet"]
+            good = [x[0] for x in lines] == facet * (len(lines) // 7) and all(
+                len(x) == 4 for x in lines if x[0] == b"vertex"
+            )
+            need(good, f"{path}: its lines are not those of triangles")
+            found = np.array([x[1:] for x in lines if x[0] == b"vertex"], dtype=np.float64).reshape(-1, 3, 3)
         else:
+            points = np.array([x[1:4] for x in lines if x[0] == b"v"], dtype=np.float64).reshape(-1, 3)
             fans, before = [], 0
             for x in lines:
-                before += x[0] == "v"
-                face = [int(y.split("/")[0]) for y in x[1:]] if x[0] == "f" else []
+                need(x[0] not in (b"V", b"F") and x[-1][-1:] != b"\\", f"{path}: a line that may be read in two ways")
+                before += x[0] == b"v"
+                face = [int(y.split(b"/")[0]) for y in x[1:]] if x[0] == b"f" else []
+                need(all(face), f"{path}: a face has a vertex that is not there")
                 face = [i - 1 if i > 0 else before + i for i in face]
                 need(all(0 <= i < len(points) for i in face), f"{path}: a face has a vertex that is not there")
                 fans += [[face[0], face[i], face[i + 1]] for i in range(1, len(face) - 1)]
             found = points[np.array(fans, dtype=np.int64).reshape(-1, 3)]
     need(len(found) and (np.abs(found) < 1e9).all(), f"{path}: has no triangles, or numbers that are not finite")
     return found
+
+
+def tree(data: bytes) -> Any:
+    """Return the root of a URDF or SRDF. A DTD could give attributes that are not to be seen where they act."""
+    need(b"<!DOCTYPE" not in data and b"\0" not in data and len(data) <= MOST_TEXT, "XML with a DTD, or too large")
+    return ElementTree.fromstring(data)
+
+
+def robot_of(library: Path, name: str) -> tuple[Path, Path | None]:
+    """Return URDF and SRDF of a robot of example-robot-data, of which a proof must not choose the one it likes. Its
+    name is its file's, without `_robot`, or its folder's, without `_description`, where several folders have such a
+    file; of two such files in a folder it is the larger one. Its SRDF is that of its name, or of the longest beginning
+    of it. Any file goes by FOLDER/FILE, without SRDF."""
+    files, found = dict[str, list[Path]](), list[Path]()
+    for x in sorted([*library.glob("*/urdf/*.urdf"), *library.glob("*/robots/*.urdf")]):
+        files.setdefault(x.stem.removesuffix("_robot"), []).append(x)
+        found += [x] * (f"{x.parents[1].name}/{x.name}" == name)
+    for stem, some in files.items():
+        folders = {x.parents[1] for x in some}
+        for at in folders:
+            if name == (stem if len(folders) == 1 else at.name.removesuffix("_description")):
+                found.append(max((x for x in some if x.parents[1] == at), key=lambda x: x.stat().st_size))
+    need(len(found) == 1, f"robot: '{name}' is not the name of one robot")
+    srdfs = {x.stem: x for x in (found[0].parents[1] / "srdf").glob("*.srdf") if "/" not in name}
+    begins = max((x for x in srdfs if name.startswith(x)), key=len, default="")
+    return found[0], srdfs.get(next((x for x in (found[0].stem, name) if x in srdfs), begins))
 
 
 @dataclass(eq=False)
@@ -394,13 +434,14 @@ class World:
     def __init__(self, scene: Path, motion: Path, said: dict[str, Any], cuts: dict[str, Any]) -> None:
         """Read all files; `said` is the head of a proof, `cuts` its groups of the triangles of meshes."""
         self.scene, self.said, self.cuts, self.files = scene, said, cuts, dict[str, str]()
+        self.keys, self.size = set[str](), 0  # of all shapes, and how many corners and triangles they have
         self.pieces, self.meshes = list[Piece](), dict[str, Any]()  # triangles of each mesh, by its key
         loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
         content = self.file("scene", scene)
         depth = 0
-        for event in yaml.parse(content, loader):  # not by recursion, as the readers below
+        for count, event in enumerate(yaml.parse(content, loader)):  # not by recursion, as the readers below
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-            need(depth <= DEEPEST, f"{scene}: is nested too deeply")
+            need(depth <= DEEPEST and count < MOST_PARTS_OF_TEXT, f"{scene}: is nested too deeply, or too large")
         waiting, seen = [yaml.compose(content, loader)], set[int]()
         while waiting:  # a key that stands twice would hide what it says first
             node = waiting.pop()
@@ -415,11 +456,12 @@ class World:
         need(self.top.get("hdplan") == 1, f"{scene}: not a hdplan scene, version 1")
         self.read_motion(motion)
         self.read_robot()
-        self.own, self.clearances = len(self.pieces), dict[str, float]()
+        self.own, self.clearances, taken = len(self.pieces), dict[str, float](), {x.name for x in self.pieces}
         for i, entry in enumerate(listing(self.top.get("obstacles"), "obstacles")):
             keys = mapping(entry, f"obstacles[{i}]", "name shape pose clearance motion")
             name = str(keys.get("name", f"obstacle{i}"))
-            need(name not in {x.name for x in self.pieces}, f"obstacle '{name}': its name is taken")
+            need(name not in taken, f"obstacle '{name}': its name is taken")
+            taken.add(name)
             self.clearances[name] = float(numbers(keys.get("clearance", 0.0), 1, name)[0])
             joint, pose = -1, pose_of(keys.get("pose"), name)
             need("pose" not in keys or "times" not in (keys.get("motion") or {}), f"obstacle '{name}': has two poses")
@@ -441,6 +483,7 @@ class World:
         """Read the rows, and make the control points (N - 1, d + 1, n) of the polynomial between each two."""
         data, kind, rates = self.file("motion", path), path.suffix.lower(), ("positions", "velocities", "accelerations")
         need(kind in (".json", ".csv"), f"{path}: motions of this kind cannot be checked (json and csv can)")
+        need(len(data) <= MOST_TEXT and data.count(b"\n") <= MOST_LINES, f"{path}: is too large")
         if kind == ".json":
             keys = f"hdplan_trajectory joint_names interpolation locked times verdict steps {' '.join(rates)}"
             said = mapping(json.loads(data), str(path), keys)
@@ -460,6 +503,7 @@ class World:
         need(said.get("interpolation", rule) == rule, f"{path}: its interpolation is not that of its rows")
         times = np.array(said["times"], dtype=np.float64) if "times" in said else None
         count, n = given[0].shape
+        need(count * n <= MOST_VALUES, f"{path}: is too large")
         good = 2 <= count <= MOST_ROWS and 1 <= n <= 60 and len({*self.names}) == n == len(self.names)
         need(good, f"{path}: too few or too many rows or joints, or a joint twice")
         need(all(x.shape == (count, n) and (np.abs(x) < 1e9).all() for x in given), f"{path}: numbers must be finite")
@@ -492,8 +536,9 @@ class World:
             need(len(poses) == len(times) > 1 and min(np.diff(times)) > 0, f"obstacle '{name}': times must increase")
             places, pose = stack([at for _, at in poses], 1), poses[0]
             for i in range(len(times) - 1):
-                if not np.array_equal(poses[i][0].mid, poses[i + 1][0].mid):
-                    axis, angle = turn_of(dot("ij,kj->ik", poses[i + 1][0], poses[i][0]))
+                one, two = poses[i][0], poses[i + 1][0]
+                if not (np.array_equal(one.mid, two.mid) and np.array_equal(one.rad, two.rad)):
+                    axis, angle = turn_of(dot("ij,kj->ik", two, one))
                     tracks.append((axis, times[i : i + 2], [Ball(0.0), angle]))
         else:
             need({*motion} <= {"velocity", "spin"}, f"obstacle '{name}': its motion is not known")
@@ -526,6 +571,8 @@ class World:
                 a, b = stack(at[:-1]), stack(at[1:])
                 rows = [a + (b - a) * (Ball(i) * Ball(1 / degree, EPS)) for i in range(degree + 1)]
                 columns.append(stack(rows, 1)[:, :, None])
+            width = sum(x.mid.shape[2] for x in columns)
+            need(len(times) * width <= MOST_VALUES, "the motion of robot and obstacles has too many parts")
             mid, rad = (np.concatenate(x, axis=2) for x in ([y.mid for y in columns], [y.rad for y in columns]))
             self.control = Ball(mid, rad)
         count = len(self.joints)
@@ -545,21 +592,18 @@ class World:
         package = metadata.distribution("example-robot-data")
         some = next(Path(str(package.locate_file(x))) for x in package.files or () if str(x).endswith(".urdf"))
         library = next(x for x in some.parents if x.name == "robots")
-        urdfs, srdfs = ([here / str(spec[key])] if key in spec else [] for key in ("urdf", "srdf"))
+        need(("name" in spec) != ("urdf" in spec), "robot: either a name or a URDF is expected")
+        srdf = here / str(spec["srdf"]) if "srdf" in spec else None
         if "name" in spec:
-            known = sorted([*library.glob("*/urdf/*.urdf"), *library.glob("*/robots/*.urdf")])
-            urdfs = [x for x in known if spec["name"] in (x.stem.removesuffix("_robot"),
-                                                          x.parents[1].name.removesuffix("_description"))]  # fmt: skip
-            srdfs = [y for x in urdfs for y in sorted((x.parents[1] / "srdf").glob("*.srdf"))]
-        elif urdfs:
-            folders += urdfs[0].resolve().parents
+            urdf, found = robot_of(library, str(spec["name"]))
+            srdf = srdf or found
+        else:
+            urdf = (here / str(spec["urdf"])).resolve()
+            folders += urdf.parents
         ros = [Path(x) for x in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if x]
         self.folders = [*folders, library.parent.parent, library, *ros]
-        urdf, srdf = self.pick("urdf", urdfs), self.pick("srdf", srdfs)
-        need(urdf, "robot: there is no URDF of this robot with the hash that is in the proof")
-        assert urdf is not None
-        self.urdf, root = urdf, ElementTree.fromstring(self.file("urdf", urdf))
-        words_ = ElementTree.fromstring(self.file("srdf", srdf) if srdf else b"<robot/>")
+        self.urdf, root = urdf, tree(self.file("urdf", urdf))
+        words_ = tree(self.file("srdf", srdf) if srdf else b"<robot/>")
         pairs = [frozenset((x.get("link1", ""), x.get("link2", ""))) for x in words_.findall("disable_collisions")]
         self.excused, self.states = dict.fromkeys(pairs, "the SRDF"), dict[str, dict[str, float]]()
         for state in words_.findall("group_state"):  # a joint that two states of one name have elsewhere is at neither
@@ -579,12 +623,16 @@ class World:
         (first,) = [x for x in links if x not in self.above]
         self.at: dict[str, tuple[int, Pose]] = {first: (-1, pose_of(spec.get("base"), "robot.base"))}
         self.joints, self.held, waiting = list[Joint](), dict[str, float](), [first]
+        self.followed = dict[str, tuple[str, float, float]]()  # of joints that follow others that are held
         while waiting:
             link = waiting.pop()
             for child, joint in below.get(link, ()):
                 self.at[child] = self.place(joint, *self.at[link])
                 waiting.append(child)
         need(len(self.at) == len(root.findall("link")), f"{urdf}: its links make no tree")
+        for name, (other, scale, add) in self.followed.items():
+            off = abs(self.held[name] - (scale * self.held[other] + add)) if other in self.held else 0.0
+            need(off <= ROUNDED, f"joint '{name}': is held where it does not follow '{other}'")
         need(
             sorted(self.names) == sorted(x.name for x in self.joints),
             f"{urdf}: not all joints of the motion can move in it",
@@ -611,11 +659,6 @@ class World:
             touching = [str(x) for x in listing(held.get("touch_links"), "touch_links")]
             self.excused |= {frozenset((name, x)): "touch_links" for x in touching}
 
-    def pick(self, key: str, files: list[Path]) -> Path | None:
-        """Return the file of the proof's hash among several."""
-        wanted = self.said["files"].get(key)
-        return next((x for x in files if x.is_file() and hashlib.sha256(read(x)).hexdigest() == wanted), None)
-
     def place(self, joint: Any, parent: int, pose: Pose) -> tuple[int, Pose]:
         """Return the moving joint that carries a joint's child, and the child's pose in its frame."""
         name, kind, limit = joint.get("name", ""), joint.get("type", ""), joint.find("limit")
@@ -625,13 +668,16 @@ class World:
         need(kind in ("revolute", "continuous", "prismatic"), f"joint '{name}': type '{kind}' cannot be checked")
         axis, mimic, start = unit(words(joint.find("axis"), "xyz", "1 0 0")), joint.find("mimic"), self.top.get("start")
         if name in self.names:
+            need(mimic is None, f"joint '{name}': follows another joint and cannot be moved")
             low, high = (float(limit.get(x, 0)) for x in ("lower", "upper")) if limit is not None else (-np.inf, np.inf)
             ends = (-np.inf, np.inf) if kind == "continuous" else (low, high)
             speed = float(limit.get("velocity", "nan")) if limit is not None else np.nan
             self.joints.append(Joint(name, parent, pose, axis, kind != "prismatic", *ends, speed))
             return len(self.joints) - 1, HERE
-        moving = mimic is not None and mimic.get("joint") in self.names
-        need(not moving, f"joint '{name}': follows a joint that moves, which cannot be checked")
+        if mimic is not None:
+            need(mimic.get("joint") not in self.names, f"joint '{name}': follows a joint that moves: cannot be checked")
+            scale, add = (float(mimic.get(key, x)) for key, x in (("multiplier", 1.0), ("offset", 0.0)))
+            self.followed[name] = mimic.get("joint", ""), scale, add
         given = start.get("joints") if isinstance(start, dict) else None
         sources = (self.spec.get("locked"), given, self.locked, self.said["held"])
         values = [x[name] for x in sources if isinstance(x, dict) and name in x]
@@ -687,13 +733,17 @@ class World:
     def add(self, name: str, joint: int, pose: Pose, shape: tuple[Any, Any, Any], key: str) -> None:
         """Note a shape as pieces: a mesh as its hull, or as the hulls of the groups of its triangles and one around."""
         corners, off, sweep = shape
-        need(key not in {x.key for x in self.pieces}, f"'{key}' is the name of two shapes")
+        need(key not in self.keys, f"'{key}' is the name of two shapes")
+        self.keys.add(key)
+        self.size += len(corners)
+        need(self.size <= MOST_CORNERS, "there are more corners than can be checked")
         if corners.ndim == 2:
             self.pieces.append(Piece(name, joint, pose, key, corners, off, sweep))
             return
         self.meshes[key], groups = corners, self.cuts.get(key, np.zeros(len(corners)))
         need(groups.shape == corners.shape[:1], f"mesh of {key}: has {len(corners)} triangles, not {len(groups)}")
         labels = np.unique(groups).tolist()
+        need(len(labels) * len(groups) <= 100 * MOST_CORNERS, f"mesh of {key}: has too many groups")
         for mask, cover in [(groups == x, False) for x in labels] + [(groups >= 0, True)] * (len(labels) > 1):
             own = np.unique(corners[mask].reshape(-1, 3), axis=0)
             self.pieces.append(Piece(name, joint, pose, key, own, off, sweep, cover))
@@ -705,6 +755,8 @@ class World:
         why other pairs are left out."""
         pieces, self.left_out = self.pieces, dict[frozenset[str], str]()
         rows, once = list[tuple[int, int]](), dict[tuple[int, int], None]()
+        need(self.own * len(pieces) <= MOST_PAIRS, "there are more pairs of pieces than can be checked")
+        self.solid_links = {x.name for x in pieces}
         last = {x.key: i for i, x in enumerate(pieces)}  # of each shape: the hull around it
         for a in range(self.own):
             for b in range(a + 1, len(pieces)):
@@ -738,7 +790,7 @@ class World:
                 way.append(self.above[way[-1]])
         shared = [link for link in ways[0] if link in ways[1]]
         between = {link for way in ways for link in way if link not in shared} | {*shared[:1]}
-        return None if (between - {one, two}) & {x.name for x in self.pieces} else "neighbours"
+        return None if (between - {one, two}) & self.solid_links else "neighbours"
 
 
 # --- leaves -----------------------------------------------------------------------------------------------------------
@@ -849,7 +901,9 @@ def support(piece: Piece, d: Ball) -> Any:
     local, shift = dot("ki,ij->kj", d, piece.pose[0]), dot("ki,i->k", d, piece.pose[1])
     size = np.abs(piece.corners).max(axis=0)
     error = ((local.rad + 8 * EPS * np.abs(local.mid)) * size + local.size * piece.off).sum(axis=1)
-    value = above((local.mid @ piece.corners.T).max(axis=1), up(error + norm(piece.sweep * local.size)))
+    parts = np.array_split(local.mid, 1 + local.mid.shape[0] * len(piece.corners) // 4_000_000)
+    most = np.concatenate([(x @ piece.corners.T).max(axis=1) for x in parts])
+    value = above(most, up(error + norm(piece.sweep * local.size)))
     return above(value, above(shift.mid, shift.rad))
 
 
@@ -865,6 +919,7 @@ def unpack(data: bytes) -> tuple[dict[str, Any], dict[str, Any], Trees]:
     need(data.startswith(MAGIC), "the file is not a proof")
     inflate = zlib.decompressobj()
     line, _, rest = inflate.decompress(data[len(MAGIC) :], MOST_BYTES).partition(b"\n")
+    need(len(line) <= MOST_HEAD, "the proof's head is too large")
     need(inflate.eof and not inflate.unused_data, "the proof is cut short, too large, or goes on after its end")
     keys = "version files clearance self_clearance held cuts pairs leaves once claims"
     head, at, arrays = mapping(json.loads(line), "the proof's head", keys), 0, []
@@ -927,7 +982,10 @@ def check_apart(world: World, head: dict[str, Any], trees: Trees) -> None:
     unique, node = np.unique(np.array(spans).reshape(-1, 2), axis=0, return_inverse=True)
     order = np.argsort(node.ravel(), kind="stable")
     parts = np.append(0, np.cumsum(np.ceil(unique[:, 1]) - np.floor(unique[:, 0])))[:-1]  # before each interval
-    chunk = parts[node.ravel()[order]] // MOST_PARTS * len(order) + np.arange(len(order)) // AT_ONCE
+    count = len(world.joints)
+    at_once = max(1, min(AT_ONCE, 10_000_000 // ((world.own + 10) * (count + 12))))
+    most_parts = min(MOST_PARTS, 500_000 // max(count, 1))
+    chunk = parts[node.ravel()[order]] // most_parts * len(order) + np.arange(len(order)) // at_once
     for chosen in np.split(order, np.flatnonzero(np.diff(chunk)) + 1) if len(order) else []:
         used, local = np.unique(node.ravel()[chosen], return_inverse=True)
         found = Motion(world, unique[used]).gaps(local.ravel(), bodies[chosen], normals[chosen])
@@ -978,8 +1036,11 @@ def statement(world: World, head: dict[str, Any]) -> str:
     low, high = np.array(limits, dtype=np.float64).T + [[-ROUNDED], [ROUNDED]]
     spans = np.arange(float(len(world.control.mid)))[:, None] + [0, 1] if "limits" in claims else np.zeros((0, 2))
     while len(spans):
-        motion = Motion(world, spans)
-        middle, most = motion.middle[:, : len(joints)], motion.most[:, : len(joints)]
+        found = []
+        for some in np.array_split(spans, 1 + len(spans) * (world.own + 10) // 1_000_000):
+            motion = Motion(world, some)
+            found.append((motion.middle[:, : len(joints)], motion.most[:, : len(joints)]))
+        middle, most = (np.concatenate(x) for x in zip(*found, strict=True))
         beyond = ~((middle - most >= low) & (middle + most <= high))
         surely = (middle - most > high) | (middle + most < low)
         finest = len(spans) > AT_ONCE or spans[0, 1] - spans[0, 0] < 2.0**-20

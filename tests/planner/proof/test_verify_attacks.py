@@ -1,0 +1,133 @@
+"""What a hostile proof or file must not get past the checker, and what it must not cost."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zlib
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hdplan
+import hdplan.verify as verify
+from hdplan.scenes.robot_files.library import data_folder, description_of, robot_names
+from hdplan.scenes.yaml_format.reader import find_scene
+
+
+def test_a_robot_s_name_stands_for_the_same_files_as_in_the_planner() -> None:
+    """A proof must not choose among URDFs and SRDFs: several folders hold more than one."""
+    for name, files in robot_names().items():
+        assert verify.robot_of(data_folder(), name) == (files.urdf, files.srdf)
+    with pytest.raises(verify.RejectedError, match="not the name of one robot"):
+        verify.robot_of(data_folder(), "ur")
+
+
+@pytest.fixture(scope="module")
+def cage(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any], bytes]:
+    """The motion of a scene, and its proof's head and arrays."""
+    motion = tmp_path_factory.mktemp("cage") / "m.json"
+    hdplan.plan(hdplan.load_scene("panda_cage"), time_limit=60).save(motion)
+    line, _, rest = zlib.decompress(hdplan.prove("panda_cage", motion).data[len(verify.MAGIC) :]).partition(b"\n")
+    return motion, json.loads(line), rest
+
+
+def packed(head: dict[str, Any], rest: bytes) -> bytes:
+    return verify.MAGIC + zlib.compress(json.dumps(head).encode() + b"\n" + rest, 1)
+
+
+def check(
+    cage: tuple[Path, dict[str, Any], bytes], words: str, head: dict[str, Any], rest: bytes | None = None
+) -> None:
+    with pytest.raises(verify.RejectedError, match=words):
+        verify.verify(find_scene("panda_cage"), cage[0], packed(head, cage[2] if rest is None else rest))
+
+
+def test_another_description_in_the_robot_s_folder_is_rejected(cage: tuple[Path, dict[str, Any], bytes]) -> None:
+    _, urdf, _, _ = description_of(hdplan.load_scene("panda_cage").robot)
+    other = urdf.with_name("panda_collision.urdf")
+    assert other.is_file()
+    files = {**cage[1]["files"], "urdf": hashlib.sha256(other.read_bytes()).hexdigest()}
+    check(cage, "urdf: .* is not the file", {**cage[1], "files": files})
+
+
+def test_a_joint_that_follows_another_is_held_where_it_follows(
+    cage: tuple[Path, dict[str, Any], bytes], tmp_path: Path
+) -> None:
+    """Where neither scene nor motion say so, a proof must not close one finger alone."""
+    said, text = json.loads(cage[0].read_text()), find_scene("panda_cage").read_text()
+    assert ", panda_finger_joint2: 0.04" in text
+    del said["locked"]["panda_finger_joint2"]
+    motion, scene = tmp_path / "m.json", tmp_path / "scene.yaml"
+    motion.write_text(json.dumps(said))
+    scene.write_text(text.replace(", panda_finger_joint2: 0.04", ""))
+    hashes = {
+        key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in (("scene", scene), ("motion", motion))
+    }
+    head = {**cage[1], "files": {**cage[1]["files"], **hashes}}
+    assert "panda_finger_joint2 at 0.04" in verify.verify(scene, motion, packed(head, cage[2]))
+    for value in (0.038, 0.0):
+        other = {**head, "held": {**head["held"], "panda_finger_joint2": value}}
+        with pytest.raises(verify.RejectedError, match="does not follow"):
+            verify.verify(scene, motion, packed(other, cage[2]))
+
+
+def test_large_heads_and_many_groups_are_rejected_before_they_cost_memory(
+    cage: tuple[Path, dict[str, Any], bytes],
+) -> None:
+    check(cage, "head is too large", {**cage[1], "more": [[]] * 1_000_000})
+    world = verify.World(find_scene("panda_cage"), cage[0], cage[1], {})
+    cuts = {key: len(x) for key, x in world.meshes.items()}
+    groups = b"".join(np.arange(n, dtype="<u2").tobytes() for n in cuts.values())
+    check(cage, "more pairs of pieces", {**cage[1], "cuts": cuts}, groups + cage[2])
+
+
+@pytest.mark.parametrize("terms", [3, 59, 61, 200, 800])
+def test_long_sums_are_enclosed(terms: int) -> None:
+    """Also where every addition loses half a unit of the last place."""
+    rng = np.random.default_rng(terms)
+    for x in (np.append(1.0, np.full(terms - 1, 2.0**-53)), rng.normal(size=terms) * 10.0 ** rng.uniform(-6, 6, terms)):
+        one = np.ones((terms, 2))
+        found = verify.dot("ln,lni->li", x[None], one[None])
+        exact = sum(map(Fraction, x.tolist()))
+        assert all(abs(Fraction(m) - exact) <= Fraction(r) for m, r in zip(found.mid.flat, found.rad.flat, strict=True))
+
+
+BINARY = (
+    bytes(80) + (1).to_bytes(4, "little") + np.array([0] * 3 + [0, 0, 0, 9, 0, 0, 0, 9, 0], "<f4").tobytes() + b"\0\0"
+)
+LOOP = "facet normal 0 0 1\nouter loop\n%sendloop\nendfacet\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [
+        ("a.stl", BINARY + b"\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n"),  # what follows is not the mesh
+        ("a.stl", (LOOP % ("vertex 0 0 0\n" * 4) + LOOP % ("vertex 1 0 0\n" * 2)).encode()),
+        ("a.stl", (LOOP % "vertex 0 0 0 vertex 9 0 0\nvertex 1 0 0\nvertex 0 1 0\n").encode()),
+        ("a.obj", b"v 0 0 0\nV 9 9 9\nv 1 0 0\nv 0 1 0\nv 2 2 2\nf 1 2 3\n"),
+        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\nv 0 0 1\n"),
+        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 9 9 9\nf 1 2 3 \\\n4\n"),
+        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0 \0\nf 1 2 3\n"),
+    ],
+)
+def test_meshes_that_others_would_read_otherwise_are_rejected(name: str, data: bytes) -> None:
+    with pytest.raises((verify.RejectedError, ValueError)):
+        verify.triangles(Path(name), data)
+
+
+def test_meshes_are_read_as_they_are_written() -> None:
+    wanted = [[[0, 0, 0], [9, 0, 0], [0, 9, 0]]]
+    text = (LOOP % "vertex 0 0 0\nvertex 9 0 0\nvertex 0 9 0\n").encode()
+    assert verify.triangles(Path("a.stl"), BINARY).tolist() == wanted
+    assert verify.triangles(Path("a.stl"), b"solid x\r\n" + text.upper() + b"endsolid x\n").tolist() == wanted
+    lines = b"# a\x0cv 5 5 5\n# b\x85v 5 5 5\nv 0 0 0\rv 9 0 0\r\nv 0 9 0 1\nf 1/1/1 2//2 -1\n"
+    assert verify.triangles(Path("a.obj"), lines).tolist() == wanted
+
+
+def test_attributes_cannot_come_from_a_document_type() -> None:
+    with pytest.raises(verify.RejectedError, match="DTD"):
+        verify.tree(b'<!DOCTYPE robot [<!ATTLIST origin xyz CDATA "0 0 5">]><robot><origin/></robot>')
