@@ -791,3 +791,23 @@ def test_ctrl_c_that_python_drops_ends_every_command(
     assert (done.code, done.out) == (130, "")
     assert done.err.strip() == "hdplan: interrupted before anything was found"
     assert os.listdir() == ["motion.csv"]
+
+
+def test_a_proof_is_written_and_checked(hdplan: Callable[..., Done], tmp_path: Path) -> None:
+    motion, proof = str(tmp_path / "m.json"), str(tmp_path / "m.proof")
+    planned = hdplan("plan", "planar_arm", "-o", motion, "--proof", proof)
+    assert planned.code == 0
+    assert hdplan("prove", "planar_arm", motion, "-o", str(tmp_path / "n.proof")).code == 0
+    assert (tmp_path / "n.proof").read_bytes() == (tmp_path / "m.proof").read_bytes()
+    accepted = hdplan("verify", "planar_arm", motion, proof)
+    assert (accepted.code, accepted.out.split(":")[0]) == (0, "accepted")
+    other = hdplan("verify", "empty", motion, proof)
+    assert (other.code, other.out.split(":")[0]) == (1, "rejected")
+    refused(hdplan("plan", "planar_arm", "--proof", proof), "--proof", "-o FILE")
+    refused(hdplan("plan", "planar_arm", "-o", motion, "--proof", proof, "--robot", "panda"), "--robot")
+    refused(hdplan("prove", "planar_arm", motion, "-o", str(tmp_path / "m.txt")), ".proof")
+    said = json.loads((tmp_path / "m.json").read_text())
+    said["positions"][5][0] += 0.3
+    (tmp_path / "m.json").write_text(json.dumps(said))
+    assert hdplan("prove", "planar_arm", motion, "-o", str(tmp_path / "o.proof")).code == 1
+    assert not (tmp_path / "o.proof").exists()

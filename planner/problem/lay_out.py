@@ -19,7 +19,7 @@ from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
 from hdplan.planner.problem.clearance import Clearance
-from hdplan.planner.problem.pace import Pace
+from hdplan.planner.problem.pace import FASTEST, Pace
 from hdplan.planner.problem.problem import Problem, Terms
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.smoothness import Smoothness
@@ -140,7 +140,7 @@ def closer(problem: Problem, activation: float, quick: bool) -> Problem:
     scene, limits = problem.scene, problem.setup.limits.get("velocity")
     other = replace(scene, planner=replace(scene.planner, activation=activation))
     laid_out = lay_out(replace(problem.setup, scene=other), Query(problem.start, problem.goal))
-    if not quick or limits is None or not np.isfinite(limits).any():
+    if not quick or limits is None or not (limits <= FASTEST).any():
         return laid_out
     return replace(laid_out, smoothness=Smoothness(problem.waypoints, QUICK, EVEN), pace=Pace(limits))
 

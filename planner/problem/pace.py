@@ -26,19 +26,20 @@ if TYPE_CHECKING:
     import casadi as ca
 
 P = 16  # of the norm
+FASTEST = 1e6  # [rad/s] or [m/s] the largest limit that a scene may give; a URDF's larger one counts as none
 
 
 @dataclass(frozen=True, eq=False)
 class Pace:
     """The cost of the steps between waypoints."""
 
-    limits: Array  # (n,) v [rad/s] or [m/s]; inf where there is none, at least one is finite
+    limits: Array  # (n,) v [rad/s] or [m/s]; at least one is not above FASTEST
 
     @cached_property
     def shares(self) -> Array:
         """V/v_j (n,), 0 for a joint without a limit."""
-        limited = np.isfinite(self.limits)
-        return np.asarray(np.sqrt(np.mean(self.limits[limited] ** 2)) / self.limits)
+        limited = self.limits <= FASTEST
+        return np.where(limited, np.sqrt(np.mean(self.limits[limited] ** 2)) / self.limits, 0.0)
 
     def value(self, positions: Array) -> MotionPenalty:
         """Cost, gradient and Hessian, which is exact, at waypoints (N, n); its depth is 0."""

@@ -14,8 +14,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.motion.trajectory import Trajectory
@@ -36,6 +34,7 @@ from hdplan.planner.solvers.solution import (
 )
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import seconds_left
+from hdplan.scenes.errors import HdplanError
 
 if TYPE_CHECKING:
     from hdplan.planner.timing.retiming import Retimer
@@ -115,10 +114,14 @@ class Search:
             if value < math.inf and self.objective.least_along(solution.trajectory.positions) >= value:
                 self._took(solution)
                 return self.over
-            certificate, intervals = self._certify(solution)
-            if solution.status is SolverStatus.INTERRUPTED or self.over:
-                return True
-            if certificate.certified:
+            try:
+                certificate, intervals = self._certify(solution)
+            except HdplanError:  # no time law, or too many rows
+                if value == math.inf:  # no motion is certified
+                    raise
+                self.last = None
+                return self.over
+            if solution.status is SolverStatus.INTERRUPTED or self.over or certificate.certified:
                 return True
             if turn == 0 and first.as_it_is and self._free_already(solution, guess):
                 return True
@@ -182,11 +185,14 @@ class Search:
         return solution if solution.status is SolverStatus.CLEAR else None
 
     def keep(self, path: Array, value: float) -> bool:
-        """Give times to a path (N, n) where the scene asks for them; keep the motion if it costs less than `value` and
-        is certified."""
+        """Give times to a path (N, n) where the scene asks for them; keep the motion if it can have them, costs less
+        than `value` and is certified."""
         trajectory = Trajectory(self.problem.robot.joint_names, path, self.problem.robot.locked)
         if self.retimer is not None:
-            trajectory = self.retimer(trajectory).trajectory
+            try:
+                trajectory = self.retimer(trajectory).trajectory
+            except HdplanError:
+                return False
         if self.objective.value(path, trajectory) >= value:
             return False
         certificate = self._certificate(trajectory)
@@ -238,8 +244,9 @@ class Search:
         suspect = self._deepest(solution.trajectory.positions) if hopeless else None
         trajectory, parameter = solution.trajectory, None
         if self.retimer is not None:
-            trajectory, parameter = self.retimer(trajectory)
-            suspect = None if suspect is None else _place_in(parameter, sum(suspect) / (self.problem.waypoints - 1))
+            timed = self.retimer(trajectory)
+            trajectory, parameter = timed
+            suspect = None if suspect is None else timed.place_of(sum(suspect) / (self.problem.waypoints - 1))
         certificate = self.certifier.certify(trajectory, required=self.required, suspect=suspect)
         self.last = None
         self._took(solution)
@@ -260,17 +267,10 @@ class Search:
         return int(samples.interval[deepest]), float(samples.fraction[deepest])
 
 
-def _place_in(parameters: Array, wanted: float) -> tuple[int, float]:
-    """The interval of ascending path parameters that holds one, and the fraction of it."""
-    row = int(np.clip(np.searchsorted(parameters, wanted, side="right") - 1, 0, len(parameters) - 2))
-    return row, float((wanted - parameters[row]) / (parameters[row + 1] - parameters[row]))
-
-
 def search_in_turn(searches: Sequence[Search], seed: int, warm: Sequence[Array | None]) -> None:
     """Give each goal its first guesses, then each its next ones, until one is certified after a whole round or time is
-    up. With one goal that is one guess after another. A goal is passed over to which no motion can be better than a
-    certified one to another: none would be chosen. `warm` holds a guess (N, n) per goal, or None, that is
-    tried before all others."""
+    up. A goal is passed over to which no motion can be better than a certified one to another: none would be chosen.
+    `warm` holds a guess (N, n) per goal, or None, that is tried before all others."""
     lines = [(search, _guesses(search.problem, seed, begin)) for search, begin in zip(searches, warm, strict=True)]
     while not any(search.certified for search in searches):
         for search, guesses in lines:

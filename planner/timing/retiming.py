@@ -52,6 +52,12 @@ class Timed(NamedTuple):
     trajectory: Trajectory
     parameter: Array  # (rows,) where each row is on the planned path, 0 to 1
 
+    def place_of(self, wanted: float) -> tuple[int, float]:
+        """Return the interval between rows that holds a place on the planned path, and the fraction of it."""
+        row = int(np.clip(np.searchsorted(self.parameter, wanted, side="right") - 1, 0, len(self.parameter) - 2))
+        begins, ends = self.parameter[row : row + 2]
+        return row, float((wanted - begins) / (ends - begins))
+
 
 class Retimer:
     """Gives times to the paths of one scene."""

@@ -35,7 +35,7 @@ def time_optimal(spline: BSpline, constraints: list[Any]) -> Stepwise:
     """Return the fastest law, from rest to rest. Raises HdplanError if there is none."""
     points = grid()
     _, paces, _ = _Toppra(constraints, _Path(spline), gridpoints=points).compute_parameterization(0.0, 0.0)
-    if paces is None or not np.isfinite(paces).all():
+    if paces is None or not np.isfinite(paces).all() or not (paces[1:] + paces[:-1] > 0.0).all():
         raise HdplanError("no time law was found within the limits of velocity and acceleration")
     widths = 2.0 * np.diff(points) / (paces[1:] + paces[:-1])
     return Stepwise(np.concatenate([[0.0], np.cumsum(widths)]), points, paces)

@@ -212,6 +212,8 @@ Pose = tuple[Ball, Ball]  # rotation (3, 3) and origin (3,)
 HERE: Pose = (Ball(np.eye(3)), Ball(np.zeros(3)))
 CROSS = np.zeros((3, 3, 3))  # CROSS v is the matrix of v x ...
 CROSS[[0, 1, 2], [1, 2, 0], [2, 0, 1]], CROSS[[0, 1, 2], [2, 0, 1], [1, 2, 0]] = -1.0, 1.0
+for _array in (CROSS, *(part for ball in (HALF_PI, *SINE, *COSINE, *HERE) for part in (ball.mid, ball.rad))):
+    _array.flags.writeable = False
 
 
 def rotation(axis: Ball, angle: Any) -> Ball:
@@ -979,8 +981,9 @@ def statement(world: World, head: dict[str, Any]) -> str:
         motion = Motion(world, spans)
         middle, most = motion.middle[:, : len(joints)], motion.most[:, : len(joints)]
         beyond = ~((middle - most >= low) & (middle + most <= high))
+        surely = (middle - most > high) | (middle + most < low)
         finest = len(spans) > AT_ONCE or spans[0, 1] - spans[0, 0] < 2.0**-20
-        for i, j in np.argwhere(beyond)[: int(finest)]:
+        for i, j in np.argwhere(beyond if finest else surely)[:1]:
             raise RejectedError(f"joint '{joints[j].name}' leaves its limits near row {spans[i, 0]:g}")
         spans = spans[beyond.any(axis=1)]
         middle = spans.mean(axis=1)
@@ -994,17 +997,21 @@ def statement(world: World, head: dict[str, Any]) -> str:
             places = target if isinstance(target, dict) else {}
             near = [abs(q - places.get(x.name, np.nan)) <= SAME for q, x in zip(row.tolist(), joints, strict=True)]
             need(all(near), f"{end}: the motion's end is elsewhere, or is not one that can be checked")
-    said = [f"accepted: over the whole motion of {len(world.rows)} rows"]
+    open_ = [x for x in ("limits", "start", "goal") if x not in claims]
+    rated = {x: None for x in top.get("limits") or {} if x != "position"}
+    rated |= {"velocity": None} if rated or top.get("timing") else {}
+    open_ += [x for x in [*rated, *(["path"] if "path" in top else [])] if x not in claims]
+    planner = top.get("planner")
+    wanted = float(numbers(planner.get("clearance", 0.0), 1, "clearance")[0]) if isinstance(planner, dict) else 0.0
+    open_ += [f"planner.clearance, {1e3 * wanted:g} mm"] * ((head.get("clearance") or wanted) < wanted)
+    part = " in part" * bool(open_)
+    said = [f"accepted{part}: over the whole motion of {len(world.rows)} rows"]
     own = {name: x for name, x in world.clearances.items() if x > (head.get("clearance") or 0.0)}
     more = "".join(f"; {1e3 * x:g} mm from {name}" for name, x in own.items())
     for key, what in (("clearance", "from every obstacle"), ("self_clearance", "from one another")):
         if head.get(key):
             least = f"at least {1e3 * head[key] - 5e-7:.6f} mm {what}"
             said.append(f"  links and held objects are {least}{more * (key == 'clearance')}")
-    open_ = [x for x in ("limits", "start", "goal") if x not in claims]
-    rated = {x: None for x in top.get("limits") or {} if x != "position"}
-    rated |= {"velocity": None} if rated or top.get("timing") else {}
-    open_ += [x for x in [*rated, *(["path"] if "path" in top else [])] if x not in claims]
     said += [f"  also proven: {', '.join(claims)}"] * bool(claims)
     said += [f"  NOT proven by this file: {', '.join(open_)}"] * bool(open_)
     for reason in dict.fromkeys(world.left_out.values()):

@@ -30,6 +30,16 @@ def whole_hessian(pace: Pace, motion: Array) -> Array:
     return whole.reshape(count * n, count * n)
 
 
+@pytest.mark.parametrize("huge", [1e7, 1e160, 1e308, np.inf])
+def test_a_limit_that_no_scene_may_give_is_none(huge: float) -> None:
+    """A URDF may hold any number; the squares of such limits would overflow."""
+    limits, motion = np.array([2.0, huge, 0.5]), np.cumsum(np.ones((5, 3)), axis=0)
+    found, alone = Pace(limits).value(motion), Pace(limits[::2]).value(motion[:, ::2])
+    assert found.cost == pytest.approx(alone.cost, rel=1e-12)
+    assert np.allclose(found.gradient[:, ::2], alone.gradient, rtol=1e-12, atol=1e-12)
+    assert not found.gradient[:, 1].any()
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_it_lies_between_the_slowest_joints_time_and_little_more(seed: int) -> None:
     pace, motion = a_motion(seed)

@@ -23,6 +23,7 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.proof.proof import world_of
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.yaml_format.reader import find_scene
 
 SCENES = ("panda_cage", "panda_carry", "panda_table_pick", "ur5_table", "planar_arm", "panda_gate")
@@ -224,6 +225,23 @@ def test_limits_that_do_not_hold_are_not_claimed(monkeypatch: pytest.MonkeyPatch
         else:
             with pytest.raises(verify.RejectedError, match="'panda_joint1' leaves its limits"):
                 verify.statement(world, {**head, "claims": ["limits"]})
+
+
+def test_a_scene_that_asks_for_more_is_accepted_in_part(tmp_path: Path) -> None:
+    """The first line says so, and a line what is missing."""
+    scene = hdplan.Scene(robot="panda", start=HOME, goal=AWAY, planner=PlannerSettings(clearance=0.005))
+    scene.save(tmp_path / "scene.yaml")
+    hdplan.plan(scene).trajectory.save(tmp_path / "m.json")
+    world = world_of(Setup.of(scene), tmp_path / "scene.yaml", tmp_path / "m.json")
+    claims = ["limits", "start", "goal"]
+    for least, first, missing in ((0.005, "accepted:", ""), (0.004, "accepted in part:", "planner.clearance, 5 mm")):
+        said = verify.statement(world, {"clearance": least, "self_clearance": 1e-3, "claims": claims})
+        assert said.startswith(first)
+        assert ("NOT proven" in said) == bool(missing)
+        assert missing in said
+    said = verify.statement(world, {"clearance": 0.005, "self_clearance": 1e-3, "claims": claims[:2]})
+    assert said.startswith("accepted in part:")
+    assert "NOT proven by this file: goal" in said
 
 
 # --- changes ----------------------------------------------------------------------------------------------------------

@@ -8,9 +8,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.problem.smoothness import Smoothness
 from hdplan.planner.result import PlanResult
+from hdplan.planner.search.search import Event
+from hdplan.planner.timing.retiming import Retimer, Timed
+from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import load_scene
@@ -85,6 +89,31 @@ def test_stopped_within_it_the_best_so_far_is_returned() -> None:
     result = plan(scene, report=report, stop=stop)
     assert result.certified
     assert sum(certified) == 2
+
+
+@pytest.mark.parametrize("error", [HdplanError("no time law"), InputError("too many rows")])
+@pytest.mark.parametrize("scene", [timed("panda_cage"), timed("panda_grasp")], ids=["one goal", "several"])
+def test_a_motion_without_a_time_law_does_not_cost_the_certified_one(
+    scene: Scene, error: HdplanError, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Once a motion is certified, whatever cannot be timed is no better; before, it is refused in its own words."""
+    certified: list[object] = []
+
+    def report(event: Event) -> None:
+        certified.extend([event.certificate] if event.certificate and event.certificate.certified else [])
+
+    def only_before(retimer: Retimer, path: Trajectory) -> Timed:
+        if certified:
+            raise error
+        return timer(retimer, path)
+
+    timer = Retimer.__call__
+    monkeypatch.setattr(Retimer, "__call__", only_before)
+    result = plan(scene, report=report)
+    assert result.certified
+    assert result.certificate is certified[0]
+    with pytest.raises(type(error), match=str(error)):
+        plan(scene)
 
 
 def test_rounds_are_not_attempts() -> None:

@@ -10,6 +10,7 @@ from toppra import constraint
 from toppra.algorithm import TOPPRA
 
 from hdplan.planner.timing import time_optimal as module
+from hdplan.planner.timing.limits import RateLimit
 from hdplan.planner.timing.retiming import smooth
 from hdplan.planner.timing.time_optimal import GRID, grid, time_optimal
 from hdplan.scenes.errors import HdplanError
@@ -64,3 +65,11 @@ def test_where_there_is_no_law_it_is_said() -> None:
     assert time_optimal(spline, limits).paces.max() > 0.0
     with pytest.raises(HdplanError, match="no time law was found"):
         time_optimal(spline, [*limits, Impossible()])
+
+
+def test_limits_too_small_for_any_pace_are_refused_in_words() -> None:
+    """The squares of such paces are 0: dividing by them would warn, or give a motion that never ends."""
+    spline = smooth(np.array([[0.0, 0.0], [1.0, -1.0], [0.5, 0.3], [1.0, 1.0]]))
+    limit = RateLimit(1, np.array([1e-200, 1.0])).constraint(spline, grid())
+    with pytest.raises(HdplanError, match="no time law"):
+        time_optimal(spline, [limit])
