@@ -11,7 +11,6 @@ trimesh, contacts by FCL at dense samples) finds wrong with it: it must be 0.
 
 from __future__ import annotations
 
-import argparse
 import csv
 import sys
 import tempfile
@@ -20,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from problems import RealProblem, real_problems
+from problems import RealProblem, problem_parser, real_problems
 from recheck import recheck
 
 import hdplan
@@ -147,12 +146,7 @@ def cause(outcome: Outcome) -> str:
 
 def main() -> None:
     """Run the benchmark from the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--robot", choices=("panda", "ur5", "fetch", "baxter"), action="append")
-    parser.add_argument("--set", nargs="*", default=[])
-    parser.add_argument("--every", type=int, default=1, help="take every K-th problem of a set")
-    parser.add_argument("--time-limit", type=float, default=30.0)
+    parser = problem_parser(__doc__)
     parser.add_argument("--no-recheck", action="store_true")
     parser.add_argument("--csv", type=Path)
     options = parser.parse_args()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,6 +51,17 @@ class RealProblem:
     def load(self) -> hdplan.Scene:
         """Read it. Raises InputError for a bad file."""
         return hdplan.load_scene(self.scene_file, request=self.request_file, robot=self.robot_file)
+
+
+def problem_parser(description: str | None) -> argparse.ArgumentParser:
+    """A command line that chooses problems: the folder, --robot, --set, --every, and --time-limit for each."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--robot", choices=("panda", "ur5", "fetch", "baxter"), action="append")
+    parser.add_argument("--set", nargs="*", default=[])
+    parser.add_argument("--every", type=int, default=1, help="take every K-th problem of a set")
+    parser.add_argument("--time-limit", type=float, default=30.0)
+    return parser
 
 
 def real_problems(folder: Path, robot: str, every: int = 1, sets: Sequence[str] = ()) -> list[RealProblem]:

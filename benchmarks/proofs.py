@@ -10,7 +10,6 @@ include reading scene, robot and meshes.
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
 import time
@@ -18,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from problems import RealProblem, real_problems
+from problems import RealProblem, problem_parser, real_problems
 
 import hdplan
 from hdplan.planner.studies.report import markdown_text
@@ -104,13 +103,7 @@ def _spread(values: list[float], digits: int = 1) -> str:
 
 def main() -> None:
     """Run the benchmark from the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--robot", choices=("panda", "ur5", "fetch", "baxter"), action="append")
-    parser.add_argument("--set", nargs="*", default=[])
-    parser.add_argument("--every", type=int, default=1, help="take every K-th problem of a set")
-    parser.add_argument("--time-limit", type=float, default=30.0)
-    options = parser.parse_args()
+    options = problem_parser(__doc__).parse_args()
     outcomes = []
     with tempfile.TemporaryDirectory() as folder:
         for robot in options.robot or ("panda", "ur5"):

@@ -30,6 +30,7 @@ from threadpoolctl import threadpool_limits
 import hdplan
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.objective import Energy
+from hdplan.planner.studies.planning_runs import path_length
 from hdplan.planner.studies.report import Cell, markdown_text
 from hdplan.scenes.output import write_output
 
@@ -90,7 +91,7 @@ def run(problem: RealProblem, goals: str, rounds: int, limit: float) -> Outcome:
         return Outcome(*what, result.certificate.text, *[np.nan] * 4, *took)
     motion = result.trajectory
     assert motion.duration is not None
-    length = float(np.linalg.norm(np.diff(motion.positions, axis=0), axis=1).sum())
+    length = path_length(motion)
     jerk = next(use.share * use.limit for use in result.certificate.uses if use.quantity == "jerk")
     return Outcome(*what, "certified", motion.duration, length, jerk, energy(scene, motion), *took)
 

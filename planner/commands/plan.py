@@ -75,7 +75,7 @@ def run_plan(
     if proof is not None and output is not None and result.certified:
         from hdplan.planner.commands.prove import written_proof
 
-        proven = written_proof(scene, output, proof)
+        proven = written_proof(scene, output, proof) is not None
     if not quiet:
         with printing() as show:
             if as_json:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hdplan.planner.proof.proof import NotProvenError, prove
+from hdplan.planner.proof.proof import NotProvenError, Proof, prove
 from hdplan.planner.terminal.console import printing, say, waiting
 from hdplan.planner.terminal.tables import table
 from hdplan.scenes.errors import InputError
@@ -18,12 +18,9 @@ def run_prove(scene: str, trajectory: Path, *, output: Path) -> int:
     """Write the proof of a motion. Returns the exit code: 0 if there is one, else 1."""
     check_writable(output, ENDINGS)
     with waiting("proving", shown=True):
-        try:
-            proof = prove(scene, trajectory)
-        except NotProvenError as error:
-            say(f"no proof: {error}", "red")
-            return 1
-        proof.save(output)
+        proof = written_proof(scene, trajectory, output)
+    if proof is None:
+        return 1
     with printing() as show:
         show(f"proof of: {proof.certificate.text}")
         size = f"{len(proof.data) / 1e3:.1f} kB"
@@ -42,11 +39,12 @@ def check_proof_of_plan(proof: Path, output: Path | None, request: Path | None, 
         )
 
 
-def written_proof(scene: str, trajectory: Path, output: Path) -> bool:
-    """Write the proof of a motion just planned, or say why there is none."""
+def written_proof(scene: str, trajectory: Path, output: Path) -> Proof | None:
+    """Write the proof of a motion, or say why there is none."""
     try:
-        prove(scene, trajectory).save(output)
+        proof = prove(scene, trajectory)
     except NotProvenError as error:
         say(f"no proof: {error}", "red")
-        return False
-    return True
+        return None
+    proof.save(output)
+    return proof

@@ -138,6 +138,13 @@ def damped_step(robot: Robot, q: Array, error: Array, jacobian: Array, longest: 
     return moved
 
 
+def self_motion(way: Array, jacobian: Array) -> Array:
+    """The part of ways (B, n) that moves no link that counts, to first order: (I − J⁺ J) way, J (B, m, n), damped."""
+    square = jacobian @ jacobian.transpose(0, 2, 1) + DAMPING**2 * np.eye(jacobian.shape[1])
+    lost = np.linalg.solve(square, jacobian @ way[..., None])
+    return np.asarray(way - (jacobian.transpose(0, 2, 1) @ lost)[..., 0])
+
+
 def _turn_between(directions: Array, wanted: Array) -> Array:
     """The shortest rotations (B, 3) [rad] that take unit vectors (B, 3) to a wanted one; a half turn for opposite
     ones."""

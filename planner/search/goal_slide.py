@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from hdplan.planner.certificate.certifier import Certifier
-from hdplan.planner.kinematics.inverse import DAMPING, Aim, damped_step
+from hdplan.planner.kinematics.inverse import Aim, damped_step, self_motion
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.search.goals import may_end
 from hdplan.planner.search.search import Slide
@@ -49,9 +49,7 @@ def _slid(
     end; None if there is none."""
     robot, q = problem.robot, problem.goal[None]
     push = problem.evaluate(solution.trajectory.positions, solution.weight).at_goal
-    jacobian = aim.linearized(q)[1][0]
-    square = jacobian @ jacobian.T + DAMPING**2 * np.eye(len(jacobian))
-    way = jacobian.T @ np.linalg.solve(square, jacobian @ push) - push
+    way = self_motion(-push[None], aim.linearized(q)[1])
     longest = np.abs(way).max()
     if longest < LEAST:
         return None

@@ -145,9 +145,9 @@ def _length(setup: Setup, way: Array) -> float:
     """How long a way (n,) is at least: the least time [s] of its slowest joint where time is the objective, else its
     length in joint space."""
     if setup.scene.objective == "time":
-        from hdplan.planner.timing.least_time import least_times
+        from hdplan.planner.timing.least_time import least_time
 
-        return float(least_times(way, setup.limits).max(initial=0.0))
+        return least_time(way, setup.limits)
     return float(np.linalg.norm(way))
 
 

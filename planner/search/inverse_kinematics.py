@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from hdplan.planner.certificate.pose_goals import Miss, miss_of
 from hdplan.planner.kinematics.forward import Kinematics
-from hdplan.planner.kinematics.inverse import DAMPING, LONGEST, Aim, damped_step
+from hdplan.planner.kinematics.inverse import LONGEST, Aim, damped_step, self_motion
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.arrays import joint_numbers
@@ -151,9 +151,7 @@ def _drawn_near(aim: Aim, q: Array, start: Array) -> Array:
     error, jacobian = aim.linearized(q)
     for _ in range(DRAWS):
         way = start - q
-        square = jacobian @ jacobian.transpose(0, 2, 1) + DAMPING**2 * np.eye(error.shape[1])
-        lost = np.linalg.solve(square, jacobian @ way[..., None])
-        step = way - (jacobian.transpose(0, 2, 1) @ lost)[..., 0]
+        step = self_motion(way, jacobian)
         step *= np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-12))
         moved = np.clip(q + step, aim.robot.lower, aim.robot.upper)
         for _ in range(BACK):

@@ -7,7 +7,7 @@ counts is the time of the motion, so every scene is planned within limits of rat
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,8 @@ from hdplan.planner.plan import plan
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.search import Event
+from hdplan.planner.studies.planning_runs import path_length
+from hdplan.planner.studies.report import Cell, Reporter, Stopper
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import Limits
 from hdplan.scenes.scene import Scene
@@ -56,8 +58,8 @@ def anytime_curves(
     scenes: Sequence[Scene],
     quick: bool,
     *,
-    report: Callable[[int, int, str], None] = lambda *_: None,
-    stop: Callable[[], bool] = lambda: False,
+    report: Reporter = lambda *_: None,
+    stop: Stopper = lambda: False,
 ) -> tuple[list[AnytimeCurve], list[str]]:
     """Measure on all scenes, or on those before `stop` says so; also say which are left out, and why."""
     curves: list[AnytimeCurve] = []
@@ -84,10 +86,10 @@ def anytime_curves(
     return curves, refused
 
 
-def shares(curves: Sequence[AnytimeCurve]) -> list[dict[str, str | int | float | None]]:
+def shares(curves: Sequence[AnytimeCurve]) -> list[dict[str, Cell]]:
     """Return the table: what is left of the first motion's time, path and acceleration, geometric mean over the scenes
     [%], after multiples of the time that the first motion took."""
-    rows: list[dict[str, str | int | float | None]] = []
+    rows: list[dict[str, Cell]] = []
     for factor in SPENT:
         reached = [(curve.best_at(factor * curve.moments[0].seconds), curve.moments[0]) for curve in curves]
         rows.append(
@@ -102,7 +104,7 @@ def shares(curves: Sequence[AnytimeCurve]) -> list[dict[str, str | int | float |
     return rows
 
 
-def anytime_rows(curves: Sequence[AnytimeCurve]) -> list[dict[str, str | int | float | None]]:
+def anytime_rows(curves: Sequence[AnytimeCurve]) -> list[dict[str, Cell]]:
     """Return every better motion of every scene, for a CSV file."""
     return [
         {
@@ -126,7 +128,7 @@ def _in_time(scene: Scene, rounds: int) -> Scene:
     return replace(scene, limits=limits, planner=replace(scene.planner, polish=rounds, objective=None))
 
 
-def _curve(scene: Scene, robot: Robot, stop: Callable[[], bool]) -> AnytimeCurve:
+def _curve(scene: Scene, robot: Robot, stop: Stopper) -> AnytimeCurve:
     moments: list[Moment] = []
     begin = time.process_time()
 
@@ -151,4 +153,4 @@ def _measures(robot: Robot, motion: Trajectory) -> tuple[float, float]:
     fraction = (np.tile(np.arange(LOOKS), len(curve.widths)) + 0.5) / LOOKS
     acceleration = curve.over_time(2).at(interval, fraction)
     squared = float((acceleration**2).sum(axis=1) @ (curve.widths[interval] / LOOKS))
-    return float(np.linalg.norm(np.diff(motion.positions, axis=0), axis=1).sum()), squared
+    return path_length(motion), squared

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hdplan.planner.studies.anytime import anytime_curves, anytime_rows, shares
 from hdplan.planner.studies.report import (
     Cell,
     Report,
@@ -93,6 +92,7 @@ def study_planning(folder: Path, scenes: Sequence[Scene], quick: bool, report: R
     Raises InputError for a folder that cannot be written, a missing matplotlib, and if no scene can be planned;
     KeyboardInterrupt if it is stopped before the defaults are measured.
     """
+    from hdplan.planner.studies.anytime import anytime_curves, anytime_rows, shares
     from hdplan.planner.studies.planning_runs import NEAR, TIME_LIMIT, measure
 
     paths = check_report(folder, FILES)

@@ -39,3 +39,8 @@ def least_times(way: Array, limits: Mapping[str, Array]) -> Array:
         distance >= v * ramp, to_velocity, np.where(distance >= 2 * a**3 / j**2, to_acceleration, neither)
     )
     return times
+
+
+def least_time(way: Array, limits: Mapping[str, Array]) -> float:
+    """Return the least time [s] of the slowest joint, 0 without joints: a lower bound."""
+    return float(least_times(way, limits).max(initial=0.0))

@@ -25,7 +25,7 @@ from scipy.interpolate import BSpline
 from hdplan.planner.motion.curve import Curve, row_count
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.timing.least_time import least_times
+from hdplan.planner.timing.least_time import least_time, least_times
 from hdplan.planner.timing.limits import PathSamples, timing_limits
 from hdplan.planner.timing.time_laws import Averaged, MinimumJerk, Stepwise, TimeLaw
 from hdplan.scenes.errors import HdplanError, InputError
@@ -73,7 +73,7 @@ class Retimer:
 
     def shortest(self, start: Array, goal: Array) -> float:
         """A time [s] that no motion between two configurations (n,) undercuts, within limits of rates."""
-        return float(least_times(goal - start, self.rates).max(initial=0.0))
+        return least_time(goal - start, self.rates)
 
     def shortest_along(self, path: Array) -> float:
         """A time [s] that no motion along waypoints (N, n) undercuts, by the joints' velocities alone: a chord of the
