@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.result import PlanResult
 from hdplan.planner.view.drawing.colors import CONTACT, OTHERS, START, clearance_colors
 from hdplan.planner.view.drawing.motion import ShownMotion
-from hdplan.planner.view.drawing.nodes import RobotNodes, draw_path
+from hdplan.planner.view.drawing.nodes import PathNode, RobotNodes
 from hdplan.planner.view.drawing.skins import Color, Skin
 from hdplan.scenes.scene import Scene
 
@@ -35,7 +35,7 @@ class Shown:
     motion: ShownMotion
     color: Color | None  # of its robot; None: the robot's own
     robot: RobotNodes
-    path: Any  # viser's node
+    path: PathNode
     origin: Scene  # in which it came
     result: PlanResult | None = None  # the plan that it comes from
 
@@ -66,7 +66,9 @@ class Motions:
             skins = [skin for skin in self._skins if skin.joint or not number]  # what stands still is there once
             server, robot = self._viewer.server, self._viewer.robot
             nodes = RobotNodes(server, f"robot{number}", robot, skins, color=color, visible=on)
-            shown = Shown(motion, color, nodes, None, motion.scene)
+            path = PathNode(server, f"path/{number}", motion.tip, FAINT)
+            path.visible = self._viewer.panel.layers.on("path")
+            shown = Shown(motion, color, nodes, path, motion.scene)
             self.shown.append(shown)
         shown.origin, shown.result = motion.scene, result
         self._take(shown, motion)
@@ -108,9 +110,7 @@ class Motions:
             self._draw(shown, verdict_color(motion.certificate))
 
     def _draw(self, shown: Shown, colors: NDArray[np.uint8] | Color) -> None:
-        name = "path/" + "".join(c if c.isalnum() else "_" for c in shown.motion.name)
-        shown.path = draw_path(self._viewer.server, name, shown.motion.tip, colors)
-        shown.path.visible = self._viewer.panel.layers.on("path")
+        shown.path.draw(shown.motion.tip, colors)
 
 
 def verdict_color(certificate: Certificate) -> Color:

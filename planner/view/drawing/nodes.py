@@ -164,12 +164,37 @@ def draw_region(server: viser.ViserServer, asked: Within) -> Any:
     )
 
 
-def draw_path(server: viser.ViserServer, name: str, tip: Array, colors: NDArray[np.uint8] | Color) -> Any:
-    """Draw the line through points (K, 3), coloured along it (K, 3) or in one colour; a node of that name is
-    replaced."""
-    points = np.stack([tip[:-1], tip[1:]], axis=1)
-    along = colors if isinstance(colors, tuple) else np.stack([colors[:-1], colors[1:]], axis=1)
-    return server.scene.add_line_segments(f"/{name}", points, along, thickness=PATH_WIDTH)
+class PathNode:
+    """A line along which a point moves. It is changed and not sent anew: a browser compiles each new one's shaders."""
+
+    def __init__(self, server: viser.ViserServer, name: str, tip: Array, colors: NDArray[np.uint8] | Color) -> None:
+        """Send it; see `draw`."""
+        self._server = server
+        self._node = server.scene.add_line_segments(f"/{name}", *_segments(tip, colors), thickness=PATH_WIDTH)
+
+    def draw(self, tip: Array, colors: NDArray[np.uint8] | Color) -> None:
+        """Draw the line through points (K, 3), coloured along it (K, 3) or in one colour."""
+        with self._server.atomic():
+            self._node.points, self._node.colors = _segments(tip, colors)
+
+    @property
+    def visible(self) -> bool:
+        """Whether it is shown."""
+        return bool(self._node.visible)
+
+    @visible.setter
+    def visible(self, value: bool) -> None:
+        self._node.visible = value
+
+    def remove(self) -> None:
+        """Take it out of the scene."""
+        self._node.remove()
+
+
+def _segments(tip: Array, colors: NDArray[np.uint8] | Color) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    along = np.broadcast_to(np.asarray(colors, dtype=np.uint8), (len(tip), 3))
+    points = np.stack([tip[:-1], tip[1:]], axis=1).astype(np.float32)
+    return points, np.stack([along[:-1], along[1:]], axis=1)
 
 
 class ClosestNodes:
