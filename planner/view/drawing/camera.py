@@ -60,7 +60,7 @@ class Boxes:
         along = np.where(np.abs(along) < 1e-12, 1e-12, along)
         first, second = (-self.half - begin) / along, (self.half - begin) / along
         enters, leaves = np.minimum(first, second).max(axis=2), np.maximum(first, second).min(axis=2)
-        return (enters < leaves) & (leaves > 0.0) & (leaves < 1.0)
+        return np.asarray((enters < leaves) & (leaves > 0.0) & (leaves < 1.0))
 
     def in_the_way(self, eye: Array, points: Array) -> NDArray[np.bool_]:
         """Return (B,) whether a box hides so much of points (k, 3) that it should be seen through."""
