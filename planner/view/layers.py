@@ -55,19 +55,19 @@ class Layers:
 
     def _switch(self) -> None:
         viewer = self._viewer
-        viewer.at_rest.visible = self.on("robot") and not viewer.shown
-        for shown in viewer.shown:
+        stage = viewer.stage
+        stage.at_rest.visible = self.on("robot") and not viewer.motions.shown
+        for shown in viewer.motions.shown:
             shown.robot.visible = self.on("robot")
             shown.path.visible = self.on("path")
-        for obstacle in viewer.obstacles:
-            obstacle.frame.visible = self.on("obstacles")
-        viewer.closest.root.visible = self.on("closest pair")
+        stage.all_obstacles.visible = self.on("obstacles")
+        stage.closest.root.visible = self.on("closest pair")
         for name in ("outer bodies", "collision meshes"):
             if self.on(name) and name not in self.bodies:
                 self.bodies[name] = self._made(name)
             if name in self.bodies:
                 self.bodies[name].visible = self.on(name)
-        viewer.player.draw()  # ghosts and newly shown layers are placed there
+        viewer.panel.player.draw()  # ghosts and newly shown layers are placed there
 
     def _made(self, name: str) -> RobotNodes:
         viewer = self._viewer
