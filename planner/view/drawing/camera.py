@@ -67,14 +67,15 @@ class Boxes:
         return np.asarray(self.hide(eye, points).mean(axis=0) > IN_THE_WAY)
 
 
-def best_view(points: Array, path: Array, boxes: Boxes, aspect: float) -> View:
-    """Return the view that frames points (k, 3) and a path (m, 3), from where boxes hide least of both and the path is
-    seen from its side; of equal ones the most usual. `aspect` is the picture's width by its height."""
-    interest = np.concatenate([points, path])
-    best, least = view_from(*USUAL, interest, aspect), np.inf
+def best_view(whole: Array, interest: Array, path: Array, boxes: Boxes, aspect: float) -> View:
+    """Return the view that frames all points (k, 3) and a path (m, 3), from where boxes hide least of what is of
+    interest (i, 3) and the path is seen from its side; of equal ones the most usual. `aspect` is the picture's width by
+    its height."""
+    framed = np.concatenate([whole, path])
+    best, least = view_from(*USUAL, framed, aspect), np.inf
     for azimuth in AZIMUTHS:
         for elevation in ELEVATIONS:
-            view = view_from(azimuth, elevation, interest, aspect)
+            view = view_from(azimuth, elevation, framed, aspect)
             hidden = float(boxes.hide(view.eye, interest).any(axis=1).mean())
             unusual = 0.5 - 0.5 * np.cos(azimuth - USUAL[0]) + abs(elevation - USUAL[1])
             cost = hidden + FORESHORTENED * _foreshortening(view, path) + UNUSUAL * unusual

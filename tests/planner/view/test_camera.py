@@ -70,16 +70,16 @@ def test_it_looks_past_a_wall() -> None:
     """A wall stands where one usually looks from; beside it nothing is hidden, and it is seen through from behind."""
     points = np.random.default_rng(1).uniform(-0.3, 0.3, (40, 3)) + [0.0, 0.0, 0.5]
     path = np.linspace([-0.2, 0.0, 0.5], [0.2, 0.1, 0.6], 20)
-    usual = best_view(points, path, NONE, 1.2)
+    interest = np.concatenate([points, path])
+    usual = best_view(points, interest, path, NONE, 1.2)
     towards = (usual.eye - usual.target) / np.linalg.norm(usual.eye - usual.target)
     pose = placed(np.eye(3), usual.target + 0.6 * towards)
     turn = Rotation.from_euler("z", np.arctan2(towards[1], towards[0])).as_matrix()
     pose[:3, :3] = turn
     wall = Boxes.around([np.array([[-0.02, -0.6, -0.6], [0.02, 0.6, 0.6]])], [pose])
-    interest = np.concatenate([points, path])
     assert wall.hide(usual.eye, interest).mean() > 0.9
     assert wall.in_the_way(usual.eye, interest).all()
-    other = best_view(points, path, wall, 1.2)
+    other = best_view(points, interest, path, wall, 1.2)
     assert wall.hide(other.eye, interest).mean() < 0.05
     assert not wall.in_the_way(other.eye, interest).any()
 
@@ -87,7 +87,7 @@ def test_it_looks_past_a_wall() -> None:
 def test_a_path_is_seen_from_its_side() -> None:
     for angle in np.deg2rad(range(0, 180, 20)):
         path = np.linspace(-1.0, 1.0, 20)[:, None] * [np.cos(angle), np.sin(angle), 0.0]
-        view = best_view(path, path, NONE, 1.0)
+        view = best_view(path, path, path, NONE, 1.0)
         ahead = (view.target - view.eye)[:2] / np.linalg.norm(view.target - view.eye)
         assert abs(ahead @ [np.cos(angle), np.sin(angle)]) < 0.75
 
