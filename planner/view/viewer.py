@@ -121,14 +121,14 @@ class Viewer:
 
     # --- changes: by the worker's thread --------------------------------------------------------------------------
 
-    def change(self, edited: Edited, step: bool = True) -> None:
+    def change(self, edited: Edited, step: bool = True, check: bool = False) -> None:
         """Show another scene of the same robot: a step that can be undone, or a part of the last one. Motions stay as
-        they are, and what was said of them falls until they are checked or measured again. Raises InputError, and
-        changes nothing, for a scene that does not fit the robot."""
+        they are, and what was said of them falls until they are measured again, except of the active one on request: it
+        is certified at once. Raises InputError, and changes nothing, for a scene that does not fit the robot."""
         _ = edited.contacts  # refused before anything is shown
         before = self.scene
         self.history.change(edited, step)
-        self._take(before)
+        self._take(before, check)
 
     def undo(self) -> None:
         """Go one step back, and say what holds there."""
@@ -190,7 +190,7 @@ class Viewer:
         player.run_over(timeline)
         player.enable(bool(motions.shown) or timeline.timed)
         self.panel.plot(timeline)
-        self.panel.say()
+        self._say()
         self.draw(player.time)
 
     def draw(self, now: float) -> None:
@@ -207,6 +207,12 @@ class Viewer:
             self.stage.show(q, seconds, layers.on("start and goal"), pairs)
             self.panel.follow(now, q, pairs)
 
+    def _say(self) -> None:
+        """Say what holds, and show where the active motion fails."""
+        active = self.motions.active
+        self.stage.clash.show(None if active is None else active.motion, self.certifier)
+        self.panel.say()
+
     def _begin(self, motions: Sequence[ShownMotion]) -> None:
         for motion in motions:
             self.motions.add(motion)
@@ -215,13 +221,15 @@ class Viewer:
         self.redraw()
         self.panel.looking.begin()
 
-    def _take(self, before: Scene) -> None:
+    def _take(self, before: Scene, check: bool = False) -> None:
         """Show the scene as it is now in place of an earlier one."""
         self.stage.take(self.edited)
         if self.scene is not before:
+            if check:
+                self.motions.check()
             self.motions.outdate(before)
             self.panel.outdate()
-        self.panel.say()
+        self._say()
         self.draw(self.panel.player.time)
         self.panel.looking.fade()
 

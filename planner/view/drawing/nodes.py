@@ -220,6 +220,7 @@ class ClosestNodes:
             for name, color in (("obstacle", INK), ("links", LINKS))
         ]
         self.label = server.scene.add_label("/closest/label", "", visible=False, font_screen_scale=0.9)
+        self.labelled = True
 
     def show(self, pairs: Sequence[Closest | None]) -> None:
         """Draw the closest pair with an obstacle, and between links; the nearer one is labelled."""
@@ -231,7 +232,7 @@ class ClosestNodes:
             red, green, blue = clearance_colors(pairs[0].distance).tolist()
             self.lines[0].colors = np.array([red, green, blue], dtype=np.uint8)
         nearest = pairs[0] or pairs[1]
-        self.label.visible = nearest is not None
+        self.label.visible = nearest is not None and self.labelled
         if nearest is not None:
             self.label.text = f"{nearest.link} – {nearest.other}: {millimetres(nearest.distance)}"
             self.label.position = nearest.points.mean(axis=0) + [0.0, 0.0, BESIDE]
