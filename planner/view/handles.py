@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
 NOTHING = "nothing"
-SIZE = 0.3  # [m] of the handle
+SIZE = 90.0  # [px] of the handle, however far away it is
 
 
 class Handles:
@@ -109,6 +109,7 @@ class Handles:
         self._handle = viewer.server.scene.add_transform_controls(
             f"/handle/{self._handles}",
             scale=SIZE,
+            fixed=True,
             line_width=4.0,
             position=pose.position,
             wxyz=(w, x, y, z),
