@@ -1,4 +1,4 @@
-# ruff: noqa: D105
+# ruff: noqa: D102, D105
 """Check a proof that a robot's motion is free. One file, NumPy alone, nothing of the planner that wrote the proof.
 
     python -m hdplan.verify SCENE TRAJECTORY PROOF     or     python verify.py SCENE TRAJECTORY PROOF
@@ -41,7 +41,7 @@ import os
 import sys
 import xml.etree.ElementTree as ElementTree
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
@@ -51,10 +51,8 @@ import numpy as np
 import yaml
 
 MAGIC, VERSION = b"hdplan proof\n", 1
-MOST_BYTES, MOST_LEAVES, MOST_ROWS, DEEPEST = 1 << 27, 200_000, 100_000, 50  # of a file, a proof, a motion, a tree
-MOST_TEXT, MOST_LINES, MOST_PARTS_OF_TEXT = 1 << 25, 2_000_000, 500_000  # of a text, of a mesh, of a scene
-MOST_PAIRS, MOST_CORNERS, MOST_VALUES = 1_000_000, 2_000_000, 2_000_000  # of pieces, of pieces, of a motion
-MOST_HEAD = 1 << 20  # bytes, of the head of a proof
+MOST_BYTES, MOST_LEAVES, MOST_PAIRS, DEEPEST = 1 << 27, 200_000, 1_000_000, 50  # of a proof: of its content, trees
+MOST_MEMORY, MOST_TIME = 1 << 31, 30  # bytes, and seconds of a processor, that a check may take beside Python itself
 NARROWEST = 2.0**-30  # of an interval between two rows
 AT_ONCE, MOST_PARTS = 20_000, 50_000  # leaves checked together, and parts of rows within them
 EPS = 2.0**-53  # of rounding to nearest
@@ -222,13 +220,8 @@ for _array in (CROSS, *(part for ball in (HALF_PI, *SINE, *COSINE, *HERE) for pa
 
 
 def rotation(axis: Ball, angle: Any) -> Ball:
-    """Rotations (..., 3, 3) by exact angles (...,) about a unit axis."""
-    return by_cos_sin(axis, *cos_sin(angle))
-
-
-def by_cos_sin(axis: Ball, cos: Ball, sin: Ball) -> Ball:
-    """The rotation matrices 1 + sin K + (1 - cos) K^2, K x = axis x x."""
-    k = dot("ijk,k->ij", CROSS, axis)
+    """Rotations (..., 3, 3) by exact angles (...,) about a unit axis: 1 + sin K + (1 - cos) K^2, K x = axis x x."""
+    k, (cos, sin) = dot("ijk,k->ij", CROSS, axis), cos_sin(angle)
     return np.eye(3) + sin[..., None, None] * k + (1.0 - cos)[..., None, None] * dot("ij,jk->ik", k, k)
 
 
@@ -239,11 +232,10 @@ def compose(a: Pose, b: Pose) -> Pose:
 
 def rpy(angles: Any) -> Ball:
     """R = Rz(yaw) Ry(pitch) Rx(roll)."""
-    if not angles.any():
-        return HERE[0]
-    cos, sin = cos_sin(angles)
-    x, y, z = (by_cos_sin(Ball(np.eye(3)[i]), cos[i], sin[i]) for i in range(3))
-    return dot("ij,jk->ik", dot("ij,jk->ik", z, y), x)
+    turn = HERE[0]
+    for axis in np.flatnonzero(angles):
+        turn = dot("ij,jk->ik", rotation(Ball(np.eye(3)[axis]), angles[axis]), turn)
+    return turn
 
 
 # --- what the files say -----------------------------------------------------------------------------------------------
@@ -264,9 +256,24 @@ def mapping(value: Any, what: str, allowed: str) -> dict[str, Any]:
 
 
 def listing(value: Any, what: str) -> list[Any]:
-    """Return a list that is not too long; empty for nothing."""
-    need(value is None or (isinstance(value, list) and len(value) <= MOST_ROWS), f"{what}: a list is expected")
+    """Return a list; empty for nothing."""
+    need(value is None or isinstance(value, list), f"{what}: a list is expected")
     return value or []
+
+
+def unique(pairs: list[tuple[Any, Any]]) -> dict[str, Any]:
+    """Return a mapping in which no key stands twice, as that would hide what the other says."""
+    need(all(type(key) is str for key, _ in pairs), "a mapping has a key that is not a word")
+    need(len(pairs) == len({key for key, _ in pairs}), f"a key stands twice among {[key for key, _ in pairs]}")
+    return dict(pairs)
+
+
+class Loader(yaml.SafeLoader):
+    """Reads YAML without keys that stand twice."""
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+        self.flatten_mapping(node)
+        return unique([(self.construct_object(key, True), self.construct_object(x, True)) for key, x in node.value])
 
 
 def pose_of(value: Any, what: str) -> Pose:
@@ -295,50 +302,104 @@ def origin(element: Any) -> Pose:
     return rpy(words(at, "rpy", "0 0 0")), Ball(words(at, "xyz", "0 0 0"))
 
 
-def read(path: Path) -> bytes:
-    """Return the content of a regular file."""
-    need(path.is_file() and path.stat().st_size <= MOST_BYTES, f"{path}: no file, or one that is too large")
-    return path.read_bytes()
-
-
-def triangles(path: Path, data: bytes) -> Any:
+def triangles(path: Path, data: bytes) -> Ball:
     """Return the corners (F, 3, 3) of a mesh file's triangles."""
-    kind = path.suffix.lower()
-    need(kind in (".stl", ".obj"), f"{path}: meshes of this kind cannot be checked (stl and obj can)")
-    if kind == ".stl" and len(data) >= 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
+    kind, size = path.suffix.lower(), 84 + 50 * int.from_bytes(data[80:84], "little")
+    need(kind in (".stl", ".obj", ".dae"), f"{path}: meshes of this kind cannot be checked (stl, obj and dae can)")
+    if kind == ".stl" and len(data) == size:
         rows = np.frombuffer(data, dtype=np.dtype([("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")]), offset=84)
-        found = rows["v"].astype(np.float64)
+        found = Ball(rows["v"])
     else:
-        need(b"\0" not in data and len(data) <= MOST_TEXT and data.count(b"\n") <= MOST_LINES,
-             f"{path}: is no text, or too large")  # fmt: skip
-        lines = [x for x in (line.split() for line in data.replace(b"\r", b"\n").split(b"\n")) if x]
-        if kind == ".stl":
-            lines = [[y.lower() for y in x] for x in lines if x[0].lower() not in (b"solid", b"endsolid")]
-            facet = [b"facet", b"outer", *[b"vertex"] * 3, b"endloop", b"endfacet"]
-            good = [x[0] for x in lines] == facet * (len(lines) // 7) and all(
-                len(x) == 4 for x in lines if x[0] == b"vertex"
-            )
-            need(good, f"{path}: its lines are not those of triangles")
-            found = np.array([x[1:] for x in lines if x[0] == b"vertex"], dtype=np.float64).reshape(-1, 3, 3)
-        else:
-            points = np.array([x[1:4] for x in lines if x[0] == b"v"], dtype=np.float64).reshape(-1, 3)
-            fans, before = [], 0
-            for x in lines:
-                need(x[0] not in (b"V", b"F") and x[-1][-1:] != b"\\", f"{path}: a line that may be read in two ways")
-                before += x[0] == b"v"
-                face = [int(y.split(b"/")[0]) for y in x[1:]] if x[0] == b"f" else []
-                need(all(face), f"{path}: a face has a vertex that is not there")
-                face = [i - 1 if i > 0 else before + i for i in face]
-                need(all(0 <= i < len(points) for i in face), f"{path}: a face has a vertex that is not there")
-                fans += [[face[0], face[i], face[i + 1]] for i in range(1, len(face) - 1)]
-            found = points[np.array(fans, dtype=np.int64).reshape(-1, 3)]
-    need(len(found) and (np.abs(found) < 1e9).all(), f"{path}: has no triangles, or numbers that are not finite")
+        need(b"\0" not in data, f"{path}: is no text")
+        found = collada(tree(data)) if kind == ".dae" else Ball((stl if kind == ".stl" else obj)(data))
+    good = len(found.mid) and (np.abs(found.mid) < 1e9).all() and (found.rad < 1e-3).all()
+    need(good, f"{path}: has no triangles, or numbers that are not finite")
     return found
 
 
+def stl(data: bytes) -> Any:
+    """Return the triangles of an STL file that is text: of 21 words each, between two lines."""
+    first, *lines, last = data.strip().lower().replace(b"\r", b"\n").split(b"\n")
+    words = np.array(b" ".join(lines).split()).reshape(-1, 21)
+    rule = b"facet normal outer loop vertex vertex vertex endloop endfacet".split()
+    same = words[:, [0, 1, 5, 6, 7, 11, 15, 19, 20]] == rule
+    good = first.startswith(b"solid") and last.startswith(b"endsolid") and same.all()
+    need(good, "STL: its lines are not those of triangles")
+    return words[:, [8, 9, 10, 12, 13, 14, 16, 17, 18]].astype(np.float64).reshape(-1, 3, 3)
+
+
+def fans(faces: Iterable[Sequence[int]]) -> Any:
+    """Return triangles (F, 3) of polygons, all at the first corner of theirs."""
+    corners = [[x[0], x[i], x[i + 1]] for x in faces for i in range(1, len(x) - 1)]
+    return np.array(corners, dtype=np.int64).reshape(-1, 3)
+
+
+def obj(data: bytes) -> Any:
+    """Return the triangles of an OBJ file: vertices count from 1, or backwards from the last before the face."""
+    points, faces = list[list[float]](), list[list[int]]()
+    for key, *rest in filter(None, (line.split() for line in data.replace(b"\r", b"\n").split(b"\n"))):
+        good = key not in (b"V", b"F") and not [key, *rest][-1].endswith(b"\\")
+        need(good, "OBJ: a line that may be read in two ways")
+        if key == b"v":
+            points.append([float(x) for x in rest[:3]])
+        elif key == b"f":
+            told = [int(x.split(b"/")[0]) for x in rest]
+            faces.append([x - 1 if x > 0 else len(points) + x for x in told])
+            need(all(told) and min(faces[-1]) >= 0, "OBJ: a face has a vertex that is not there")
+    return np.array(points, dtype=np.float64).reshape(-1, 3)[fans(faces)]
+
+
+def collada(root: Any) -> Ball:
+    """Return the triangles of a COLLADA file in metres, whichever of its axes is up (as ROS reads it)."""
+    for x in root.iter():
+        x.tag = x.tag.rpartition("}")[2]
+    unit_, named = root.find("asset/unit"), unique([(x.get("id"), x) for x in root.iter() if "id" in x.attrib])
+    need(unit_ is None or float(unit_.get("meter", 1)) == 1, "COLLADA: its unit is not the metre")
+
+    def there(element: Any, key: str = "source") -> Any:
+        need(element is not None and element.get(key, "")[:1] == "#", "COLLADA: a reference is not within the file")
+        return named[element.get(key)[1:]]
+
+    def soup(geometry: Any) -> Iterator[Ball]:
+        need({x.tag for x in geometry} <= {"mesh", "extra"}, "COLLADA: a geometry that is no mesh")
+        for part in geometry.findall("mesh/*"):
+            need(part.tag in ("source", "vertices", "lines", "triangles", "polylist", "extra"), f"COLLADA: {part.tag}")
+            if part.tag not in ("triangles", "polylist"):  # lines enclose nothing
+                continue
+            ways = {x.get("semantic"): x for x in part.findall("input")}
+            source = there(there(ways["VERTEX"]).find("input[@semantic='POSITION']"))
+            (array,), (way,) = source.findall("float_array"), source.findall("technique_common/accessor")
+            plain = (way.get("stride"), way.get("offset", "0"), there(way)) == ("3", "0", array)
+            need(plain, "COLLADA: its points are not three numbers each")
+            points, stride = np.array(array.text.split(), dtype=np.float64).reshape(-1, 3), 1
+            stride += max(int(x.get("offset")) for x in part.findall("input"))
+            text = " ".join(x.text or "" for x in part.findall("p")).split()
+            corners = np.array(text, dtype=np.int64).reshape(-1, stride)[:, int(ways["VERTEX"].get("offset"))]
+            if part.tag == "polylist":
+                ends = np.cumsum(np.array((part.findtext("vcount") or "").split(), dtype=np.int64))
+                need(len(corners) == ends.max(initial=0), "COLLADA: polygons of other sizes than it says")
+                corners = fans(x.tolist() for x in np.split(corners, ends[:-1]))
+            need((corners >= 0).all(), "COLLADA: a face has a vertex that is not there")
+            yield Ball(points[corners.reshape(-1, 3)])
+
+    def parts(node: Any) -> list[Ball]:
+        plain = ("asset", "matrix", "node", "instance_geometry", "instance_camera", "instance_light", "extra")
+        need({x.tag for x in node} <= {*plain}, f"COLLADA: a node has other parts than {', '.join(plain)}")
+        found = [x for each in node.findall("instance_geometry") for x in soup(there(each, "url"))]
+        found += [x for each in node.findall("node") for x in parts(each)]
+        for matrix in reversed(node.findall("matrix")):
+            m = np.array(matrix.text.split(), dtype=np.float64).reshape(4, 4)
+            need(m[3].tolist() == [0, 0, 0, 1], "COLLADA: a matrix is no affine map")
+            found = [dot("ij,fkj->fki", m[:3, :3], x) + m[:3, 3] for x in found]
+        return found
+
+    all_ = parts(there(root.find("scene/instance_visual_scene"), "url"))
+    return Ball(*(np.concatenate([np.zeros((0, 3, 3)), *x]) for x in ([y.mid for y in all_], [y.rad for y in all_])))
+
+
 def tree(data: bytes) -> Any:
-    """Return the root of a URDF or SRDF. A DTD could give attributes that are not to be seen where they act."""
-    need(b"<!DOCTYPE" not in data and b"\0" not in data and len(data) <= MOST_TEXT, "XML with a DTD, or too large")
+    """Return the root of an XML file. A DTD could give attributes that are not to be seen where they act."""
+    need(b"<!DOCTYPE" not in data and b"\0" not in data, "XML with a DTD, or in another encoding")
     return ElementTree.fromstring(data)
 
 
@@ -347,19 +408,27 @@ def robot_of(library: Path, name: str) -> tuple[Path, Path | None]:
     name is its file's, without `_robot`, or its folder's, without `_description`, where several folders have such a
     file; of two such files in a folder it is the larger one. Its SRDF is that of its name, or of the longest beginning
     of it. Any file goes by FOLDER/FILE, without SRDF."""
-    files, found = dict[str, list[Path]](), list[Path]()
-    for x in sorted([*library.glob("*/urdf/*.urdf"), *library.glob("*/robots/*.urdf")]):
-        files.setdefault(x.stem.removesuffix("_robot"), []).append(x)
-        found += [x] * (f"{x.parents[1].name}/{x.name}" == name)
-    for stem, some in files.items():
-        folders = {x.parents[1] for x in some}
-        for at in folders:
-            if name == (stem if len(folders) == 1 else at.name.removesuffix("_description")):
-                found.append(max((x for x in some if x.parents[1] == at), key=lambda x: x.stat().st_size))
-    need(len(found) == 1, f"robot: '{name}' is not the name of one robot")
-    srdfs = {x.stem: x for x in (found[0].parents[1] / "srdf").glob("*.srdf") if "/" not in name}
+    stems, found = dict[str, set[Path]](), list[Path]()
+    files = [(x, x.parents[1], x.stem.removesuffix("_robot")) for x in library.glob("*/*/*.urdf")]
+    files = [x for x in files if x[0].parent.name in ("urdf", "robots")]
+    for _, folder, stem in files:
+        stems.setdefault(stem, set()).add(folder)
+    for file, folder, stem in files:
+        plain = stem if len(stems[stem]) == 1 else folder.name.removesuffix("_description")
+        found += [file] * (name in (plain, f"{folder.name}/{file.name}"))
+    need(found and len({x.parents[1] for x in found}) == 1, f"robot: '{name}' is not the name of one robot")
+    urdf = max(found, key=lambda x: x.stat().st_size)
+    srdfs = {x.stem: x for x in (urdf.parents[1] / "srdf").glob("*.srdf") if "/" not in name}
     begins = max((x for x in srdfs if name.startswith(x)), key=len, default="")
-    return found[0], srdfs.get(next((x for x in (found[0].stem, name) if x in srdfs), begins))
+    return urdf, srdfs.get(urdf.stem if urdf.stem in srdfs else begins)
+
+
+def excused(srdf: Any) -> dict[frozenset[str], str]:
+    """Return the pairs of links that an SRDF leaves out."""
+    known = not {"enable_collisions", "disable_default_collisions"} & {x.tag for x in srdf}
+    need(known, "SRDF: only disable_collisions can be checked, no enable_collisions or disable_default_collisions")
+    pairs = [frozenset((x.get("link1", ""), x.get("link2", ""))) for x in srdf.findall("disable_collisions")]
+    return dict.fromkeys(pairs, "the SRDF")
 
 
 @dataclass(eq=False)
@@ -434,25 +503,10 @@ class World:
     def __init__(self, scene: Path, motion: Path, said: dict[str, Any], cuts: dict[str, Any]) -> None:
         """Read all files; `said` is the head of a proof, `cuts` its groups of the triangles of meshes."""
         self.scene, self.said, self.cuts, self.files = scene, said, cuts, dict[str, str]()
-        self.keys, self.size = set[str](), 0  # of all shapes, and how many corners and triangles they have
+        self.keys = set[str]()  # of all shapes
         self.pieces, self.meshes = list[Piece](), dict[str, Any]()  # triangles of each mesh, by its key
-        loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-        content = self.file("scene", scene)
-        depth = 0
-        for count, event in enumerate(yaml.parse(content, loader)):  # not by recursion, as the readers below
-            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-            need(depth <= DEEPEST and count < MOST_PARTS_OF_TEXT, f"{scene}: is nested too deeply, or too large")
-        waiting, seen = [yaml.compose(content, loader)], set[int]()
-        while waiting:  # a key that stands twice would hide what it says first
-            node = waiting.pop()
-            if id(node) not in seen and isinstance(node, yaml.MappingNode | yaml.SequenceNode):
-                seen.add(id(node))
-                named = [key.value for key, _ in node.value] if isinstance(node, yaml.MappingNode) else []
-                need(len(named) == len({*map(str, named)}), f"{scene}: a key stands twice among {named}")
-                waiting += [value for _, value in node.value] if named else node.value
-        top = yaml.load(content, loader)
         sections = "robot obstacles attached start goal from_request self_collision limits payload path timing planner"
-        self.top = mapping(top, str(scene), f"hdplan {sections}")
+        self.top = mapping(yaml.load(self.file("scene", scene), Loader), str(scene), f"hdplan {sections}")
         need(self.top.get("hdplan") == 1, f"{scene}: not a hdplan scene, version 1")
         self.read_motion(motion)
         self.read_robot()
@@ -473,7 +527,8 @@ class World:
 
     def file(self, key: str, path: Path) -> bytes:
         """Read a file and note its hash, which must be the proof's."""
-        data = read(path)
+        need(path.is_file(), f"{path}: no such file")
+        data = path.read_bytes()
         self.files[key] = hashlib.sha256(data).hexdigest()
         same = self.said["files"].get(key, self.files[key]) == self.files[key]
         need(same, f"{key}: {path} is not the file that was proven: its SHA-256 differs")
@@ -483,10 +538,9 @@ class World:
         """Read the rows, and make the control points (N - 1, d + 1, n) of the polynomial between each two."""
         data, kind, rates = self.file("motion", path), path.suffix.lower(), ("positions", "velocities", "accelerations")
         need(kind in (".json", ".csv"), f"{path}: motions of this kind cannot be checked (json and csv can)")
-        need(len(data) <= MOST_TEXT and data.count(b"\n") <= MOST_LINES, f"{path}: is too large")
         if kind == ".json":
             keys = f"hdplan_trajectory joint_names interpolation locked times verdict steps {' '.join(rates)}"
-            said = mapping(json.loads(data), str(path), keys)
+            said = mapping(json.loads(data, object_pairs_hook=unique), str(path), keys)
             self.names, self.locked = [str(x) for x in said["joint_names"]], said.get("locked", {})
         else:
             head, *lines = [row for row in csv.reader(data.decode("utf-8-sig").splitlines()) if row]
@@ -503,9 +557,8 @@ class World:
         need(said.get("interpolation", rule) == rule, f"{path}: its interpolation is not that of its rows")
         times = np.array(said["times"], dtype=np.float64) if "times" in said else None
         count, n = given[0].shape
-        need(count * n <= MOST_VALUES, f"{path}: is too large")
-        good = 2 <= count <= MOST_ROWS and 1 <= n <= 60 and len({*self.names}) == n == len(self.names)
-        need(good, f"{path}: too few or too many rows or joints, or a joint twice")
+        good = count >= 2 and 1 <= n <= 60 and len({*self.names}) == n == len(self.names)
+        need(good, f"{path}: too few rows, or too many joints, or a joint twice")
         need(all(x.shape == (count, n) and (np.abs(x) < 1e9).all() for x in given), f"{path}: numbers must be finite")
         rated = [x in said for x in ("times", *rates[1:])]
         need(sorted(rated, reverse=True) == rated, f"{path}: velocities need times, accelerations need velocities")
@@ -571,8 +624,6 @@ class World:
                 a, b = stack(at[:-1]), stack(at[1:])
                 rows = [a + (b - a) * (Ball(i) * Ball(1 / degree, EPS)) for i in range(degree + 1)]
                 columns.append(stack(rows, 1)[:, :, None])
-            width = sum(x.mid.shape[2] for x in columns)
-            need(len(times) * width <= MOST_VALUES, "the motion of robot and obstacles has too many parts")
             mid, rad = (np.concatenate(x, axis=2) for x in ([y.mid for y in columns], [y.rad for y in columns]))
             self.control = Ball(mid, rad)
         count = len(self.joints)
@@ -585,27 +636,23 @@ class World:
 
     def read_robot(self) -> None:
         """Read the tree of links, where each is in the frame of the joint that carries it, and the pieces of all."""
-        keys = "name urdf srdf package_dirs group base locked ignore_pairs"
-        spec = self.spec = mapping(self.top.get("robot"), "robot", keys)
-        here = self.scene.resolve().parent
-        folders = [here / str(x) for x in listing(spec.get("package_dirs"), "package_dirs")]
-        package = metadata.distribution("example-robot-data")
-        some = next(Path(str(package.locate_file(x))) for x in package.files or () if str(x).endswith(".urdf"))
-        library = next(x for x in some.parents if x.name == "robots")
-        need(("name" in spec) != ("urdf" in spec), "robot: either a name or a URDF is expected")
-        srdf = here / str(spec["srdf"]) if "srdf" in spec else None
+        keys = "name urdf srdf package_dirs group base base_joints locked ignore_pairs"
+        spec, here = mapping(self.top.get("robot"), "robot", keys), self.scene.resolve().parent
+        self.spec, self.folders = spec, [Path(x) for x in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if x]
         if "name" in spec:
-            urdf, found = robot_of(library, str(spec["name"]))
-            srdf = srdf or found
+            need(not {"urdf", "srdf", "package_dirs"} & {*spec}, "robot: either a name or files are expected")
+            package = metadata.distribution("example-robot-data")
+            some = next(Path(str(package.locate_file(x))) for x in package.files or () if str(x).endswith(".urdf"))
+            library = next(x for x in some.parents if x.name == "robots")
+            urdf, srdf = robot_of(library, str(spec["name"]))
+            self.folders = [library.parent.parent, library, *self.folders]
         else:
-            urdf = (here / str(spec["urdf"])).resolve()
-            folders += urdf.parents
-        ros = [Path(x) for x in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if x]
-        self.folders = [*folders, library.parent.parent, library, *ros]
+            urdf, srdf = (here / str(spec["urdf"])).resolve(), here / str(spec["srdf"]) if "srdf" in spec else None
+            folders = [here / str(x) for x in listing(spec.get("package_dirs"), "package_dirs")]
+            self.folders = [*folders, *urdf.parents, *self.folders]
         self.urdf, root = urdf, tree(self.file("urdf", urdf))
         words_ = tree(self.file("srdf", srdf) if srdf else b"<robot/>")
-        pairs = [frozenset((x.get("link1", ""), x.get("link2", ""))) for x in words_.findall("disable_collisions")]
-        self.excused, self.states = dict.fromkeys(pairs, "the SRDF"), dict[str, dict[str, float]]()
+        self.excused, self.states = excused(words_), dict[str, dict[str, float]]()
         for state in words_.findall("group_state"):  # a joint that two states of one name have elsewhere is at neither
             known_ = self.states.setdefault(state.get("name", ""), {})
             for x in [x for x in state.findall("joint") if len(x.get("value", "").split()) == 1]:
@@ -614,38 +661,40 @@ class World:
         ignored = listing(spec.get("ignore_pairs"), "ignore_pairs")
         self.excused |= {frozenset(map(str, listing(x, "ignore_pairs"))): "robot.ignore_pairs" for x in ignored}
         links = {x.get("name", ""): x for x in root.findall("link")}
-        self.above, below = dict[str, str](), dict[str, list[tuple[str, Any]]]()
+        if "base_joints" in spec:
+            links |= self.carry(root, {*links} - {x.get("link") for x in root.findall("joint/child")})
+        self.above, below = (
+            dict[str, tuple[str, Any]](),
+            dict[str, list[str]](),
+        )  # the link before, and the joint between
         for joint in root.findall("joint"):
             parent, child = (x.get("link", "") for x in (joint.find("parent"), joint.find("child")) if x is not None)
             need({parent, child} <= {*links} and child not in self.above, f"{urdf}: its links make no tree")
-            self.above[child] = parent
-            below.setdefault(parent, []).append((child, joint))
-        (first,) = [x for x in links if x not in self.above]
+            self.above[child] = parent, joint
+            below.setdefault(parent, []).append(child)
+        (first,), self.links = (x for x in links if x not in self.above), {*links}
         self.at: dict[str, tuple[int, Pose]] = {first: (-1, pose_of(spec.get("base"), "robot.base"))}
         self.joints, self.held, waiting = list[Joint](), dict[str, float](), [first]
         self.followed = dict[str, tuple[str, float, float]]()  # of joints that follow others that are held
-        while waiting:
+        while waiting:  # depth first, by the joints' names: the order of a list of joint values
             link = waiting.pop()
-            for child, joint in below.get(link, ()):
-                self.at[child] = self.place(joint, *self.at[link])
-                waiting.append(child)
+            if link != first:
+                joint = self.above[link][1]
+                self.at[link] = self.place(joint, *self.at[self.above[link][0]])
+            waiting += sorted(below.get(link, ()), key=lambda x: self.above[x][1].get("name", ""), reverse=True)
         need(len(self.at) == len(root.findall("link")), f"{urdf}: its links make no tree")
         for name, (other, scale, add) in self.followed.items():
             off = abs(self.held[name] - (scale * self.held[other] + add)) if other in self.held else 0.0
             need(off <= ROUNDED, f"joint '{name}': is held where it does not follow '{other}'")
-        need(
-            sorted(self.names) == sorted(x.name for x in self.joints),
-            f"{urdf}: not all joints of the motion can move in it",
-        )
+        same = sorted(self.names) == sorted(x.name for x in self.joints)
+        need(same, f"{urdf}: not all joints of the motion can move in it")
         order = [self.names.index(x.name) for x in self.joints]
         self.control, self.rows = self.control[:, :, order], self.rows[:, order]
         self.curve, self.clock = self.control, self.times  # of the robot alone
         self.tracks = list[tuple[list[float], list[Ball]]]()  # of joints that follow the time: times and values there
         for link, element in links.items():
-            tags = {x.tag for x in element}
-            need(
-                tags <= {"visual", "collision", "inertial"}, f"{urdf}: link '{link}' has unknown parts: {sorted(tags)}"
-            )
+            known = {x.tag for x in element} <= {"visual", "collision", "inertial"}
+            need(known, f"{urdf}: link '{link}' has parts that are not known")
             for i, shape in enumerate(element.findall("collision")):
                 number, pose = self.at[link]
                 self.add(link, number, compose(pose, origin(shape)), self.solid(shape, f"link '{link}'"), f"{link} {i}")
@@ -658,6 +707,22 @@ class World:
             self.add(name, number, placed, self.shape(held["shape"], name), name)
             touching = [str(x) for x in listing(held.get("touch_links"), "touch_links")]
             self.excused |= {frozenset((name, x)): "touch_links" for x in touching}
+
+    def carry(self, root: Any, roots: set[str]) -> dict[str, Any]:
+        """Put the joints of a mobile base under the root link, and return the links before it."""
+        base, links = (
+            mapping(self.spec["base_joints"], "robot.base_joints", "kind x y yaw"),
+            ["base 0", "base 1", "base 2"],
+        )
+        need(base.get("kind", "planar") == "planar", "robot.base_joints: 'planar' is the only kind")
+        ways = ("x", "prismatic", "1 0 0"), ("y", "prismatic", "0 1 0"), ("yaw", "revolute", "0 0 1")
+        for i, (name, kind, axis) in enumerate(ways):
+            low, high = numbers(base[name], 2, f"robot.base_joints.{name}").tolist()
+            joint = ElementTree.SubElement(root, "joint", name=f"base_{name}", type=kind)
+            ends = ("parent", {"link": links[i]}), ("child", {"link": [*links[1:], *roots][i]})
+            for tag, said in (*ends, ("axis", {"xyz": axis}), ("limit", {"lower": repr(low), "upper": repr(high)})):
+                ElementTree.SubElement(joint, tag, said)
+        return {x: ElementTree.SubElement(root, "link", name=x) for x in links}
 
     def place(self, joint: Any, parent: int, pose: Pose) -> tuple[int, Pose]:
         """Return the moving joint that carries a joint's child, and the child's pose in its frame."""
@@ -683,10 +748,8 @@ class World:
         values = [x[name] for x in sources if isinstance(x, dict) and name in x]
         need(values, f"joint '{name}': nothing says where it is held")
         value = self.held[name] = float(numbers(values[0], 1, f"joint '{name}'")[0])
-        need(
-            self.said["held"].get(name, value) == value,
-            f"joint '{name}': is held at {value:g}, not where the proof says",
-        )
+        same = self.said["held"].get(name, value) == value
+        need(same, f"joint '{name}': is held at {value:g}, not where the proof says")
         step = (rotation(axis, value), HERE[1]) if kind != "prismatic" else (HERE[0], axis * value)
         return parent, compose(pose, step)
 
@@ -728,22 +791,20 @@ class World:
     def mesh(self, path: Path, scale: Any) -> tuple[Any, Any, Any]:
         """Return the triangles of a mesh file, scaled."""
         found = triangles(path, self.file(f"mesh {path.parent.name}/{path.name}", path)) * scale
-        return found, 2 * EPS * np.abs(found).max(axis=(0, 1)) * (scale != 1), np.zeros(3)
+        return found.mid, found.rad.max(axis=(0, 1)), np.zeros(3)
 
     def add(self, name: str, joint: int, pose: Pose, shape: tuple[Any, Any, Any], key: str) -> None:
         """Note a shape as pieces: a mesh as its hull, or as the hulls of the groups of its triangles and one around."""
         corners, off, sweep = shape
         need(key not in self.keys, f"'{key}' is the name of two shapes")
         self.keys.add(key)
-        self.size += len(corners)
-        need(self.size <= MOST_CORNERS, "there are more corners than can be checked")
         if corners.ndim == 2:
             self.pieces.append(Piece(name, joint, pose, key, corners, off, sweep))
             return
         self.meshes[key], groups = corners, self.cuts.get(key, np.zeros(len(corners)))
         need(groups.shape == corners.shape[:1], f"mesh of {key}: has {len(corners)} triangles, not {len(groups)}")
         labels = np.unique(groups).tolist()
-        need(len(labels) * len(groups) <= 100 * MOST_CORNERS, f"mesh of {key}: has too many groups")
+        need(len(labels) * len(groups) <= 100 * MOST_PAIRS, f"mesh of {key}: has too many groups")
         for mask, cover in [(groups == x, False) for x in labels] + [(groups >= 0, True)] * (len(labels) > 1):
             own = np.unique(corners[mask].reshape(-1, 3), axis=0)
             self.pieces.append(Piece(name, joint, pose, key, own, off, sweep, cover))
@@ -782,12 +843,12 @@ class World:
         if reason := self.excused.get(frozenset((one, two))):
             return reason
         one_joint = (a >= 0 and self.joints[a].parent == b) or (b >= 0 and self.joints[b].parent == a)
-        if not one_joint or not {one, two} <= {*self.above, *self.above.values()}:
+        if not one_joint or not {one, two} <= self.links:
             return None
         ways = [[link] for link in (one, two)]
         for way in ways:
             while way[-1] in self.above:
-                way.append(self.above[way[-1]])
+                way.append(self.above[way[-1]][0])
         shared = [link for link in ways[0] if link in ways[1]]
         between = {link for way in ways for link in way if link not in shared} | {*shared[:1]}
         return None if (between - {one, two}) & self.solid_links else "neighbours"
@@ -825,7 +886,6 @@ class Motion:
         first, k, count = np.floor(low).astype(int), len(spans), len(world.joints)
         counts = np.ceil(high).astype(int) - first
         begins = np.cumsum(counts) - counts
-        need(counts.sum() <= MOST_ROWS + MOST_PARTS, "the intervals of the leaves cover too many rows")
         row, span = np.arange(counts.sum()) - np.repeat(begins - first, counts), np.repeat(np.arange(k), counts)
         start, end = (np.clip(x[span] - row, 0, 1)[:, None, None] for x in (low, high))
         part = blossom(world.control[row], start, end)
@@ -919,10 +979,9 @@ def unpack(data: bytes) -> tuple[dict[str, Any], dict[str, Any], Trees]:
     need(data.startswith(MAGIC), "the file is not a proof")
     inflate = zlib.decompressobj()
     line, _, rest = inflate.decompress(data[len(MAGIC) :], MOST_BYTES).partition(b"\n")
-    need(len(line) <= MOST_HEAD, "the proof's head is too large")
     need(inflate.eof and not inflate.unused_data, "the proof is cut short, too large, or goes on after its end")
     keys = "version files clearance self_clearance held cuts pairs leaves once claims"
-    head, at, arrays = mapping(json.loads(line), "the proof's head", keys), 0, []
+    head, at, arrays = mapping(json.loads(line, object_pairs_hook=unique), "the proof's head", keys), 0, []
     good = all(isinstance(head[x], dict) for x in ("files", "held", "cuts"))
     need(good and head["version"] == VERSION, "the proof's head is not of this version")
     sizes = [*((x, "<u2") for x in head["cuts"].values()), (head["pairs"], "<u4"), (head["leaves"], "<u1")]
@@ -944,7 +1003,7 @@ def verify(scene: Path, motion: Path, proof: Path | bytes) -> str:
     reason."""
     try:
         with np.errstate(all="ignore"):
-            head, cuts, trees = unpack(proof if isinstance(proof, bytes) else read(proof))
+            head, cuts, trees = unpack(proof if isinstance(proof, bytes) else proof.read_bytes())
             world = World(scene, motion, head, cuts)
             need(world.files == head["files"] and {*cuts} <= {*world.meshes}, "the proof names other files or meshes")
             check_apart(world, head, trees)
@@ -996,30 +1055,54 @@ def check_apart(world: World, head: dict[str, Any], trees: Trees) -> None:
             raise RejectedError(f"{' and '.join(pieces[i].key for i in bodies[leaf])}: {where}: {short}")
 
 
+def beyond(curve: Ball, low: Any, high: Any) -> tuple[int, int] | None:
+    """Return row and joint of polynomials (N, d + 1, n) that are not shown to stay between limits (n,) by their control
+    points; where those are beyond, but the ends not, by those of halves."""
+    row, start, end = np.arange(len(curve.mid)), np.zeros(len(curve.mid)), np.ones(len(curve.mid))
+    wrong = np.zeros((0, 1, 1), dtype=bool)
+    for depth in range(24):
+        found = blossom(curve[row], start[:, None, None], end[:, None, None])
+        wrong = ~((above(found.mid, found.rad) <= high) & (above(-found.mid, found.rad) <= -low))
+        last = depth == 23 or len(row) > MOST_PARTS + len(curve.mid)
+        for i, _, j in np.argwhere(wrong if last else wrong[:, [0, -1]])[:1]:
+            return int(row[i]), int(j)
+        open_, middle = wrong.any(axis=(1, 2)), (start + end) / 2
+        row = np.tile(row[open_], 2)
+        start, end = np.append(start[open_], middle[open_]), np.append(middle[open_], end[open_])
+    return None
+
+
+def check_positions(world: World) -> None:
+    """Check that every joint stays within the limits of URDF and scene."""
+    joints, said = world.joints[: world.rows.shape[1]], (world.top.get("limits") or {}).get("position") or {}
+    need({*said} <= {x.name for x in joints}, "limits.position: a joint does not move")
+    low, high = np.array([(x.low, x.high) for x in joints]).T
+    for i, x in enumerate(joints):
+        if x.name in said:
+            least, most = numbers(said[x.name], 2, f"limits.position.{x.name}")
+            low[i], high[i] = max(low[i], least), min(high[i], most)
+    found = beyond(world.curve, low - ROUNDED, high + ROUNDED)
+    need(found is None, f"joint '{joints[found[1]].name}' leaves its limits after row {found[0]}" if found else "")
+
+
 def check_rates(world: World, name: str, order: int) -> None:
     """Check a limit on the time derivative of that order of the joints' values, as far as it exists: a motion is smooth
     enough by the rule of its interpolation, but for its ends, where it is to be at rest."""
     limits, joints = world.top.get("limits") or {}, world.joints[: world.rows.shape[1]]
-    asked = limits.get(name, "urdf" if name == "velocity" else None)
-    single = all(x.parent == i - 1 for i, x in enumerate(joints))  # only then the order of joints is known
-    need(world.clock is not None and (single or not isinstance(asked, list)), f"limits.{name}: cannot be checked")
-    values = asked if isinstance(asked, dict) else {x.name: asked for x in joints}
-    values = dict(zip([x.name for x in joints], asked, strict=True)) if isinstance(asked, list) else values
+    asked, names = limits.get(name, "urdf" if name == "velocity" else None), [x.name for x in joints]
+    asked = dict(zip(names, asked, strict=True)) if isinstance(asked, list) else asked
+    values = asked if isinstance(asked, dict) else dict.fromkeys(names, asked)
     most = [values.get(x.name, "urdf") for x in joints]
     most = [x.speed if y == "urdf" and name == "velocity" else y for x, y in zip(joints, most, strict=True)]
-    bound, rates = numbers(most, len(joints), f"limits.{name}"), world.curve
+    bound, rates, degree = numbers(most, len(joints), f"limits.{name}"), world.curve, world.curve.mid.shape[1] - 1
+    need(world.clock is not None and degree >= 2 * order - 1, f"limits.{name}: the motion is not smooth enough")
     share = inverse(Ball(world.clock[1:]) - world.clock[:-1])[:, None, None]
-    need(rates.mid.shape[1] >= 2 * order, f"limits.{name}: the motion's interpolation is not smooth enough")
     for k in range(order):
         at_rest = max(rates[0, 0].size.max(), rates[-1, -1].size.max()) <= SAME or k == 0
         need(at_rest, f"limits.{name}: the motion begins or ends with a jump")
-        rates = (rates[:, 1:] - rates[:, :-1]) * (float(rates.mid.shape[1] - 1) * share)
-    for part in range(8):
-        found = blossom(
-            rates, np.full((len(rates.mid), 1, 1), part / 8), np.full((len(rates.mid), 1, 1), (part + 1) / 8)
-        )
-        for row, _, j in np.argwhere(~(found.size <= bound * (1 + ROUNDED)))[:1]:
-            raise RejectedError(f"limits.{name}: joint '{joints[j].name}' exceeds it after row {row}")
+        rates = (rates[:, 1:] - rates[:, :-1]) * (float(degree - k) * share)
+    found = beyond(rates, -bound * (1 + ROUNDED), bound * (1 + ROUNDED))
+    need(found is None, f"limits.{name}: joint '{names[found[1]]}' exceeds it after row {found[0]}" if found else "")
 
 
 def statement(world: World, head: dict[str, Any]) -> str:
@@ -1030,30 +1113,13 @@ def statement(world: World, head: dict[str, Any]) -> str:
     for name in RATES:
         if name in claims:
             check_rates(world, name, RATES.index(name) + 1)
-    ranges = (top.get("limits") or {}).get("position") or {}
-    need({*ranges} <= {x.name for x in joints}, "limits.position: a joint does not move")
-    limits = [numbers(ranges[x.name], 2, x.name).tolist() if x.name in ranges else [x.low, x.high] for x in joints]
-    low, high = np.array(limits, dtype=np.float64).T + [[-ROUNDED], [ROUNDED]]
-    spans = np.arange(float(len(world.control.mid)))[:, None] + [0, 1] if "limits" in claims else np.zeros((0, 2))
-    while len(spans):
-        found = []
-        for some in np.array_split(spans, 1 + len(spans) * (world.own + 10) // 1_000_000):
-            motion = Motion(world, some)
-            found.append((motion.middle[:, : len(joints)], motion.most[:, : len(joints)]))
-        middle, most = (np.concatenate(x) for x in zip(*found, strict=True))
-        beyond = ~((middle - most >= low) & (middle + most <= high))
-        surely = (middle - most > high) | (middle + most < low)
-        finest = len(spans) > AT_ONCE or spans[0, 1] - spans[0, 0] < 2.0**-20
-        for i, j in np.argwhere(beyond if finest else surely)[:1]:
-            raise RejectedError(f"joint '{joints[j].name}' leaves its limits near row {spans[i, 0]:g}")
-        spans = spans[beyond.any(axis=1)]
-        middle = spans.mean(axis=1)
-        spans = np.concatenate([np.stack([spans[:, 0], middle], axis=1), np.stack([middle, spans[:, 1]], axis=1)])
+    if "limits" in claims:
+        check_positions(world)
     for end, row in (("start", world.rows[0]), ("goal", world.rows[-1])):
         if end in claims:
             asked = mapping(top.get(end), end, "joints state")
             target = world.states.get(str(asked["state"])) if "state" in asked else asked.get("joints")
-            if isinstance(target, list) and all(x.parent == i - 1 for i, x in enumerate(joints)):
+            if isinstance(target, list):
                 target = dict(zip([x.name for x in joints], numbers(target, len(joints), end).tolist(), strict=True))
             places = target if isinstance(target, dict) else {}
             near = [abs(q - places.get(x.name, np.nan)) <= SAME for q, x in zip(row.tolist(), joints, strict=True)]
@@ -1067,6 +1133,7 @@ def statement(world: World, head: dict[str, Any]) -> str:
     open_ += [f"planner.clearance, {1e3 * wanted:g} mm"] * ((head.get("clearance") or wanted) < wanted)
     part = " in part" * bool(open_)
     said = [f"accepted{part}: over the whole motion of {len(world.rows)} rows"]
+    said += [f"  robot: {world.urdf}, SHA-256 {world.files['urdf'][:8]}"]
     own = {name: x for name, x in world.clearances.items() if x > (head.get("clearance") or 0.0)}
     more = "".join(f"; {1e3 * x:g} mm from {name}" for name, x in own.items())
     for key, what in (("clearance", "from every obstacle"), ("self_clearance", "from one another")):
@@ -1082,11 +1149,27 @@ def statement(world: World, head: dict[str, Any]) -> str:
     return "\n".join([*said, "  if:", *(f"    {line}" for line in ASSUMES.splitlines())])
 
 
+def limit() -> None:
+    """Take at most MOST_MEMORY and MOST_TIME, whatever the files say: beyond that, the proof is rejected."""
+    if sys.platform == "linux":
+        import resource
+        import signal
+
+        def late(*_: Any) -> None:
+            raise RejectedError(f"needs more than {MOST_TIME} s")
+
+        signal.signal(signal.SIGXCPU, late)
+        resource.setrlimit(resource.RLIMIT_CPU, (MOST_TIME, MOST_TIME + 5))
+        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (used + MOST_MEMORY, used + MOST_MEMORY))
+
+
 def main() -> int:
     """Run from the command line."""
     if len(sys.argv) != 4:
         sys.exit("usage: python -m hdplan.verify SCENE TRAJECTORY PROOF")
     try:
+        limit()
         print(verify(*map(Path, sys.argv[1:])))
     except RejectedError as error:
         print(f"rejected: {error}")
