@@ -29,7 +29,8 @@ the joints after j move the piece: sum_(k>j) (|d_k| + eps_k) rho_k. What is line
 where least and greatest values over a piece are those over its corners, and of the ellipsoid that sweeps them.
 
 Meshes. A mesh may be divided into groups of triangles, whose hulls contain every triangle. Two surfaces that never meet
-do not let one body into the other: if the hulls around both are apart once, neither ever lies within the other.
+do not let one body into the other: if the hulls around both are apart once, neither ever lies within the other. That no
+link lies within another one of the same robot is assumed.
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ obstacles are what and where the scene says, and move as it says; what a link ho
 joints that do not move stay where scene or trajectory hold them, or else where the proof says
 links that turn about one joint with no other link between them, and pairs excused by SRDF or scene, may touch
 links that do not move relative to each other, and links fixed to the world and standing obstacles, are not compared
-a mesh is its triangles and what they enclose
+a mesh is its triangles and what they enclose; no link of the robot lies within another one, apart from its surface
 the computer's + - x / and square root are those of IEEE 754, rounded to nearest
 Python, NumPy and the libraries that read YAML and XML work
 the files read are those whose hashes are in the proof"""
@@ -374,39 +375,101 @@ def read(path: Path) -> bytes:
     return path.read_bytes()
 
 
-def triangles(path: Path, data: bytes) -> Any:
-    """Return the corners (F, 3, 3) of a mesh file's triangles."""
+def triangles(path: Path, data: bytes) -> tuple[Any, Any]:
+    """Return the corners (F, 3, 3) of a mesh file's triangles, and by how much they may be wrong (3,)."""
     kind = path.suffix.lower()
-    need(kind in (".stl", ".obj"), f"{path}: meshes of this kind cannot be checked (stl and obj can)")
+    need(kind in (".stl", ".obj", ".dae"), f"{path}: meshes of this kind cannot be checked (stl, obj and dae can)")
     if kind == ".stl" and len(data) >= 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
         rows = np.frombuffer(data, dtype=np.dtype([("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")]), offset=84)
-        found = rows["v"].astype(np.float64)
+        found, off = rows["v"].astype(np.float64), np.zeros(3)
     else:
         need(b"\0" not in data and len(data) <= MOST_TEXT and data.count(b"\n") <= MOST_LINES,
              f"{path}: is no text, or too large")  # fmt: skip
-        lines = [x for x in (line.split() for line in data.replace(b"\r", b"\n").split(b"\n")) if x]
-        if kind == ".stl":
-            lines = [[y.lower() for y in x] for x in lines if x[0].lower() not in (b"solid", b"endsolid")]
-            facet = [b"facet", b"outer", *[b"vertex"] * 3, b"endloop", b"endfacet"]
-            good = [x[0] for x in lines] == facet * (len(lines) // 7) and all(
-                len(x) == 4 for x in lines if x[0] == b"vertex"
-            )
-            need(good, f"{path}: its lines are not those of triangles")
-            found = np.array([x[1:] for x in lines if x[0] == b"vertex"], dtype=np.float64).reshape(-1, 3, 3)
-        else:
-            points = np.array([x[1:4] for x in lines if x[0] == b"v"], dtype=np.float64).reshape(-1, 3)
-            fans, before = [], 0
-            for x in lines:
-                need(x[0] not in (b"V", b"F") and x[-1][-1:] != b"\\", f"{path}: a line that may be read in two ways")
-                before += x[0] == b"v"
-                face = [int(y.split(b"/")[0]) for y in x[1:]] if x[0] == b"f" else []
-                need(all(face), f"{path}: a face has a vertex that is not there")
-                face = [i - 1 if i > 0 else before + i for i in face]
-                need(all(0 <= i < len(points) for i in face), f"{path}: a face has a vertex that is not there")
-                fans += [[face[0], face[i], face[i + 1]] for i in range(1, len(face) - 1)]
-            found = points[np.array(fans, dtype=np.int64).reshape(-1, 3)]
+        found, off = {".stl": stl, ".obj": obj, ".dae": dae}[kind](data, str(path))
     need(len(found) and (np.abs(found) < 1e9).all(), f"{path}: has no triangles, or numbers that are not finite")
-    return found
+    return found, off
+
+
+def stl(data: bytes, name: str) -> tuple[Any, Any]:
+    """Read triangles from the lines of an STL file."""
+    lines = [x for x in (line.split() for line in data.lower().replace(b"\r", b"\n").split(b"\n")) if x]
+    lines = [x for x in lines if x[0] not in (b"solid", b"endsolid")]
+    facet = [b"facet", b"outer", *[b"vertex"] * 3, b"endloop", b"endfacet"]
+    corners = [x[1:] for x in lines if x[0] == b"vertex"]
+    good = [x[0] for x in lines] == facet * (len(lines) // 7) and all(len(x) == 3 for x in corners)
+    need(good, f"{name}: its lines are not those of triangles")
+    return np.array(corners, dtype=np.float64).reshape(-1, 3, 3), np.zeros(3)
+
+
+def obj(data: bytes, name: str) -> tuple[Any, Any]:
+    """Read the faces of an OBJ file, as fans of triangles."""
+    lines = [x for x in (line.split() for line in data.replace(b"\r", b"\n").split(b"\n")) if x]
+    points = np.array([x[1:4] for x in lines if x[0] == b"v"], dtype=np.float64).reshape(-1, 3)
+    fans, before = [], 0
+    for x in lines:
+        need(x[0] not in (b"V", b"F") and x[-1][-1:] != b"\\", f"{name}: a line that may be read in two ways")
+        before += x[0] == b"v"
+        face = [int(y.split(b"/")[0]) for y in x[1:]] if x[0] == b"f" else []
+        face = [i - 1 if i > 0 else before + i if i else -1 for i in face]
+        need(all(0 <= i < len(points) for i in face), f"{name}: a face has a vertex that is not there")
+        fans += [[face[0], face[i], face[i + 1]] for i in range(1, len(face) - 1)]
+    return points[np.array(fans, dtype=np.int64).reshape(-1, 3)], np.zeros(3)
+
+
+def dae(data: bytes, name: str) -> tuple[Any, Any]:
+    """Read the triangles of a COLLADA file, its nodes placed; its unit is 1 m, or is not heeded, nor is what is up."""
+    root, found = tree(data), list[Ball]()
+    for x in root.iter():
+        x.tag = x.tag.rpartition("}")[2]
+    ids = {"#" + x.get("id", ""): x for x in root.iter()}
+
+    def floats(x: Any) -> Any:
+        return np.array((x.text or "").split(), dtype=np.float64)
+
+    def corners(part: Any) -> Any:
+        inputs = {x.get("semantic"): x for x in part.findall("input")}
+        own = {x.get("semantic"): x for x in ids[inputs["VERTEX"].get("source")].findall("input")}
+        points = floats(ids[own["POSITION"].get("source")].find("float_array")).reshape(-1, 3)
+        stride = 1 + max(int(x.get("offset")) for x in part.findall("input"))
+        which = np.concatenate([np.zeros(0), *map(floats, part.findall("p"))]).astype(np.int64).reshape(-1, stride)
+        which, at, fans = which[:, int(inputs["VERTEX"].get("offset"))], 0, []
+        need(((which >= 0) & (which < len(points))).all(), f"{name}: a triangle has a vertex that is not there")
+        if part.tag == "polylist":
+            for size in floats(part.find("vcount")).astype(np.int64).tolist():
+                fans += [[at, at + i, at + i + 1] for i in range(1, size - 1)]
+                at += size
+            which = which[np.array(fans, dtype=np.int64).ravel()]
+        return points[which]
+
+    def place(node: Any, pose: Pose) -> None:
+        for x in node:
+            if x.tag == "instance_geometry":
+                for part in ids[x.get("url")].find("mesh"):
+                    need(
+                        part.tag in ("source", "vertices", "extra", "lines", "triangles", "polylist"),
+                        f"{name}: {part.tag}",
+                    )
+                    if part.tag in ("triangles", "polylist"):
+                        found.append(dot("ij,kj->ki", pose[0], corners(part)) + pose[1])
+            elif x.tag == "node":
+                place(x, pose)
+            elif x.tag not in ("extra", "instance_light", "instance_camera"):
+                v, step = floats(x), HERE
+                need(x.tag in ("matrix", "translate", "scale", "rotate"), f"{name}: '{x.tag}' cannot be checked")
+                if x.tag == "matrix":
+                    need((v[12:] == [0, 0, 0, 1]).all(), f"{name}: a matrix that is no placement")
+                    step = Ball(v.reshape(4, 4)[:3, :3]), Ball(v.reshape(4, 4)[:3, 3])
+                elif x.tag == "rotate":  # by an angle in degrees, wrong by less than 4 roundings
+                    turn, angle = rotation(unit(v[:3]), v[3] * np.pi / 180), abs(v[3]) * 0.02
+                    step = Ball(turn.mid, up(turn.rad + 4 * EPS * angle)), HERE[1]
+                else:
+                    step = (HERE[0], Ball(v)) if x.tag == "translate" else (Ball(np.diag(v)), HERE[1])
+                pose = compose(pose, step)
+
+    for node in ids[root.find("scene").find("instance_visual_scene").get("url")].findall("node"):
+        place(node, HERE)
+    mid, rad = (np.concatenate(x) for x in zip(*((x.mid, x.rad) for x in found), strict=True))
+    return mid.reshape(-1, 3, 3), rad.max(axis=0)
 
 
 def tree(data: bytes) -> Any:
@@ -710,13 +773,14 @@ class World:
             below.setdefault(parent, []).append((child, joint))
         (first,) = [x for x in links if x not in self.above]
         self.at: dict[str, tuple[int, Pose]] = {first: (-1, pose_of(spec.get("base"), "robot.base"))}
-        self.joints, self.held, waiting = list[Joint](), dict[str, float](), [first]
+        self.joints, self.held, waiting = list[Joint](), dict[str, float](), [(first, below.get(first, []))]
         self.followed = dict[str, tuple[str, float, float]]()  # of joints that follow others that are held
-        while waiting:
-            link = waiting.pop()
-            for child, joint in below.get(link, ()):
+        while waiting:  # depth first, by the joints' names, as a scene counts them
+            link, left = waiting.pop()
+            for child, joint in sorted(left, key=lambda x: x[1].get("name", ""))[:1]:
+                waiting.append((link, [x for x in left if x[0] != child]))
                 self.at[child] = self.place(joint, *self.at[link])
-                waiting.append(child)
+                waiting.append((child, below.get(child, [])))
         need(len(self.at) == len(root.findall("link")), f"{urdf}: its links make no tree")
         for name, (other, scale, add) in self.followed.items():
             off = abs(self.held[name] - (scale * self.held[other] + add)) if other in self.held else 0.0
@@ -839,8 +903,9 @@ class World:
 
     def mesh(self, path: Path, scale: Any) -> tuple[Any, Any, Any]:
         """Return the triangles of a mesh file, scaled."""
-        found = triangles(path, self.file(f"mesh {path.parent.name}/{path.name}", path)) * scale
-        return found, 2 * EPS * np.abs(found).max(axis=(0, 1)) * (scale != 1), np.zeros(3)
+        found, off = triangles(path, self.file(f"mesh {path.parent.name}/{path.name}", path))
+        found = found * scale
+        return found, up(off * np.abs(scale)) + 2 * EPS * np.abs(found).max(axis=(0, 1)) * (scale != 1), np.zeros(3)
 
     def add(self, name: str, joint: int, pose: Pose, shape: tuple[Any, Any, Any], key: str) -> None:
         """Note a shape as pieces: a mesh as its hull, or as the hulls of the groups of its triangles and one around."""
@@ -868,7 +933,7 @@ class World:
         pieces, self.left_out = self.pieces, dict[frozenset[str], str]()
         rows, once = list[tuple[int, int]](), dict[tuple[int, int], None]()
         need(self.own * len(pieces) <= MOST_PAIRS, "there are more pairs of pieces than can be checked")
-        self.solid_links = {x.name for x in pieces}
+        self.solid_links, links = {x.name for x in pieces}, {*self.above, *self.above.values()}
         last = {x.key: i for i, x in enumerate(pieces)}  # of each shape: the hull around it
         for a in range(self.own):
             for b in range(a + 1, len(pieces)):
@@ -879,7 +944,8 @@ class World:
                     self.left_out[frozenset((one.name, two.name))] = reason
                     continue
                 rows.append((a, b))
-                if pieces[last[one.key]].cover or pieces[last[two.key]].cover:
+                covered = pieces[last[one.key]].cover or pieces[last[two.key]].cover
+                if covered and not {one.name, two.name} <= links:  # of two links, ASSUMES has it
                     once[last[one.key], last[two.key]] = None
         self.pairs, self.once = (np.array(list(x), dtype=np.int64).reshape(-1, 2) for x in (rows, once))
         self.centers = np.array([(x.corners.min(axis=0) + x.corners.max(axis=0)) / 2 for x in pieces]).reshape(-1, 3)
@@ -1145,8 +1211,7 @@ def limits_of(world: World, name: str, joints: list[Joint]) -> Any:
     """Return the scene's limits (n,) of a rate, or of torques."""
     limits = world.top.get("limits") or {}
     asked = limits.get(name, "urdf" if name == "velocity" else None)
-    single = all(x.parent == i - 1 for i, x in enumerate(joints))  # only then the order of joints is known
-    need(world.clock is not None and (single or not isinstance(asked, list)), f"limits.{name}: cannot be checked")
+    need(world.clock is not None, f"limits.{name}: the motion has no times")
     values = asked if isinstance(asked, dict) else {x.name: asked for x in joints}
     values = dict(zip([x.name for x in joints], asked, strict=True)) if isinstance(asked, list) else values
     most = [values.get(x.name, "urdf") for x in joints]
@@ -1397,7 +1462,7 @@ def statement(world: World, head: dict[str, Any]) -> str:
                 need(len(asked) == 1 and at_goal(world, asked), "goal: the motion's end does not reach it")
                 continue
             target = world.states.get(str(asked["state"])) if "state" in asked else asked.get("joints")
-            if isinstance(target, list) and all(x.parent == i - 1 for i, x in enumerate(joints)):
+            if isinstance(target, list):
                 target = dict(zip([x.name for x in joints], numbers(target, len(joints), end).tolist(), strict=True))
             places = target if isinstance(target, dict) else {}
             near = [abs(q - places.get(x.name, np.nan)) <= SAME for q, x in zip(row.tolist(), joints, strict=True)]
