@@ -796,15 +796,15 @@ class World:
         self.masses: list[tuple[float, int, Pose, Ball]] = []  # mass, joint, place of its centre, inertia about it
         for link, element in links.items():
             for body in element.findall("inertial"):
-                tags = {x.tag: x for x in body}
-                mass, six = float(tags["mass"].get("value", "")), tags["inertia"].attrib
+                part = {x.tag: x for x in body}
+                mass, six = float(part["mass"].get("value", "")), part["inertia"].attrib
                 about = inertia([float(six.get(key, 0.0)) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")])
                 self.carry(mass, link, origin(body), Ball(about))
         if load := self.top.get("payload"):
-            keys = mapping(load, "payload", "link mass com inertia")
-            mass, com = numbers(keys["mass"], 1, "payload.mass"), numbers(keys.get("com", 0.0), 3, "payload.com")
-            about = inertia(numbers(keys.get("inertia", 0.0), 6, "payload.inertia"))
-            self.carry(float(mass[0]), str(keys["link"]), (HERE[0], Ball(com)), Ball(about))
+            said = mapping(load, "payload", "link mass com inertia")
+            mass, com = numbers(said["mass"], 1, "payload.mass")[0], numbers(said.get("com", 0.0), 3, "payload.com")
+            about = inertia(numbers(said.get("inertia", 0.0), 6, "payload.inertia"))
+            self.carry(float(mass), str(said["link"]), (HERE[0], Ball(com)), Ball(about))
         for link, element in links.items():
             tags = {x.tag for x in element}
             need(
@@ -846,8 +846,8 @@ class World:
             need(mimic is None, f"joint '{name}': follows another joint and cannot be moved")
             low, high = (float(limit.get(x, 0)) for x in ("lower", "upper")) if limit is not None else (-np.inf, np.inf)
             ends = (-np.inf, np.inf) if kind == "continuous" else (low, high)
-            given = ("velocity", "velocity"), ("torque", "effort")
-            most = {key: float(limit.get(word, "nan")) for key, word in given} if limit is not None else {}
+            kinds = (("velocity", "velocity"), ("torque", "effort")) if limit is not None else ()
+            most = {key: float(limit.get(word, "nan")) for key, word in kinds}
             self.joints.append(Joint(name, parent, pose, axis, kind != "prismatic", *ends, most))
             return len(self.joints) - 1, HERE
         if mimic is not None:
@@ -1233,29 +1233,36 @@ def rates_of(world: World, name: str, order: int) -> list[Ball]:
     return rates
 
 
-def everywhere(name: str, count: int, beyond: Callable[[Any], Any]) -> None:
-    """Check that nothing of (k, m) is `beyond` a limit on parts (k, 2) of a motion of `count` rows, halved where that is
-    not sure."""
+def everywhere(name: str, of: list[str], count: int, beyond: Callable[[Any], Any]) -> None:
+    """Check that nothing (k, m), named by `of`, is `beyond` a limit on parts (k, 2) of a motion of `count` intervals.
+    Where that is not sure parts are halved, until it is so at the middle of one."""
     spans = np.arange(float(count))[:, None] + [0, 1]
-    while len(spans):
-        bad = np.concatenate([beyond(some).any(axis=1) for some in np.array_split(spans, 1 + len(spans) // 5000)])
-        spans = spans[bad]
-        if len(spans) > AT_ONCE or (len(spans) and spans[0, 1] - spans[0, 0] < 2.0**-20):
-            raise RejectedError(f"{name}: is not kept, or too closely to be shown, after row {spans[0, 0]:.6g}")
-        middle = spans.mean(axis=1)
-        spans = np.concatenate([np.stack([spans[:, 0], middle], axis=1), np.stack([middle, spans[:, 1]], axis=1)])
+    while True:
+        spans = spans[np.concatenate([beyond(x).any(axis=1) for x in np.array_split(spans, 1 + len(spans) // 5000)])]
+        middle = spans.mean(axis=1)[:, None]
+        if not len(spans):
+            return
+        surely: Any = beyond(np.concatenate([middle, middle + INSTANT], axis=1)[:5000])
+        finest = bool(len(spans) > AT_ONCE or spans[0, 1] - spans[0, 0] < 2.0**-20)
+        for row, column in np.argwhere(surely | finest)[:1]:
+            where = f"{of[column]} is beyond it, or too close to it to be shown"
+            raise RejectedError(f"{name}: {where}, after row {spans[row, 0]:.6g}")
+        ends = [spans[:, :1], middle], [middle, spans[:, 1:]]
+        spans = np.concatenate([np.concatenate(each, axis=1) for each in ends])
+
+
+def parts_of(control: Ball, spans: Any) -> Line:
+    """Return polynomials, known by their control points, on parts (k, 2) of the motion."""
+    row = np.floor(spans[:, 0]).astype(int)
+    return line_of(blossom(control[row], *((x - row)[:, None, None] for x in spans.T)))
 
 
 def check_rates(world: World, name: str, order: int) -> None:
     """Check a limit on the time derivative of that order of the joints' values."""
     joints = world.joints[: world.rows.shape[1]]
     bound, rates = limits_of(world, name, joints), rates_of(world, name, order)[-1]
-    for part in range(8):
-        found = blossom(
-            rates, np.full((len(rates.mid), 1, 1), part / 8), np.full((len(rates.mid), 1, 1), (part + 1) / 8)
-        )
-        for row, _, j in np.argwhere(~(found.size <= bound * (1 + ROUNDED)))[:1]:
-            raise RejectedError(f"limits.{name}: joint '{joints[j].name}' exceeds it after row {row}")
+    names = [f"joint '{x.name}'" for x in joints]
+    everywhere(f"limits.{name}", names, len(rates.mid), lambda x: ~(parts_of(rates, x).size <= bound * (1 + ROUNDED)))
 
 
 def check_torques(world: World) -> None:
@@ -1274,12 +1281,10 @@ def check_torques(world: World) -> None:
         loads[joint] = [a + b for a, b in zip(loads[joint], (Ball(mass), moment, inert), strict=True)]
 
     def beyond(spans: Any) -> Any:
-        row = np.floor(spans[:, 0]).astype(int)
-        start, end = ((x - row)[:, None, None] for x in spans.T)
-        lines = [line_of(blossom(each[row], start, end)) for each in rates]
+        lines = [parts_of(each, spans) for each in rates]
         return ~(torques(joints, loads, *lines) <= most * (1 + ROUNDED))
 
-    everywhere("limits.torque", len(world.curve.mid), beyond)
+    everywhere("limits.torque", [f"joint '{x.name}'" for x in joints], len(world.curve.mid), beyond)
 
 
 def torques(joints: list[Joint], loads: list[list[Ball]], q: Line, v: Line, a: Line) -> Any:
@@ -1382,8 +1387,8 @@ def bonds_of_pose(what: str, link: tuple[int, Pose], to: tuple[int, Pose], keys:
     """Return what keeps a link's frame at another one, within tolerances; about one of its axes it may be free."""
     (joint, pose), (other, target), free = link, to, str(keys.get("free_rotation", "none"))
     path = what == "path.relative"
-    off, angle = (float(numbers(keys.get(key, x), 1, what)[0]) for key, x in
-                  (("position_tolerance", 5e-3 if path else 1e-3), ("orientation_tolerance", 0.05 if path else 1e-2)))  # fmt: skip
+    usual = {"position_tolerance": 5e-3 if path else 1e-3, "orientation_tolerance": 0.05 if path else 1e-2}
+    off, angle = (float(numbers(keys.get(key, x), 1, what)[0]) for key, x in usual.items())
     bonds = [Bond(what, joint, pose[1][None], other, target[1][None], off + ROUNDED)]
     need(free in ("none", "x", "y", "z", "all"), f"{what}: free_rotation '{free}'")
     if free != "all":
@@ -1399,9 +1404,11 @@ def bonds_of_pose(what: str, link: tuple[int, Pose], to: tuple[int, Pose], keys:
 def check_path(world: World) -> None:
     """Check the scene's path constraints on the whole motion."""
     for bond in bonds_of_path(world):
-        everywhere(
-            bond.what, len(world.control.mid), lambda spans, x=bond: ~(Motion(world, spans).apart(x) <= x.most)[:, None]
-        )
+
+        def off(spans: Any, bond: Bond = bond) -> Any:
+            return ~(Motion(world, spans).apart(bond) <= bond.most)[:, None]
+
+        everywhere(bond.what, ["the link"], len(world.control.mid), off)
 
 
 def at_goal(world: World, goal: dict[str, Any]) -> bool:
@@ -1440,21 +1447,14 @@ def statement(world: World, head: dict[str, Any]) -> str:
     need({*ranges} <= {x.name for x in joints}, "limits.position: a joint does not move")
     limits = [numbers(ranges[x.name], 2, x.name).tolist() if x.name in ranges else [x.low, x.high] for x in joints]
     low, high = np.array(limits, dtype=np.float64).T + [[-ROUNDED], [ROUNDED]]
-    spans = np.arange(float(len(world.control.mid)))[:, None] + [0, 1] if "limits" in claims else np.zeros((0, 2))
-    while len(spans):
-        found = []
-        for some in np.array_split(spans, 1 + len(spans) * (world.own + 10) // 1_000_000):
-            motion = Motion(world, some)
-            found.append((motion.middle[:, : len(joints)], motion.most[:, : len(joints)]))
-        middle, most = (np.concatenate(x) for x in zip(*found, strict=True))
-        beyond = ~((middle - most >= low) & (middle + most <= high))
-        surely = (middle - most > high) | (middle + most < low)
-        finest = len(spans) > AT_ONCE or spans[0, 1] - spans[0, 0] < 2.0**-20
-        for i, j in np.argwhere(beyond if finest else surely)[:1]:
-            raise RejectedError(f"joint '{joints[j].name}' leaves its limits near row {spans[i, 0]:g}")
-        spans = spans[beyond.any(axis=1)]
-        middle = spans.mean(axis=1)
-        spans = np.concatenate([np.stack([spans[:, 0], middle], axis=1), np.stack([middle, spans[:, 1]], axis=1)])
+    if "limits" in claims:
+
+        def outside(spans: Any) -> Any:
+            q = parts_of(world.curve, spans)
+            reach = up(np.abs(q.slope) + q.rad)
+            return ~((-above(-q.mid, reach) >= low) & (above(q.mid, reach) <= high))
+
+        everywhere("limits.position", [f"joint '{x.name}'" for x in joints], len(world.curve.mid), outside)
     for end, row in (("start", world.rows[0]), ("goal", world.rows[-1])):
         if end in claims:
             asked = mapping(top.get(end), end, "joints state pose poses all")
