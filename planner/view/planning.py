@@ -1,40 +1,28 @@
-"""Planning from the browser: Plan and Stop, the optimizer's motions as they come, the verdict, and saving.
-
-A saved file is valid at that moment: a motion is certified once more, in the scene that is saved with it. Files are
-sent to the browser that requested them, as downloads: a browser cannot write anything on the server's machine.
-"""
+"""Planning from the browser: Plan and Stop, the optimizer's motions as they come, and the verdict."""
 
 from __future__ import annotations
 
 import html
-import tempfile
 import threading
 import time
-from collections.abc import Callable
-from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import viser
 
-from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
-from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.search import Event
 from hdplan.planner.solvers import DEFAULT, SOLVERS
 from hdplan.planner.timing.time_laws import MinimumJerk
 from hdplan.planner.view.drawing.colors import ITERATE
 from hdplan.planner.view.drawing.motion import sample_parameters
 from hdplan.planner.view.drawing.nodes import draw_path
-from hdplan.planner.view.handles import Handles
+from hdplan.planner.view.words import small
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.scene import Scene
-from hdplan.scenes.targets import JointTarget
-from hdplan.scenes.yaml_format.writer import scene_text
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
@@ -53,7 +41,6 @@ class Planning:
         """Build the panel in the container at hand."""
         self._viewer = viewer
         gui = viewer.server.gui
-        self.handles = Handles(viewer)
         self.solver = gui.add_dropdown("solver", list(SOLVERS), initial_value=DEFAULT)
         self.watch = gui.add_checkbox(
             "watch", True, hint=f"show every iteration for {LOOK:g} s, at most {LOOK_IN_ALL:g} s in all"
@@ -61,19 +48,14 @@ class Planning:
         self.button = gui.add_button("Plan", icon=viser.Icon.ROUTE)
         self._said = gui.add_html("")
         self.iteration = gui.add_slider("iteration", 0, 1, 1, 0, disabled=True, hint="look back at the optimizer")
-        self._save_scene = gui.add_button("Save scene", icon=viser.Icon.DOWNLOAD)
-        self._save_motion = gui.add_button("Save motion", icon=viser.Icon.DOWNLOAD)
         self.button.on_click(lambda _: self.stop() if self.running else self.start())
         self.iteration.on_update(lambda event: viewer.worker.ask("iterate", self._look_back) if event.client else None)
-        self._save_scene.on_click(lambda event: self._asked_for(event, f"{viewer.scene.name}.yaml", self.scene_file))
-        self._save_motion.on_click(lambda event: self._asked_for(event, f"{NAME}.json", self.motion_file))
         self._starting = threading.Lock()  # several browsers may press at once
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
         self.iterates: list[tuple[str, Array]] = []  # words and waypoints (N, n) of every iteration
         self._shown_for = 0.0  # [s]
         self._path: Any = None
-        self.result: PlanResult | None = None
 
     @property
     def running(self) -> bool:
@@ -107,45 +89,6 @@ class Planning:
         self.stop()
         if self._thread is not None:
             self._thread.join()
-
-    def scene_file(self) -> bytes:
-        """The scene as it is shown, as a file that any command takes. Raises InputError if none would."""
-        scene, _ = self._standing_alone()
-        data = scene_text(scene).encode()
-        self._say("saved: the scene as it is shown")
-        return data
-
-    def motion_file(self) -> bytes:
-        """The active motion as JSON, with verdict and steps if it was planned here: certified now, in the scene that
-        `scene_file` gives now."""
-        active = self._viewer.active
-        if active is None:
-            raise HdplanError("there is no motion yet: press Plan")
-        scene, certifier = self._standing_alone()
-        trajectory, certificate = active.motion.trajectory, certifier.certify(active.motion.trajectory)
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / "motion.json"
-            if self.result is not None and trajectory is self.result.trajectory:
-                replace(self.result, scene=scene.name, certificate=certificate).save(file)
-            else:
-                trajectory.save(file)
-            data = file.read_bytes()
-        self._say(f"saved: {certificate.text}")
-        return data
-
-    def _standing_alone(self) -> tuple[Scene, Certifier]:
-        """The scene with its ends as joint values and the held joints where they are held, whatever file it came from,
-        and its certifier. Raises InputError for a scene that could not be read again."""
-        viewer = self._viewer
-        start, goal = (
-            JointTarget(field, positions=tuple(q.tolist()))
-            for field, q in (("start", viewer.query.start), ("goal", viewer.query.goal))
-        )
-        spec = replace(viewer.scene.robot, locked=dict(viewer.robot.locked))
-        scene = replace(viewer.scene, robot=spec, start=start, goal=goal)
-        setup = Setup.of(scene)
-        _ = setup.query  # refused early
-        return scene, Certifier(setup)
 
     # --- the run, in its own thread ------------------------------------------------------------------------------
 
@@ -197,7 +140,7 @@ class Planning:
         viewer = self._viewer
         curve = Curve.through(positions, row_times(viewer.scene, len(positions)))
         joints = curve.at_parameter(sample_parameters(len(positions)))
-        self._path = draw_path(viewer.server, "iterate", viewer.tip.path(joints), ITERATE)
+        self._path = draw_path(viewer.server, "iterate", viewer.stage.tip.path(joints), ITERATE)
         viewer.show_robot(NAME, viewer.joints(curve))
         self._say(words)
 
@@ -212,12 +155,14 @@ class Planning:
             self._path = None
         self.button.label, self.button.icon = "Plan", viser.Icon.ROUTE
         if result is not None:
-            self.result = result
             unmoved = viewer.scene is scene  # nothing was dragged meanwhile
-            certificate = viewer.put(NAME, result.trajectory, result.certificate if unmoved else None)
+            if unmoved and result.goal is not None and result.goal.positions is not None:
+                viewer.change(viewer.edited.shown_at(np.array(result.goal.positions)), step=False)
+            certificate = viewer.put(NAME, result.trajectory, result.certificate if unmoved else None, result=result)
             if not unmoved:
                 text = f"planned in an earlier scene; in this one {certificate.text}"
             spent = max(result.times.solve - self._shown_for, 0.0) + result.times.certify
+            viewer.panel.live.learn(result.times.build + spent)
             text = f"{text} – {result.attempts} attempt(s), {result.iterations} iterations, {spent:.2f} s"
         count = len(self.iterates)
         self.iteration.disabled = count == 0
@@ -227,20 +172,7 @@ class Planning:
         self._say(text)
 
     def _say(self, text: str) -> None:
-        self._said.content = f'<div style="padding:0 0.9em;font-size:0.8em">{html.escape(text)}</div>'
-
-    def _asked_for(self, event: Any, name: str, content: Callable[[], bytes]) -> None:
-        """Handle a browser's request for a file: the worker makes it, so that nothing moves meanwhile."""
-        self._viewer.worker.ask(f"{name} for {event.client_id}", lambda: self._hand_over(event, name, content))
-
-    def _hand_over(self, event: Any, name: str, content: Callable[[], bytes]) -> None:
-        try:
-            data = content()
-        except HdplanError as error:
-            self._say(f"not saved: {error}")
-            return
-        if event.client is not None:
-            event.client.send_file_download(name, data, save_immediately=True)
+        self._said.content = small(html.escape(text))
 
 
 def row_times(scene: Scene, count: int) -> Array | None:

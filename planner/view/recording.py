@@ -22,7 +22,7 @@ REST = 0.8  # [s] for which the goal is shown at the end
 
 def record(viewer: Viewer, page: Path) -> None:
     """Write the viewer's motions as they are shown. Raises InputError if the page cannot be written."""
-    timeline = viewer.player.timeline
+    timeline = viewer.panel.player.timeline
     times = np.linspace(timeline.begin, timeline.end, max(round(RATE * timeline.duration), 1) + 1)
     viewer.show(timeline.begin)
     serializer = viewer.server.get_scene_serializer()

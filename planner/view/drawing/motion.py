@@ -35,26 +35,40 @@ class ShownMotion:
     parameter: Array  # (K,) path parameters of the samples
     joints: Array  # (K, n) [rad] or [m] there
     tip: Array  # (K, 3) [m] the tip there
-    clearance: Array  # (K,) [m] robot to obstacles there, inf without obstacles
-    self_clearance: Array  # (K,) [m] between links there, inf without pairs
+    clearance: Array  # (K,) [m] robot to obstacles there, inf without obstacles, NaN where it was not measured
+    self_clearance: Array  # (K,) [m] between links there, inf without pairs, NaN where it was not measured
     certificate: Certificate = field(repr=False)
     scene: Scene = field(repr=False)  # in which clearances and certificate hold, and in no other
 
+    @property
+    def measured(self) -> bool:
+        """Whether its clearances are known."""
+        return not np.isnan(self.clearance[0])
+
     @classmethod
     def of(
-        cls, name: str, trajectory: Trajectory, certifier: Certifier, certificate: Certificate | None = None
+        cls,
+        name: str,
+        trajectory: Trajectory,
+        certifier: Certifier,
+        certificate: Certificate | None = None,
+        measured: bool = True,
     ) -> ShownMotion:
-        """Sample a trajectory; certify it, if that has not been done. Raises InputError if its joints do not fit the
-        robot."""
+        """Sample a trajectory; certify it, if that has not been done. Its clearances, which take longer than the
+        certificate, are only `measured` on request. Raises InputError if its joints do not fit the robot."""
         robot = certifier.robot
         curve = curve_of(robot, trajectory)
         if certificate is None:
             certificate = certifier.certify(trajectory)
         parameter = sample_parameters(len(curve))
-        joints, nothing = curve.at_parameter(parameter), np.full(len(parameter), np.inf)
-        places, between_links = exact(certifier, joints, curve.time_of(parameter))
-        to_obstacles = np.array([place.distance for place in places]) if places else nothing
-        between_links = between_links if len(between_links) else nothing
+        joints = curve.at_parameter(parameter)
+        if measured:
+            nothing = np.full(len(parameter), np.inf)
+            places, between_links = exact(certifier, joints, curve.time_of(parameter))
+            to_obstacles = np.array([place.distance for place in places]) if places else nothing
+            between_links = between_links if len(between_links) else nothing
+        else:
+            to_obstacles = between_links = np.full(len(parameter), np.nan)
         tip = Tip.of(robot).path(joints)
         return cls(
             name, trajectory, curve, parameter, joints, tip, to_obstacles, between_links, certificate, certifier.scene

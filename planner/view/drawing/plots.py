@@ -135,8 +135,9 @@ class MotionPlots:
         curves = [_within(times, when[motion.name], _shown(motion.clearance)) for motion in motions]
         curves.append(_within(times, when[active.name], _shown(active.self_clearance)))
         millimetres = [1e3 * curve for curve in curves]
-        top = max(float(np.nanmax(curve)) for curve in millimetres)
-        bottom = min(0.0, *(float(np.nanmin(curve)) for curve in millimetres))
+        known = [curve[np.isfinite(curve)] for curve in millimetres]
+        top = max(float(curve.max(initial=0.0)) for curve in known)
+        bottom = min(float(curve.min(initial=0.0)) for curve in known)
         self.clearance.set(timeline, times, millimetres, 1.05 * bottom, 1.05 * max(top, 10.0), now)
 
     def outdate(self) -> None:

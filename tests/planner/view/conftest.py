@@ -30,13 +30,16 @@ def trajectory(scene: Scene) -> Trajectory:
 
 @pytest.fixture
 def opened() -> Iterator[Opener]:
-    """Opens viewers on free ports, and closes them in the end."""
+    """Opens viewers on free ports, which do not plan live unless asked to, and closes them in the end."""
     viewers: list[Viewer] = []
     complaints: list[str] = []
 
-    def opened(scene: Scene, **motions: Trajectory) -> Viewer:
-        viewers.append(open_viewer(scene, list(motions.items()), port=8180, complain=complaints.append))
-        return viewers[-1]
+    def opened(scene: Scene, live: bool | None = False, **motions: Trajectory) -> Viewer:
+        viewer = open_viewer(scene, list(motions.items()), port=8180, complain=complaints.append)
+        if live is not None:
+            viewer.panel.live.set(live)
+        viewers.append(viewer)
+        return viewer
 
     yield opened
     for viewer in viewers:

@@ -20,7 +20,8 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.handles import SIZE as SIZE_OF_HANDLE
 from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.server import open_viewer
-from hdplan.planner.view.viewer import OUTDATED, Viewer
+from hdplan.planner.view.viewer import Viewer
+from hdplan.planner.view.words import OUTDATED
 from hdplan.scenes.scene import Scene
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: pip install playwright")
@@ -151,7 +152,7 @@ def test_the_page_shows_the_scene_and_the_slider_moves_the_robot(page: Any, view
     until(lambda: coloured(picture(page)) > 500, "the canvas stays empty")
     before = picture(page)
     set_time(page, 0.6)
-    until(lambda: viewer.player.time == 0.6, "the slider does not reach the server")
+    until(lambda: viewer.panel.player.time == 0.6, "the slider does not reach the server")
     until(lambda: changed(picture(page), before) > 300, "the robot stays where it was")
     page.get_by_text("clearance at 0.600").wait_for()
 
@@ -176,31 +177,32 @@ def test_plan_works(page: Any, viewer: Viewer) -> None:
     press(page, "Plan")
     page.get_by_text("iterations,").wait_for()
     assert "certified: at least" in page.get_by_text("iterations,").inner_text()
-    assert viewer.active is not None
-    assert viewer.active.motion.name == NAME
+    assert viewer.motions.active is not None
+    assert viewer.motions.active.motion.name == NAME
     with page.expect_download() as download:
         press(page, "Save motion")
     found = Trajectory.load(_named(download.value, "motion.json"))
-    np.testing.assert_array_equal(found.positions, viewer.active.motion.trajectory.positions)
+    np.testing.assert_array_equal(found.positions, viewer.motions.active.motion.trajectory.positions)
 
 
 def test_what_is_dragged_by_the_mouse_takes_the_verdict_with_it(tab: Tabs, scene: Scene) -> None:
     """While the button is still pressed: nothing on the page says certified, and the file says what holds."""
     viewer = plainly(scene)
+    viewer.panel.live.set(False)
     try:
         page = tab(address(viewer))
         page.get_by_role("tab", name="Plan").click()
         press(page, "Plan")
         page.get_by_text("iterations,").wait_for()
-        assert viewer.active is not None
+        assert viewer.motions.active is not None
         index = next(i for i, obstacle in enumerate(scene.obstacles) if obstacle.name == "ball")
         begin = np.array(scene.obstacles[index].pose.position)
-        path = viewer.active.motion.tip
+        path = viewer.motions.active.motion.tip
         way = path[np.linalg.norm(path - begin, axis=1).argmin()] - begin
         axis = np.eye(3)[np.abs(way).argmax()] * np.sign(way[np.abs(way).argmax()])
         viewer.worker.settle(20)
         before = picture(page)
-        viewer.planning.handles.choice.value = "obstacle ball"
+        viewer.panel.handles.choice.value = "obstacle ball"
         viewer.worker.settle(20)
         until(lambda: changed(picture(page), before) > 100, "the handle is not drawn")
         page.wait_for_timeout(2000)  # until nothing else is
@@ -218,7 +220,7 @@ def test_what_is_dragged_by_the_mouse_takes_the_verdict_with_it(tab: Tabs, scene
             press(page, "Save motion")
         said = json.loads(Path(download.value.path()).read_text(encoding="utf-8"))["verdict"]
         viewer.worker.settle(20)
-        certificate = viewer.certifier.certify(viewer.active.motion.trajectory)
+        certificate = viewer.certifier.certify(viewer.motions.active.motion.trajectory)
         assert not certificate.certified
         assert said["text"] == certificate.text
         page.mouse.up()
