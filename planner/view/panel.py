@@ -72,6 +72,7 @@ class Panel:
         """End the threads of its parts."""
         self.live.end()
         self.planning.end()
+        self.layers.plane.end()
         self.player.end()
 
     # --- by the worker's thread -----------------------------------------------------------------------------------
