@@ -33,6 +33,8 @@ div:has(> .hdplan-page) + div + div + div + div {
   position: sticky; top: 2.9em; z-index: 6; padding-top: 0.3em; background: var(--mantine-color-body);
   border-bottom: 1px solid var(--mantine-color-default-border) }
 .hd { padding: 0 0.9em; font-size: 0.8em; line-height: 1.4 }
+.hd-two { height: 2.8em; overflow: hidden; margin: 0.4em 0;
+  display: -webkit-box; -webkit-line-clamp: 2; -webkit-box-orient: vertical }
 .hd-line { white-space: nowrap; overflow: hidden; text-overflow: ellipsis }
 .hd-link { cursor: pointer; opacity: 0.75 } .hd-link:hover { opacity: 1; text-decoration: underline }
 .hd-row { display: flex; gap: 0.45em; padding: 0.1em 0.3em; border-radius: 4px; cursor: pointer }
@@ -75,7 +77,7 @@ if (!window.hdplan) {
 }
 setTimeout(window.hdplan.theme);
 """
-NOTHING = "data:image/gif;base64,R0lGODlhAQABAAAAACw="  # a picture, whose arrival runs the script
+NOTHING = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7"  # a pixel, whose arrival runs the script
 
 
 class Page:

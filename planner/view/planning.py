@@ -49,6 +49,7 @@ class Planning:
         self.iterates: list[tuple[str, Array]] = []  # words and waypoints (N, n) of every iteration
         self._shown_for = 0.0  # [s]
         self._path: Any = None
+        self.stopped: PlanResult | None = None  # the last one that was stopped
 
     def build(self) -> None:
         """Build the settings, what is said, and the slider over the iterations in the container at hand."""
@@ -80,6 +81,7 @@ class Planning:
             self.iterates, self._shown_for = [], 0.0
             self.button.label, self.button.icon = "Stop", viser.Icon.PLAYER_STOP
             self._say("building the problem …")
+            self._viewer.panel.say_next("planning, building the problem …")
             scene = self._viewer.scene
             self._thread = threading.Thread(target=self._run, args=(scene,), name="hdplan-plan", daemon=True)
             self._thread.start()
@@ -147,6 +149,8 @@ class Planning:
         self._path = draw_path(viewer.server, "iterate", viewer.stage.tip.path(joints), ITERATE)
         viewer.show_robot(viewer.joints(curve))
         self._say(words)
+        if self.running:
+            viewer.panel.say_next(f"planning, {words}")
 
     def _look_back(self) -> None:
         if self.iterates:
@@ -158,6 +162,7 @@ class Planning:
             self._path.remove()
             self._path = None
         self.button.label, self.button.icon = "Plan", viser.Icon.ROUTE
+        self.stopped = result if self._stop.is_set() else None
         if result is not None:
             unmoved = viewer.scene is scene  # nothing was dragged meanwhile
             if unmoved and result.goal is not None and result.goal.positions is not None:
@@ -176,15 +181,15 @@ class Planning:
             self.iteration.max, self.iteration.min = max(count, 2), 1
             self.iteration.value = count
         self._say(text)
+        if result is None:
+            viewer.panel.say_next(text, bad=True)
 
     def _name(self, result: PlanResult) -> str:
         """Return what a new plan is called: it replaces one that fell short, or found the same motion."""
         motions, found = self._viewer.motions, result.trajectory.positions
         for shown in motions.shown:
             earlier = shown.result
-            if earlier is not None and (
-                not earlier.certified or np.array_equal(earlier.trajectory.positions, found)
-            ):
+            if earlier is not None and (not earlier.certified or np.array_equal(earlier.trajectory.positions, found)):
                 return shown.motion.name
         return motions.free_name(NAME)
 

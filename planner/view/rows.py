@@ -54,24 +54,25 @@ class Rows:
         motions, motion, number = self._viewer.motions, shown.motion, shown.number
         holds, certificate, name = motions.holds(shown), shown.motion.certificate, html.escape(shown.motion.name)
         tint = ("hd-good" if certificate.certified else "hd-bad") if holds else ""
-        said = html.escape(figures(certificate, motion.trajectory) if holds else "not checked in this scene yet")
+        said = figures(certificate, motion.trajectory) if holds else "not checked in this scene yet"
+        if holds and not certificate.certified and shown.origin is not self._viewer.scene:
+            said = f"of an older scene: {said}"
         links = (
             link("●" if shown.visible else "○", "hide", "hide or show", motion=number)
             + link("✎", "rename", "rename", motion=number, ask="name of this motion", answer=motion.name)
             + link("✕", "remove", "remove", motion=number)
         )
-        dim = "" if shown.visible else "opacity:0.5;"
-        details = html.escape(certificate.text) if holds else OUTDATED
+        details = f"{html.escape(certificate.text) if holds else OUTDATED}<br/>{motion.trajectory.extent}"
         if (result := shown.result) is not None:
             spent = result.times.solve + result.times.certify
-            details += f"<br/>{result.attempts} attempt(s), {result.iterations} iterations, {spent:.2f} s"
+            details += f", {result.attempts} attempt(s), {result.iterations} iterations, {spent:.2f} s"
         if motion.measured and motion.clearance.min(initial=np.inf) < np.inf:
             details += "<br/>" + link("go to the closest moment", "closest", motion=number)
         chosen = " hd-chosen" if shown is motions.active else ""
         return (
-            f'<details><summary class="hd-row{chosen}" style="{dim}opacity:1" data-do="{telling("choose", motion=number)}">'
+            f'<details><summary class="hd-row{chosen}" data-do="{telling("choose", motion=number)}">'
             f'<span style="color:{hex_of(shown.color)}">▬</span><b class="hd-line" style="max-width:8em">{name}</b>'
-            f'<span class="hd-line {tint}" style="flex:1">{said}</span>{links}</summary>'
+            f'<span class="hd-line {tint}" style="flex:1">{html.escape(said)}</span>{links}</summary>'
             f'<div style="padding:0.2em 0.3em 0.5em 1.6em">{details}</div></details>'
         )
 

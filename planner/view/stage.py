@@ -40,7 +40,7 @@ class Stage:
         self.region = draw_region(server, region) if region else None  # where a point of a link is to stay
         solid = [skin for skin in collision_skins(robot) or skins if skin.joint]  # what stands still is there once
         self.start = RobotNodes(server, "start", robot, solid, color=START, opacity=GHOST)
-        self.goal = RobotNodes(server, "goal", robot, solid, color=GOAL, opacity=GHOST)
+        self.goal = RobotNodes(server, "goal", robot, solid, color=GOAL, opacity=GHOST, edges=True)
         self.labels = [
             server.scene.add_label(f"/{name}/label", name, font_screen_scale=0.9) for name in ("start", "goal")
         ]

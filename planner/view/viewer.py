@@ -187,7 +187,6 @@ class Viewer:
     def redraw(self) -> None:
         """Draw all that does not follow from the time alone."""
         player, motions = self.panel.player, self.motions
-        self.panel.list_motions()
         timeline = Timeline.of(self.scene, [shown.motion.curve for shown in motions.shown])
         player.run_over(timeline)
         player.enable(bool(motions.shown) or timeline.timed)

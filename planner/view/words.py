@@ -73,8 +73,8 @@ def figures(certificate: Certificate, trajectory: Trajectory) -> str:
 def whats_next(
     edited: Edited, active: ShownMotion | None, result: PlanResult | None = None, stopped: bool = False
 ) -> str:
-    """Say what to do next in a scene with this active motion, or what keeps it from being done; nothing where all is
-    well. `result` is the plan from which the motion comes, and whether it was `stopped`."""
+    """Say what to do next in a scene with this active motion, or what keeps it from being done; what is proven
+    where all is well. `result` is the plan from which the motion comes, and whether it was `stopped`."""
     for name, contacts in zip(("start", "goal"), edited.contacts, strict=True):
         if contacts:
             return f"{name} is in collision: {contact_words(contacts)}. Drag it, or what it touches, away."
@@ -86,9 +86,9 @@ def whats_next(
         return OUTDATED
     certificate = active.certificate
     if certificate.certified:
-        return ""
+        return certificate.text
     if certificate.status is Status.WRONG_ENDS:
-        at_start = np.abs(active.curve.positions[0] - edited.start).max() <= SAME_END
+        at_start = np.abs(active.joints[0] - edited.start).max() <= SAME_END
         return f"planned for another {'goal' if at_start else 'start'}: press Plan"
     found = SHORT[certificate.status]
     if stopped:

@@ -43,9 +43,10 @@ class RobotNodes:
         *,
         color: Color | None = None,
         opacity: float | None = None,
+        edges: bool = False,
         visible: bool = True,
     ) -> None:
-        """Send the meshes; `color` replaces the skins' own."""
+        """Send the meshes, or only the `edges` of their triangles; `color` replaces the skins' own."""
         self.robot, self.data = robot, robot.model.createData()
         self.root = server.scene.add_frame(f"/{name}", show_axes=False, visible=visible)
         self.frames = {
@@ -61,6 +62,7 @@ class RobotNodes:
                     skin.triangles,
                     color=color or skin.color,
                     opacity=opacity,
+                    wireframe=edges,
                     cast_shadow=False,
                     receive_shadow=False,
                 ),

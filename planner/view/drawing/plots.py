@@ -32,6 +32,7 @@ LINES: tuple[Color, ...] = (  # Okabe & Ito
     (128, 128, 128),
 )
 BAR: Color = (128, 128, 128)
+LIMIT: Color = (215, 48, 39)  # of what is required or allowed
 SHARES: dict[str, Color] = {  # by quantity: the greatest of all joints
     "velocity": (0, 114, 178),
     "acceleration": (0, 158, 115),
@@ -140,10 +141,10 @@ class MotionPlots:
             server,
             "clearance [mm]",
             [*names, "own links", "required", "proven"],
-            [*colors, LINKS, CONTACT, START],
+            [*colors, LINKS, LIMIT, START],
         )
         self.joints = Plot(server, "joints [rad or m]", joint_names, lines)
-        self.shares = Plot(server, "share of the limits [%]", [*SHARES, "limit"], [*SHARES.values(), CONTACT])
+        self.shares = Plot(server, "share of the limits [%]", [*SHARES, "limit"], [*SHARES.values(), LIMIT])
 
     def set(
         self, active: ShownMotion, motions: Sequence[ShownMotion], required: float, timeline: Timeline, now: float
