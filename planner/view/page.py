@@ -77,7 +77,7 @@ if (!window.hdplan) {
 }
 setTimeout(window.hdplan.theme);
 """
-NOTHING = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7"  # a pixel, whose arrival runs the script
+PIXEL = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7"  # a pixel, whose arrival runs the script
 
 
 class Page:
@@ -91,7 +91,7 @@ class Page:
         script = SCRIPT + f"document.title = {json.dumps(title)};"
         server.gui.add_html(
             f'<i class="hdplan-page"></i><style>{STYLE}</style>'
-            f'<img hidden alt="" src="{NOTHING}" onload="{html.escape(script)}">'
+            f'<img hidden alt="" src="{PIXEL}" onload="{html.escape(script)}">'
         )
         self._field = server.gui.add_text("page", "")
         self._field.on_update(self._heard)

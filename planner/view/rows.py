@@ -68,9 +68,9 @@ class Rows:
             details += f", {result.attempts} attempt(s), {result.iterations} iterations, {spent:.2f} s"
         if motion.measured and motion.clearance.min(initial=np.inf) < np.inf:
             details += "<br/>" + link("go to the closest moment", "closest", motion=number)
-        chosen = " hd-chosen" if shown is motions.active else ""
+        chosen, choose = " hd-chosen" if shown is motions.active else "", telling("choose", motion=number)
         return (
-            f'<details><summary class="hd-row{chosen}" data-do="{telling("choose", motion=number)}">'
+            f'<details><summary class="hd-row{chosen}" data-do="{choose}">'
             f'<span style="color:{hex_of(shown.color)}">▬</span><b class="hd-line" style="max-width:8em">{name}</b>'
             f'<span class="hd-line {tint}" style="flex:1">{html.escape(said)}</span>{links}</summary>'
             f'<div style="padding:0.2em 0.3em 0.5em 1.6em">{details}</div></details>'
