@@ -77,7 +77,8 @@ if (!window.hdplan) {
 }
 setTimeout(window.hdplan.theme);
 """
-PIXEL = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7"  # a pixel, whose arrival runs the script
+# A picture of one pixel, whose arrival runs the script.
+PIXEL = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7"
 
 
 class Page:
