@@ -1,4 +1,4 @@
-# ruff: noqa: D105
+# ruff: noqa: D102, D105
 """Check a proof that a robot's motion is free. One file, NumPy alone, nothing of the planner that wrote the proof.
 
     python -m hdplan.verify SCENE TRAJECTORY PROOF     or     python verify.py SCENE TRAJECTORY PROOF
@@ -43,7 +43,7 @@ import re
 import sys
 import xml.etree.ElementTree as ElementTree
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
@@ -53,10 +53,8 @@ import numpy as np
 import yaml
 
 MAGIC, VERSION = b"hdplan proof\n", 1
-MOST_BYTES, MOST_LEAVES, MOST_ROWS, DEEPEST = 1 << 27, 200_000, 100_000, 50  # of a file, a proof, a motion, a tree
-MOST_TEXT, MOST_LINES, MOST_PARTS_OF_TEXT = 1 << 25, 2_000_000, 500_000  # of a text, of a mesh, of a scene
-MOST_PAIRS, MOST_CORNERS, MOST_VALUES = 1_000_000, 2_000_000, 2_000_000  # of pieces, of pieces, of a motion
-MOST_HEAD = 1 << 20  # bytes, of the head of a proof
+MOST_BYTES, MOST_LEAVES, MOST_PAIRS, DEEPEST = 1 << 27, 200_000, 1_000_000, 50  # of a proof: of its content, trees
+MOST_MEMORY, MOST_TIME = 1 << 31, 30  # bytes, and seconds of a processor, that a check may take beside Python itself
 NARROWEST, INSTANT = 2.0**-30, 2.0**-36  # of an interval between two rows; of one that stands for a row
 AT_ONCE, MOST_PARTS = 20_000, 50_000  # leaves checked together, and parts of rows within them
 EPS = 2.0**-53  # of rounding to nearest
@@ -224,13 +222,8 @@ for _array in (CROSS, *(part for ball in (HALF_PI, *SINE, *COSINE, *HERE) for pa
 
 
 def rotation(axis: Ball, angle: Any) -> Ball:
-    """Rotations (..., 3, 3) by exact angles (...,) about a unit axis."""
-    return by_cos_sin(axis, *cos_sin(angle))
-
-
-def by_cos_sin(axis: Ball, cos: Ball, sin: Ball) -> Ball:
-    """The rotation matrices 1 + sin K + (1 - cos) K^2, K x = axis x x."""
-    k = dot("ijk,k->ij", CROSS, axis)
+    """Rotations (..., 3, 3) by exact angles (...,) about a unit axis: 1 + sin K + (1 - cos) K^2, K x = axis x x."""
+    k, (cos, sin) = dot("ijk,k->ij", CROSS, axis), cos_sin(angle)
     return np.eye(3) + sin[..., None, None] * k + (1.0 - cos)[..., None, None] * dot("ij,jk->ik", k, k)
 
 
@@ -241,11 +234,10 @@ def compose(a: Pose, b: Pose) -> Pose:
 
 def rpy(angles: Any) -> Ball:
     """R = Rz(yaw) Ry(pitch) Rx(roll)."""
-    if not angles.any():
-        return HERE[0]
-    cos, sin = cos_sin(angles)
-    x, y, z = (by_cos_sin(Ball(np.eye(3)[i]), cos[i], sin[i]) for i in range(3))
-    return dot("ij,jk->ik", dot("ij,jk->ik", z, y), x)
+    turn = HERE[0]
+    for axis in np.flatnonzero(angles):
+        turn = dot("ij,jk->ik", rotation(Ball(np.eye(3)[axis]), angles[axis]), turn)
+    return turn
 
 
 @dataclass(eq=False)
@@ -319,9 +311,24 @@ def mapping(value: Any, what: str, allowed: str) -> dict[str, Any]:
 
 
 def listing(value: Any, what: str) -> list[Any]:
-    """Return a list that is not too long; empty for nothing."""
-    need(value is None or (isinstance(value, list) and len(value) <= MOST_ROWS), f"{what}: a list is expected")
+    """Return a list; empty for nothing."""
+    need(value is None or isinstance(value, list), f"{what}: a list is expected")
     return value or []
+
+
+def unique(pairs: list[tuple[Any, Any]]) -> dict[str, Any]:
+    """Return a mapping in which no key stands twice, as that would hide what the other says."""
+    need(all(type(key) is str for key, _ in pairs), "a mapping has a key that is not a word")
+    need(len(pairs) == len({key for key, _ in pairs}), f"a key stands twice among {[key for key, _ in pairs]}")
+    return dict(pairs)
+
+
+class Loader(yaml.SafeLoader):
+    """Reads YAML without keys that stand twice."""
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+        self.flatten_mapping(node)
+        return unique([(self.construct_object(key, True), self.construct_object(x, True)) for key, x in node.value])
 
 
 def pose_of(value: Any, what: str) -> Pose:
@@ -370,112 +377,113 @@ def origin(element: Any) -> Pose:
     return rpy(words(at, "rpy", "0 0 0")), Ball(words(at, "xyz", "0 0 0"))
 
 
-def read(path: Path) -> bytes:
-    """Return the content of a regular file."""
-    need(path.is_file() and path.stat().st_size <= MOST_BYTES, f"{path}: no file, or one that is too large")
-    return path.read_bytes()
-
-
-def triangles(path: Path, data: bytes) -> tuple[Any, Any]:
-    """Return the corners (F, 3, 3) of a mesh file's triangles, and by how much they may be wrong (3,)."""
-    kind = path.suffix.lower()
+def triangles(path: Path, data: bytes) -> Ball:
+    """Return the corners (F, 3, 3) of a mesh file's triangles."""
+    kind, size = path.suffix.lower(), 84 + 50 * int.from_bytes(data[80:84], "little")
     need(kind in (".stl", ".obj", ".dae"), f"{path}: meshes of this kind cannot be checked (stl, obj and dae can)")
-    if kind == ".stl" and len(data) >= 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
+    if kind == ".stl" and len(data) == size:
         rows = np.frombuffer(data, dtype=np.dtype([("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")]), offset=84)
-        found, off = rows["v"].astype(np.float64), np.zeros(3)
+        found = Ball(rows["v"])
     else:
-        need(b"\0" not in data and len(data) <= MOST_TEXT and data.count(b"\n") <= MOST_LINES,
-             f"{path}: is no text, or too large")  # fmt: skip
-        found, off = {".stl": stl, ".obj": obj, ".dae": dae}[kind](data, str(path))
-    need(len(found) and (np.abs(found) < 1e9).all(), f"{path}: has no triangles, or numbers that are not finite")
-    return found, off
+        need(b"\0" not in data, f"{path}: is no text")
+        found = collada(tree(data)) if kind == ".dae" else Ball((stl if kind == ".stl" else obj)(data))
+    good = len(found.mid) and (np.abs(found.mid) < 1e9).all() and (found.rad < 1e-3).all()
+    need(good, f"{path}: has no triangles, or numbers that are not finite")
+    return found
 
 
-def stl(data: bytes, name: str) -> tuple[Any, Any]:
-    """Read triangles from the lines of an STL file."""
-    lines = [x for x in (line.split() for line in data.lower().replace(b"\r", b"\n").split(b"\n")) if x]
-    lines = [x for x in lines if x[0] not in (b"solid", b"endsolid")]
-    facet = [b"facet", b"outer", *[b"vertex"] * 3, b"endloop", b"endfacet"]
-    corners = [x[1:] for x in lines if x[0] == b"vertex"]
-    good = [x[0] for x in lines] == facet * (len(lines) // 7) and all(len(x) == 3 for x in corners)
-    need(good, f"{name}: its lines are not those of triangles")
-    return np.array(corners, dtype=np.float64).reshape(-1, 3, 3), np.zeros(3)
+def stl(data: bytes) -> Any:
+    """Return the triangles of an STL file that is text: of 21 words each, between two lines."""
+    first, *lines, last = data.strip().lower().replace(b"\r", b"\n").split(b"\n")
+    words = np.array(b" ".join(lines).split()).reshape(-1, 21)
+    rule = b"facet normal outer loop vertex vertex vertex endloop endfacet".split()
+    same = words[:, [0, 1, 5, 6, 7, 11, 15, 19, 20]] == rule
+    good = first.startswith(b"solid") and last.startswith(b"endsolid") and same.all()
+    need(good, "STL: its lines are not those of triangles")
+    return words[:, [8, 9, 10, 12, 13, 14, 16, 17, 18]].astype(np.float64).reshape(-1, 3, 3)
 
 
-def obj(data: bytes, name: str) -> tuple[Any, Any]:
-    """Read the faces of an OBJ file, as fans of triangles."""
-    lines = [x for x in (line.split() for line in data.replace(b"\r", b"\n").split(b"\n")) if x]
-    points = np.array([x[1:4] for x in lines if x[0] == b"v"], dtype=np.float64).reshape(-1, 3)
-    fans, before = [], 0
-    for x in lines:
-        need(x[0] not in (b"V", b"F") and x[-1][-1:] != b"\\", f"{name}: a line that may be read in two ways")
-        before += x[0] == b"v"
-        face = [int(y.split(b"/")[0]) for y in x[1:]] if x[0] == b"f" else []
-        face = [i - 1 if i > 0 else before + i if i else -1 for i in face]
-        need(all(0 <= i < len(points) for i in face), f"{name}: a face has a vertex that is not there")
-        fans += [[face[0], face[i], face[i + 1]] for i in range(1, len(face) - 1)]
-    return points[np.array(fans, dtype=np.int64).reshape(-1, 3)], np.zeros(3)
+def fans(faces: Iterable[Sequence[int]]) -> Any:
+    """Return triangles (F, 3) of polygons, all at the first corner of theirs."""
+    corners = [[x[0], x[i], x[i + 1]] for x in faces for i in range(1, len(x) - 1)]
+    return np.array(corners, dtype=np.int64).reshape(-1, 3)
 
 
-def dae(data: bytes, name: str) -> tuple[Any, Any]:
-    """Read the triangles of a COLLADA file, its nodes placed; its unit is 1 m, or is not heeded, nor is what is up."""
-    root, found = tree(data), list[Ball]()
+def obj(data: bytes) -> Any:
+    """Return the triangles of an OBJ file: vertices count from 1, or backwards from the last before the face."""
+    points, faces = list[list[float]](), list[list[int]]()
+    for key, *rest in filter(None, (line.split() for line in data.replace(b"\r", b"\n").split(b"\n"))):
+        good = key not in (b"V", b"F") and not [key, *rest][-1].endswith(b"\\")
+        need(good, "OBJ: a line that may be read in two ways")
+        if key == b"v":
+            points.append([float(x) for x in rest[:3]])
+        elif key == b"f":
+            told = [int(x.split(b"/")[0]) for x in rest]
+            faces.append([x - 1 if x > 0 else len(points) + x for x in told])
+            need(all(told) and min(faces[-1]) >= 0, "OBJ: a face has a vertex that is not there")
+    return np.array(points, dtype=np.float64).reshape(-1, 3)[fans(faces)]
+
+
+def collada(root: Any) -> Ball:
+    """Return the triangles of a COLLADA file in metres, whichever of its axes is up (as ROS reads it)."""
     for x in root.iter():
         x.tag = x.tag.rpartition("}")[2]
-    ids = {"#" + x.get("id", ""): x for x in root.iter()}
+    unit_, named = root.find("asset/unit"), unique([(x.get("id"), x) for x in root.iter() if "id" in x.attrib])
+    need(unit_ is None or float(unit_.get("meter", 1)) == 1, "COLLADA: its unit is not the metre")
 
-    def floats(x: Any) -> Any:
-        return np.array((x.text or "").split(), dtype=np.float64)
+    def there(element: Any, key: str = "source") -> Any:
+        need(element is not None and element.get(key, "")[:1] == "#", "COLLADA: a reference is not within the file")
+        return named[element.get(key)[1:]]
 
-    def corners(part: Any) -> Any:
-        inputs = {x.get("semantic"): x for x in part.findall("input")}
-        own = {x.get("semantic"): x for x in ids[inputs["VERTEX"].get("source")].findall("input")}
-        points = floats(ids[own["POSITION"].get("source")].find("float_array")).reshape(-1, 3)
-        stride = 1 + max(int(x.get("offset")) for x in part.findall("input"))
-        which = np.concatenate([np.zeros(0), *map(floats, part.findall("p"))]).astype(np.int64).reshape(-1, stride)
-        which, at, fans = which[:, int(inputs["VERTEX"].get("offset"))], 0, []
-        need(((which >= 0) & (which < len(points))).all(), f"{name}: a triangle has a vertex that is not there")
-        if part.tag == "polylist":
-            for size in floats(part.find("vcount")).astype(np.int64).tolist():
-                fans += [[at, at + i, at + i + 1] for i in range(1, size - 1)]
-                at += size
-            which = which[np.array(fans, dtype=np.int64).ravel()]
-        return points[which]
+    def soup(geometry: Any) -> Iterator[Ball]:
+        need({x.tag for x in geometry} <= {"mesh", "extra"}, "COLLADA: a geometry that is no mesh")
+        for part in geometry.findall("mesh/*"):
+            need(part.tag in ("source", "vertices", "lines", "triangles", "polylist", "extra"), f"COLLADA: {part.tag}")
+            if part.tag not in ("triangles", "polylist"):  # lines enclose nothing
+                continue
+            ways = {x.get("semantic"): x for x in part.findall("input")}
+            source = there(there(ways["VERTEX"]).find("input[@semantic='POSITION']"))
+            (array,), (way,) = source.findall("float_array"), source.findall("technique_common/accessor")
+            plain = (way.get("stride"), way.get("offset", "0"), there(way)) == ("3", "0", array)
+            need(plain, "COLLADA: its points are not three numbers each")
+            points, stride = np.array(array.text.split(), dtype=np.float64).reshape(-1, 3), 1
+            stride += max(int(x.get("offset")) for x in part.findall("input"))
+            text = " ".join(x.text or "" for x in part.findall("p")).split()
+            corners = np.array(text, dtype=np.int64).reshape(-1, stride)[:, int(ways["VERTEX"].get("offset"))]
+            if part.tag == "polylist":
+                ends = np.cumsum(np.array((part.findtext("vcount") or "").split(), dtype=np.int64))
+                need(len(corners) == ends.max(initial=0), "COLLADA: polygons of other sizes than it says")
+                corners = fans(x.tolist() for x in np.split(corners, ends[:-1]))
+            need((corners >= 0).all(), "COLLADA: a face has a vertex that is not there")
+            yield Ball(points[corners.reshape(-1, 3)])
 
-    def place(node: Any, pose: Pose) -> None:
-        for x in node:
-            if x.tag == "instance_geometry":
-                for part in ids[x.get("url")].find("mesh"):
-                    need(
-                        part.tag in ("source", "vertices", "extra", "lines", "triangles", "polylist"),
-                        f"{name}: {part.tag}",
-                    )
-                    if part.tag in ("triangles", "polylist"):
-                        found.append(dot("ij,kj->ki", pose[0], corners(part)) + pose[1])
-            elif x.tag == "node":
-                place(x, pose)
-            elif x.tag not in ("extra", "instance_light", "instance_camera"):
-                v, step = floats(x), HERE
-                need(x.tag in ("matrix", "translate", "scale", "rotate"), f"{name}: '{x.tag}' cannot be checked")
-                if x.tag == "matrix":
-                    need((v[12:] == [0, 0, 0, 1]).all(), f"{name}: a matrix that is no placement")
-                    step = Ball(v.reshape(4, 4)[:3, :3]), Ball(v.reshape(4, 4)[:3, 3])
-                elif x.tag == "rotate":  # by an angle in degrees, wrong by less than 4 roundings
-                    turn, angle = rotation(unit(v[:3]), v[3] * np.pi / 180), abs(v[3]) * 0.02
-                    step = Ball(turn.mid, up(turn.rad + 4 * EPS * angle)), HERE[1]
-                else:
-                    step = (HERE[0], Ball(v)) if x.tag == "translate" else (Ball(np.diag(v)), HERE[1])
-                pose = compose(pose, step)
+    def parts(node: Any) -> list[Ball]:
+        ways = ("matrix", "translate", "scale", "rotate")
+        plain = (*ways, "asset", "node", "instance_geometry", "instance_camera", "instance_light", "extra")
+        need({x.tag for x in node} <= {*plain}, f"COLLADA: a node has other parts than {', '.join(plain)}")
+        found = [x for each in node.findall("instance_geometry") for x in soup(there(each, "url"))]
+        found += [x for each in node.findall("node") for x in parts(each)]
+        for step in [x for x in reversed(node) if x.tag in ways]:
+            v, (turn, at) = np.array(step.text.split(), dtype=np.float64), HERE
+            if step.tag == "matrix":
+                need(v[12:].tolist() == [0, 0, 0, 1], "COLLADA: a matrix is no affine map")
+                turn, at = (Ball(x) for x in np.split(v.reshape(4, 4)[:3], [3], axis=1))
+                at = at[:, 0]
+            elif step.tag == "rotate":  # by an angle in degrees, wrong by less than 4 roundings
+                turn = rotation(unit(v[:3]), v[3] * np.pi / 180)
+                turn = Ball(turn.mid, up(turn.rad + 4 * EPS * 0.02 * abs(v[3])))
+            else:
+                turn, at = (turn, Ball(v)) if step.tag == "translate" else (Ball(np.diag(v)), at)
+            found = [dot("ij,fkj->fki", turn, x) + at for x in found]
+        return found
 
-    for node in ids[root.find("scene").find("instance_visual_scene").get("url")].findall("node"):
-        place(node, HERE)
-    mid, rad = (np.concatenate(x) for x in zip(*((x.mid, x.rad) for x in found), strict=True))
-    return mid.reshape(-1, 3, 3), rad.max(axis=0)
+    all_ = parts(there(root.find("scene/instance_visual_scene"), "url"))
+    return Ball(*(np.concatenate([np.zeros((0, 3, 3)), *x]) for x in ([y.mid for y in all_], [y.rad for y in all_])))
 
 
 def tree(data: bytes) -> Any:
-    """Return the root of a URDF or SRDF. A DTD could give attributes that are not to be seen where they act."""
-    need(b"<!DOCTYPE" not in data and b"\0" not in data and len(data) <= MOST_TEXT, "XML with a DTD, or too large")
+    """Return the root of an XML file. A DTD could give attributes that are not to be seen where they act."""
+    need(b"<!DOCTYPE" not in data and b"\0" not in data, "XML with a DTD, or in another encoding")
     return ElementTree.fromstring(data)
 
 
@@ -484,19 +492,27 @@ def robot_of(library: Path, name: str) -> tuple[Path, Path | None]:
     name is its file's, without `_robot`, or its folder's, without `_description`, where several folders have such a
     file; of two such files in a folder it is the larger one. Its SRDF is that of its name, or of the longest beginning
     of it. Any file goes by FOLDER/FILE, without SRDF."""
-    files, found = dict[str, list[Path]](), list[Path]()
-    for x in sorted([*library.glob("*/urdf/*.urdf"), *library.glob("*/robots/*.urdf")]):
-        files.setdefault(x.stem.removesuffix("_robot"), []).append(x)
-        found += [x] * (f"{x.parents[1].name}/{x.name}" == name)
-    for stem, some in files.items():
-        folders = {x.parents[1] for x in some}
-        for at in folders:
-            if name == (stem if len(folders) == 1 else at.name.removesuffix("_description")):
-                found.append(max((x for x in some if x.parents[1] == at), key=lambda x: x.stat().st_size))
-    need(len(found) == 1, f"robot: '{name}' is not the name of one robot")
-    srdfs = {x.stem: x for x in (found[0].parents[1] / "srdf").glob("*.srdf") if "/" not in name}
+    stems, found = dict[str, set[Path]](), list[Path]()
+    files = [(x, x.parents[1], x.stem.removesuffix("_robot")) for x in library.glob("*/*/*.urdf")]
+    files = [x for x in files if x[0].parent.name in ("urdf", "robots")]
+    for _, folder, stem in files:
+        stems.setdefault(stem, set()).add(folder)
+    for file, folder, stem in files:
+        plain = stem if len(stems[stem]) == 1 else folder.name.removesuffix("_description")
+        found += [file] * (name in (plain, f"{folder.name}/{file.name}"))
+    need(found and len({x.parents[1] for x in found}) == 1, f"robot: '{name}' is not the name of one robot")
+    urdf = max(found, key=lambda x: x.stat().st_size)
+    srdfs = {x.stem: x for x in (urdf.parents[1] / "srdf").glob("*.srdf") if "/" not in name}
     begins = max((x for x in srdfs if name.startswith(x)), key=len, default="")
-    return found[0], srdfs.get(next((x for x in (found[0].stem, name) if x in srdfs), begins))
+    return urdf, srdfs.get(urdf.stem if urdf.stem in srdfs else begins)
+
+
+def excused(srdf: Any) -> dict[frozenset[str], str]:
+    """Return the pairs of links that an SRDF leaves out."""
+    known = not {"enable_collisions", "disable_default_collisions"} & {x.tag for x in srdf}
+    need(known, "SRDF: only disable_collisions can be checked, no enable_collisions or disable_default_collisions")
+    pairs = [frozenset((x.get("link1", ""), x.get("link2", ""))) for x in srdf.findall("disable_collisions")]
+    return dict.fromkeys(pairs, "the SRDF")
 
 
 @dataclass(eq=False)
@@ -586,25 +602,10 @@ class World:
     def __init__(self, scene: Path, motion: Path, said: dict[str, Any], cuts: dict[str, Any]) -> None:
         """Read all files; `said` is the head of a proof, `cuts` its groups of the triangles of meshes."""
         self.scene, self.said, self.cuts, self.files = scene, said, cuts, dict[str, str]()
-        self.keys, self.size = set[str](), 0  # of all shapes, and how many corners and triangles they have
+        self.keys = set[str]()  # of all shapes
         self.pieces, self.meshes = list[Piece](), dict[str, Any]()  # triangles of each mesh, by its key
-        loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-        content = self.file("scene", scene)
-        depth = 0
-        for count, event in enumerate(yaml.parse(content, loader)):  # not by recursion, as the readers below
-            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-            need(depth <= DEEPEST and count < MOST_PARTS_OF_TEXT, f"{scene}: is nested too deeply, or too large")
-        waiting, seen = [yaml.compose(content, loader)], set[int]()
-        while waiting:  # a key that stands twice would hide what it says first
-            node = waiting.pop()
-            if id(node) not in seen and isinstance(node, yaml.MappingNode | yaml.SequenceNode):
-                seen.add(id(node))
-                named = [key.value for key, _ in node.value] if isinstance(node, yaml.MappingNode) else []
-                need(len(named) == len({*map(str, named)}), f"{scene}: a key stands twice among {named}")
-                waiting += [value for _, value in node.value] if named else node.value
-        top = yaml.load(content, loader)
         sections = "robot obstacles attached start goal from_request self_collision limits payload path timing planner"
-        self.top = mapping(top, str(scene), f"hdplan {sections}")
+        self.top = mapping(yaml.load(self.file("scene", scene), Loader), str(scene), f"hdplan {sections}")
         need(self.top.get("hdplan") == 1, f"{scene}: not a hdplan scene, version 1")
         self.read_motion(motion)
         self.read_robot()
@@ -625,7 +626,8 @@ class World:
 
     def file(self, key: str, path: Path) -> bytes:
         """Read a file and note its hash, which must be the proof's."""
-        data = read(path)
+        need(path.is_file(), f"{path}: no such file")
+        data = path.read_bytes()
         self.files[key] = hashlib.sha256(data).hexdigest()
         same = self.said["files"].get(key, self.files[key]) == self.files[key]
         need(same, f"{key}: {path} is not the file that was proven: its SHA-256 differs")
@@ -635,10 +637,9 @@ class World:
         """Read the rows, and make the control points (N - 1, d + 1, n) of the polynomial between each two."""
         data, kind, rates = self.file("motion", path), path.suffix.lower(), ("positions", "velocities", "accelerations")
         need(kind in (".json", ".csv"), f"{path}: motions of this kind cannot be checked (json and csv can)")
-        need(len(data) <= MOST_TEXT and data.count(b"\n") <= MOST_LINES, f"{path}: is too large")
         if kind == ".json":
             keys = f"hdplan_trajectory joint_names interpolation locked times verdict steps {' '.join(rates)}"
-            said = mapping(json.loads(data), str(path), keys)
+            said = mapping(json.loads(data, object_pairs_hook=unique), str(path), keys)
             self.names, self.locked = [str(x) for x in said["joint_names"]], said.get("locked", {})
         else:
             head, *lines = [row for row in csv.reader(data.decode("utf-8-sig").splitlines()) if row]
@@ -655,9 +656,8 @@ class World:
         need(said.get("interpolation", rule) == rule, f"{path}: its interpolation is not that of its rows")
         times = np.array(said["times"], dtype=np.float64) if "times" in said else None
         count, n = given[0].shape
-        need(count * n <= MOST_VALUES, f"{path}: is too large")
-        good = 2 <= count <= MOST_ROWS and 1 <= n <= 60 and len({*self.names}) == n == len(self.names)
-        need(good, f"{path}: too few or too many rows or joints, or a joint twice")
+        good = count >= 2 and 1 <= n <= 60 and len({*self.names}) == n == len(self.names)
+        need(good, f"{path}: too few rows, or too many joints, or a joint twice")
         need(all(x.shape == (count, n) and (np.abs(x) < 1e9).all() for x in given), f"{path}: numbers must be finite")
         rated = [x in said for x in ("times", *rates[1:])]
         need(sorted(rated, reverse=True) == rated, f"{path}: velocities need times, accelerations need velocities")
@@ -723,8 +723,6 @@ class World:
                 a, b = stack(at[:-1]), stack(at[1:])
                 rows = [a + (b - a) * (Ball(i) * Ball(1 / degree, EPS)) for i in range(degree + 1)]
                 columns.append(stack(rows, 1)[:, :, None])
-            width = sum(x.mid.shape[2] for x in columns)
-            need(len(times) * width <= MOST_VALUES, "the motion of robot and obstacles has too many parts")
             mid, rad = (np.concatenate(x, axis=2) for x in ([y.mid for y in columns], [y.rad for y in columns]))
             self.control = Ball(mid, rad)
         count = len(self.joints)
@@ -737,27 +735,24 @@ class World:
 
     def read_robot(self) -> None:
         """Read the tree of links, where each is in the frame of the joint that carries it, and the pieces of all."""
-        keys = "name urdf srdf package_dirs group base locked ignore_pairs"
-        spec = self.spec = mapping(self.top.get("robot"), "robot", keys)
-        here = self.scene.resolve().parent
-        folders = [here / str(x) for x in listing(spec.get("package_dirs"), "package_dirs")]
-        package = metadata.distribution("example-robot-data")
-        some = re.search(r"^(.*/robots)/.*\.urdf,", package.read_text("RECORD") or "", re.MULTILINE)
-        library = Path(str(package.locate_file(some[1]))) if some else here
-        need(("name" in spec) != ("urdf" in spec), "robot: either a name or a URDF is expected")
-        srdf = here / str(spec["srdf"]) if "srdf" in spec else None
+        keys = "name urdf srdf package_dirs group base base_joints locked ignore_pairs"
+        spec, here = mapping(self.top.get("robot"), "robot", keys), self.scene.resolve().parent
+        self.spec, self.folders = spec, [Path(x) for x in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if x]
         if "name" in spec:
-            urdf, found = robot_of(library, str(spec["name"]))
-            srdf = srdf or found
+            need(not {"urdf", "srdf", "package_dirs"} & {*spec}, "robot: either a name or files are expected")
+            package = metadata.distribution("example-robot-data")
+            some = re.search(r"^(.*/robots)/.*\.urdf,", package.read_text("RECORD") or "", re.MULTILINE)
+            need(some, "robot: its library is not installed")
+            library = Path(str(package.locate_file(some[1] if some else "")))
+            urdf, srdf = robot_of(library, str(spec["name"]))
+            self.folders = [library.parent.parent, library, *self.folders]
         else:
-            urdf = (here / str(spec["urdf"])).resolve()
-            folders += urdf.parents
-        ros = [Path(x) for x in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if x]
-        self.folders = [*folders, library.parent.parent, library, *ros]
+            urdf, srdf = (here / str(spec["urdf"])).resolve(), here / str(spec["srdf"]) if "srdf" in spec else None
+            folders = [here / str(x) for x in listing(spec.get("package_dirs"), "package_dirs")]
+            self.folders = [*folders, *urdf.parents, *self.folders]
         self.urdf, root = urdf, tree(self.file("urdf", urdf))
         words_ = tree(self.file("srdf", srdf) if srdf else b"<robot/>")
-        pairs = [frozenset((x.get("link1", ""), x.get("link2", ""))) for x in words_.findall("disable_collisions")]
-        self.excused, self.states = dict.fromkeys(pairs, "the SRDF"), dict[str, dict[str, float]]()
+        self.excused, self.states = excused(words_), dict[str, dict[str, float]]()
         for state in words_.findall("group_state"):  # a joint that two states of one name have elsewhere is at neither
             known_ = self.states.setdefault(state.get("name", ""), {})
             for x in [x for x in state.findall("joint") if len(x.get("value", "").split()) == 1]:
@@ -766,6 +761,8 @@ class World:
         ignored = listing(spec.get("ignore_pairs"), "ignore_pairs")
         self.excused |= {frozenset(map(str, listing(x, "ignore_pairs"))): "robot.ignore_pairs" for x in ignored}
         links = {x.get("name", ""): x for x in root.findall("link")}
+        if "base_joints" in spec:
+            links |= self.add_base(root, {*links} - {x.get("link", "") for x in root.findall("joint/child")})
         self.above, below = dict[str, str](), dict[str, list[tuple[str, Any]]]()
         for joint in root.findall("joint"):
             parent, child = (x.get("link", "") for x in (joint.find("parent"), joint.find("child")) if x is not None)
@@ -786,10 +783,8 @@ class World:
         for name, (other, scale, add) in self.followed.items():
             off = abs(self.held[name] - (scale * self.held[other] + add)) if other in self.held else 0.0
             need(off <= ROUNDED, f"joint '{name}': is held where it does not follow '{other}'")
-        need(
-            sorted(self.names) == sorted(x.name for x in self.joints),
-            f"{urdf}: not all joints of the motion can move in it",
-        )
+        same = sorted(self.names) == sorted(x.name for x in self.joints)
+        need(same, f"{urdf}: not all joints of the motion can move in it")
         order = [self.names.index(x.name) for x in self.joints]
         self.control, self.rows = self.control[:, :, order], self.rows[:, order]
         self.curve, self.clock = self.control, self.times  # of the robot alone
@@ -807,10 +802,8 @@ class World:
             about = inertia(numbers(said.get("inertia", 0.0), 6, "payload.inertia"))
             self.carry(float(mass), str(said["link"]), (HERE[0], Ball(com)), Ball(about))
         for link, element in links.items():
-            tags = {x.tag for x in element}
-            need(
-                tags <= {"visual", "collision", "inertial"}, f"{urdf}: link '{link}' has unknown parts: {sorted(tags)}"
-            )
+            known = {x.tag for x in element} <= {"visual", "collision", "inertial"}
+            need(known, f"{urdf}: link '{link}' has parts that are not known")
             for i, shape in enumerate(element.findall("collision")):
                 number, pose = self.at[link]
                 self.add(link, number, compose(pose, origin(shape)), self.solid(shape, f"link '{link}'"), f"{link} {i}")
@@ -834,6 +827,22 @@ class World:
             self.masses.append((np.nan, number, HERE, Ball(np.zeros((3, 3)))))
         elif number >= 0:
             self.masses.append((mass, number, compose(pose, at), about))
+
+    def add_base(self, root: Any, roots: set[str]) -> dict[str, Any]:
+        """Put the joints of a mobile base under the root link, and return the links before it."""
+        base, links = (
+            mapping(self.spec["base_joints"], "robot.base_joints", "kind x y yaw"),
+            ["base 0", "base 1", "base 2"],
+        )
+        need(base.get("kind", "planar") == "planar", "robot.base_joints: 'planar' is the only kind")
+        ways = ("x", "prismatic", "1 0 0"), ("y", "prismatic", "0 1 0"), ("yaw", "revolute", "0 0 1")
+        for i, (name, kind, axis) in enumerate(ways):
+            low, high = numbers(base[name], 2, f"robot.base_joints.{name}").tolist()
+            joint = ElementTree.SubElement(root, "joint", name=f"base_{name}", type=kind)
+            ends = ("parent", {"link": links[i]}), ("child", {"link": [*links[1:], *roots][i]})
+            for tag, said in (*ends, ("axis", {"xyz": axis}), ("limit", {"lower": repr(low), "upper": repr(high)})):
+                ElementTree.SubElement(joint, tag, said)
+        return {x: ElementTree.SubElement(root, "link", name=x) for x in links}
 
     def place(self, joint: Any, parent: int, pose: Pose) -> tuple[int, Pose]:
         """Return the moving joint that carries a joint's child, and the child's pose in its frame."""
@@ -860,10 +869,8 @@ class World:
         values = [x[name] for x in sources if isinstance(x, dict) and name in x]
         need(values, f"joint '{name}': nothing says where it is held")
         value = self.held[name] = float(numbers(values[0], 1, f"joint '{name}'")[0])
-        need(
-            self.said["held"].get(name, value) == value,
-            f"joint '{name}': is held at {value:g}, not where the proof says",
-        )
+        same = self.said["held"].get(name, value) == value
+        need(same, f"joint '{name}': is held at {value:g}, not where the proof says")
         step = (rotation(axis, value), HERE[1]) if kind != "prismatic" else (HERE[0], axis * value)
         return parent, compose(pose, step)
 
@@ -904,24 +911,21 @@ class World:
 
     def mesh(self, path: Path, scale: Any) -> tuple[Any, Any, Any]:
         """Return the triangles of a mesh file, scaled."""
-        found, off = triangles(path, self.file(f"mesh {path.parent.name}/{path.name}", path))
-        found = found * scale
-        return found, up(off * np.abs(scale)) + 2 * EPS * np.abs(found).max(axis=(0, 1)) * (scale != 1), np.zeros(3)
+        found = triangles(path, self.file(f"mesh {path.parent.name}/{path.name}", path)) * scale
+        return found.mid, found.rad.max(axis=(0, 1)), np.zeros(3)
 
     def add(self, name: str, joint: int, pose: Pose, shape: tuple[Any, Any, Any], key: str) -> None:
         """Note a shape as pieces: a mesh as its hull, or as the hulls of the groups of its triangles and one around."""
         corners, off, sweep = shape
         need(key not in self.keys, f"'{key}' is the name of two shapes")
         self.keys.add(key)
-        self.size += len(corners)
-        need(self.size <= MOST_CORNERS, "there are more corners than can be checked")
         if corners.ndim == 2:
             self.pieces.append(Piece(name, joint, pose, key, corners, off, sweep))
             return
         self.meshes[key], groups = corners, self.cuts.get(key, np.zeros(len(corners)))
         need(groups.shape == corners.shape[:1], f"mesh of {key}: has {len(corners)} triangles, not {len(groups)}")
         labels = np.unique(groups).tolist()
-        need(len(labels) * len(groups) <= 100 * MOST_CORNERS, f"mesh of {key}: has too many groups")
+        need(len(labels) * len(groups) <= 100 * MOST_PAIRS, f"mesh of {key}: has too many groups")
         for mask, cover in [(groups == x, False) for x in labels] + [(groups >= 0, True)] * (len(labels) > 1):
             own = np.unique(corners[mask].reshape(-1, 3), axis=0)
             self.pieces.append(Piece(name, joint, pose, key, own, off, sweep, cover))
@@ -1004,7 +1008,6 @@ class Motion:
         first, k, count = np.floor(low).astype(int), len(spans), len(world.joints)
         counts = np.ceil(high).astype(int) - first
         begins = np.cumsum(counts) - counts
-        need(counts.sum() <= MOST_ROWS + MOST_PARTS, "the intervals of the leaves cover too many rows")
         row, span = np.arange(counts.sum()) - np.repeat(begins - first, counts), np.repeat(np.arange(k), counts)
         start, end = (np.clip(x[span] - row, 0, 1)[:, None, None] for x in (low, high))
         part = blossom(world.control[row], start, end)
@@ -1131,10 +1134,9 @@ def unpack(data: bytes) -> tuple[dict[str, Any], dict[str, Any], Trees]:
     need(data.startswith(MAGIC), "the file is not a proof")
     inflate = zlib.decompressobj()
     line, _, rest = inflate.decompress(data[len(MAGIC) :], MOST_BYTES).partition(b"\n")
-    need(len(line) <= MOST_HEAD, "the proof's head is too large")
     need(inflate.eof and not inflate.unused_data, "the proof is cut short, too large, or goes on after its end")
     keys = "version files clearance self_clearance held cuts pairs leaves once claims"
-    head, at, arrays = mapping(json.loads(line), "the proof's head", keys), 0, []
+    head, at, arrays = mapping(json.loads(line, object_pairs_hook=unique), "the proof's head", keys), 0, []
     good = all(isinstance(head[x], dict) for x in ("files", "held", "cuts"))
     need(good and head["version"] == VERSION, "the proof's head is not of this version")
     sizes = [*((x, "<u2") for x in head["cuts"].values()), (head["pairs"], "<u4"), (head["leaves"], "<u1")]
@@ -1156,7 +1158,7 @@ def verify(scene: Path, motion: Path, proof: Path | bytes) -> str:
     reason."""
     try:
         with np.errstate(all="ignore"):
-            head, cuts, trees = unpack(proof if isinstance(proof, bytes) else read(proof))
+            head, cuts, trees = unpack(proof if isinstance(proof, bytes) else proof.read_bytes())
             world = World(scene, motion, head, cuts)
             need(world.files == head["files"] and {*cuts} <= {*world.meshes}, "the proof names other files or meshes")
             check_apart(world, head, trees)
@@ -1446,8 +1448,10 @@ def statement(world: World, head: dict[str, Any]) -> str:
         check_path(world)
     ranges = (top.get("limits") or {}).get("position") or {}
     need({*ranges} <= {x.name for x in joints}, "limits.position: a joint does not move")
-    limits = [numbers(ranges[x.name], 2, x.name).tolist() if x.name in ranges else [x.low, x.high] for x in joints]
-    low, high = np.array(limits, dtype=np.float64).T + [[-ROUNDED], [ROUNDED]]
+    low, high = np.array([(x.low, x.high) for x in joints]).T
+    for i, name in enumerate(x.name for x in joints):
+        least, most = numbers(ranges[name], 2, f"limits.position.{name}") if name in ranges else (low[i], high[i])
+        low[i], high[i] = max(low[i], least) - ROUNDED, min(high[i], most) + ROUNDED
     if "limits" in claims:
 
         def outside(spans: Any) -> Any:
@@ -1477,6 +1481,7 @@ def statement(world: World, head: dict[str, Any]) -> str:
     open_ += [f"planner.clearance, {1e3 * wanted:g} mm"] * ((head.get("clearance") or wanted) < wanted)
     part = " in part" * bool(open_)
     said = [f"accepted{part}: over the whole motion of {len(world.rows)} rows"]
+    said += [f"  robot: {world.urdf}, SHA-256 {world.files['urdf'][:8]}"]
     own = {name: x for name, x in world.clearances.items() if x > (head.get("clearance") or 0.0)}
     more = "".join(f"; {1e3 * x:g} mm from {name}" for name, x in own.items())
     for key, what in (("clearance", "from every obstacle"), ("self_clearance", "from one another")):
@@ -1492,11 +1497,27 @@ def statement(world: World, head: dict[str, Any]) -> str:
     return "\n".join([*said, "  if:", *(f"    {line}" for line in ASSUMES.splitlines())])
 
 
+def limit() -> None:
+    """Take at most MOST_MEMORY and MOST_TIME, whatever the files say: beyond that, the proof is rejected."""
+    if sys.platform == "linux":
+        import resource
+        import signal
+
+        def late(*_: Any) -> None:
+            raise RejectedError(f"needs more than {MOST_TIME} s")
+
+        signal.signal(signal.SIGXCPU, late)
+        resource.setrlimit(resource.RLIMIT_CPU, (MOST_TIME, MOST_TIME + 5))
+        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (used + MOST_MEMORY, used + MOST_MEMORY))
+
+
 def main() -> int:
     """Run from the command line."""
     if len(sys.argv) != 4:
         sys.exit("usage: python -m hdplan.verify SCENE TRAJECTORY PROOF")
     try:
+        limit()
         print(verify(*map(Path, sys.argv[1:])))
     except RejectedError as error:
         print(f"rejected: {error}")
