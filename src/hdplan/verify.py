@@ -647,10 +647,10 @@ class World:
             ends, self.locked = ("", ".velocity", ".acceleration"), dict[str, float]()
             self.names = [x for x in columns if x != "time" and not x.endswith(ends[1:])]
             need(len(columns) == len(head), f"{path}: a column stands twice")
-            tables = {rate: [columns[x + end] for x in self.names if end in ("", *(y[-len(end) :] for y in columns))]
-                      for rate, end in zip(rates, ends, strict=True)}  # fmt: skip
-            said = {rate: np.transpose(x) for rate, x in tables.items() if x}
-            said |= {"times": columns["time"]} if "time" in columns else {}
+            said = {"times": columns["time"]} if "time" in columns else {}
+            for rate, end in zip(rates, ends, strict=True):
+                if any(x.endswith(end) for x in columns):
+                    said[rate] = np.transpose([columns[x + end] for x in self.names])
         given = [np.array(said[key], dtype=np.float64) for key in rates if key in said]
         rule = ("", "linear", "cubic", "quintic")[len(given)]
         need(said.get("interpolation", rule) == rule, f"{path}: its interpolation is not that of its rows")
@@ -763,22 +763,20 @@ class World:
         links = {x.get("name", ""): x for x in root.findall("link")}
         if "base_joints" in spec:
             links |= self.add_base(root, {*links} - {x.get("link", "") for x in root.findall("joint/child")})
-        self.above, below = dict[str, str](), dict[str, list[tuple[str, Any]]]()
-        for joint in root.findall("joint"):
+        self.above, below = dict[str, str](), dict[str, list[tuple[str, str, Any]]]()
+        for joint in sorted(root.findall("joint"), key=lambda x: x.get("name", ""), reverse=True):
             parent, child = (x.get("link", "") for x in (joint.find("parent"), joint.find("child")) if x is not None)
             need({parent, child} <= {*links} and child not in self.above, f"{urdf}: its links make no tree")
             self.above[child] = parent
-            below.setdefault(parent, []).append((child, joint))
+            below.setdefault(parent, []).append((parent, child, joint))
         (first,) = [x for x in links if x not in self.above]
         self.at: dict[str, tuple[int, Pose]] = {first: (-1, pose_of(spec.get("base"), "robot.base"))}
-        self.joints, self.held, waiting = list[Joint](), dict[str, float](), [(first, below.get(first, []))]
+        self.joints, self.held, waiting = list[Joint](), dict[str, float](), below.get(first, [])[:]
         self.followed = dict[str, tuple[str, float, float]]()  # of joints that follow others that are held
         while waiting:  # depth first, by the joints' names, as a scene counts them
-            link, left = waiting.pop()
-            for child, joint in sorted(left, key=lambda x: x[1].get("name", ""))[:1]:
-                waiting.append((link, [x for x in left if x[0] != child]))
-                self.at[child] = self.place(joint, *self.at[link])
-                waiting.append((child, below.get(child, [])))
+            parent, child, joint = waiting.pop()
+            self.at[child] = self.place(joint, *self.at[parent])
+            waiting += below.get(child, [])
         need(len(self.at) == len(root.findall("link")), f"{urdf}: its links make no tree")
         for name, (other, scale, add) in self.followed.items():
             off = abs(self.held[name] - (scale * self.held[other] + add)) if other in self.held else 0.0
@@ -938,7 +936,7 @@ class World:
         pieces, self.left_out = self.pieces, dict[frozenset[str], str]()
         rows, once = list[tuple[int, int]](), dict[tuple[int, int], None]()
         need(self.own * len(pieces) <= MOST_PAIRS, "there are more pairs of pieces than can be checked")
-        self.solid_links, links = {x.name for x in pieces}, {*self.above, *self.above.values()}
+        self.solid_links, self.links = {x.name for x in pieces}, {*self.above, *self.above.values()}
         last = {x.key: i for i, x in enumerate(pieces)}  # of each shape: the hull around it
         for a in range(self.own):
             for b in range(a + 1, len(pieces)):
@@ -950,7 +948,7 @@ class World:
                     continue
                 rows.append((a, b))
                 covered = pieces[last[one.key]].cover or pieces[last[two.key]].cover
-                if covered and not {one.name, two.name} <= links:  # of two links, ASSUMES has it
+                if covered and not {one.name, two.name} <= self.links:  # of two links, ASSUMES has it
                     once[last[one.key], last[two.key]] = None
         self.pairs, self.once = (np.array(list(x), dtype=np.int64).reshape(-1, 2) for x in (rows, once))
         self.centers = np.array([(x.corners.min(axis=0) + x.corners.max(axis=0)) / 2 for x in pieces]).reshape(-1, 3)
@@ -965,14 +963,13 @@ class World:
         if reason := self.excused.get(frozenset((one, two))):
             return reason
         one_joint = (a >= 0 and self.joints[a].parent == b) or (b >= 0 and self.joints[b].parent == a)
-        if not one_joint or not {one, two} <= {*self.above, *self.above.values()}:
+        if not one_joint or not {one, two} <= self.links:
             return None
         ways = [[link] for link in (one, two)]
         for way in ways:
             while way[-1] in self.above:
                 way.append(self.above[way[-1]])
-        shared = [link for link in ways[0] if link in ways[1]]
-        between = {link for way in ways for link in way if link not in shared} | {*shared[:1]}
+        between = {*ways[0]} ^ {*ways[1]} | {next(x for x in ways[0] if x in ways[1])}
         return None if (between - {one, two}) & self.solid_links else "neighbours"
 
 
@@ -1165,6 +1162,8 @@ def verify(scene: Path, motion: Path, proof: Path | bytes) -> str:
             return statement(world, head)
     except RejectedError:
         raise
+    except MemoryError:
+        raise RejectedError("needs more memory than it may take") from None
     except Exception as error:  # whatever is not as it should be: it is no proof
         words_ = " ".join(f"{type(error).__name__}: {error}".split())
         raise RejectedError(f"a file is not as it should be ({words_})") from None
@@ -1504,12 +1503,18 @@ def limit() -> None:
         import signal
 
         def late(*_: Any) -> None:
+            signal.signal(signal.SIGXCPU, signal.SIG_IGN)
             raise RejectedError(f"needs more than {MOST_TIME} s")
 
+        def at_most(kind: int, soft: int, hard: int) -> None:
+            allowed = resource.getrlimit(kind)[1]
+            free = allowed == resource.RLIM_INFINITY
+            resource.setrlimit(kind, (soft, hard) if free else (min(soft, allowed), min(hard, allowed)))
+
         signal.signal(signal.SIGXCPU, late)
-        resource.setrlimit(resource.RLIMIT_CPU, (MOST_TIME, MOST_TIME + 5))
+        at_most(resource.RLIMIT_CPU, MOST_TIME, MOST_TIME + 5)
         used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (used + MOST_MEMORY, used + MOST_MEMORY))
+        at_most(resource.RLIMIT_AS, used + MOST_MEMORY, used + MOST_MEMORY)
 
 
 def main() -> int:
