@@ -39,6 +39,7 @@ import csv
 import hashlib
 import json
 import os
+import re
 import sys
 import xml.etree.ElementTree as ElementTree
 import zlib
@@ -740,8 +741,9 @@ class World:
         if "name" in spec:
             need(not {"urdf", "srdf", "package_dirs"} & {*spec}, "robot: either a name or files are expected")
             package = metadata.distribution("example-robot-data")
-            some = next(Path(str(package.locate_file(x))) for x in package.files or () if str(x).endswith(".urdf"))
-            library = next(x for x in some.parents if x.name == "robots")
+            some = re.search(r"^(.*/robots)/.*\.urdf,", package.read_text("RECORD") or "", re.MULTILINE)
+            need(some, "robot: its library is not installed")
+            library = Path(str(package.locate_file(some[1] if some else "")))
             urdf, srdf = robot_of(library, str(spec["name"]))
             self.folders = [library.parent.parent, library, *self.folders]
         else:
@@ -1081,12 +1083,13 @@ class Motion:
 
     def gaps(self, node: Any, pairs: Any, normal: Any) -> Any:
         """Return lower bounds (L,) of the distance of pairs (L, 2) on intervals (L,) by directions (L, 3)."""
-        a, b = pairs.T
-        moves = self.world.carried[[x.joint for x in self.world.pieces]]
-        near, rest = self.extremes(node, a, moves[a] & ~moves[b], -normal)
-        far, more = self.extremes(node, b, moves[b] & ~moves[a], normal)
+        moves, count = self.world.carried[[x.joint for x in self.world.pieces]], len(node)
+        body, other = pairs.T.ravel(), pairs.T[::-1].ravel()
+        directions = np.concatenate([-normal, normal])
+        most, rest = self.extremes(np.tile(node, 2), body, moves[body] & ~moves[other], directions)
         length = norm(np.abs(normal))
-        least = -above(above(near, far).max(axis=0), up(length * (rest + more))) / length
+        both = above(most[:, :count], most[:, count:]).max(axis=0)
+        least = -above(both, up(length * (rest[:count] + rest[count:]))) / length
         return np.where(least > 0, least * (1 - 8 * EPS), 2 * least)  # `length` may be too large
 
     def extremes(self, node: Any, body: Any, moves: Any, d: Any) -> tuple[Any, Any]:
@@ -1095,24 +1098,23 @@ class Motion:
         turned = cross(d, dot("ln,lni->li", step * self.turning, self.axis[node]))
         slide = dot("li,li->l", d, dot("ln,lni->li", step, self.moment[node]))
         rest = self.rest(step, self.reach[node, self.slot[body]] * moves, self.off[node])
-        joint, found = np.array([x.joint for x in world.pieces])[body], []
-        for sign in (1.0, -1.0):
-            way = Ball(d) + sign * turned
-            base = dot("li,li->l", way, self.at[node, joint]) + sign * slide
-            local, value = dot("li,lij->lj", way, self.turn[node, joint]), above(base.mid, base.rad)
-            for g in np.unique(body):
-                value[body == g] = above(value[body == g], support(world.pieces[g], local[body == g]))
-            found.append(value)
-        return np.stack(found), rest
+        joint = np.array([x.joint for x in world.pieces])[body]
+        way = stack([turned + d, d - turned])
+        base = dot("sli,li->sl", way, self.at[node, joint]) + stack([slide, -slide])
+        local, value = dot("sli,lij->slj", way, self.turn[node, joint]), above(base.mid, base.rad)
+        order = np.argsort(body, kind="stable")
+        for rows in np.split(order, np.flatnonzero(np.diff(body[order])) + 1) if len(order) else []:
+            value[:, rows] = above(value[:, rows], support(world.pieces[body[rows[0]]], local[:, rows]))
+        return value, rest
 
 
 def support(piece: Piece, d: Ball) -> Any:
-    """Return upper bounds (k,) of d.x over the points x of a piece, for directions (k, 3) in the frame of its joint."""
-    local, shift = dot("ki,ij->kj", d, piece.pose[0]), dot("ki,i->k", d, piece.pose[1])
+    """Return upper bounds (2, k) of d.x over the points x of a piece, for directions (2, k, 3) in its joint's frame."""
+    local, shift = dot("ski,ij->skj", d, piece.pose[0]), dot("ski,i->sk", d, piece.pose[1])
     size = np.abs(piece.corners).max(axis=0)
-    error = ((local.rad + 8 * EPS * np.abs(local.mid)) * size + local.size * piece.off).sum(axis=1)
-    parts = np.array_split(local.mid, 1 + local.mid.shape[0] * len(piece.corners) // 4_000_000)
-    most = np.concatenate([(x @ piece.corners.T).max(axis=1) for x in parts])
+    error = ((local.rad + 8 * EPS * np.abs(local.mid)) * size + local.size * piece.off).sum(axis=-1)
+    parts = np.array_split(local.mid.reshape(-1, 3), 1 + local.mid.size * len(piece.corners) // 12_000_000)
+    most = np.concatenate([(x @ piece.corners.T).max(axis=1) for x in parts]).reshape(error.shape)
     value = above(most, up(error + norm(piece.sweep * local.size)))
     return above(value, above(shift.mid, shift.rad))
 
@@ -1473,9 +1475,10 @@ def statement(world: World, head: dict[str, Any]) -> str:
     rated = {x: None for x in top.get("limits") or {} if x != "position"}
     rated |= {"velocity": None} if rated or top.get("timing") else {}
     open_ += [x for x in [*rated, *(["path"] if "path" in top else [])] if x not in claims]
-    planner = top.get("planner")
-    wanted = float(numbers(planner.get("clearance", 0.0), 1, "clearance")[0]) if isinstance(planner, dict) else 0.0
-    open_ += [f"planner.clearance, {1e3 * wanted:g} mm"] * ((head.get("clearance") or wanted) < wanted)
+    for section, key in (("planner", "clearance"), ("self_collision", "self_clearance")):
+        given = top[section].get("clearance") if isinstance(top.get(section), dict) else None
+        wanted = float(numbers(given or 0.0, 1, f"{section}.clearance")[0])
+        open_ += [f"{section}.clearance, {1e3 * wanted:g} mm"] * ((head.get(key) or wanted) < wanted)
     part = " in part" * bool(open_)
     said = [f"accepted{part}: over the whole motion of {len(world.rows)} rows"]
     said += [f"  robot: {world.urdf}, SHA-256 {world.files['urdf'][:8]}"]
