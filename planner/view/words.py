@@ -95,4 +95,7 @@ def whats_next(
         return f"stopped: the best motion so far is {found}"
     if result is not None and not result.certified and result.asked is edited.scene:
         return f"no free motion found yet, the best one is {found}: press Plan again, or give it more room"
+    if certificate.failures:
+        worst = min(certificate.failures, key=lambda place: place.distance)
+        return f"{found} in this scene: {worst.link} and {worst.other}, {millimetres(worst.distance)}: press Plan"
     return f"{found} in this scene: press Plan"
