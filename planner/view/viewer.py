@@ -7,7 +7,6 @@ Everything is drawn by one thread (`Worker`); browsers only send requests. What 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 import viser
 
@@ -28,7 +27,6 @@ from hdplan.planner.view.layers import PLANE
 from hdplan.planner.view.motions import Motions
 from hdplan.planner.view.panel import Panel
 from hdplan.planner.view.quiet import quiet
-from hdplan.planner.view.recording import record
 from hdplan.planner.view.stage import Stage
 from hdplan.planner.view.worker import Worker
 from hdplan.scenes.array_types import Array
@@ -114,10 +112,6 @@ class Viewer:
         """Switch on the layer with the planes of a proof, which is about the active motion in the scene as it is."""
         self.worker.ask("proof", lambda: self.panel.layers.show_proof(proof))
         self.worker.settle()
-
-    def record(self, page: Path) -> None:
-        """Write the motions as one page that needs no server; see `recording`."""
-        record(self, page)
 
     def close(self) -> None:
         """End the threads and the server."""

@@ -8,7 +8,7 @@ from typing import Any
 
 from hdplan.planner.certificate.verdict import Contact
 from hdplan.planner.view.drawing.colors import hex_of
-from hdplan.planner.view.drawing.nodes import millimetres
+from hdplan.planner.view.drawing.motion import millimetres
 from hdplan.planner.view.drawing.skins import Color
 
 OUTDATED = "the scene is being changed: nothing is known of this motion in it yet"

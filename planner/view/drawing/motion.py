@@ -115,6 +115,11 @@ class Tip:
         return points
 
 
+def millimetres(distance: float) -> str:
+    """Return a distance in words."""
+    return f"{distance * 1e3:.1f} mm" if distance >= 0.0 else f"{-distance * 1e3:.1f} mm deep"
+
+
 def sample_parameters(waypoints: int) -> Array:
     """Return path parameters at equal steps, SAMPLES of them or a few more, every waypoint among them; fewer than there
     are waypoints where these lie close."""
