@@ -41,6 +41,7 @@ HOMES = {  # of each heavy library
     "fcl": {"distance.baselines"},
     "viser": {"planner.view", "planner.view.drawing"},
     "daqp": {"planner.control"},
+    "av": {"planner.page"},
     "coacd": {"planner.collision"},
     "toppra": {"planner.timing"},
     "yaml": {"scenes"},

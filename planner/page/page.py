@@ -103,7 +103,7 @@ def page_of(setup: Setup, motions: Sequence[ShownMotion]) -> HtmlPage:
         "HALF": f"{FAR * 500:g}",
         "FAR": f"{FAR * 1000:g}",
         "DATA": json.dumps(data, allow_nan=False, default=_rounded, separators=(",", ":")).replace("<", "\\u003c"),
-        "MESHES": base64.b64encode(gzip.compress(packed.data(), 9, mtime=0)).decode(),
+        "MESHES": base64.b64encode(gzip.compress(packed.data(), 6, mtime=0)).decode(),
         "SCRIPT": "\n".join(_part(name) for name in ("stage.js", "page.js")),
     }
     return HtmlPage(data["title"], Template(_part("page.html")).substitute(words))

@@ -7,6 +7,7 @@ Everything is drawn by one thread (`Worker`); browsers only send requests. What 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import viser
 
@@ -14,6 +15,7 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.page.page import page_of
 from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.robot import Robot
@@ -112,6 +114,10 @@ class Viewer:
         """Switch on the layer with the planes of a proof, which is about the active motion in the scene as it is."""
         self.worker.ask("proof", lambda: self.panel.layers.show_proof(proof))
         self.worker.settle()
+
+    def record(self, page: Path) -> None:
+        """Write the motions as one page that needs no server. Raises InputError if it cannot be written."""
+        page_of(self.edited.setup, [shown.motion for shown in self.motions.shown]).save(page)
 
     def close(self) -> None:
         """End the threads and the server."""

@@ -125,7 +125,7 @@ def test_a_proof_of_another_motion_is_refused(
     hdplan.prove("planar_arm", motion).save(proof)
     for arguments, said in (
         (["planar_arm", other, "--proof", proof], "not the file that was proven"),
-        (["planar_arm", motion, "--proof", tmp_path / "none.proof"], "no file"),
+        (["planar_arm", motion, "--proof", tmp_path / "none.proof"], "no such file"),
         (["planar_arm", motion, "--proof", motion], "not a proof"),
         (["planar_arm", "--proof", proof], "about one motion, but none"),
         (["planar_arm", motion, other, "--proof", proof], "about one motion, but 2"),
