@@ -105,7 +105,7 @@ class Page {
         const mesh = this.meshes[i];
         if (number && !mesh.joint) continue;
         const along = () => placed(between(motion.poses[mesh.joint], place(motion.when, this.now)));
-        stage.solids.push({ mesh, place: mesh.joint ? along : still(said.base), color: rgb(motion.color || mesh.color), alpha: 1 });
+        stage.solids.push({ mesh, place: mesh.joint ? along : still(said.base), color: rgb(number ? motion.color : mesh.color), alpha: 1 });
       }
       const points = [], colors = [];
       for (let i = 1; i < motion.path.length; i++) {
@@ -135,7 +135,7 @@ class Page {
       const line = $("verdicts").appendChild(document.createElement("p"));
       line.style.color = certified ? "var(--good)" : css(said.bad);
       line.textContent = `${certified ? "✓" : "✗"} ${said.motions.length > 1 ? `${name}: ` : ""}${verdict}`;
-      if (color) line.style.borderLeft = `4px solid ${css(color)}`, line.style.paddingLeft = "6px";
+      if (said.motions.length > 1) line.style.borderLeft = `4px solid ${css(color)}`, line.style.paddingLeft = "6px";
     }
     $("notes").textContent = said.notes;
     this.bars = said.joints.map(({ name, low, high, unit }) => {
@@ -239,8 +239,8 @@ class Page {
   }
 
   plot(context, width, height) {
-    const series = said.motions.map((m) => ({ name: said.motions.length > 1 ? m.name : "to obstacles", when: m.when, values: m.clearance, color: css(m.color || said.green), dash: [] }));
-    if (said.motions.length === 1) series.push({ name: "between links", when: said.motions[0].when, values: said.motions[0].own, color: css(said.purple), dash: [5, 3] });
+    const series = said.motions.map((m) => ({ name: said.motions.length > 1 ? m.name : "to obstacles", when: m.when, values: m.clearance, color: css(m.color), dash: [] }));
+    if (said.motions.length === 1) series.push({ name: "between links", when: said.motions[0].when, values: said.motions[0].own, color: css(said.between), dash: [5, 3] });
     const shown = series.filter((s) => s.values.length);
     return curves(context, width, height, {
       title: "clearance [mm]", unit: said.timeline.timed ? " s" : "", when: [said.timeline.begin, said.timeline.end], series: shown, levels: said.levels.map((l) => ({ ...l, color: css(l.color) })), now: this.now });

@@ -31,7 +31,7 @@ from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.robot_files.library import description_of
 from hdplan.scenes.values import FilePath, checked, path_of
 from hdplan.scenes.yaml_format.reader import find_scene, load_scene
-from hdplan.verify import MAGIC, VERSION, Piece, RejectedError, World, statement, verify
+from hdplan.verify import MAGIC, VERSION, Piece, RejectedError, World, check_apart, statement, unpack
 
 SHORT, SHARE = 1e-4, 0.02  # [m], or share of it, by which less is proven than by the certificate
 MOST_ROUNDS = 40  # in which meshes are divided
@@ -198,7 +198,9 @@ class _Writer:
             json.dumps(head, allow_nan=False).encode() + b"\n" + b"".join(x.astype(kind).tobytes() for x, kind in parts)
         )
         data = MAGIC + zlib.compress(content, 9)
-        return Proof(data, verify(self.scene, self.motion, data), certificate, head["leaves"])
+        read, _, trees = unpack(data)
+        check_apart(world, read, trees)  # what was written, in the world that was read already
+        return Proof(data, statement(world, read), certificate, head["leaves"])
 
 
 def world_of(setup: Setup, scene: Path, motion: Path, cuts: dict[str, Any] | None = None) -> World:

@@ -39,6 +39,7 @@ import csv
 import hashlib
 import json
 import os
+import re
 import sys
 import xml.etree.ElementTree as ElementTree
 import zlib
@@ -646,10 +647,10 @@ class World:
             ends, self.locked = ("", ".velocity", ".acceleration"), dict[str, float]()
             self.names = [x for x in columns if x != "time" and not x.endswith(ends[1:])]
             need(len(columns) == len(head), f"{path}: a column stands twice")
-            tables = {rate: [columns[x + end] for x in self.names if end in ("", *(y[-len(end) :] for y in columns))]
-                      for rate, end in zip(rates, ends, strict=True)}  # fmt: skip
-            said = {rate: np.transpose(x) for rate, x in tables.items() if x}
-            said |= {"times": columns["time"]} if "time" in columns else {}
+            said = {"times": columns["time"]} if "time" in columns else {}
+            for rate, end in zip(rates, ends, strict=True):
+                if any(x.endswith(end) for x in columns):
+                    said[rate] = np.transpose([columns[x + end] for x in self.names])
         given = [np.array(said[key], dtype=np.float64) for key in rates if key in said]
         rule = ("", "linear", "cubic", "quintic")[len(given)]
         need(said.get("interpolation", rule) == rule, f"{path}: its interpolation is not that of its rows")
@@ -740,8 +741,9 @@ class World:
         if "name" in spec:
             need(not {"urdf", "srdf", "package_dirs"} & {*spec}, "robot: either a name or files are expected")
             package = metadata.distribution("example-robot-data")
-            some = next(Path(str(package.locate_file(x))) for x in package.files or () if str(x).endswith(".urdf"))
-            library = next(x for x in some.parents if x.name == "robots")
+            some = re.search(r"^(.*/robots)/.*\.urdf,", package.read_text("RECORD") or "", re.MULTILINE)
+            need(some, "robot: its library is not installed")
+            library = Path(str(package.locate_file(some[1] if some else "")))
             urdf, srdf = robot_of(library, str(spec["name"]))
             self.folders = [library.parent.parent, library, *self.folders]
         else:
@@ -761,22 +763,20 @@ class World:
         links = {x.get("name", ""): x for x in root.findall("link")}
         if "base_joints" in spec:
             links |= self.add_base(root, {*links} - {x.get("link", "") for x in root.findall("joint/child")})
-        self.above, below = dict[str, str](), dict[str, list[tuple[str, Any]]]()
-        for joint in root.findall("joint"):
+        self.above, below = dict[str, str](), dict[str, list[tuple[str, str, Any]]]()
+        for joint in sorted(root.findall("joint"), key=lambda x: x.get("name", ""), reverse=True):
             parent, child = (x.get("link", "") for x in (joint.find("parent"), joint.find("child")) if x is not None)
             need({parent, child} <= {*links} and child not in self.above, f"{urdf}: its links make no tree")
             self.above[child] = parent
-            below.setdefault(parent, []).append((child, joint))
+            below.setdefault(parent, []).append((parent, child, joint))
         (first,) = [x for x in links if x not in self.above]
         self.at: dict[str, tuple[int, Pose]] = {first: (-1, pose_of(spec.get("base"), "robot.base"))}
-        self.joints, self.held, waiting = list[Joint](), dict[str, float](), [(first, below.get(first, []))]
+        self.joints, self.held, waiting = list[Joint](), dict[str, float](), below.get(first, [])[:]
         self.followed = dict[str, tuple[str, float, float]]()  # of joints that follow others that are held
         while waiting:  # depth first, by the joints' names, as a scene counts them
-            link, left = waiting.pop()
-            for child, joint in sorted(left, key=lambda x: x[1].get("name", ""))[:1]:
-                waiting.append((link, [x for x in left if x[0] != child]))
-                self.at[child] = self.place(joint, *self.at[link])
-                waiting.append((child, below.get(child, [])))
+            parent, child, joint = waiting.pop()
+            self.at[child] = self.place(joint, *self.at[parent])
+            waiting += below.get(child, [])
         need(len(self.at) == len(root.findall("link")), f"{urdf}: its links make no tree")
         for name, (other, scale, add) in self.followed.items():
             off = abs(self.held[name] - (scale * self.held[other] + add)) if other in self.held else 0.0
@@ -936,7 +936,7 @@ class World:
         pieces, self.left_out = self.pieces, dict[frozenset[str], str]()
         rows, once = list[tuple[int, int]](), dict[tuple[int, int], None]()
         need(self.own * len(pieces) <= MOST_PAIRS, "there are more pairs of pieces than can be checked")
-        self.solid_links, links = {x.name for x in pieces}, {*self.above, *self.above.values()}
+        self.solid_links, self.links = {x.name for x in pieces}, {*self.above, *self.above.values()}
         last = {x.key: i for i, x in enumerate(pieces)}  # of each shape: the hull around it
         for a in range(self.own):
             for b in range(a + 1, len(pieces)):
@@ -948,7 +948,7 @@ class World:
                     continue
                 rows.append((a, b))
                 covered = pieces[last[one.key]].cover or pieces[last[two.key]].cover
-                if covered and not {one.name, two.name} <= links:  # of two links, ASSUMES has it
+                if covered and not {one.name, two.name} <= self.links:  # of two links, ASSUMES has it
                     once[last[one.key], last[two.key]] = None
         self.pairs, self.once = (np.array(list(x), dtype=np.int64).reshape(-1, 2) for x in (rows, once))
         self.centers = np.array([(x.corners.min(axis=0) + x.corners.max(axis=0)) / 2 for x in pieces]).reshape(-1, 3)
@@ -963,14 +963,13 @@ class World:
         if reason := self.excused.get(frozenset((one, two))):
             return reason
         one_joint = (a >= 0 and self.joints[a].parent == b) or (b >= 0 and self.joints[b].parent == a)
-        if not one_joint or not {one, two} <= {*self.above, *self.above.values()}:
+        if not one_joint or not {one, two} <= self.links:
             return None
         ways = [[link] for link in (one, two)]
         for way in ways:
             while way[-1] in self.above:
                 way.append(self.above[way[-1]])
-        shared = [link for link in ways[0] if link in ways[1]]
-        between = {link for way in ways for link in way if link not in shared} | {*shared[:1]}
+        between = {*ways[0]} ^ {*ways[1]} | {next(x for x in ways[0] if x in ways[1])}
         return None if (between - {one, two}) & self.solid_links else "neighbours"
 
 
@@ -1084,12 +1083,13 @@ class Motion:
 
     def gaps(self, node: Any, pairs: Any, normal: Any) -> Any:
         """Return lower bounds (L,) of the distance of pairs (L, 2) on intervals (L,) by directions (L, 3)."""
-        a, b = pairs.T
-        moves = self.world.carried[[x.joint for x in self.world.pieces]]
-        near, rest = self.extremes(node, a, moves[a] & ~moves[b], -normal)
-        far, more = self.extremes(node, b, moves[b] & ~moves[a], normal)
+        moves, count = self.world.carried[[x.joint for x in self.world.pieces]], len(node)
+        body, other = pairs.T.ravel(), pairs.T[::-1].ravel()
+        directions = np.concatenate([-normal, normal])
+        most, rest = self.extremes(np.tile(node, 2), body, moves[body] & ~moves[other], directions)
         length = norm(np.abs(normal))
-        least = -above(above(near, far).max(axis=0), up(length * (rest + more))) / length
+        both = above(most[:, :count], most[:, count:]).max(axis=0)
+        least = -above(both, up(length * (rest[:count] + rest[count:]))) / length
         return np.where(least > 0, least * (1 - 8 * EPS), 2 * least)  # `length` may be too large
 
     def extremes(self, node: Any, body: Any, moves: Any, d: Any) -> tuple[Any, Any]:
@@ -1098,24 +1098,23 @@ class Motion:
         turned = cross(d, dot("ln,lni->li", step * self.turning, self.axis[node]))
         slide = dot("li,li->l", d, dot("ln,lni->li", step, self.moment[node]))
         rest = self.rest(step, self.reach[node, self.slot[body]] * moves, self.off[node])
-        joint, found = np.array([x.joint for x in world.pieces])[body], []
-        for sign in (1.0, -1.0):
-            way = Ball(d) + sign * turned
-            base = dot("li,li->l", way, self.at[node, joint]) + sign * slide
-            local, value = dot("li,lij->lj", way, self.turn[node, joint]), above(base.mid, base.rad)
-            for g in np.unique(body):
-                value[body == g] = above(value[body == g], support(world.pieces[g], local[body == g]))
-            found.append(value)
-        return np.stack(found), rest
+        joint = np.array([x.joint for x in world.pieces])[body]
+        way = stack([turned + d, d - turned])
+        base = dot("sli,li->sl", way, self.at[node, joint]) + stack([slide, -slide])
+        local, value = dot("sli,lij->slj", way, self.turn[node, joint]), above(base.mid, base.rad)
+        order = np.argsort(body, kind="stable")
+        for rows in np.split(order, np.flatnonzero(np.diff(body[order])) + 1) if len(order) else []:
+            value[:, rows] = above(value[:, rows], support(world.pieces[body[rows[0]]], local[:, rows]))
+        return value, rest
 
 
 def support(piece: Piece, d: Ball) -> Any:
-    """Return upper bounds (k,) of d.x over the points x of a piece, for directions (k, 3) in the frame of its joint."""
-    local, shift = dot("ki,ij->kj", d, piece.pose[0]), dot("ki,i->k", d, piece.pose[1])
+    """Return upper bounds (2, k) of d.x over the points x of a piece, for directions (2, k, 3) in its joint's frame."""
+    local, shift = dot("ski,ij->skj", d, piece.pose[0]), dot("ski,i->sk", d, piece.pose[1])
     size = np.abs(piece.corners).max(axis=0)
-    error = ((local.rad + 8 * EPS * np.abs(local.mid)) * size + local.size * piece.off).sum(axis=1)
-    parts = np.array_split(local.mid, 1 + local.mid.shape[0] * len(piece.corners) // 4_000_000)
-    most = np.concatenate([(x @ piece.corners.T).max(axis=1) for x in parts])
+    error = ((local.rad + 8 * EPS * np.abs(local.mid)) * size + local.size * piece.off).sum(axis=-1)
+    parts = np.array_split(local.mid.reshape(-1, 3), 1 + local.mid.size * len(piece.corners) // 12_000_000)
+    most = np.concatenate([(x @ piece.corners.T).max(axis=1) for x in parts]).reshape(error.shape)
     value = above(most, up(error + norm(piece.sweep * local.size)))
     return above(value, above(shift.mid, shift.rad))
 
@@ -1163,6 +1162,8 @@ def verify(scene: Path, motion: Path, proof: Path | bytes) -> str:
             return statement(world, head)
     except RejectedError:
         raise
+    except MemoryError:
+        raise RejectedError("needs more memory than it may take") from None
     except Exception as error:  # whatever is not as it should be: it is no proof
         words_ = " ".join(f"{type(error).__name__}: {error}".split())
         raise RejectedError(f"a file is not as it should be ({words_})") from None
@@ -1474,9 +1475,10 @@ def statement(world: World, head: dict[str, Any]) -> str:
     rated = {x: None for x in top.get("limits") or {} if x != "position"}
     rated |= {"velocity": None} if rated or top.get("timing") else {}
     open_ += [x for x in [*rated, *(["path"] if "path" in top else [])] if x not in claims]
-    planner = top.get("planner")
-    wanted = float(numbers(planner.get("clearance", 0.0), 1, "clearance")[0]) if isinstance(planner, dict) else 0.0
-    open_ += [f"planner.clearance, {1e3 * wanted:g} mm"] * ((head.get("clearance") or wanted) < wanted)
+    for section, key in (("planner", "clearance"), ("self_collision", "self_clearance")):
+        given = top[section].get("clearance") if isinstance(top.get(section), dict) else None
+        wanted = float(numbers(given or 0.0, 1, f"{section}.clearance")[0])
+        open_ += [f"{section}.clearance, {1e3 * wanted:g} mm"] * ((head.get(key) or wanted) < wanted)
     part = " in part" * bool(open_)
     said = [f"accepted{part}: over the whole motion of {len(world.rows)} rows"]
     said += [f"  robot: {world.urdf}, SHA-256 {world.files['urdf'][:8]}"]
@@ -1502,12 +1504,18 @@ def limit() -> None:
         import signal
 
         def late(*_: Any) -> None:
+            signal.signal(signal.SIGXCPU, signal.SIG_IGN)
             raise RejectedError(f"needs more than {MOST_TIME} s")
 
+        def at_most(kind: int, soft: int, hard: int) -> None:
+            allowed = resource.getrlimit(kind)[1]
+            free = allowed == resource.RLIM_INFINITY
+            resource.setrlimit(kind, (soft, hard) if free else (min(soft, allowed), min(hard, allowed)))
+
         signal.signal(signal.SIGXCPU, late)
-        resource.setrlimit(resource.RLIMIT_CPU, (MOST_TIME, MOST_TIME + 5))
+        at_most(resource.RLIMIT_CPU, MOST_TIME, MOST_TIME + 5)
         used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (used + MOST_MEMORY, used + MOST_MEMORY))
+        at_most(resource.RLIMIT_AS, used + MOST_MEMORY, used + MOST_MEMORY)
 
 
 def main() -> int:

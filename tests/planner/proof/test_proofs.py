@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import pickle
 import re
 import subprocess
 import sys
@@ -517,3 +518,28 @@ def test_damaged_files_are_rejected(proven: Callable[[str], Proven]) -> None:
         least = float(re.search(r"at least ([\d.]+) mm from every", text)[1])  # type: ignore[index]
         assert least <= 1e3 * each.certificate.worst.distance  # type: ignore[union-attr]
     assert accepted < 25
+
+
+# --- from the library -------------------------------------------------------------------------------------------------
+
+
+def test_a_result_gives_its_proof_of_the_files_that_it_writes(tmp_path: Path) -> None:
+    for name, scene in (
+        ("a shipped scene", hdplan.load_scene("ur5_table")),
+        ("one made in Python", hdplan.Scene(robot="ur5", obstacles=[hdplan.Box([0.1] * 3, pose=[0.9, 0, 0.1])],
+                                            start=[0.0, -1.5, 1, 0, 0, 0], goal=[0.5, -1.5, 1, 0, 0, 0])),
+        ("one that was changed", hdplan.load_scene("ur5_table").with_goal([-0.5, -1.07, 1.79, -2.29, -1.57, 0])),
+    ):  # fmt: skip
+        result = hdplan.plan(scene)
+        result.save(tmp_path / "m.json")
+        files = scene.source if name == "a shipped scene" else tmp_path / "s.yaml"
+        if name != "a shipped scene":
+            scene.save(tmp_path / "s.yaml")
+        proof = result.certificate.proof
+        assert verify.verify(files, tmp_path / "m.json", proof.data) == proof.text
+        assert result.certificate.proof is proof
+        again = pickle.loads(pickle.dumps(result))
+        assert again.certificate.proof.data == proof.data
+    certificate = hdplan.certify(scene, result.trajectory)
+    with pytest.raises(hdplan.InputError, match=r"hdplan\.prove"):
+        _ = certificate.proof

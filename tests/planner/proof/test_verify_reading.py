@@ -178,3 +178,14 @@ def test_the_statement_names_the_robot_s_file(tmp_path: Path) -> None:
     said = verify.statement(found, {"clearance": None, "self_clearance": 1e-3, "claims": []})
     assert f"robot: {found.urdf}" in said
     assert json.dumps(found.files["urdf"])[1:9] in said
+
+
+@pytest.mark.parametrize(("least", "whole"), [(0.02, True), (0.019, False), (None, True)])
+def test_a_clearance_between_links_that_is_not_reached_is_said(
+    least: float | None, whole: bool, tmp_path: Path
+) -> None:
+    """None: there are no two links to be kept apart."""
+    asked = hdplan.SelfCollision(clearance=0.02)
+    found = world(hdplan.Scene(robot="panda", start=HOME, goal=HOME, self_collision=asked), tmp_path)
+    said = verify.statement(found, {"clearance": None, "self_clearance": least, "claims": ["limits", "start"]})
+    assert ("self_collision.clearance, 20 mm" not in said) == whole
