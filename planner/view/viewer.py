@@ -15,6 +15,7 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.page.page import page_of
 from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.robot import Robot
@@ -28,7 +29,6 @@ from hdplan.planner.view.layers import PLANE
 from hdplan.planner.view.motions import Motions
 from hdplan.planner.view.panel import Panel
 from hdplan.planner.view.quiet import quiet
-from hdplan.planner.view.recording import record
 from hdplan.planner.view.stage import Stage
 from hdplan.planner.view.worker import Worker
 from hdplan.scenes.array_types import Array
@@ -116,8 +116,8 @@ class Viewer:
         self.worker.settle()
 
     def record(self, page: Path) -> None:
-        """Write the motions as one page that needs no server; see `recording`."""
-        record(self, page)
+        """Write the motions as one page that needs no server. Raises InputError if it cannot be written."""
+        page_of(self.edited.setup, [shown.motion for shown in self.motions.shown]).save(page)
 
     def close(self) -> None:
         """End the threads and the server."""

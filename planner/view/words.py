@@ -12,8 +12,7 @@ from hdplan.planner.certificate.end_check import SAME_END
 from hdplan.planner.certificate.verdict import Certificate, Contact, Status
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.result import PlanResult
-from hdplan.planner.view.drawing.motion import ShownMotion
-from hdplan.planner.view.drawing.nodes import millimetres
+from hdplan.planner.view.drawing.motion import ShownMotion, millimetres
 from hdplan.planner.view.edited import Edited
 
 OUTDATED = "the scene has changed: nothing is known of this motion in it yet"

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.colors import CONTACT, INK, LINKS, OBSTACLE, REGION, SELECTED, clearance_colors
-from hdplan.planner.view.drawing.skins import Color, Skin, obstacle_mesh, shaded
+from hdplan.planner.view.drawing.motion import millimetres
+from hdplan.planner.view.drawing.skins import ENDLESS, Color, Skin, obstacle_mesh, shaded
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacle_motion import ObstacleMotion
@@ -25,7 +26,6 @@ from hdplan.scenes.path_constraints import Within
 from hdplan.scenes.poses import Pose, Vector3
 
 PATH_WIDTH, SEGMENT_WIDTH = 0.006, 0.004  # [m]
-ENDLESS = 3.0  # [m] length to which an unbounded box is drawn
 FADED = 0.3  # opacity of an obstacle between the eye and the robot
 MORE_SOLID = 0.65  # opacity of a ghost that is selected
 BESIDE = 0.05  # [m] by which the label stands above the segment
@@ -246,11 +246,6 @@ class ClosestNodes:
         if nearest is not None:
             self.label.text = f"{nearest.link} – {nearest.other}: {millimetres(nearest.distance)}"
             self.label.position = nearest.points.mean(axis=0) + [0.0, 0.0, BESIDE]
-
-
-def millimetres(distance: float) -> str:
-    """Return a distance in words."""
-    return f"{distance * 1e3:.1f} mm" if distance >= 0.0 else f"{-distance * 1e3:.1f} mm deep"
 
 
 def wxyz_of(rotation: Array) -> tuple[float, float, float, float]:

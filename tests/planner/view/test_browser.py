@@ -147,11 +147,3 @@ def test_what_is_dragged_by_the_mouse_takes_the_verdict_with_it(tab: Tabs, scene
 def _named(download: Any, name: str) -> Path:
     path = Path(download.path())
     return path.rename(path.with_name(name))
-
-
-def test_a_recorded_page_plays_without_a_server(tab: Tabs, viewer: Viewer, tmp_path: Path) -> None:
-    viewer.record(tmp_path / "page.html")
-    page = tab((tmp_path / "page.html").as_uri())
-    until(lambda: coloured(picture(page)) > 500, "the canvas stays empty")
-    before = picture(page)
-    until(lambda: changed(picture(page), before) > 300, "nothing moves")
