@@ -7,8 +7,8 @@ import viser
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Status
-from hdplan.planner.view.drawing.motion import ShownMotion, Tip
-from hdplan.planner.view.drawing.nodes import BESIDE, millimetres
+from hdplan.planner.view.drawing.motion import ShownMotion, Tip, millimetres
+from hdplan.planner.view.drawing.nodes import BESIDE
 from hdplan.scenes.array_types import Array
 
 
