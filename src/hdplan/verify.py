@@ -790,7 +790,7 @@ class World:
         self.masses: list[tuple[float, int, Pose, Ball]] = []  # mass, joint, place of its centre, inertia about it
         for link, element in links.items():
             for body in element.findall("inertial"):
-                part = {x.tag: x for x in body}
+                part = unique([(x.tag, x) for x in body])
                 mass, six = float(part["mass"].get("value", "")), part["inertia"].attrib
                 about = inertia([float(six.get(key, 0.0)) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")])
                 self.carry(mass, link, origin(body), Ball(about))
@@ -844,6 +844,7 @@ class World:
 
     def place(self, joint: Any, parent: int, pose: Pose) -> tuple[int, Pose]:
         """Return the moving joint that carries a joint's child, and the child's pose in its frame."""
+        unique([(x.tag, x) for x in joint])
         name, kind, limit = joint.get("name", ""), joint.get("type", ""), joint.find("limit")
         pose = compose(pose, origin(joint))
         if kind == "fixed":
@@ -1475,9 +1476,10 @@ def statement(world: World, head: dict[str, Any]) -> str:
     rated = {x: None for x in top.get("limits") or {} if x != "position"}
     rated |= {"velocity": None} if rated or top.get("timing") else {}
     open_ += [x for x in [*rated, *(["path"] if "path" in top else [])] if x not in claims]
-    planner = top.get("planner")
-    wanted = float(numbers(planner.get("clearance", 0.0), 1, "clearance")[0]) if isinstance(planner, dict) else 0.0
-    open_ += [f"planner.clearance, {1e3 * wanted:g} mm"] * ((head.get("clearance") or wanted) < wanted)
+    for section, key in (("planner", "clearance"), ("self_collision", "self_clearance")):
+        given = top[section].get("clearance") if isinstance(top.get(section), dict) else None
+        wanted = float(numbers(given or 0.0, 1, f"{section}.clearance")[0])
+        open_ += [f"{section}.clearance, {1e3 * wanted:g} mm"] * ((head.get(key) or wanted) < wanted)
     part = " in part" * bool(open_)
     said = [f"accepted{part}: over the whole motion of {len(world.rows)} rows"]
     said += [f"  robot: {world.urdf}, SHA-256 {world.files['urdf'][:8]}"]
