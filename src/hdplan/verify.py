@@ -1343,9 +1343,9 @@ def torques(joints: list[Joint], loads: list[list[Ball]], q: Line, v: Line, a: L
 
 
 def chord(angle: float) -> float:
-    """Return a lower bound of 2 sin(angle / 2), the distance between unit vectors at an angle [rad] apart."""
-    sin = cos_sin(min(angle, 3.0) / 2 + ROUNDED / 2)[1]
-    return np.inf if angle > 3.0 else float(2 * (sin.mid - sin.rad) * (1 - 4 * EPS))
+    """Return a lower bound of 2 sin(angle / 2), the distance between unit vectors at an angle (of at most pi) apart."""
+    sin = cos_sin(min(angle, 4.0) / 2 + ROUNDED / 2)[1]
+    return np.inf if angle > 3.15 else float(2 * (sin.mid - sin.rad) * (1 - 4 * EPS))
 
 
 def bonds_of_path(world: World) -> list[Bond]:
