@@ -31,7 +31,7 @@ def viewer(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
 def page(tab: Tabs, viewer: Viewer) -> Any:
     """The viewer's page, with the whole scene in the picture."""
     page = tab(address(viewer))
-    page.get_by_text("certified: at least").wait_for()
+    page.get_by_text("certified: at least").first.wait_for()
     viewer.worker.settle(20)
     look(viewer, (0.4, -2.2, 2.6), (0.4, 0.3, 0.0))
     page.wait_for_timeout(1000)
