@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
 NOTHING = "nothing"
-SIZE = 0.3  # [m] of the handle
+SIZE = 90.0  # [px] of the handle, however far away it is
 
 
 class Handles:
@@ -61,6 +61,7 @@ class Handles:
             self.choice.value = name
         self._viewer.stage.highlight(thing)
         self.place()
+        self._viewer.panel.player.draw()
 
     def drag(self, pose: Pose) -> None:
         """Move what is selected to `pose`, as dragging does."""
@@ -69,7 +70,7 @@ class Handles:
             return
         before = viewer.edited
         edited, words = dragged(before, self.selected, pose, viewer.stage.tip, self._begin)
-        viewer.change(edited, step=self._begin is None)
+        viewer.change(edited, step=self._begin is None, check=viewer.panel.live.on)
         self._begin = self._begin or before
         self._say(words)
         viewer.panel.live.follow()
@@ -108,6 +109,7 @@ class Handles:
         self._handle = viewer.server.scene.add_transform_controls(
             f"/handle/{self._handles}",
             scale=SIZE,
+            fixed=True,
             line_width=4.0,
             position=pose.position,
             wxyz=(w, x, y, z),
