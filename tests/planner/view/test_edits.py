@@ -122,7 +122,7 @@ def test_timed_poses_are_passed_faster_and_slower(edited: Edited) -> None:
     [
         (
             lambda e: edits.resized(e, "rod", size=(0.0, 0.3, 0.02)),
-            r"obstacle rod: .*size\[0\]: must be .*greater than",
+            r"obstacle rod: .*size\[0\]: must be .*greater",
         ),
         (lambda e: edits.resized(e, "rod", size=(float("nan"), 0.3, 0.02)), "finite"),
         (lambda e: edits.resized(edits.added(e, edits.NEW["points"], "p")[0], "p", points=((0, 0, 0),)), "volume"),
