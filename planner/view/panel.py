@@ -15,6 +15,7 @@ from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.handles import Handles
 from hdplan.planner.view.layers import Layers
 from hdplan.planner.view.live import Live
+from hdplan.planner.view.looking import Looking
 from hdplan.planner.view.motions import Shown
 from hdplan.planner.view.planning import Planning
 from hdplan.planner.view.player import Player
@@ -39,6 +40,7 @@ class Panel:
         self.live = Live(viewer)
         self.player = Player(viewer.server, viewer.worker, viewer.draw)
         self._clearance = gui.add_html("")
+        self.looking = Looking(viewer)
         self._legend = gui.add_html(legend())
         self.choice = gui.add_dropdown("motion", ("none",), hint="whose joints, clearance and closest pair")
         self.choice.on_update(lambda event: viewer.worker.ask("choice", self._choose) if event.client else None)

@@ -10,7 +10,6 @@ import numpy as np
 import viser
 
 from hdplan.planner.certificate.verdict import Closest
-from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.colors import GOAL, START
 from hdplan.planner.view.drawing.motion import Tip
 from hdplan.planner.view.drawing.nodes import ClosestNodes, ObstacleNode, RobotNodes, draw_region
@@ -34,7 +33,6 @@ class Stage:
         """Send everything that stands; `skins` are what the robot is shown in."""
         self._server, robot = server, edited.robot
         self.tip = Tip.of(robot)
-        _look_from(server, robot, edited.start, self.tip)
         server.scene.add_grid(
             "/ground",
             3.0,
@@ -131,11 +129,3 @@ class Stage:
 def _same(a: Array | None, b: Array) -> bool:
     """Whether two robots stand in each other's place, where their surfaces would flicker."""
     return a is not None and bool(np.abs(a - b).max() < 1e-3)
-
-
-def _look_from(server: viser.ViserServer, robot: Robot, q: Array, tip: Tip) -> None:
-    """Set where browsers look from when they come: from the front and the side, at the robot's middle."""
-    base = robot.model.frames[1].placement.translation if robot.model.nframes > 1 else np.zeros(3)
-    far = max(float(np.linalg.norm(tip.placement(q).translation - base)), 0.6)
-    server.initial_camera.look_at = tuple(base + [0.25 * far, 0.0, 0.52 * far])
-    server.initial_camera.position = tuple(base + far * np.array([1.45, -1.15, 0.9]))

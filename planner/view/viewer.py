@@ -19,6 +19,7 @@ from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.motion import ShownMotion
+from hdplan.planner.view.drawing.shading import told_apart
 from hdplan.planner.view.drawing.skins import Skin, collision_skins, visual_skins
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.edited import Edited, History
@@ -55,6 +56,7 @@ class Viewer:
             with naming(name):  # several may have come, and one not fit
                 motions.append(ShownMotion.of(name, trajectory, self.certifier))
         skins, note = _skins(self.scene, self.robot)
+        skins = told_apart(self.robot, skins)
         self.worker = Worker(self._failed)
         self.stage = Stage(server, self.edited, skins)
         self.motions = Motions(self, skins)
@@ -211,6 +213,7 @@ class Viewer:
         if motions:
             self.motions.active = self.motions.shown[0]
         self.redraw()
+        self.panel.looking.begin()
 
     def _take(self, before: Scene) -> None:
         """Show the scene as it is now in place of an earlier one."""
@@ -220,6 +223,7 @@ class Viewer:
             self.panel.outdate()
         self.panel.say()
         self.draw(self.panel.player.time)
+        self.panel.looking.fade()
 
     def _failed(self, error: Exception) -> None:
         if not isinstance(error, HdplanError):

@@ -26,6 +26,7 @@ from hdplan.scenes.poses import Pose
 
 PATH_WIDTH, SEGMENT_WIDTH = 0.006, 0.004  # [m]
 ENDLESS = 3.0  # [m] length to which an unbounded box is drawn
+FADED = 0.3  # opacity of an obstacle between the eye and the robot
 MORE_SOLID = 0.65  # opacity of a ghost that is selected
 BESIDE = 0.05  # [m] by which the label stands above the segment
 
@@ -116,6 +117,7 @@ class ObstacleNode:
         self.mesh = server.scene.add_mesh_simple(
             f"/obstacles/{index}/mesh", vertices, triangles, color=OBSTACLE, cast_shadow=False, receive_shadow=False
         )
+        self.bounds = np.array([vertices.min(axis=0), vertices.max(axis=0)])  # (2, 3) in its own frame
         self._in_contact = self._selected = False
         self.take(obstacle)
 
@@ -125,12 +127,13 @@ class ObstacleNode:
         self.motion = None if obstacle.motion is None else ObstacleMotion.of(obstacle)
         x, y, z, w = obstacle.pose.quaternion_xyzw
         self.frame.position, self.frame.wxyz = obstacle.pose.position, (w, x, y, z)
+        self.place = obstacle.pose.matrix  # (4, 4) where it is shown
 
     def show(self, seconds: float) -> None:
         """If it moves, be where it is at a time [s]."""
         if self.motion is not None:
-            place = self.motion.at(np.array([seconds]))[0]
-            self.frame.position, self.frame.wxyz = place[:3, 3], wxyz_of(place[:3, :3])
+            self.place = self.motion.at(np.array([seconds]))[0]
+            self.frame.position, self.frame.wxyz = self.place[:3, 3], wxyz_of(self.place[:3, :3])
 
     def mark(self, in_contact: bool) -> None:
         """Colour it as being in contact, or as it was."""
@@ -141,6 +144,12 @@ class ObstacleNode:
         """Colour it as being selected, or as it was."""
         self._selected = selected
         self._color()
+
+    def fade(self, faded: bool) -> None:
+        """Let it be seen through, as it stands between the eye and the robot, or be solid again."""
+        opacity = FADED if faded else None
+        if self.mesh.opacity != opacity:
+            self.mesh.opacity = opacity
 
     def _color(self) -> None:
         color = CONTACT if self._in_contact else SELECTED if self._selected else OBSTACLE
