@@ -60,6 +60,7 @@ class Handles:
         if self.choice.value != name:
             self.choice.value = name
         self._viewer.stage.highlight(thing)
+        self._viewer.panel.select(thing)
         self.place()
 
     def drag(self, pose: Pose) -> None:

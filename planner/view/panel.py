@@ -12,14 +12,21 @@ from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.view.drawing.colors import CONTACT, START, hex_of, legend
 from hdplan.planner.view.drawing.plots import MotionPlots, joint_table
 from hdplan.planner.view.drawing.timeline import Timeline
+from hdplan.planner.view.editing import Editing
 from hdplan.planner.view.handles import Handles
+from hdplan.planner.view.jogging import Jogging
+from hdplan.planner.view.keys import Keys
 from hdplan.planner.view.layers import Layers
 from hdplan.planner.view.live import Live
 from hdplan.planner.view.looking import Looking
 from hdplan.planner.view.motions import Shown
+from hdplan.planner.view.obstacle_fields import ObstacleFields
+from hdplan.planner.view.opening import Opening
 from hdplan.planner.view.planning import Planning
 from hdplan.planner.view.player import Player
 from hdplan.planner.view.saving import Saving
+from hdplan.planner.view.settings import Settings
+from hdplan.planner.view.things import Thing
 from hdplan.planner.view.words import OUTDATED, clearance_words, coloured, contact_words, small
 from hdplan.scenes.array_types import Array
 
@@ -44,16 +51,23 @@ class Panel:
         self._legend = gui.add_html(legend())
         self.choice = gui.add_dropdown("motion", ("none",), hint="whose joints, clearance and closest pair")
         self.choice.on_update(lambda event: viewer.worker.ask("choice", self._choose) if event.client else None)
+        self.editing = Editing(viewer)
         self.tabs = gui.add_tab_group()
         self._plot_tab = self.tabs.add_tab("Plots", viser.Icon.CHART_LINE)
         with self.tabs.add_tab("Joints", viser.Icon.ROBOT):
             self._table = gui.add_html("")
-        with self.tabs.add_tab("Plan", viser.Icon.ROUTE):
+            self.jogging = Jogging(viewer, self.editing)
+        with self.tabs.add_tab("Scene", viser.Icon.CUBE):
             self.handles = Handles(viewer)
-            self.planning = Planning(viewer)
+            self.obstacles = ObstacleFields(viewer, self.editing)
+            self.opening = Opening(viewer, self.editing)
             self.saving = Saving(viewer)
+        with self.tabs.add_tab("Plan", viser.Icon.ROUTE):
+            self.planning = Planning(viewer)
+            self.settings = Settings(viewer, self.editing)
         with self.tabs.add_tab("Layers", viser.Icon.STACK_2):
             self.layers = Layers(viewer)
+            self.keys = Keys(viewer)
         self._plots: MotionPlots | None = None
         self._plotted: tuple[str, ...] = ()  # the motions that it has
         self._followed = 0.0
@@ -70,11 +84,25 @@ class Panel:
 
     def end(self) -> None:
         """End the threads of its parts."""
+        self.editing.end()
         self.live.end()
         self.planning.end()
         self.player.end()
 
     # --- by the worker's thread -----------------------------------------------------------------------------------
+
+    def update(self) -> None:
+        """Show the values of the scene as it is now."""
+        if not self.handles.dragging:
+            self.handles.update()
+        self.obstacles.update()
+        self.jogging.update()
+        self.settings.update()
+
+    def select(self, thing: Thing | None) -> None:
+        """Show the values of what is selected now."""
+        self.obstacles.update()
+        self.jogging.follow(thing)
 
     def list_motions(self) -> None:
         """Offer the motions that there are now."""

@@ -14,7 +14,6 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
 from hdplan.planner.search.search import Event
-from hdplan.planner.solvers import DEFAULT, SOLVERS
 from hdplan.planner.timing.time_laws import MinimumJerk
 from hdplan.planner.view.drawing.colors import ITERATE
 from hdplan.planner.view.drawing.motion import sample_parameters
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
 
 
 NAME = "planned"  # of the motion that Plan finds
-TIME_LIMIT = 30.0  # [s] for planning
 LOOK, LOOK_IN_ALL = 0.05, 4.0  # [s] for which an iteration is shown, and at most all of them together
 SETTLED = 10.0  # [s] that a new run waits at most until the last one's motion is shown
 
@@ -41,14 +39,13 @@ class Planning:
         """Build the panel in the container at hand."""
         self._viewer = viewer
         gui = viewer.server.gui
-        self.solver = gui.add_dropdown("solver", list(SOLVERS), initial_value=DEFAULT)
         self.watch = gui.add_checkbox(
             "watch", True, hint=f"show every iteration for {LOOK:g} s, at most {LOOK_IN_ALL:g} s in all"
         )
         self.button = gui.add_button("Plan", icon=viser.Icon.ROUTE)
         self._said = gui.add_html("")
         self.iteration = gui.add_slider("iteration", 0, 1, 1, 0, disabled=True, hint="look back at the optimizer")
-        self.button.on_click(lambda _: self.stop() if self.running else self.start())
+        self.button.on_click(lambda _: self.toggle())
         self.iteration.on_update(lambda event: viewer.worker.ask("iterate", self._look_back) if event.client else None)
         self._starting = threading.Lock()  # several browsers may press at once
         self._thread: threading.Thread | None = None
@@ -66,6 +63,13 @@ class Planning:
     def said(self) -> str:
         """What is written below the button, as HTML."""
         return str(self._said.content)
+
+    def toggle(self) -> None:
+        """Start, or stop."""
+        if self.running:
+            self.stop()
+        else:
+            self.start()
 
     def start(self) -> None:
         """Start planning in the scene as it is shown, once the previous result is shown."""
@@ -93,13 +97,14 @@ class Planning:
     # --- the run, in its own thread ------------------------------------------------------------------------------
 
     def _run(self, scene: Scene) -> None:
-        worker = self._viewer.worker
+        worker, settings = self._viewer.worker, self._viewer.panel.settings
         try:
             result = plan(
                 scene,
                 robot=self._viewer.robot,
-                solver=self.solver.value,
-                time_limit=TIME_LIMIT,
+                solver=settings.solver.value,
+                seed=settings.seed.value,
+                time_limit=settings.time_limit.value,
                 report=self._report,
                 stop=self._stop.is_set,
             )
