@@ -227,6 +227,7 @@ def view(
     trajectories: given.Motions = None,
     request: given.Request = None,
     robot: given.RobotFile = None,
+    proof: given.ProofToShow = None,
     record: given.Page = None,
     host: given.Host = "127.0.0.1",
     port: given.Port = 8080,
@@ -239,7 +240,9 @@ def view(
     """
     from hdplan.planner.commands.view import run_view
 
-    raise typer.Exit(run_view(scene, trajectories or [], request, robot, record=record, host=host, port=port))
+    raise typer.Exit(
+        run_view(scene, trajectories or [], request, robot, proof=proof, record=record, host=host, port=port)
+    )
 
 
 @app.command()

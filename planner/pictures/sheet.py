@@ -20,7 +20,8 @@ from matplotlib.patches import Patch
 
 from hdplan.planner.pictures.panels import draw_clearance, draw_convergence, draw_joints
 from hdplan.planner.pictures.plot import Subject
-from hdplan.planner.pictures.rates import draw_rate, rates
+from hdplan.planner.pictures.quantities import rates
+from hdplan.planner.pictures.rates import draw_rate
 from hdplan.planner.pictures.scene import DRIFTING, STANDING, Picture, draw_scene
 from hdplan.planner.pictures.style import BETWEEN, CONTACT, FIXED, GOAL, GOOD, INK, OBSTACLE, RC, START, plain
 
@@ -35,7 +36,7 @@ Draw = Callable[[Any, Subject], None]
 
 def sheet(subject: Subject) -> Figure:
     """Return the figure; see plot.plot."""
-    found = rates(subject)
+    found = rates(subject.trajectory, subject.certifier.limits)
     panels: list[tuple[float, Draw]] = [(1.35, draw_joints)]
     panels += [(0.8, functools.partial(draw_rate, rate=rate)) for rate in found]
     panels += [(1.1, draw_clearance)]

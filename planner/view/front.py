@@ -26,6 +26,14 @@ def check_recording(page: Path, trajectories: Sequence[Path]) -> None:
         raise InputError(f"{page}: no trajectory was given, so there is no motion to record")
 
 
+def check_proof(proof: Path, trajectories: Sequence[Path], request: Path | None, robot: str | None) -> None:
+    """Check early that a proof can be of what is shown. Raises InputError."""
+    if len(trajectories) != 1:
+        raise InputError(f"--proof: {proof} is about one motion, but {len(trajectories) or 'none'} is given")
+    if request is not None or robot is not None:
+        raise InputError(f"--proof: {proof} is about a hdplan scene, with which --request and --robot do not go")
+
+
 def motion_names(trajectories: Sequence[Path]) -> list[str]:
     """Return a short name for each file that no other one has: its stem, or else its path as it was given, numbered
     where it comes twice."""

@@ -8,6 +8,7 @@ a tab has them.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import viser
@@ -20,11 +21,12 @@ if TYPE_CHECKING:
 STEP = 0.02  # of the whole motion, of ← and →
 NOTHING = "data:image/gif;base64,R0lGODlhAQABAAAAACw="  # a picture whose arrival runs the script
 SCRIPT = (
+    "if (!window.hdplanKeys) { window.hdplanKeys = true;"
     "const moves = (event) => /^(Arrow|Home|End)/.test(event.key);"
     "document.body.addEventListener('keydown', (event) => {"
     " if (moves(event) &amp;&amp; event.target.closest('[role=slider],[role=tab]')) event.stopPropagation(); });"
     "document.documentElement.addEventListener('keydown', (event) => {"
-    " if (moves(event)) event.stopPropagation(); });"
+    " if (moves(event)) event.stopPropagation(); }); }"
 )
 
 
@@ -43,16 +45,17 @@ class Keys:
 
     def __init__(self, viewer: Viewer) -> None:
         """Register them, and build the button in the container at hand."""
+        self._viewer = viewer
         gui = viewer.server.gui
         gui.add_html(f'<img src="{NOTHING}" style="display:none" onload="{SCRIPT}">')
         button = gui.add_button("Keys (?)", icon=viser.Icon.KEYBOARD)
-        self._keys = _keys(viewer, self._list)
+        self._keys = self._all()
         button.on_click(lambda event: self._list(event.client))
         for each in self._keys:
             modifier: Any = "shift" if each.shift else None
             hotkey: Any = each.key  # viser's list lacks the question mark
             command = gui.add_command(each.does, hotkey=hotkey, modifier=modifier)
-            command.on_trigger(lambda event, act=each.act: act(event.client))  # type: ignore[misc]
+            command.on_trigger(lambda event, act=each.act: act(event.client))
 
     def _list(self, client: Any) -> None:
         """Show the list to one browser."""
@@ -63,23 +66,25 @@ class Keys:
             client.gui.add_markdown(f"| key | |\n|---|---|\n{rows}")
             client.gui.add_button("Close").on_click(lambda _: modal.close())
 
+    def _all(self) -> tuple[Key, ...]:
+        viewer = self._viewer  # its panel is still being built
+        layers = [
+            Key(str(i), str(i), f"Show or hide: {name}", partial(self._toggle, name))
+            for i, name in enumerate(LAYERS, start=1)
+        ]
+        return (
+            Key("space", "space", "Play or pause", lambda _: viewer.panel.player.toggle()),
+            Key("←", "arrowleft", "Step back", lambda _: viewer.panel.player.step(-STEP)),
+            Key("→", "arrowright", "Step on", lambda _: viewer.panel.player.step(STEP)),
+            Key("home", "home", "Go to the start", lambda _: viewer.panel.player.step(-1.0)),
+            Key("end", "end", "Go to the goal", lambda _: viewer.panel.player.step(1.0)),
+            Key("P", "P", "Plan, or stop", lambda _: viewer.panel.planning.toggle()),
+            Key("Z", "Z", "Undo", lambda _: viewer.panel.editing.ask("undo")),
+            Key("shift Z", "Z", "Redo", lambda _: viewer.panel.editing.ask("redo"), shift=True),
+            Key("F", "F", "Look at what is selected", lambda client: viewer.panel.looking.frame(client)),
+            *layers,
+            Key("?", "?", "List the keys", self._list, shift=True),
+        )
 
-def _keys(viewer: Viewer, show: Callable[[Any], object]) -> tuple[Key, ...]:
-    panel = lambda: viewer.panel  # noqa: E731  # which is still being built
-    layers = [
-        Key(str(i), str(i), f"Show or hide: {name}", lambda _, name=name: panel().layers.toggle(name))
-        for i, name in enumerate(LAYERS, start=1)
-    ]
-    return (
-        Key("space", "space", "Play or pause", lambda _: panel().player.toggle()),
-        Key("←", "arrowleft", "Step back", lambda _: panel().player.step(-STEP)),
-        Key("→", "arrowright", "Step on", lambda _: panel().player.step(STEP)),
-        Key("home", "home", "Go to the start", lambda _: panel().player.step(-1.0)),
-        Key("end", "end", "Go to the goal", lambda _: panel().player.step(1.0)),
-        Key("P", "P", "Plan, or stop", lambda _: panel().planning.toggle()),
-        Key("Z", "Z", "Undo", lambda _: panel().editing.ask("undo")),
-        Key("shift Z", "Z", "Redo", lambda _: panel().editing.ask("redo"), shift=True),
-        Key("F", "F", "Look at what is selected", lambda client: panel().looking.frame(client)),
-        *layers,
-        Key("?", "?", "List the keys", show, shift=True),
-    )
+    def _toggle(self, layer: str, _: Any) -> None:
+        self._viewer.panel.layers.toggle(layer)

@@ -67,7 +67,7 @@ class Panel:
             self.settings = Settings(viewer, self.editing)
         with self.tabs.add_tab("Layers", viser.Icon.STACK_2):
             self.layers = Layers(viewer)
-            self.keys = Keys(viewer)
+        self.keys = Keys(viewer)
         self._plots: MotionPlots | None = None
         self._plotted: tuple[str, ...] = ()  # the motions that it has
         self._followed = 0.0
@@ -87,6 +87,7 @@ class Panel:
         self.editing.end()
         self.live.end()
         self.planning.end()
+        self.layers.plane.end()
         self.player.end()
 
     # --- by the worker's thread -----------------------------------------------------------------------------------

@@ -44,7 +44,7 @@ class Saving:
 
     def scene_file(self) -> bytes:
         """The scene as it is shown, as a file that any command takes. Raises InputError if none would."""
-        scene, _ = self._standing_alone()
+        scene, _ = self.standing_alone()
         text = scene_text(scene).replace(f"{self._viewer.uploads.folder}/", "")
         names = ", ".join(file.name for file in self._sent())
         self._say("saved: the scene as it is shown" + (f"; keep {names} beside it" if names else ""))
@@ -62,7 +62,7 @@ class Saving:
         active = self._viewer.motions.active
         if active is None:
             raise HdplanError("there is no motion yet: press Plan")
-        scene, certifier = self._standing_alone()
+        scene, certifier = self.standing_alone()
         trajectory = active.motion.trajectory
         certificate = certifier.certify(trajectory)
         with tempfile.TemporaryDirectory() as folder:
@@ -75,7 +75,7 @@ class Saving:
         self._say(f"saved: {certificate.text}")
         return data
 
-    def _standing_alone(self) -> tuple[Scene, Certifier]:
+    def standing_alone(self) -> tuple[Scene, Certifier]:
         """The scene with its ends as joint values, or poses, and the held joints where they are held, whatever file it
         came from, and its certifier. Raises InputError for a scene that could not be read again."""
         viewer = self._viewer

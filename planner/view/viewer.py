@@ -15,6 +15,7 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
@@ -23,6 +24,7 @@ from hdplan.planner.view.drawing.shading import told_apart
 from hdplan.planner.view.drawing.skins import Skin, collision_skins, visual_skins
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.edited import Edited, History
+from hdplan.planner.view.layers import PLANE
 from hdplan.planner.view.motions import Motions
 from hdplan.planner.view.panel import Panel
 from hdplan.planner.view.quiet import quiet
@@ -107,6 +109,11 @@ class Viewer:
     def show(self, now: float) -> None:
         """Show the moment `now` of the timeline, and wait until it is drawn."""
         self.panel.player.go_to(now)
+        self.worker.settle()
+
+    def show_proof(self, proof: ReadProof) -> None:
+        """Switch on the layer with the planes of a proof, which is about the active motion in the scene as it is."""
+        self.worker.ask("proof", lambda: self.panel.layers.show_proof(proof))
         self.worker.settle()
 
     def record(self, page: Path) -> None:
@@ -212,6 +219,8 @@ class Viewer:
             layers.show(q)
             pairs = self.certifier.closest(q, seconds)
             self.stage.show(q, seconds, layers.on("start and goal"), pairs)
+            active = self.motions.active
+            layers.plane.show(layers.on(PLANE), timeline.parameter(active.motion.curve, now) if active else 0.0, pairs)
             self.panel.follow(now, q, pairs)
 
     def _begin(self, motions: Sequence[ShownMotion]) -> None:

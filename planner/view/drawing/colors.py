@@ -18,6 +18,7 @@ OUTER: Color = (0, 158, 115)  # bluish green
 COLLISION: Color = (204, 121, 167)  # reddish purple
 OBSTACLE: Color = (160, 150, 130)
 SELECTED: Color = (230, 159, 0)  # orange
+PLANE: Color = (0, 158, 115)  # bluish green
 REGION: Color = (86, 180, 233)  # sky blue: where a point of a link is to stay
 CONTACT: Color = (165, 0, 38)  # the near end of the scale below
 INK: Color = (34, 34, 34)

@@ -143,7 +143,7 @@ def test_steps_that_are_none_are_refused(tmp_path: Path, steps: str) -> None:
 
 
 def test_rates_of_a_motion_that_speeds_up(planned: Planned) -> None:
-    from hdplan.planner.pictures.rates import differences
+    from hdplan.planner.pictures.quantities import differences
 
     _, robot, _ = planned
     times = np.array([0.0, 1.0, 3.0, 4.0])
@@ -211,11 +211,11 @@ def pose_at(obstacle: Obstacle, seconds: float) -> Pose:
 
 def test_what_is_drawn_of_a_motion_is_the_curve(crossed: tuple[Certifier, Trajectory]) -> None:
     """Velocities, accelerations and torques are those of the executed curve, and the certificate's bound holds them."""
-    from hdplan.planner.pictures.rates import rates
+    from hdplan.planner.pictures.quantities import rates
 
     certifier, motion = crossed
     subject = Subject.of(certifier, motion, (), "a")
-    drawn = {rate.quantity: rate for rate in rates(subject)}
+    drawn = {rate.quantity: rate for rate in rates(motion, certifier.limits)}
     uses = {use.quantity: use for use in subject.certificate.uses}
     assert set(drawn) == set(uses) == {"velocity", "acceleration", "torque"}
     for order, quantity in ((1, "velocity"), (2, "acceleration")):
@@ -233,20 +233,20 @@ def test_what_is_drawn_of_a_motion_is_the_curve(crossed: tuple[Certifier, Trajec
 
 
 def test_a_curve_that_jumps_is_drawn_on_both_sides(crossed: tuple[Certifier, Trajectory]) -> None:
-    from hdplan.planner.pictures.rates import rates
+    from hdplan.planner.pictures.quantities import rates
 
     certifier, motion = crossed
     assert motion.times is not None
     assert motion.velocities is not None
     cubic = replace(motion, accelerations=None)
-    (_, acceleration, _) = rates(Subject.of(certifier, cubic, (), "a"))
+    (_, acceleration, _) = rates(cubic, certifier.limits)
     for row in (1, len(motion) // 2):
         here = acceleration.values[np.isclose(acceleration.times, motion.times[row], atol=1e-9)]
         jump = cubic.curve.over_time(2).jumps()[row]
         np.testing.assert_allclose(np.abs(here[1] - here[0]), jump, atol=1e-6)
     bare = replace(cubic, velocities=None)
     scene = replace(certifier.scene, limits=replace(certifier.scene.limits, torque=None))
-    stairs, _ = rates(Subject.of(Certifier(Setup.of(scene, certifier.robot)), bare, (), "a"))
+    stairs, _ = rates(bare, Certifier(Setup.of(scene, certifier.robot)).limits)
     assert (stairs.where, len(stairs.values)) == (" between waypoints", len(motion) - 1)
 
 

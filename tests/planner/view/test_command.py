@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+import hdplan
 from hdplan import cli
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.front import motion_names
@@ -98,3 +99,24 @@ def test_ctrl_c_ends_it_and_a_taken_port_is_said() -> None:
 def test_motions_get_names_that_differ() -> None:
     names = motion_names([Path("a/one.json"), Path("b/one.json"), Path("two.csv"), Path("two.csv")])
     assert names == ["a/one.json", "b/one.json", "two.csv", "two.csv (2)"]
+
+
+def test_a_proof_of_another_motion_is_refused(
+    trajectory: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    motion, other, proof = (tmp_path / name for name in ("motion.json", "other.json", "motion.proof"))
+    trajectory.save(motion)
+    other.write_text(motion.read_text().replace("0.", "0.0", 1))
+    hdplan.prove("planar_arm", motion).save(proof)
+    for arguments, said in (
+        (["planar_arm", other, "--proof", proof], "not the file that was proven"),
+        (["planar_arm", motion, "--proof", tmp_path / "none.proof"], "no file"),
+        (["planar_arm", motion, "--proof", motion], "not a proof"),
+        (["planar_arm", "--proof", proof], "about one motion, but none"),
+        (["planar_arm", motion, other, "--proof", proof], "about one motion, but 2"),
+        (["panda_cage", motion, "--proof", proof], "motion.proof"),
+    ):
+        assert run(monkeypatch, *arguments) == 2
+        errors = capsys.readouterr().err.replace(LOADING, "").strip()
+        assert said in errors
+        assert "\n" not in errors
