@@ -58,7 +58,8 @@ class Editing:
 
     def edit(self, field: str, edit: Edit) -> None:
         """Have a field edited; of several values that wait, only the newest counts. By any thread."""
-        self._viewer.worker.ask(f"edit {field}", lambda: self.guarded(lambda: self.apply(field, edit)))
+        asked = time.monotonic()
+        self._viewer.worker.ask(f"edit {field}", lambda: self.guarded(lambda: self.apply(field, edit, asked)))
 
     def end(self) -> None:
         """Drop what is still to be measured."""
@@ -67,11 +68,12 @@ class Editing:
 
     # --- by the worker's thread -----------------------------------------------------------------------------------
 
-    def apply(self, field: str, edit: Edit) -> None:
-        """Show what an edit makes of the scene. Raises InputError, and changes nothing, for what it does not allow."""
+    def apply(self, field: str, edit: Edit, asked: float | None = None) -> None:
+        """Show what an edit makes of the scene that was `asked` for at a moment [s]; without one, it is a step of its
+        own. Raises InputError, and changes nothing, for what it does not allow."""
         viewer, (last, when, mine) = self._viewer, self._last
         edited = edit(viewer.edited)
-        together = field == last and viewer.edited is mine and time.monotonic() < when + PAUSE
+        together = field == last and viewer.edited is mine and asked is not None and asked < when + PAUSE
         self.doing = field
         try:
             viewer.change(edited, step=not together)
@@ -102,12 +104,13 @@ class Editing:
 
     def guarded(self, job: Callable[[], object]) -> None:
         """Do it, or say in a line why not."""
-        source = f"{self._viewer.scene.source}: "
+        source, folder = f"{self._viewer.scene.source}: ", f"{self._viewer.uploads.folder}/"
         self.say("")
         try:
             job()
         except HdplanError as error:
-            self._said.content = small(coloured(f"not done: {str(error).removeprefix(source)}", CONTACT))
+            words = str(error).removeprefix(source).replace(folder, "")
+            self._said.content = small(coloured(f"not done: {words}", CONTACT))
 
 
 class Fields:

@@ -80,11 +80,14 @@ class Jogging:
         """Make the goal the joint values that are shown, in place of a pose."""
         self._editing.apply("keep", lambda edited: edited.ending_at(edited.goal))
 
-    def jog(self) -> None:
-        """Take the end to where the sliders are."""
-        end, robot = str(self.end.value), self._viewer.robot
-        q = np.clip([slider.value for slider in self.sliders], robot.lower, robot.upper)
-        self._editing.apply("joints", lambda edited: ends.jogged(edited, end, q))
+    def jogged(self, edited: Edited) -> Edited:
+        """Return the scene with the end where the sliders are."""
+        robot, shown = self._viewer.robot, edited.start if self.end.value == "start" else edited.goal
+        found = np.array([slider.value for slider in self.sliders])
+        moved = np.abs(found - shown) > 0.5 * STEP  # the others stay to the last digit
+        return ends.jogged(
+            edited, str(self.end.value), np.where(moved, np.clip(found, robot.lower, robot.upper), shown)
+        )
 
     def follow(self, thing: Thing | None) -> None:
         """Jog the end that is selected."""
@@ -108,7 +111,7 @@ class Jogging:
     def _moved(self, event: Any) -> None:
         """Handle a browser's event."""
         if event.client is not None:
-            self._viewer.worker.ask("edit joints", lambda: self._editing.guarded(self.jog))
+            self._editing.edit("joints", self.jogged)
 
     def _say(self, text: str) -> None:
         self._said.content = small(text)

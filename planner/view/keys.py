@@ -1,12 +1,13 @@
 """Keys: play and step, plan, undo, layers, and a look at what is selected. viser hands them on from the page, except
 while somebody types in a field.
 
-viser turns its camera with the arrows; a script on the page keeps these from it, and from the player while a slider or
-a tab has them.
+viser turns its camera with the arrows, and what was clicked keeps them and the space bar to itself: a script on the
+page ends both. Who goes from field to field with the tab key moves sliders and tabs with the arrows, and nothing else.
 """
 
 from __future__ import annotations
 
+import html
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -19,15 +20,23 @@ if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
 STEP = 0.02  # of the whole motion, of ← and →
-NOTHING = "data:image/gif;base64,R0lGODlhAQABAAAAACw="  # a picture whose arrival runs the script
-SCRIPT = (
-    "if (!window.hdplanKeys) { window.hdplanKeys = true;"
-    "const moves = (event) => /^(Arrow|Home|End)/.test(event.key);"
-    "document.body.addEventListener('keydown', (event) => {"
-    " if (moves(event) &amp;&amp; event.target.closest('[role=slider],[role=tab]')) event.stopPropagation(); });"
-    "document.documentElement.addEventListener('keydown', (event) => {"
-    " if (moves(event)) event.stopPropagation(); }); }"
-)
+# A picture of one pixel: its arrival runs the script.
+NOTHING = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7"
+SCRIPT = """
+if (!window.hdplanKeys) {
+  window.hdplanKeys = true;
+  const moves = (event) => /^(Arrow|Home|End)/.test(event.key);
+  document.body.addEventListener('keydown', (event) => {
+    if (moves(event) && event.target.closest('[role=slider],[role=tab]')) event.stopPropagation();
+  });
+  document.documentElement.addEventListener('keydown', (event) => {
+    if (moves(event)) event.stopPropagation();
+  });
+  document.addEventListener('pointerup', () => setTimeout(() => {
+    if (document.activeElement.matches('button,[role=slider],[role=tab]')) document.activeElement.blur();
+  }));
+}
+"""
 
 
 class Key(NamedTuple):
@@ -46,8 +55,9 @@ class Keys:
     def __init__(self, viewer: Viewer) -> None:
         """Register them, and build the button in the container at hand."""
         self._viewer = viewer
+        self._lists: dict[int, Any] = {}  # by the browsers that see it
         gui = viewer.server.gui
-        gui.add_html(f'<img src="{NOTHING}" style="display:none" onload="{SCRIPT}">')
+        gui.add_html(f'<img src="{NOTHING}" hidden alt="" onload="{html.escape(SCRIPT)}">')
         button = gui.add_button("Keys (?)", icon=viser.Icon.KEYBOARD)
         self._keys = self._all()
         button.on_click(lambda event: self._list(event.client))
@@ -58,13 +68,17 @@ class Keys:
             command.on_trigger(lambda event, act=each.act: act(event.client))
 
     def _list(self, client: Any) -> None:
-        """Show the list to one browser."""
+        """Show the list to one browser, or close it there."""
         if client is None:
             return
-        rows = "\n".join(f"| `{each.shown}` | {each.does} |" for each in self._keys)
+        if (shown := self._lists.pop(client.client_id, None)) is not None:
+            shown.close()
+            return
+        rows = "\n".join(dict.fromkeys(f"| `{each.shown}` | {each.does} |" for each in self._keys))
         with client.gui.add_modal("Keys") as modal:
             client.gui.add_markdown(f"| key | |\n|---|---|\n{rows}")
-            client.gui.add_button("Close").on_click(lambda _: modal.close())
+            client.gui.add_button("Close").on_click(lambda _: self._list(client))
+        self._lists[client.client_id] = modal
 
     def _all(self) -> tuple[Key, ...]:
         viewer = self._viewer  # its panel is still being built
@@ -83,7 +97,7 @@ class Keys:
             Key("shift Z", "Z", "Redo", lambda _: viewer.panel.editing.ask("redo"), shift=True),
             Key("F", "F", "Look at what is selected", lambda client: viewer.panel.looking.frame(client)),
             *layers,
-            Key("?", "?", "List the keys", self._list, shift=True),
+            *(Key("?", "?", "List the keys", self._list, shift) for shift in (True, False)),  # not so on all keyboards
         )
 
     def _toggle(self, layer: str, _: Any) -> None:

@@ -45,10 +45,7 @@ class Opening:
         other file. By the worker's thread."""
         path = self._viewer.uploads.take(file.name, file.content, ENDINGS)
         is_scene = path.suffix.lower() in (*SCENE_FILES, ".scene") and not _MESSAGE.search(file.content)
-        try:
-            (self._take_scene if is_scene else self._take_motion)(path)
-        except InputError as error:
-            raise InputError(str(error).replace(f"{path.parent}/", "")) from None
+        (self._take_scene if is_scene else self._take_motion)(path)
 
     def _take_scene(self, path: Path) -> None:
         viewer, setup = self._viewer, Setup.of(load_scene(path))

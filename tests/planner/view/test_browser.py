@@ -179,6 +179,7 @@ def test_plan_works(page: Any, viewer: Viewer) -> None:
     assert "certified: at least" in page.get_by_text("iterations,").inner_text()
     assert viewer.motions.active is not None
     assert viewer.motions.active.motion.name == NAME
+    page.get_by_role("tab", name="Scene").click()
     with page.expect_download() as download:
         press(page, "Save motion")
     found = Trajectory.load(_named(download.value, "motion.json"))
@@ -194,6 +195,7 @@ def test_what_is_dragged_by_the_mouse_takes_the_verdict_with_it(tab: Tabs, scene
         page.get_by_role("tab", name="Plan").click()
         press(page, "Plan")
         page.get_by_text("iterations,").wait_for()
+        page.get_by_role("tab", name="Scene").click()
         assert viewer.motions.active is not None
         index = next(i for i, obstacle in enumerate(scene.obstacles) if obstacle.name == "ball")
         begin = np.array(scene.obstacles[index].pose.position)
