@@ -14,7 +14,7 @@ import numpy as np
 from hdplan.planner.motion.curve import Curve
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import InputError
-from hdplan.verify import NARROWEST, Motion, RejectedError, World, leaves, read, unpack, verify
+from hdplan.verify import NARROWEST, Motion, RejectedError, World, leaves, unpack, verify
 
 TOGETHER = 1e-4  # [m] within which corners are equally far along a direction
 
@@ -39,7 +39,7 @@ class ReadProof:
         """Read a proof's file, or its content. Raises InputError for what is no proof of this motion in this scene."""
         try:
             verify(scene, motion, proof)
-            head, cuts, trees = unpack(proof if isinstance(proof, bytes) else read(proof))
+            head, cuts, trees = unpack(proof if isinstance(proof, bytes) else proof.read_bytes())
             self.world = World(scene, motion, head, cuts)
         except RejectedError as error:
             name = "the proof" if isinstance(proof, bytes) else proof
