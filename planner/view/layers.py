@@ -71,10 +71,9 @@ class Layers:
     def _switch(self) -> None:
         viewer = self._viewer
         stage = viewer.stage
-        stage.at_rest.visible = self.on("robot") and not viewer.motions.shown
+        stage.robot.visible = self.on("robot")
         for shown in viewer.motions.shown:
-            shown.robot.visible = self.on("robot")
-            shown.path.visible = self.on("path")
+            shown.path.visible = self.on("path") and shown.visible
         stage.all_obstacles.visible = self.on("obstacles")
         stage.closest.root.visible = self.on("closest pair")
         for name in ("outer bodies", "collision meshes"):
@@ -82,7 +81,7 @@ class Layers:
                 self.bodies[name] = self._made(name)
             if name in self.bodies:
                 self.bodies[name].visible = self.on(name)
-        viewer.panel.player.draw()  # ghosts and newly shown layers are placed there
+        viewer.panel.player.draw()  # ghosts, other robots and newly shown layers are placed there
 
     def _made(self, name: str) -> RobotNodes:
         viewer = self._viewer

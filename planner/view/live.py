@@ -108,7 +108,10 @@ class Live:
         """Show a motion that was certified in a scene: in the one of now it may not hold any more."""
         viewer = self._viewer
         certificate = result.certificate if viewer.scene is edited.scene else None
-        viewer.put(NAME, result.trajectory, certificate, measured=not viewer.panel.handles.dragging, result=result)
+        active = viewer.motions.active
+        planned_here = active is not None and active.result is not None
+        name = active.motion.name if active and planned_here else viewer.motions.free_name(NAME)
+        viewer.put(name, result.trajectory, certificate, measured=not viewer.panel.handles.dragging, result=result)
         active = viewer.motions.active
         if active is not None and active.motion.certificate.certified:
             now = time.monotonic()

@@ -26,7 +26,8 @@ POSTURES = 7  # of the robot along a motion
 SPARSE = 25  # points of a path, at most, that are looked for behind obstacles
 SURROUNDINGS = 3.0  # times its size, of an obstacle that is looked at
 STEEPEST = 0.499 * np.pi  # [rad] from the horizon: straight down, up would be any direction
-STILL = 1e-4  # [m] that an eye moves at least
+STILL = 1e-3  # [m] that an eye moves at least
+RESIZED = 0.02  # by which a picture's aspect changes at least
 
 
 class Looking:
@@ -36,11 +37,13 @@ class Looking:
         """Build the buttons in the container at hand."""
         self._viewer = viewer
         self._outline = Outline(viewer.robot)
+        self._set: dict[int, tuple[str, float, Array]] = {}  # by browser: its view, for which aspect, and the eye
         self._eye: Array | None = None  # of the browser that moved last
         server = viewer.server
         self.buttons = server.gui.add_button_group("look from", (BEST, *SIDES))
         self.buttons.on_click(self._pressed)
         server.on_client_connect(self._came)
+        server.on_client_disconnect(lambda client: self._set.pop(client.client_id, None))
 
     def begin(self) -> None:
         """Set where browsers look from when they come. By the worker's thread."""
@@ -62,7 +65,8 @@ class Looking:
         """Have a browser look at what is selected, from the side from which it looks; at everything, if nothing is. By
         any thread."""
         if client is not None:
-            self._viewer.worker.ask(f"look of {client.client_id}", lambda: self._look_at_selected(client))
+            aspect = client.camera.aspect
+            self._viewer.worker.ask(f"look of {client.client_id}", lambda: self._look_at_selected(client, aspect))
 
     def fade(self) -> None:
         """Let obstacles fade that hide what is of interest, and no others. By the worker's thread."""
@@ -90,7 +94,7 @@ class Looking:
 
     def _interest(self) -> Array:
         """What obstacles should not hide: the links at both ends and along the motions, and the paths."""
-        links = [self._outline.at(q).mean(axis=1) for q in self._postures()]
+        links = [self._outline.middles(q) for q in self._postures()]
         path = self._path()
         return np.concatenate([*links, path[:: max(1, len(path) // SPARSE)]])
 
@@ -101,7 +105,7 @@ class Looking:
     # --- what browsers ask for ------------------------------------------------------------------------------------
 
     def _came(self, client: viser.ClientHandle) -> None:
-        client.camera.on_update(lambda camera: self._moved(camera))
+        client.camera.on_update(lambda camera: self._moved(client, camera))
         self._ask(client, BEST)
 
     def _pressed(self, event: Any) -> None:
@@ -109,12 +113,14 @@ class Looking:
             self._ask(event.client, str(event.target.value))
 
     def _ask(self, client: viser.ClientHandle, name: str) -> None:
-        self._viewer.worker.ask(f"look of {client.client_id}", lambda: self._look(client, name))
+        aspect = client.camera.aspect  # now: a later message may be an earlier one's echo
+        if name in (BEST, *SIDES):  # a browser may send anything
+            self._viewer.worker.ask(f"look of {client.client_id}", lambda: self._look(client, name, aspect))
 
-    def _look_at_selected(self, client: viser.ClientHandle) -> None:
+    def _look_at_selected(self, client: viser.ClientHandle, aspect: float) -> None:
         viewer, thing = self._viewer, self._viewer.panel.handles.selected
         if thing is None:
-            self._look(client, BEST)
+            self._look(client, BEST, aspect)
             return
         if thing.kind == "obstacle":
             node = next(node for node in viewer.stage.obstacles if node.obstacle.name == thing.name)
@@ -126,20 +132,24 @@ class Looking:
             points = self._outline.at(viewer.edited.start if thing.kind == "start" else viewer.edited.goal)
         x, y, z = np.array(client.camera.position) - client.camera.look_at
         elevation = float(np.clip(np.arctan2(z, np.hypot(x, y)), -STEEPEST, STEEPEST))
-        view = view_from(float(np.arctan2(y, x)), elevation, points.reshape(-1, 3), client.camera.aspect)
-        _set(client, view)
+        _turn(client, view_from(float(np.arctan2(y, x)), elevation, points.reshape(-1, 3), aspect))
 
-    def _look(self, client: viser.ClientHandle, name: str) -> None:
-        _set(client, self.view(name, client.camera.aspect))
+    def _look(self, client: viser.ClientHandle, name: str, aspect: float) -> None:
+        view = self.view(name, aspect)
+        self._set[client.client_id] = name, aspect, view.eye
+        _turn(client, view)
 
-    def _moved(self, camera: viser.CameraHandle) -> None:
+    def _moved(self, client: viser.ClientHandle, camera: viser.CameraHandle) -> None:
         eye = np.array(camera.position)
+        name, aspect, set_to = self._set.get(client.client_id, (BEST, camera.aspect, eye))
+        if abs(camera.aspect - aspect) > RESIZED * aspect and np.abs(eye - set_to).max() < STILL:
+            self._ask(client, name)  # as it stands where it was set to: frame it anew
         if self._eye is None or np.abs(eye - self._eye).max() > STILL:
             self._eye = eye
             self._viewer.worker.ask("fade", self.fade)
 
 
-def _set(client: viser.ClientHandle, view: View) -> None:
+def _turn(client: viser.ClientHandle, view: View) -> None:
     with client.atomic():
         client.camera.position = view.eye  # takes its target along
         client.camera.look_at = view.target
@@ -166,3 +176,8 @@ class Outline:
         return np.array(
             [corners @ places[joint].rotation.T + places[joint].translation for joint, corners in self._boxes]
         )
+
+    def middles(self, q: Array) -> Array:
+        """Return the middles (m, 3) of those that move."""
+        moving = [joint > 0 for joint, _ in self._boxes]
+        return np.asarray(self.at(q)[moving].mean(axis=1))

@@ -1,16 +1,19 @@
-"""The panel beside the scene: the verdict, the player, what is closest, and the tabs, each a part of its own."""
+"""The panel beside the scene: Plan and Play, what to do next, a line for each motion, what is closest, and the tabs,
+each a part of its own."""
 
 from __future__ import annotations
 
 import html
+import math
 import time
 from typing import TYPE_CHECKING
 
 import viser
 
 from hdplan.planner.certificate.verdict import Closest
-from hdplan.planner.view.drawing.colors import CONTACT, START, hex_of, legend
+from hdplan.planner.view.drawing.colors import legend
 from hdplan.planner.view.drawing.plots import MotionPlots, joint_table
+from hdplan.planner.view.drawing.skins import Color
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.editing import Editing
 from hdplan.planner.view.handles import Handles
@@ -19,15 +22,16 @@ from hdplan.planner.view.keys import Keys
 from hdplan.planner.view.layers import Layers
 from hdplan.planner.view.live import Live
 from hdplan.planner.view.looking import Looking
-from hdplan.planner.view.motions import Shown
 from hdplan.planner.view.obstacle_fields import ObstacleFields
 from hdplan.planner.view.opening import Opening
+from hdplan.planner.view.page import Page
 from hdplan.planner.view.planning import Planning
 from hdplan.planner.view.player import Player
+from hdplan.planner.view.rows import Rows
 from hdplan.planner.view.saving import Saving
 from hdplan.planner.view.settings import Settings
 from hdplan.planner.view.things import Thing
-from hdplan.planner.view.words import OUTDATED, clearance_words, coloured, contact_words, small
+from hdplan.planner.view.words import clearance_words, small, whats_next
 from hdplan.scenes.array_types import Array
 
 if TYPE_CHECKING:
@@ -40,17 +44,18 @@ class Panel:
     """Its parts, and what they say of the scene and its motions."""
 
     def __init__(self, viewer: Viewer, note: str) -> None:
-        """Build it; `note` is said below the verdict."""
-        self._viewer, self._note = viewer, note
+        """Build it; `note` is said among the layers. What comes first stays in sight (`page`)."""
+        self._viewer = viewer
         gui = viewer.server.gui
-        self._verdict = gui.add_html("")
-        self.live = Live(viewer)
+        self.page = Page(viewer.server, viewer.scene.name, viewer.scene.robot.base.position)
+        self.planning = Planning(viewer)
         self.player = Player(viewer.server, viewer.worker, viewer.draw)
+        self._next = gui.add_html("")
+        self.rows = Rows(viewer, self.page)
         self._clearance = gui.add_html("")
+        self.live = Live(viewer)
         self.looking = Looking(viewer)
         self._legend = gui.add_html(legend())
-        self.choice = gui.add_dropdown("motion", ("none",), hint="whose joints, clearance and closest pair")
-        self.choice.on_update(lambda event: viewer.worker.ask("choice", self._choose) if event.client else None)
         self.editing = Editing(viewer)
         self.tabs = gui.add_tab_group()
         self._plot_tab = self.tabs.add_tab("Plots", viser.Icon.CHART_LINE)
@@ -63,19 +68,22 @@ class Panel:
             self.opening = Opening(viewer, self.editing)
             self.saving = Saving(viewer)
         with self.tabs.add_tab("Plan", viser.Icon.ROUTE):
-            self.planning = Planning(viewer)
+            self.planning.build()
             self.settings = Settings(viewer, self.editing)
         with self.tabs.add_tab("Layers", viser.Icon.STACK_2):
+            self.player.build_speed(viewer.server)
             self.layers = Layers(viewer)
+            gui.add_html(small(html.escape(note)))
         self.keys = Keys(viewer)
         self._plots: MotionPlots | None = None
-        self._plotted: tuple[str, ...] = ()  # the motions that it has
+        self._plotted: tuple[tuple[str, Color], ...] = ()  # the motions that it has
         self._followed = 0.0
+        self.page.on("seek", lambda _, told: self._seek(told.get("share")))
 
     @property
     def verdict(self) -> str:
-        """What is written at the top, as HTML."""
-        return str(self._verdict.content)
+        """What is written of the scene and its motions, as HTML."""
+        return str(self._next.content) + self.rows.content
 
     @property
     def clearance(self) -> str:
@@ -105,30 +113,23 @@ class Panel:
         self.obstacles.update()
         self.jogging.follow(thing)
 
-    def list_motions(self) -> None:
-        """Offer the motions that there are now."""
-        names = tuple(shown.motion.name for shown in self._viewer.motions.shown)
-        active = self._viewer.motions.active
-        if active is None:
-            return
-        if self.choice.options != names:
-            self.choice.options = names
-        if self.choice.value != active.motion.name:
-            self.choice.value = active.motion.name
-        self.choice.visible = len(names) > 1
-        if self._plotted != names:
+    def plot(self, timeline: Timeline) -> None:
+        """Draw the curves of the motions that are shown, and those of the active one."""
+        viewer, active = self._viewer, self._viewer.motions.active
+        motions = [shown for shown in viewer.motions.shown if shown.visible or shown is active]
+        plotted = tuple((shown.motion.name, shown.color) for shown in motions)
+        if self._plotted != plotted:
             if self._plots is not None:
                 self._plots.remove()
-            with self._plot_tab:
-                self._plots = MotionPlots(self._viewer.server, self._viewer.robot.joint_names, names)
-            self._plotted = names
-
-    def plot(self, timeline: Timeline) -> None:
-        """Draw the curves of the motions."""
-        motions = self._viewer.motions
-        if motions.active is not None and self._plots is not None:
-            all_of_them = [shown.motion for shown in motions.shown]
-            self._plots.set(motions.active.motion, all_of_them, timeline, self.player.time)
+                self._plots = None
+            if plotted:
+                with self._plot_tab:
+                    self._plots = MotionPlots(viewer.server, viewer.robot.joint_names, plotted)
+            self._plotted = plotted
+        if active is not None and self._plots is not None:
+            required, _ = viewer.certifier.asked(active.motion.curve)
+            curves = [shown.motion for shown in motions]
+            self._plots.set(active.motion, curves, required, timeline, self.player.time)
 
     def outdate(self) -> None:
         """Withdraw what was said of a scene that has changed."""
@@ -146,34 +147,30 @@ class Panel:
             self._followed = time.perf_counter()
 
     def say(self) -> None:
-        """Say what holds of the ends and the motions."""
-        viewer = self._viewer
-        lines = [
-            coloured(f"{name} is in collision: {contact_words(contacts)}", CONTACT)
-            for name, contacts in zip(("start", "goal"), viewer.edited.contacts, strict=True)
-            if contacts
-        ]
-        lines += [self._line(shown) for shown in viewer.motions.shown]
-        if not viewer.motions.shown:
-            lines.append("no motion yet: press Plan")
-        lines += [html.escape(self._note)] if self._note else []
-        self._verdict.content = small("<br/>".join(lines), 0.85)
+        """Say what holds of the motions, and what to do next."""
+        viewer, active = self._viewer, self._viewer.motions.active
+        self.rows.say()
+        if active is None:
+            words = whats_next(viewer.edited, None)
+        else:
+            stopped = active.result is not None and active.result is self.planning.stopped
+            words = whats_next(viewer.edited, active.motion, active.result, stopped)
+        self.say_next(words)
+
+    def say_next(self, words: str, bad: bool = False) -> None:
+        """Say what is to be done or known now, in the two lines that are reserved for it."""
+        said = html.escape(words)
+        tint = " hd-bad" if bad else ""
+        content = f'<div class="hd hd-two{tint}" title="{said}">{said}</div>'
+        if self._next.content != content:
+            self._next.content = content
 
     def complain(self, error: Exception) -> None:
-        """Say an error in place of the verdict."""
-        self._verdict.content = coloured(str(error), CONTACT)
+        """Say an error."""
+        self.say_next(str(error), bad=True)
 
-    def _line(self, shown: Shown) -> str:
-        """What is known of one motion."""
-        motion, several = shown.motion, len(self._viewer.motions.shown) > 1
-        mark = f'<span style="color:{hex_of(shown.color) if shown.color else "#dddddd"}">●</span> ' if several else ""
-        extent = "" if motion.curve.times is None else f" ({motion.trajectory.extent})"
-        name = f"<b>{html.escape(motion.name)}</b>{extent} " if several else ""
-        tint = START if motion.certificate.certified else CONTACT
-        said = coloured(motion.certificate.text, tint) if self._viewer.motions.holds(shown) else OUTDATED
-        if not motion.certificate.certified and shown.origin is not self._viewer.scene:
-            said = f"of an older scene: {said}"
-        return f"{mark}{name}{said}"
-
-    def _choose(self) -> None:
-        self._viewer.choose(str(self.choice.value))
+    def _seek(self, share: object) -> None:
+        """Show the moment at a share of the timeline."""
+        if isinstance(share, int | float) and math.isfinite(share):
+            timeline = self.player.timeline
+            self.player.go_to(timeline.begin + min(max(share, 0.0), 1.0) * (timeline.end - timeline.begin))

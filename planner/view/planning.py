@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
 
-NAME = "planned"  # of the motion that Plan finds
+NAME = "planned"  # of the first motion that Plan finds; those after it are numbered
+KEPT = 5  # plans
 LOOK, LOOK_IN_ALL = 0.05, 4.0  # [s] for which an iteration is shown, and at most all of them together
 SETTLED = 10.0  # [s] that a new run waits at most until the last one's motion is shown
 
@@ -36,23 +37,27 @@ class Planning:
     """The panel, and the run under way."""
 
     def __init__(self, viewer: Viewer) -> None:
-        """Build the panel in the container at hand."""
+        """Build the button in the container at hand; `build` builds the rest."""
         self._viewer = viewer
-        gui = viewer.server.gui
-        self.watch = gui.add_checkbox(
-            "watch", True, hint=f"show every iteration for {LOOK:g} s, at most {LOOK_IN_ALL:g} s in all"
-        )
-        self.button = gui.add_button("Plan", icon=viser.Icon.ROUTE)
-        self._said = gui.add_html("")
-        self.iteration = gui.add_slider("iteration", 0, 1, 1, 0, disabled=True, hint="look back at the optimizer")
+        self.button = viewer.server.gui.add_button("Plan", icon=viser.Icon.ROUTE)
         self.button.on_click(lambda _: self.toggle())
-        self.iteration.on_update(lambda event: viewer.worker.ask("iterate", self._look_back) if event.client else None)
         self._starting = threading.Lock()  # several browsers may press at once
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
         self.iterates: list[tuple[str, Array]] = []  # words and waypoints (N, n) of every iteration
         self._shown_for = 0.0  # [s]
         self._path: Any = None
+        self.stopped: PlanResult | None = None  # the last one that was stopped
+
+    def build(self) -> None:
+        """Build what is said and the slider over the iterations in the container at hand."""
+        viewer, gui = self._viewer, self._viewer.server.gui
+        self.watch = gui.add_checkbox(
+            "watch", True, hint=f"show every iteration for {LOOK:g} s, at most {LOOK_IN_ALL:g} s in all"
+        )
+        self._said = gui.add_html("")
+        self.iteration = gui.add_slider("iteration", 0, 1, 1, 0, disabled=True, hint="look back at the optimizer")
+        self.iteration.on_update(lambda event: viewer.worker.ask("iterate", self._look_back) if event.client else None)
 
     @property
     def running(self) -> bool:
@@ -80,6 +85,7 @@ class Planning:
             self.iterates, self._shown_for = [], 0.0
             self.button.label, self.button.icon = "Stop", viser.Icon.PLAYER_STOP
             self._say("building the problem …")
+            self._viewer.panel.say_next("planning, building the problem …")
             scene = self._viewer.scene
             self._thread = threading.Thread(target=self._run, args=(scene,), name="hdplan-plan", daemon=True)
             self._thread.start()
@@ -146,8 +152,10 @@ class Planning:
         curve = Curve.through(positions, row_times(viewer.scene, len(positions)))
         joints = curve.at_parameter(sample_parameters(len(positions)))
         self._path = draw_path(viewer.server, "iterate", viewer.stage.tip.path(joints), ITERATE)
-        viewer.show_robot(NAME, viewer.joints(curve))
+        viewer.show_robot(viewer.joints(curve))
         self._say(words)
+        if self.running:
+            viewer.panel.say_next(f"planning, {words}")
 
     def _look_back(self) -> None:
         if self.iterates:
@@ -159,11 +167,14 @@ class Planning:
             self._path.remove()
             self._path = None
         self.button.label, self.button.icon = "Plan", viser.Icon.ROUTE
+        self.stopped = result if self._stop.is_set() else None
         if result is not None:
             unmoved = viewer.scene is scene  # nothing was dragged meanwhile
             if unmoved and result.goal is not None and result.goal.positions is not None:
                 viewer.change(viewer.edited.shown_at(np.array(result.goal.positions)), step=False)
-            certificate = viewer.put(NAME, result.trajectory, result.certificate if unmoved else None, result=result)
+            name, known = self._name(result), result.certificate if unmoved else None
+            certificate = viewer.put(name, result.trajectory, known, result=result)
+            viewer.motions.make_room(KEPT)
             if not unmoved:
                 text = f"planned in an earlier scene; in this one {certificate.text}"
             spent = max(result.times.solve - self._shown_for, 0.0) + result.times.certify
@@ -175,6 +186,17 @@ class Planning:
             self.iteration.max, self.iteration.min = max(count, 2), 1
             self.iteration.value = count
         self._say(text)
+        if result is None:
+            viewer.panel.say_next(text, bad=True)
+
+    def _name(self, result: PlanResult) -> str:
+        """Return what a new plan is called: it replaces one that fell short, or found the same motion."""
+        motions, found = self._viewer.motions, result.trajectory.positions
+        for shown in motions.shown:
+            earlier = shown.result
+            if earlier is not None and (not earlier.certified or np.array_equal(earlier.trajectory.positions, found)):
+                return shown.motion.name
+        return motions.free_name(NAME)
 
     def _say(self, text: str) -> None:
         self._said.content = small(html.escape(text))

@@ -1,5 +1,4 @@
-"""What stands in the scene besides the motions: obstacles, start and goal as ghosts, the robot at rest, the closest
-pairs."""
+"""What stands in the scene besides the motions: obstacles, start and goal as ghosts, the robot, the closest pairs."""
 
 from __future__ import annotations
 
@@ -33,16 +32,6 @@ class Stage:
         """Send everything that stands; `skins` are what the robot is shown in."""
         self._server, robot = server, edited.robot
         self.tip = Tip.of(robot)
-        server.scene.add_grid(
-            "/ground",
-            3.0,
-            3.0,
-            cell_size=0.1,
-            section_size=0.5,
-            cell_color=(236, 236, 236),
-            section_color=(215, 215, 215),
-            position=edited.scene.robot.base.position,
-        )
         self.all_obstacles = server.scene.add_frame("/obstacles", show_axes=False)
         self._chosen: Callable[[Thing], object] | None = None
         self._sent = 0  # obstacles: each has a node's name of its own
@@ -51,11 +40,11 @@ class Stage:
         self.region = draw_region(server, region) if region else None  # where a point of a link is to stay
         solid = [skin for skin in collision_skins(robot) or skins if skin.joint]  # what stands still is there once
         self.start = RobotNodes(server, "start", robot, solid, color=START, opacity=GHOST)
-        self.goal = RobotNodes(server, "goal", robot, solid, color=GOAL, opacity=GHOST)
+        self.goal = RobotNodes(server, "goal", robot, solid, color=GOAL, opacity=GHOST, edges=True)
         self.labels = [
             server.scene.add_label(f"/{name}/label", name, font_screen_scale=0.9) for name in ("start", "goal")
         ]
-        self.at_rest = RobotNodes(server, "robot", robot, skins)  # where there is no motion yet
+        self.robot = RobotNodes(server, "robot", robot, skins)  # where the active motion is, or else at the start
         self.closest = ClosestNodes(server)
         self.take(edited)
 

@@ -62,7 +62,7 @@ class Viewer:
         skins = told_apart(self.robot, skins)
         self.worker, self.uploads = Worker(self._failed), Uploads()
         self.stage = Stage(server, self.edited, skins)
-        self.motions = Motions(self, skins)
+        self.motions = Motions(self, collision_skins(self.robot) or skins)
         self.panel = Panel(self, note)
         server.on_client_disconnect(lambda _: self.panel.handles.release())  # perhaps while it dragged
         self.worker.ask("begin", lambda: self._begin(motions))
@@ -187,21 +187,15 @@ class Viewer:
         self.motions.active = self.motions.named(name)
         self.redraw()
 
-    def show_robot(self, name: str, q: Array) -> None:
-        """Show the robot of a motion in a configuration (n,) that is not of this motion, until a moment is drawn again;
-        another robot if there is no such motion yet."""
-        shown = self.motions.named(name)
-        robot = shown.robot if shown else self.stage.at_rest
-        robot.visible = self.panel.layers.on("robot")
-        robot.show(q)
+    def show_robot(self, q: Array) -> None:
+        """Show the robot in a configuration (n,) that is not of the active motion, until a moment is drawn again."""
+        self.stage.robot.show(q)
 
     # --- drawing: by the worker's thread --------------------------------------------------------------------------
 
     def redraw(self) -> None:
         """Draw all that does not follow from the time alone."""
-        player, motions = self.panel.player, self.motions
-        self.panel.list_motions()
-        self.stage.at_rest.visible = not motions.shown and self.panel.layers.on("robot")
+        player = self.panel.player
         self._time()
         self.panel.plot(player.timeline)
         self.panel.say()
@@ -212,10 +206,9 @@ class Viewer:
         timeline, layers = self.panel.player.timeline, self.panel.layers
         seconds = timeline.seconds(now)
         with self.server.atomic():
-            self.motions.show(lambda curve: timeline.parameter(curve, now))
             q = self.configuration
-            if not self.motions.shown:
-                self.stage.at_rest.show(q)
+            self.stage.robot.show(q)
+            self.motions.show(lambda curve: timeline.parameter(curve, now), q)
             layers.show(q)
             pairs = self.certifier.closest(q, seconds)
             self.stage.show(q, seconds, layers.on("start and goal"), pairs)

@@ -6,6 +6,7 @@ samples [m], but no lower bound between them: that is for the certificate.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,12 +18,26 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.pictures.clearances import exact
+from hdplan.planner.pictures.quantities import rates
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.scene import Scene
 
 SAMPLES = 101  # at least, over the whole motion; of up to twice as many waypoints each is among them
 TIP = 0.01  # [m] depth of the part of the last link whose middle is its tip
+
+
+@dataclass(frozen=True, eq=False)
+class Share:
+    """How much of the limits on one quantity the joint takes that takes most."""
+
+    quantity: str  # "velocity", "acceleration", "jerk", "torque"
+    times: Array  # (k,) [s]
+    values: Array  # (k,) of 1
+
+    def over(self, times: Array) -> Array:
+        """Return it (m,) at other times (m,) [s]; NaN where it is not known."""
+        return np.asarray(np.interp(times, self.times, self.values, left=np.nan, right=np.nan))
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +52,7 @@ class ShownMotion:
     tip: Array  # (K, 3) [m] the tip there
     clearance: Array  # (K,) [m] robot to obstacles there, inf without obstacles, NaN where it was not measured
     self_clearance: Array  # (K,) [m] between links there, inf without pairs, NaN where it was not measured
+    shares: tuple[Share, ...] | None  # of the scene's limits on rates and torques, None where it was not measured
     certificate: Certificate = field(repr=False)
     scene: Scene = field(repr=False)  # in which clearances and certificate hold, and in no other
 
@@ -67,12 +83,13 @@ class ShownMotion:
             places, between_links = exact(certifier, joints, curve.time_of(parameter))
             to_obstacles = np.array([place.distance for place in places]) if places else nothing
             between_links = between_links if len(between_links) else nothing
+            shares: tuple[Share, ...] | None = tuple(shares_of(trajectory, certifier))
         else:
             to_obstacles = between_links = np.full(len(parameter), np.nan)
+            shares = None
         tip = Tip.of(robot).path(joints)
-        return cls(
-            name, trajectory, curve, parameter, joints, tip, to_obstacles, between_links, certificate, certifier.scene
-        )
+        known = (to_obstacles, between_links, shares, certificate, certifier.scene)
+        return cls(name, trajectory, curve, parameter, joints, tip, *known)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +130,16 @@ class Tip:
             pin.forwardKinematics(self.robot.model, data, q)
             points[row] = data.oMi[self.joint].act(self.offset)
         return points
+
+
+def shares_of(trajectory: Trajectory, certifier: Certifier) -> Iterator[Share]:
+    """Yield the shares of the scene's limits that a trajectory takes; none for a path without times."""
+    ordered = trajectory.of_joints(certifier.robot.joint_names, certifier.robot.locked)
+    for rate in rates(ordered, certifier.limits):
+        if rate.limits is not None and len(rate.values):
+            between = len(rate.times) > len(rate.values)  # each value holds from one time to the next
+            times = 0.5 * (rate.times[1:] + rate.times[:-1]) if between else rate.times
+            yield Share(rate.quantity, times, np.abs(rate.values / rate.limits).max(axis=1))
 
 
 def sample_parameters(waypoints: int) -> Array:

@@ -22,7 +22,7 @@ from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.path_constraints import Within
-from hdplan.scenes.poses import Pose
+from hdplan.scenes.poses import Pose, Vector3
 
 PATH_WIDTH, SEGMENT_WIDTH = 0.006, 0.004  # [m]
 ENDLESS = 3.0  # [m] length to which an unbounded box is drawn
@@ -43,9 +43,10 @@ class RobotNodes:
         *,
         color: Color | None = None,
         opacity: float | None = None,
+        edges: bool = False,
         visible: bool = True,
     ) -> None:
-        """Send the meshes; `color` replaces the skins' own."""
+        """Send the meshes, or only the `edges` of their triangles; `color` replaces the skins' own."""
         self.robot, self.data = robot, robot.model.createData()
         self.root = server.scene.add_frame(f"/{name}", show_axes=False, visible=visible)
         self.frames = {
@@ -61,6 +62,7 @@ class RobotNodes:
                     skin.triangles,
                     color=color or skin.color,
                     opacity=opacity,
+                    wireframe=edges,
                     cast_shadow=False,
                     receive_shadow=False,
                 ),
@@ -155,6 +157,14 @@ class ObstacleNode:
         color = CONTACT if self._in_contact else SELECTED if self._selected else OBSTACLE
         if tuple(self.mesh.color) != color:
             self.mesh.color = color
+
+
+def draw_ground(scene: viser.SceneApi, base: Vector3, dark: bool) -> None:
+    """Draw a grid at the height of the robot's base, for one browser or all, for a dark page or a light one."""
+    cell, section = ((48, 50, 54), (68, 71, 77)) if dark else ((236, 236, 236), (215, 215, 215))
+    scene.add_grid(
+        "/ground", 3.0, 3.0, cell_size=0.1, section_size=0.5, cell_color=cell, section_color=section, position=base
+    )
 
 
 def draw_region(server: viser.ViserServer, asked: Within) -> Any:
