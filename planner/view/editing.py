@@ -13,9 +13,8 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from hdplan.planner.view.drawing.colors import CONTACT
 from hdplan.planner.view.edited import Edited
-from hdplan.planner.view.words import coloured, small
+from hdplan.planner.view.words import small
 from hdplan.scenes.errors import HdplanError, InputError
 
 if TYPE_CHECKING:
@@ -110,7 +109,7 @@ class Editing:
             job()
         except HdplanError as error:
             words = str(error).removeprefix(source).replace(folder, "")
-            self._said.content = small(coloured(f"not done: {words}", CONTACT))
+            self._said.content = small(f'<span class="hd-bad">not done: {html.escape(words)}</span>')
 
 
 class Fields:
