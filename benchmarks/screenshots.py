@@ -26,6 +26,8 @@ SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enab
 THEMES = ("light", "dark")
 TIME_LIMIT = 20.0  # [s] for planning
 DRAWN = 4_000  # [ms] until all meshes are
+PATIENCE = 120_000  # [ms]
+SELDOM = "const frame = requestAnimationFrame; requestAnimationFrame = (draw) => setTimeout(frame, 300, draw)"  # 3 Hz
 
 
 @contextmanager
@@ -47,6 +49,8 @@ def browser() -> Iterator[Any]:
 def photograph(browser: Any, viewer: Viewer, file: Path, size: tuple[int, int], theme: str) -> list[str]:
     """Draw a viewer's page into a file; return what its console complains of."""
     page = browser.new_page(viewport={"width": size[0], "height": size[1]}, color_scheme=theme)
+    page.add_init_script(SELDOM)  # every pixel is drawn by the processor
+    page.set_default_timeout(PATIENCE)
     complaints: list[str] = []
     page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
     page.on("pageerror", lambda error: complaints.append(str(error)))
@@ -65,7 +69,7 @@ def main() -> None:
     """Take the pictures from the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("scenes", nargs="*", default=shipped_scenes())
+    parser.add_argument("scenes", nargs="*", default=list(shipped_scenes()))
     parser.add_argument("--size", default="1400x820")
     parser.add_argument("--theme", choices=THEMES)
     parser.add_argument("--unplanned", action="store_true")

@@ -39,7 +39,7 @@ div:has(> .hdplan-page) + div + div + div + div {
 .hd-link { cursor: pointer; opacity: 0.75 } .hd-link:hover { opacity: 1; text-decoration: underline }
 .hd-row { display: flex; gap: 0.45em; padding: 0.1em 0.3em; border-radius: 4px; cursor: pointer }
 .hd-row:hover, .hd-chosen { background: light-dark(#eef2f6, #2c2e33) }
-.hd summary { cursor: pointer; list-style: none; opacity: 0.75 }
+.hd summary { list-style: none }
 .hd-good { color: light-dark(#0072b2, #56b4e9) } .hd-bad { color: light-dark(#a50026, #ff7b7b) }
 .u-over { cursor: pointer }
 """
@@ -105,10 +105,11 @@ class Page:
     def _heard(self, event: Any) -> None:
         try:
             told = json.loads(str(self._field.value))
-        except ValueError:
+        except (ValueError, RecursionError):  # of a list in a list in a list …
             return
-        if event.client is not None and isinstance(told, dict) and told.get("do") in self._handlers:
-            self._handlers[told["do"]](event.client, told)
+        handler = self._handlers.get(str(told.get("do"))) if isinstance(told, dict) else None
+        if event.client is not None and handler is not None:
+            handler(event.client, told)
 
     def _theme(self, client: viser.ClientHandle, told: Told) -> None:
         """Show one browser the page in its own colour scheme."""

@@ -790,7 +790,7 @@ class World:
         self.masses: list[tuple[float, int, Pose, Ball]] = []  # mass, joint, place of its centre, inertia about it
         for link, element in links.items():
             for body in element.findall("inertial"):
-                part = {x.tag: x for x in body}
+                part = unique([(x.tag, x) for x in body])
                 mass, six = float(part["mass"].get("value", "")), part["inertia"].attrib
                 about = inertia([float(six.get(key, 0.0)) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")])
                 self.carry(mass, link, origin(body), Ball(about))
@@ -844,6 +844,7 @@ class World:
 
     def place(self, joint: Any, parent: int, pose: Pose) -> tuple[int, Pose]:
         """Return the moving joint that carries a joint's child, and the child's pose in its frame."""
+        unique([(x.tag, x) for x in joint])
         name, kind, limit = joint.get("name", ""), joint.get("type", ""), joint.find("limit")
         pose = compose(pose, origin(joint))
         if kind == "fixed":
@@ -1342,9 +1343,9 @@ def torques(joints: list[Joint], loads: list[list[Ball]], q: Line, v: Line, a: L
 
 
 def chord(angle: float) -> float:
-    """Return a lower bound of 2 sin(angle / 2), the distance between unit vectors at an angle [rad] apart."""
-    sin = cos_sin(min(angle, 3.0) / 2 + ROUNDED / 2)[1]
-    return np.inf if angle > 3.0 else float(2 * (sin.mid - sin.rad) * (1 - 4 * EPS))
+    """Return a lower bound of 2 sin(angle / 2), the distance between unit vectors at an angle (of at most pi) apart."""
+    sin = cos_sin(min(angle, 4.0) / 2 + ROUNDED / 2)[1]
+    return np.inf if angle > 3.15 else float(2 * (sin.mid - sin.rad) * (1 - 4 * EPS))
 
 
 def bonds_of_path(world: World) -> list[Bond]:

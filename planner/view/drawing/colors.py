@@ -30,6 +30,7 @@ MOTIONS: tuple[Color, ...] = (  # of motions, on path, plot and line
     (86, 180, 233),
     (230, 159, 0),
     (120, 94, 240),
+    (150, 90, 50),
 )
 
 FAR = 0.1  # [m] clearance above which the colour stays the same

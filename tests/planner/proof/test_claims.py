@@ -210,3 +210,45 @@ def test_a_path_constraint_violated_only_between_rows_is_rejected(kind: str, tmp
             bonds[i].most = float(values.max()) * 1.02
     finally:
         checker.bonds_of_path = original
+
+
+@pytest.mark.parametrize("angle", [1e-6, 0.01, 1.0, 2.9, 3.05, 3.14])
+def test_an_angle_just_beyond_what_is_allowed_is_longer_than_its_chord(angle: float) -> None:
+    allowed = checker.chord(angle)
+    assert 2 * np.sin(angle / 2) * (1 - 1e-12) <= allowed < 2 * np.sin((angle + 2e-9) / 2)
+
+
+@pytest.mark.parametrize("free", ["none", "x", "z", "all"])
+def test_goal_poses_are_met_within_their_tolerances_and_no_more(free: str, tmp_path: Path) -> None:
+    rng = np.random.default_rng(10)
+    setup, world, motion = read(swinging(tmp_path, *ROBOTS[0], rng))
+    model, data = setup.robot.model, setup.robot.model.createData()
+    pin.framesForwardKinematics(model, data, setup.robot.pin_q(motion.positions[-1]))
+    hand = data.oMf[model.getFrameId("panda_hand")]
+
+    def goal(off: float, angle: float) -> dict:
+        """The hand's pose at the end, moved by `off` [m] and turned by `angle` [rad]."""
+        axis = rng.normal(size=3)
+        if free in ("x", "z"):  # about an axis across the free one, and by any angle about that
+            axis["xyz".index(free)] = 0.0
+        axis /= np.linalg.norm(axis)
+        turned = hand.rotation @ pin.exp3(angle * axis)
+        if free in ("x", "z"):
+            turned = turned @ pin.exp3(rng.uniform(-3, 3) * np.eye(3)["xyz".index(free)])
+        away = rng.normal(size=3)
+        place = hand.translation + off * away / np.linalg.norm(away)
+        quaternion = pin.Quaternion(turned).coeffs()
+        return {
+            "link": "panda_hand", "position": place.tolist(), "quaternion_xyzw": quaternion.tolist(),
+            "position_tolerance": 2e-3, "orientation_tolerance": 0.3, "free_rotation": free,
+        }  # fmt: skip
+
+    for _ in range(20):
+        inside = goal(2e-3 * (1 - 1e-6), 0.3 * (1 - 1e-6))
+        too_far, too_turned = goal(2e-3 * (1 + 1e-5), 0.0), goal(0.0, 0.3 * (1 + 1e-5))
+        assert checker.at_goal(world, {"pose": inside})
+        assert not checker.at_goal(world, {"pose": too_far})
+        assert checker.at_goal(world, {"pose": too_turned}) == (free == "all")
+        assert checker.at_goal(world, {"poses": [too_far, inside]})
+        assert not checker.at_goal(world, {"all": [{"pose": too_far}, {"pose": inside}]})
+        assert checker.at_goal(world, {"all": [{"pose": inside}, {"pose": inside}]})

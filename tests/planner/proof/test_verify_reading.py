@@ -189,3 +189,26 @@ def test_a_clearance_between_links_that_is_not_reached_is_said(
     found = world(hdplan.Scene(robot="panda", start=HOME, goal=HOME, self_collision=asked), tmp_path)
     said = verify.statement(found, {"clearance": None, "self_clearance": least, "claims": ["limits", "start"]})
     assert ("self_collision.clearance, 20 mm" not in said) == whole
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ('<mass value="1"/>', '<mass value="1"/><mass value="2"/>'),
+        ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1"/><axis xyz="0 1 0"/>'),
+        ('<origin xyz="0 0 1"/>', '<origin xyz="0 0 1"/><origin xyz="0 0 2"/>'),
+    ],
+)
+def test_what_stands_twice_in_a_urdf_is_refused(before: str, after: str, tmp_path: Path) -> None:
+    text = """<robot name="r"><link name="a"/><link name="b"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j" type="continuous">
+<origin xyz="0 0 1"/><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint></robot>"""
+    assert before in text
+    (tmp_path / "s.yaml").write_text("hdplan: 1\nrobot: {urdf: r.urdf}\nstart: {joints: [0]}\ngoal: {joints: [0]}\n")
+    (tmp_path / "m.json").write_text('{"joint_names": ["j"], "positions": [[0], [1]]}')
+    (tmp_path / "r.urdf").write_text(text)
+    said = {"files": {}, "held": {}}
+    assert len(World(tmp_path / "s.yaml", tmp_path / "m.json", said, {}).joints) == 1
+    (tmp_path / "r.urdf").write_text(text.replace(before, after))
+    with pytest.raises(RejectedError, match=r"twice|origin"):
+        World(tmp_path / "s.yaml", tmp_path / "m.json", said, {})
