@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hdplan.planner.certificate.verdict import Certificate
+from hdplan.planner.html_page import HtmlPage
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.solvers.solution import Iteration
 from hdplan.scenes.errors import InputError
@@ -90,6 +91,14 @@ class PlanResult:
         import hdplan.planner
 
         return str(hdplan.planner.result_html(self))
+
+    def show(self) -> HtmlPage:
+        """Return the motion as a page of HTML that plays it in three dimensions: a notebook shows it, and `save` writes
+        it as a file that any browser opens, offline. Raises InputError if the result does not hold its scene."""
+        import hdplan.planner
+
+        page: HtmlPage = hdplan.planner.result_page(self)
+        return page
 
     @property
     def certified(self) -> bool:

@@ -13,7 +13,8 @@ import numpy as np
 
 from hdplan.planner.motion.curve import Curve
 from hdplan.scenes.array_types import Array, Rows
-from hdplan.scenes.errors import InputError
+from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.files import read_file
 from hdplan.verify import NARROWEST, Motion, RejectedError, World, leaves, unpack, verify
 
 TOGETHER = 1e-4  # [m] within which corners are equally far along a direction
@@ -37,12 +38,14 @@ class ReadProof:
 
     def __init__(self, scene: Path, motion: Path, proof: Path | bytes) -> None:
         """Read a proof's file, or its content. Raises InputError for what is no proof of this motion in this scene."""
+        name = "the proof" if isinstance(proof, bytes) else proof
+        with naming(name):
+            data = proof if isinstance(proof, bytes) else read_file(proof)
         try:
-            verify(scene, motion, proof)
-            head, cuts, trees = unpack(proof if isinstance(proof, bytes) else proof.read_bytes())
+            verify(scene, motion, data)
+            head, cuts, trees = unpack(data)
             self.world = World(scene, motion, head, cuts)
         except RejectedError as error:
-            name = "the proof" if isinstance(proof, bytes) else proof
             raise InputError(f"{name}: is no proof of {motion} in {scene}: {error}") from None
         counts, depths, normals, *_ = trees
         self.rows = len(self.world.control.mid)

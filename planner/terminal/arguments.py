@@ -137,6 +137,14 @@ Page = Annotated[
     Path | None,
     typer.Option("--record", metavar="FILE.html", help="Write the motion as one page that needs no server, and exit."),
 ]
+Film = Annotated[
+    Path | None,
+    typer.Option(
+        "--video",
+        metavar="FILE.mp4|.gif",
+        help="Write the motion as a film, drawn in a browser that is there, and exit.",
+    ),
+]
 ProofToShow = Annotated[
     Path | None,
     typer.Option(

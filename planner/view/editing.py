@@ -75,7 +75,7 @@ class Editing:
         together = field == last and viewer.edited is mine and asked is not None and asked < when + PAUSE
         self.doing = field
         try:
-            viewer.change(edited, step=not together)
+            viewer.change(edited, step=not together, check=True)
         finally:
             self.doing = ""
         self._last = field, time.monotonic(), edited

@@ -13,13 +13,14 @@ from hdplan.planner.view.drawing.nodes import pose_of
 from hdplan.planner.view.edited import Edited
 from hdplan.planner.view.things import Thing, dragged, obstacle_of, place_of, things, turns
 from hdplan.planner.view.words import small
+from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.poses import Pose
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
 NOTHING = "nothing"
-SIZE = 0.3  # [m] of the handle
+SIZE = 90.0  # [px] of the handle, however far away it is
 
 
 class Handles:
@@ -62,16 +63,21 @@ class Handles:
         self._viewer.stage.highlight(thing)
         self._viewer.panel.select(thing)
         self.place()
+        self._viewer.panel.player.draw()
 
     def drag(self, pose: Pose) -> None:
         """Move what is selected to `pose`, as dragging does."""
         viewer = self._viewer
         if self.selected is None:
             return
-        before = viewer.edited
-        edited, words = dragged(before, self.selected, pose, viewer.stage.tip, self._begin)
-        viewer.change(edited, step=self._begin is None)
-        self._begin = self._begin or before
+        before, begin = viewer.edited, self._begin
+        edited, words = dragged(before, self.selected, pose, viewer.stage.tip, begin)
+        self._begin = begin or before  # what changes now leaves the handle to the hand
+        try:
+            viewer.change(edited, step=begin is None, check=viewer.panel.live.on)
+        except HdplanError:
+            self._begin = begin
+            raise
         self._say(words)
         viewer.panel.live.follow()
 
@@ -109,6 +115,7 @@ class Handles:
         self._handle = viewer.server.scene.add_transform_controls(
             f"/handle/{self._handles}",
             scale=SIZE,
+            fixed=True,
             line_width=4.0,
             position=pose.position,
             wxyz=(w, x, y, z),

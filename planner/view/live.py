@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 LIMIT = 1.0  # [s] for a plan; scenes in which it takes longer are not planned live by default
 PATIENCE = 0.25  # [s] after which a plan gives way to a newer scene
 WINDOW = 2.0  # [s] over which motions are counted
+IDLE = "drag something, and the motion follows"
 SLOW = 2  # plans in a row that find nothing within LIMIT switch it off
 
 
@@ -43,6 +44,7 @@ class Live:
             "live", True, hint="while something is dragged, plan anew from the last motion, again and again"
         )
         self._said = gui.add_html("")
+        self._say(IDLE)
         self._asked_for = False  # whether somebody used the switch
         self.switch.on_update(lambda event: self.set(bool(self.switch.value)) if event.client else None)
         self._changed = threading.Condition()
@@ -87,18 +89,13 @@ class Live:
         """Switch it off where a plan took so long [s], or on again, unless somebody has chosen."""
         if not self._asked_for and self.on != (seconds < LIMIT):
             self.switch.value = seconds < LIMIT
-            self._say("" if self.on else f"off, as a plan takes more than {LIMIT:g} s here")
+            self._say(IDLE if self.on else f"off, as a plan takes more than {LIMIT:g} s here")
 
     def follow(self) -> None:
-        """Check the active motion in the scene as it is now, and have one planned for it."""
-        if not self.on:
-            return
+        """Have a motion planned for the scene as it is now."""
         viewer = self._viewer
         active = viewer.motions.active
-        if active is not None:
-            viewer.motions.check(active.motion.name)
-            viewer.panel.say()
-        if viewer.edited.missed:
+        if not self.on or viewer.edited.missed:
             return
         with self._changed:
             self._wish = viewer.edited, None if active is None else active.motion.trajectory

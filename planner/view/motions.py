@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.result import PlanResult
 from hdplan.planner.view.drawing.colors import CONTACT, MOTIONS, START, clearance_colors
 from hdplan.planner.view.drawing.motion import ShownMotion
-from hdplan.planner.view.drawing.nodes import RobotNodes, draw_path
+from hdplan.planner.view.drawing.nodes import PathNode, RobotNodes
 from hdplan.planner.view.drawing.skins import Color, Skin
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
@@ -42,7 +42,7 @@ class Shown:
     number: int  # its own in this viewer, which names its nodes
     color: Color
     robot: RobotNodes  # seen through, where it is not the active one
-    path: Any  # viser's node
+    path: PathNode
     origin: Scene  # in which it came
     result: PlanResult | None = None  # the plan that it comes from
     visible: bool = True
@@ -81,7 +81,8 @@ class Motions:
             self._came += 1
             node = f"robot{self._came}"
             nodes = RobotNodes(server, node, robot, self._skins, color=color, opacity=THROUGH, visible=False)
-            shown = Shown(motion, self._came, color, nodes, None, motion.scene)
+            path = PathNode(server, f"path/{self._came}", motion.tip, FAINT)
+            shown = Shown(motion, self._came, color, nodes, path, motion.scene)
             self.shown.append(shown)
         shown.origin, shown.result, shown.motion = motion.scene, result, motion
         self.active = shown
@@ -112,14 +113,10 @@ class Motions:
             raise HdplanError(f"another motion is called '{name}'")
         shown.motion = replace(shown.motion, name=name)
 
-    def check(self, name: str) -> Certificate | None:
-        """Certify a motion in the scene as it is now, without measuring its clearances; None if there is none."""
-        shown = self.named(name)
-        if shown is None:
-            return None
-        if not self.holds(shown):
-            self._take(shown, _again(shown.motion, self._viewer.edited.certifier, measured=False))
-        return shown.motion.certificate
+    def check(self) -> None:
+        """Certify the active motion in the scene as it is now, without measuring its clearances, which takes longer."""
+        if self.active is not None and not self.holds(self.active):
+            self._take(self.active, _again(self.active.motion, self._viewer.edited.certifier, measured=False))
 
     def measure(self) -> bool:
         """Certify and measure the motions that are not of the scene as it is now; whether there were any."""
@@ -168,7 +165,7 @@ class Motions:
             self._draw(shown, START)
 
     def _draw(self, shown: Shown, colors: NDArray[np.uint8] | Color) -> None:
-        shown.path = draw_path(self._viewer.server, f"path/{shown.number}", shown.motion.tip, colors)
+        shown.path.draw(shown.motion.tip, colors)
         shown.path.visible = shown.visible and self._viewer.panel.layers.on("path")
 
 

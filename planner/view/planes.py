@@ -21,7 +21,8 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.proof.proof import prove
 from hdplan.planner.proof.reading import Plane, ReadProof
 from hdplan.planner.view.drawing.colors import PLANE
-from hdplan.planner.view.drawing.nodes import millimetres, wxyz_of
+from hdplan.planner.view.drawing.motion import millimetres
+from hdplan.planner.view.drawing.nodes import wxyz_of
 from hdplan.planner.view.words import small
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import time_limit

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import threading
 import time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import viser
@@ -17,7 +17,7 @@ from hdplan.planner.search.search import Event
 from hdplan.planner.timing.time_laws import MinimumJerk
 from hdplan.planner.view.drawing.colors import ITERATE
 from hdplan.planner.view.drawing.motion import sample_parameters
-from hdplan.planner.view.drawing.nodes import draw_path
+from hdplan.planner.view.drawing.nodes import PathNode
 from hdplan.planner.view.words import small
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
@@ -46,7 +46,7 @@ class Planning:
         self._stop = threading.Event()
         self.iterates: list[tuple[str, Array]] = []  # words and waypoints (N, n) of every iteration
         self._shown_for = 0.0  # [s]
-        self._path: Any = None
+        self._path: PathNode | None = None
         self.stopped: PlanResult | None = None  # the last one that was stopped
 
     def build(self) -> None:
@@ -151,7 +151,10 @@ class Planning:
         viewer = self._viewer
         curve = Curve.through(positions, row_times(viewer.scene, len(positions)))
         joints = curve.at_parameter(sample_parameters(len(positions)))
-        self._path = draw_path(viewer.server, "iterate", viewer.stage.tip.path(joints), ITERATE)
+        tip = viewer.stage.tip.path(joints)
+        if self._path is None:
+            self._path = PathNode(viewer.server, "iterate", tip, ITERATE)
+        self._path.draw(tip, ITERATE)
         viewer.show_robot(viewer.joints(curve))
         self._say(words)
         if self.running:

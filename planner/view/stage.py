@@ -9,6 +9,7 @@ import numpy as np
 import viser
 
 from hdplan.planner.certificate.verdict import Closest
+from hdplan.planner.view.drawing.clash import ClashNode
 from hdplan.planner.view.drawing.colors import GOAL, START
 from hdplan.planner.view.drawing.motion import Tip
 from hdplan.planner.view.drawing.nodes import ClosestNodes, ObstacleNode, RobotNodes, draw_region
@@ -46,6 +47,7 @@ class Stage:
         ]
         self.robot = RobotNodes(server, "robot", robot, skins)  # where the active motion is, or else at the start
         self.closest = ClosestNodes(server)
+        self.clash = ClashNode(server)
         self.take(edited)
 
     def take(self, edited: Edited) -> None:
@@ -91,7 +93,10 @@ class Stage:
             self._listen(node)
 
     def highlight(self, thing: Thing | None) -> None:
-        """Show what is selected."""
+        """Show what is selected; labels make room for its handle."""
+        self.closest.labelled = thing is None
+        for kind, label in zip(("start", "goal"), self.labels, strict=True):
+            label.visible = thing is None or thing.kind != kind
         for node in self.obstacles:
             node.select(thing is not None and thing.kind == "obstacle" and node.obstacle.name == thing.name)
         for kind, ghost in (("start", self.start), ("goal", self.goal)):

@@ -15,6 +15,7 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.certificate.verdict import Certificate
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.page.page import page_of
 from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.result import PlanResult
 from hdplan.planner.robot.robot import Robot
@@ -28,7 +29,6 @@ from hdplan.planner.view.layers import PLANE
 from hdplan.planner.view.motions import Motions
 from hdplan.planner.view.panel import Panel
 from hdplan.planner.view.quiet import quiet
-from hdplan.planner.view.recording import record
 from hdplan.planner.view.stage import Stage
 from hdplan.planner.view.uploads import Uploads
 from hdplan.planner.view.worker import Worker
@@ -117,8 +117,8 @@ class Viewer:
         self.worker.settle()
 
     def record(self, page: Path) -> None:
-        """Write the motions as one page that needs no server; see `recording`."""
-        record(self, page)
+        """Write the motions as one page that needs no server. Raises InputError if it cannot be written."""
+        page_of(self.edited.setup, [shown.motion for shown in self.motions.shown]).save(page)
 
     def close(self) -> None:
         """End the threads and the server."""
@@ -130,14 +130,14 @@ class Viewer:
 
     # --- changes: by the worker's thread --------------------------------------------------------------------------
 
-    def change(self, edited: Edited, step: bool = True) -> None:
+    def change(self, edited: Edited, step: bool = True, check: bool = False) -> None:
         """Show another scene of the same robot: a step that can be undone, or a part of the last one. Motions stay as
-        they are, and what was said of them falls until they are checked or measured again. Raises InputError, and
-        changes nothing, for a scene that does not fit the robot."""
+        they are, and what was said of them falls until they are measured again, except of the active one on request: it
+        is certified at once. Raises InputError, and changes nothing, for a scene that does not fit the robot."""
         _ = edited.contacts  # refused before anything is shown
         before = self.scene
         self.history.change(edited, step)
-        self._take(before)
+        self._take(before, check)
 
     def undo(self) -> None:
         """Go one step back, and say what holds there."""
@@ -198,7 +198,7 @@ class Viewer:
         player = self.panel.player
         self._time()
         self.panel.plot(player.timeline)
-        self.panel.say()
+        self._say()
         self.draw(player.time)
 
     def draw(self, now: float) -> None:
@@ -216,6 +216,12 @@ class Viewer:
             layers.plane.show(layers.on(PLANE), timeline.parameter(active.motion.curve, now) if active else 0.0, pairs)
             self.panel.follow(now, q, pairs)
 
+    def _say(self) -> None:
+        """Say what holds, and show where the active motion fails."""
+        active = self.motions.active
+        self.stage.clash.show(None if active is None else active.motion, self.certifier)
+        self.panel.say()
+
     def _begin(self, motions: Sequence[ShownMotion]) -> None:
         for motion in motions:
             self.motions.add(motion)
@@ -231,15 +237,17 @@ class Viewer:
         self.panel.player.run_over(timeline)
         self.panel.player.enable(bool(self.motions.shown) or timeline.timed)
 
-    def _take(self, before: Scene) -> None:
+    def _take(self, before: Scene, check: bool = False) -> None:
         """Show the scene as it is now in place of an earlier one."""
         self.stage.take(self.edited)
         if self.scene is not before:
+            if check:
+                self.motions.check()
             self.motions.outdate(before)
             self.panel.outdate()
             self._time()
         self.panel.update()
-        self.panel.say()
+        self._say()
         self.draw(self.panel.player.time)
         self.panel.looking.fade()
 

@@ -12,8 +12,7 @@ from hdplan.planner.certificate.end_check import SAME_END
 from hdplan.planner.certificate.verdict import Certificate, Contact, Status
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.result import PlanResult
-from hdplan.planner.view.drawing.motion import ShownMotion
-from hdplan.planner.view.drawing.nodes import millimetres
+from hdplan.planner.view.drawing.motion import ShownMotion, millimetres
 from hdplan.planner.view.edited import Edited
 
 OUTDATED = "the scene has changed: nothing is known of this motion in it yet"
@@ -95,4 +94,7 @@ def whats_next(
         return f"stopped: the best motion so far is {found}"
     if result is not None and not result.certified and result.asked is edited.scene:
         return f"no free motion found yet, the best one is {found}: press Plan again, or give it more room"
+    if certificate.failures:
+        worst = min(certificate.failures, key=lambda place: place.distance)
+        return f"{found} in this scene: {worst.link} and {worst.other}, {millimetres(worst.distance)}: press Plan"
     return f"{found} in this scene: press Plan"

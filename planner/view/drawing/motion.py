@@ -132,6 +132,11 @@ class Tip:
         return points
 
 
+def millimetres(distance: float) -> str:
+    """Return a distance in words."""
+    return f"{distance * 1e3:.1f} mm" if distance >= 0.0 else f"{-distance * 1e3:.1f} mm deep"
+
+
 def shares_of(trajectory: Trajectory, certifier: Certifier) -> Iterator[Share]:
     """Yield the shares of the scene's limits that a trajectory takes; none for a path without times."""
     ordered = trajectory.of_joints(certifier.robot.joint_names, certifier.robot.locked)

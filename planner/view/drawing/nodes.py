@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.colors import CONTACT, INK, LINKS, OBSTACLE, REGION, SELECTED, clearance_colors
-from hdplan.planner.view.drawing.skins import Color, Skin, obstacle_mesh, shaded
+from hdplan.planner.view.drawing.motion import millimetres
+from hdplan.planner.view.drawing.skins import ENDLESS, Color, Skin, obstacle_mesh, shaded
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacle_motion import ObstacleMotion
@@ -25,7 +26,6 @@ from hdplan.scenes.path_constraints import Within
 from hdplan.scenes.poses import Pose, Vector3
 
 PATH_WIDTH, SEGMENT_WIDTH = 0.006, 0.004  # [m]
-ENDLESS = 3.0  # [m] length to which an unbounded box is drawn
 FADED = 0.3  # opacity of an obstacle between the eye and the robot
 MORE_SOLID = 0.65  # opacity of a ghost that is selected
 BESIDE = 0.05  # [m] by which the label stands above the segment
@@ -183,12 +183,37 @@ def draw_region(server: viser.ViserServer, asked: Within) -> Any:
     )
 
 
-def draw_path(server: viser.ViserServer, name: str, tip: Array, colors: NDArray[np.uint8] | Color) -> Any:
-    """Draw the line through points (K, 3), coloured along it (K, 3) or in one colour; a node of that name is
-    replaced."""
-    points = np.stack([tip[:-1], tip[1:]], axis=1)
-    along = colors if isinstance(colors, tuple) else np.stack([colors[:-1], colors[1:]], axis=1)
-    return server.scene.add_line_segments(f"/{name}", points, along, thickness=PATH_WIDTH)
+class PathNode:
+    """A line along which a point moves. It is changed and not sent anew: a browser compiles each new one's shaders."""
+
+    def __init__(self, server: viser.ViserServer, name: str, tip: Array, colors: NDArray[np.uint8] | Color) -> None:
+        """Send it; see `draw`."""
+        self._server = server
+        self._node = server.scene.add_line_segments(f"/{name}", *_segments(tip, colors), thickness=PATH_WIDTH)
+
+    def draw(self, tip: Array, colors: NDArray[np.uint8] | Color) -> None:
+        """Draw the line through points (K, 3), coloured along it (K, 3) or in one colour."""
+        with self._server.atomic():
+            self._node.points, self._node.colors = _segments(tip, colors)
+
+    @property
+    def visible(self) -> bool:
+        """Whether it is shown."""
+        return bool(self._node.visible)
+
+    @visible.setter
+    def visible(self, value: bool) -> None:
+        self._node.visible = value
+
+    def remove(self) -> None:
+        """Take it out of the scene."""
+        self._node.remove()
+
+
+def _segments(tip: Array, colors: NDArray[np.uint8] | Color) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    along = np.broadcast_to(np.asarray(colors, dtype=np.uint8), (len(tip), 3))
+    points = np.stack([tip[:-1], tip[1:]], axis=1).astype(np.float32)
+    return points, np.stack([along[:-1], along[1:]], axis=1)
 
 
 class ClosestNodes:
@@ -205,6 +230,7 @@ class ClosestNodes:
             for name, color in (("obstacle", INK), ("links", LINKS))
         ]
         self.label = server.scene.add_label("/closest/label", "", visible=False, font_screen_scale=0.9)
+        self.labelled = True
 
     def show(self, pairs: Sequence[Closest | None]) -> None:
         """Draw the closest pair with an obstacle, and between links; the nearer one is labelled."""
@@ -216,15 +242,10 @@ class ClosestNodes:
             red, green, blue = clearance_colors(pairs[0].distance).tolist()
             self.lines[0].colors = np.array([red, green, blue], dtype=np.uint8)
         nearest = pairs[0] or pairs[1]
-        self.label.visible = nearest is not None
+        self.label.visible = nearest is not None and self.labelled
         if nearest is not None:
             self.label.text = f"{nearest.link} – {nearest.other}: {millimetres(nearest.distance)}"
             self.label.position = nearest.points.mean(axis=0) + [0.0, 0.0, BESIDE]
-
-
-def millimetres(distance: float) -> str:
-    """Return a distance in words."""
-    return f"{distance * 1e3:.1f} mm" if distance >= 0.0 else f"{-distance * 1e3:.1f} mm deep"
 
 
 def wxyz_of(rotation: Array) -> tuple[float, float, float, float]:

@@ -167,6 +167,8 @@ class MotionPlots:
         top = max(float(curve.max(initial=0.0)) for curve in known)
         bottom = min(float(curve.min(initial=0.0)) for curve in known)
         self.clearance.set(timeline, times, millimetres, 1.05 * bottom, 1.05 * max(top, 10.0), now)
+        if not active.measured:
+            self.clearance.remark(", measured when you let go")
         self._show_shares(active, timeline, now)
 
     def _show_shares(self, active: ShownMotion, timeline: Timeline, now: float) -> None:

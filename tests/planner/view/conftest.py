@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 
@@ -45,3 +46,21 @@ def opened() -> Iterator[Opener]:
     for viewer in viewers:
         viewer.close()
     assert not complaints
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """A real one; see `in_browser`."""
+    from tests.planner.view.in_browser import opened_browser
+
+    yield from opened_browser()
+
+
+@pytest.fixture
+def tab(browser: Any) -> Iterator[Any]:
+    """Opens pages in it, and fails for what they complain of."""
+    from tests.planner.view.in_browser import Tabs
+
+    tabs = Tabs(browser)
+    yield tabs
+    tabs.close()

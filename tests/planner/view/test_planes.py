@@ -14,7 +14,7 @@ import pytest
 import hdplan
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.proof.reading import ReadProof
-from hdplan.planner.view.drawing.nodes import millimetres
+from hdplan.planner.view.drawing.motion import millimetres
 from hdplan.planner.view.layers import PLANE
 from hdplan.planner.view.planes import EDGE
 from hdplan.planner.view.viewer import Viewer

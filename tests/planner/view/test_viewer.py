@@ -1,4 +1,4 @@
-"""What the server sends, without a browser: places, closest points, planning, dragging, comparing, recording."""
+"""What the server sends, without a browser: places, closest points, planning, dragging, comparing."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.retiming import Retimer
-from hdplan.planner.view.drawing.nodes import ENDLESS, RobotNodes, pose_of
+from hdplan.planner.view.drawing.nodes import RobotNodes, pose_of
+from hdplan.planner.view.drawing.skins import ENDLESS
 from hdplan.planner.view.handles import Handles
 from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.server import open_viewer
@@ -338,15 +339,6 @@ def test_a_host_elsewhere_is_refused(scene: Scene) -> None:
     for host in ("192.0.2.1", "no.such.host.invalid"):
         with pytest.raises(InputError, match="no address of this machine"):
             open_viewer(scene, host=host)
-
-
-def test_a_recorded_page_holds_the_client_and_the_motion(viewer: Viewer, tmp_path: Path) -> None:
-    page = tmp_path / "page.html"
-    viewer.record(page)
-    text = page.read_text(encoding="utf-8")
-    assert "__VISER_EMBED_DATA__" in text
-    assert "http://" not in text.split("__VISER_EMBED_DATA__")[1][:100]
-    assert len(text) < 3e6
 
 
 # --- what is said and saved is of the scene as it is ------------------------------------------------------------------

@@ -57,7 +57,9 @@ def test_a_stopped_plan_says_how_far_it_came(edited: Edited, trajectory: Traject
     result = replace(plan(scene), certificate=motion.certificate, asked=edited.scene)
     assert whats_next(edited, motion, result, stopped=True) == "stopped: the best motion so far is in contact"
     assert "no free motion found yet" in whats_next(edited, motion, result)
-    assert whats_next(edited, motion) == "in contact in this scene: press Plan"
+    worst = min(place.distance for place in motion.certificate.failures)
+    said = f"in contact in this scene: forearm and ball, {-1e3 * worst:.1f} mm deep: press Plan"
+    assert whats_next(edited, motion) == said
     assert figures(motion.certificate, line).startswith("in contact · ")
 
 
