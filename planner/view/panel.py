@@ -31,7 +31,7 @@ from hdplan.planner.view.rows import Rows
 from hdplan.planner.view.saving import Saving
 from hdplan.planner.view.settings import Settings
 from hdplan.planner.view.things import Thing
-from hdplan.planner.view.words import clearance_words, small, whats_next
+from hdplan.planner.view.words import OUTDATED, clearance_words, small, whats_next
 from hdplan.scenes.array_types import Array
 
 if TYPE_CHECKING:
@@ -155,6 +155,8 @@ class Panel:
         else:
             stopped = active.result is not None and active.result is self.planning.stopped
             words = whats_next(viewer.edited, active.motion, active.result, stopped)
+            if words == OUTDATED and active.misfit:
+                words = f"{active.motion.name}: {active.misfit}: press Plan"
         self.say_next(words)
 
     def say_next(self, words: str, bad: bool = False) -> None:

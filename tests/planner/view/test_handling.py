@@ -381,3 +381,18 @@ def test_keys_act(viewer: Viewer) -> None:
     keys["shift Z"].act(client)
     assert viewer.worker.settle(20)
     assert viewer.scene.obstacles[-1].name == "box"
+
+
+def test_a_motion_that_does_not_fit_the_edited_scene_is_said_to_and_fits_again(viewer: Viewer) -> None:
+    """One without times, where the motion is to last so long: the edit is taken, and nothing is said to be proven."""
+    viewer.panel.live.set(False)
+    sent(viewer, field(viewer, "duration [s]"), "2")
+    assert said(viewer) == ""
+    assert viewer.scene.end_time == 2.0
+    by_worker(viewer, viewer.measure)
+    assert not viewer.motions.holds(viewer.motions.shown[0])
+    assert "has no times" in viewer.panel.verdict
+    assert "certified" not in viewer.panel.verdict
+    sent(viewer, field(viewer, "history"), "undo")
+    assert viewer.motions.holds(viewer.motions.shown[0])
+    assert "certified" in viewer.panel.verdict
