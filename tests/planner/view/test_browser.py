@@ -164,7 +164,7 @@ def test_the_page_has_the_scenes_name_and_is_dark_where_the_browser_is(page: Any
 
 
 def test_a_click_in_a_plot_and_on_a_line_does_what_it_says(page: Any, viewer: Viewer) -> None:
-    page.get_by_role("tab", name="Plots").dispatch_event("click")
+    page.get_by_role("tab", name="Plots").click()
     plot = page.locator(".u-over").first
     plot.wait_for()
     box = plot.bounding_box()
@@ -184,7 +184,7 @@ def test_a_click_in_a_plot_and_on_a_line_does_what_it_says(page: Any, viewer: Vi
 
 
 def test_plan_and_play_stay_in_sight_when_the_panel_is_scrolled(page: Any) -> None:
-    page.get_by_role("tab", name="Plots").dispatch_event("click")
+    page.get_by_role("tab", name="Plots").click()
     page.locator(".u-over").last.scroll_into_view_if_needed()
     scrolled = "[...document.querySelectorAll('.mantine-ScrollArea-viewport')].some((each) => each.scrollTop > 50)"
     until(lambda: bool(page.evaluate(scrolled)), "nothing is scrolled")
