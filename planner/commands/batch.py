@@ -1,0 +1,92 @@
+"""`hdplan batch`: plan many problems into a folder, and say what became of them. `hdplan sample`: draw them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from hdplan.planner.batch.outcome import Options, Outcome
+from hdplan.planner.batch.problems import TABLES, problems_of
+from hdplan.planner.batch.report import report_text
+from hdplan.planner.batch.run import read_run, run_into
+from hdplan.planner.batch.sample import sample
+from hdplan.planner.batch.tables import read_results
+from hdplan.planner.solvers import solver_named
+from hdplan.planner.terminal.console import counting, printing
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.output import check_writable, ending_of, write_output
+
+
+def run_batch(
+    sources: Sequence[str],
+    output: Path,
+    *,
+    scene: str | None,
+    workers: int | None,
+    scheduler: str | None,
+    solver: str,
+    seed: int,
+    time_limit: float,
+) -> int:
+    """Plan all problems of the sources into the folder `output`; `time_limit` [s] holds for everything that one of them
+    needs.
+
+    Returns the exit code: 0 if all are certified, 1 if some are not or it was interrupted.
+    """
+    solver_named(solver)
+    problems = problems_of(sources, scene, seed)
+    with counting("certified") as (count, stop):
+
+        def report(done: int, of: int, outcome: Outcome) -> None:
+            count(done, of, outcome.certified, "" if outcome.certified else f"{outcome.problem}: {outcome.text}")
+
+        options = Options(solver, time_limit)
+        run_into(output, problems, options, workers=workers, scheduler=scheduler, report=report, stop=stop)
+    return show_report(output)
+
+
+def show_report(folder: Path) -> int:
+    """Print the report of a run. Returns the exit code: 0 if all of its problems are certified, else 1."""
+    of, rows = read_run(folder)["problems"], read_results(folder)
+    assert isinstance(of, int)
+    with printing() as show:
+        show(report_text(rows, of))
+    return 0 if sum(row["status"] == "certified" for row in rows) == of else 1
+
+
+def run_sample(
+    scene: Path, output: Path, *, count: int, seed: int, goal: str, jitter: float, resize: float
+) -> int:
+    """Draw problems and write their table. Returns the exit code: 1 if it was interrupted before all were drawn."""
+    check_writable(output, TABLES)
+    with counting("drawn") as (note, stop):
+
+        def report(done: int, of: int, what: str) -> None:
+            note(done, of, True, "")
+
+        drawn = sample(scene, count, seed=seed, goal=goal, jitter=jitter, resize=resize, report=report, stop=stop)
+    write_output(output, _table(drawn.rows, output))
+    with printing() as show:
+        show(drawn.text)
+    return 0 if len(drawn.rows) == count else 1
+
+
+def _table(rows: list[dict[str, Any]], output: Path) -> bytes:
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    if ending_of(output, TABLES) == ".csv":
+        text = io.StringIO()
+        writer = csv.DictWriter(text, columns, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+        return text.getvalue().encode()
+    import pyarrow
+    import pyarrow.parquet
+
+    table = pyarrow.table({name: [row.get(name) for row in rows] for name in columns})
+    sink = io.BytesIO()
+    pyarrow.parquet.write_table(table, sink, compression="zstd")
+    return sink.getvalue()

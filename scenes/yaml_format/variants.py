@@ -1,0 +1,73 @@
+"""Variants of one scene file: the same scene with some of its fields replaced, as a row of a table gives them."""
+
+from __future__ import annotations
+
+import copy
+import functools
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.fields import Document, Field, read_document
+from hdplan.scenes.files import stamps_of
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.yaml_format.reader import find_scene, read_scene
+
+ENDS = ("start", "goal")  # sections that a variant gives anew, whatever the file says
+
+
+def load_variant(path: Path, fields: Mapping[str, object], name: str) -> Scene:
+    """Read a hdplan scene with some fields replaced.
+
+    Args:
+        path: the scene's file, or a shipped one's name.
+        fields: path of a field → its value, such as ``start.joints.panda_joint1``, ``goal.pose.position.0``,
+            ``obstacles.shelf.pose.position.2`` (an obstacle by name or number). A variant that gives anything of
+            `start` or `goal` gives all of it; of other sections, what it does not give stays.
+        name: of the variant.
+
+    Raises:
+        InputError: as `load_scene`, with the file and the field; also a field of something that the scene has not.
+    """
+    file = find_scene(path)
+    content = copy.deepcopy(_content(file, stamps_of([str(file)])))
+    top = Field(content, "", Document(file))
+    for end in {key.partition(".")[0] for key in fields} & {*ENDS}:
+        content[end] = {}
+    for key, value in fields.items():
+        _set(top, key, value)
+    return read_scene(top, name)
+
+
+@functools.lru_cache(maxsize=8)
+def _content(file: Path, _: object) -> dict[str, Any]:
+    content: dict[str, Any] = read_document(file).value  # type: ignore[assignment]
+    return content
+
+
+def _set(top: Field, key: str, value: object) -> None:
+    """Set the field of a document at a path; numbers that follow each other make a list where there is none."""
+    parts = key.split(".")
+    holder: Any = top.value
+    for i, part in enumerate(parts):
+        here, last = ".".join(parts[: i + 1]), i == len(parts) - 1
+        follows = [] if not last and parts[i + 1].isdigit() and parts[0] in ENDS else {}
+        if isinstance(holder, dict):
+            if last:
+                holder[part] = value
+            else:
+                holder = holder.setdefault(part, follows)
+        elif isinstance(holder, list):
+            names = [x.get("name") if isinstance(x, dict) else None for x in holder]
+            index = names.index(part) if part in names else int(part) if part.isdigit() else -1
+            if index == len(holder) and parts[0] in ENDS:
+                holder.append(value if last else follows)
+            if not 0 <= index < len(holder):
+                given = [str(x) for x in names if x]
+                raise InputError(f"{top.document.file}: {here}: the scene has no such entry{nearest(part, given)}")
+            if last:
+                holder[index] = value
+            holder = holder[index]
+        else:
+            raise InputError(f"{top.document.file}: {here}: the scene has nothing there that holds fields")
