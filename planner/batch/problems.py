@@ -81,7 +81,7 @@ def problems_of(sources: Sequence[str], scene: str | None = None, seed: int = 0)
         if path.suffix.lower() in TABLES:
             found += _rows(path, scene, seed)
         elif os.path.isdir(path):
-            found += _folder(path, seed)
+            found += _folder(path, f"{path.absolute().name}/" if len(sources) > 1 else "", seed)
         elif os.path.isfile(path) or source in shipped_scenes():
             found.append(_of_file(path, path.stem, "", seed))
         else:
@@ -111,14 +111,15 @@ def _of_file(file: Path, name: str, group: str, seed: int) -> Problem:
     return Problem(name, group, file, request, robot, seed=seed_of(seed, name))
 
 
-def _folder(folder: Path, seed: int) -> list[Problem]:
+def _folder(folder: Path, begin: str, seed: int) -> list[Problem]:
     """Return the problems of a folder and those within: every scene file that is neither request nor robot."""
     files = sorted(file for file in folder.rglob("*") if file.suffix.lower() in SCENES and file.is_file())
     files = [file for file in files if not file.name.startswith("request") and file.stem != "robot"]
     if not files:
         raise InputError(f"{folder}: has no scene files ({', '.join(SCENES)})")
     inner = [(file, file.relative_to(folder)) for file in files]
-    return [_of_file(file, x.with_suffix("").as_posix(), x.parent.as_posix(), seed) for file, x in inner]
+    named = [(file, begin + x.with_suffix("").as_posix()) for file, x in inner]
+    return [_of_file(file, name, name.rpartition("/")[0], seed) for file, name in named]
 
 
 def _rows(path: Path, scene: str | None, seed: int) -> Iterator[Problem]:
