@@ -229,19 +229,34 @@ def view(
     trajectories: given.Motions = None,
     request: given.Request = None,
     robot: given.RobotFile = None,
+    proof: given.ProofToShow = None,
     record: given.Page = None,
+    video: given.Film = None,
     host: given.Host = "127.0.0.1",
     port: given.Port = 8080,
 ) -> None:
     """Show a scene and motions in the browser, and plan there.
 
     Drag an obstacle or the goal, press Plan and watch the optimizer at work. Needs viser (pip install viser).
+    --record and --video write files instead, without it.
 
     Ctrl-C stops it.
     """
     from hdplan.planner.commands.view import run_view
 
-    raise typer.Exit(run_view(scene, trajectories or [], request, robot, record=record, host=host, port=port))
+    raise typer.Exit(
+        run_view(
+            scene,
+            trajectories or [],
+            request,
+            robot,
+            proof=proof,
+            record=record,
+            video=video,
+            host=host,
+            port=port,
+        )
+    )
 
 
 @app.command()

@@ -25,15 +25,26 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 
 import hdplan
 from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.studies.report import markdown_text
 from hdplan.scenes.robot_files.library import description_of, library_package_dirs
 from hdplan.scenes.yaml_format.reader import find_scene
 from hdplan.verify import MAGIC, RejectedError, verify
 
-SCENES = ("panda_cage", "panda_carry", "panda_table_pick", "panda_gate", "ur5_table", "planar_arm")
+SCENES = (
+    "panda_cage",
+    "panda_carry",
+    "panda_table_pick",
+    "panda_gate",
+    "ur5_table",
+    "ur5_payload",
+    "panda_cup",
+    "planar_arm",
+)
 NUMBER = re.compile(r"(?<![\w.#])-?\d+(?:\.\d+)?(?:e-?\d+)?(?![\w.])")
 WILD = ("nan", "inf", ".nan", ".inf", "-1", "0", "1e308", "1e-320", "x", "", "[]", "{}", "null", "true", "9" * 30)
 
@@ -95,6 +106,11 @@ class Files:
             data = MAGIC + zlib.compress(head + b"\n" + parts["arrays"], 1)
         return verify(self.folder / "scene.yaml", self.folder / "motion.json", data)
 
+    def restore(self) -> None:
+        """Write all files as they were."""
+        for key, name in self.names.items():
+            (self.folder / name).write_bytes(self.parts[key])
+
     def judge(self, text: str) -> str:
         """Say whether what was accepted is true of the files as they are now, and why not or why it is unknown."""
         try:
@@ -108,9 +124,12 @@ class Files:
         claims = re.search(r"also proven: (.*)", text)
         claimed = claims[1].split(", ") if claims else []
         status = certificate.status
-        if (status is Status.OUTSIDE_LIMITS and "limits" in claimed) or (
-            status is Status.WRONG_ENDS and len(claimed) == 3
-        ):
+        ends = status is Status.WRONG_ENDS and {"start", "goal"} <= {*claimed}
+        rates = {"velocity", "acceleration", "jerk"} & {*claimed} & {use.quantity for use in certificate.uses}
+        broken = (status is Status.OUTSIDE_LIMITS and "limits" in claimed) or ends
+        broken |= (status is Status.TOO_FAST and bool(rates)) or (status is Status.OVERLOADED and "torque" in claimed)
+        broken |= status is Status.OFF_PATH and "path" in claimed
+        if broken:
             return f"false: {certificate.text}"
         if status in (Status.OUTSIDE_LIMITS, Status.WRONG_ENDS):
             return f"not judged: {certificate.text}"
@@ -241,7 +260,87 @@ def bomb(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
     return {"file": MAGIC + zlib.compress(json.dumps(head).encode() + b"\n" + zeros, 9)}
 
 
+def row_of_the_motion(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
+    """Move a row of the motion by a joint's value, far or a little."""
+    said = json.loads(files.parts["motion"])
+    row = said["positions"][int(rng.integers(1, len(said["positions"]) - 1))]
+    row[int(rng.integers(len(row)))] += float(rng.choice([-1, 1]) * 10.0 ** rng.uniform(-1.5, 0.5))
+    return {"motion": json.dumps(said).encode()}
+
+
+def obstacle_in_the_way(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
+    """Put an obstacle where the last link is at some row, or nearly."""
+    files.restore()
+    scene = hdplan.load_scene(files.folder / "scene.yaml")
+    setup, motion = Setup.of(scene), hdplan.Trajectory.load(files.folder / "motion.json")
+    model = setup.robot.model
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, setup.robot.pin_q(motion.positions[int(rng.integers(len(motion)))]))
+    at = data.oMi[model.njoints - 1].translation + rng.normal(size=3) * 0.05
+    text = files.parts["scene"].decode()
+    places = list(re.finditer(r"pose: \{position: \[[^]]*\]", text))
+    one = places[int(rng.integers(len(places)))]
+    new = f"pose: {{position: {[round(float(x), 6) for x in at]}"
+    return {"scene": (text[: one.start()] + new + text[one.end() :]).encode()}
+
+
+def joint_elsewhere(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
+    """Move or turn the place of a joint, or its axis."""
+    text = files.parts["urdf"].decode()
+    found = []
+    for joint in re.finditer(r"<joint .*?</joint>", text, re.DOTALL):
+        found += [(joint.start() + m.start(1), m[1]) for m in re.finditer(r'(?:xyz|rpy)="([^"]*)"', joint[0])]
+    start, old = found[int(rng.integers(len(found)))]
+    new = np.array(old.split(), dtype=float) + rng.normal(size=3) * 10.0 ** rng.uniform(-2.5, 0)
+    return {"urdf": (text[:start] + " ".join(map(repr, new.tolist())) + text[start + len(old) :]).encode()}
+
+
+def pair_excused(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
+    """Leave out a pair: its leaves, and what the head says of it; or let the SRDF name another one, or one fewer."""
+    head, arrays = json.loads(files.parts["head"]), files.parts["arrays"]
+    if rng.random() < 0.5 and "srdf" in files.parts:
+        return lines_of("srdf")(files, rng)
+    skip = 2 * sum(head["cuts"].values())
+    counts = np.frombuffer(arrays, "<i4", head["pairs"], skip)
+    sizes = (counts.nbytes, head["leaves"], 12 * head["leaves"])
+    ends = np.cumsum([skip, *sizes])
+    depths, normals = arrays[ends[1] : ends[2]], arrays[ends[2] : ends[3]]
+    pair = int(rng.integers(len(counts)))
+    first, last = int(counts[:pair].sum()), int(counts[: pair + 1].sum())
+    whole = rng.random() < 0.5  # the pair and its leaves, or only these
+    kept = np.delete(counts, pair) if whole else np.where(np.arange(len(counts)) == pair, 0, counts).astype("<i4")
+    parts = kept.tobytes(), depths[:first] + depths[last:], normals[: 12 * first] + normals[12 * last :]
+    head |= {"pairs": len(kept), "leaves": head["leaves"] - (last - first)}
+    return {"head": json.dumps(head).encode(), "arrays": arrays[:skip] + b"".join(parts) + arrays[ends[3] :]}
+
+
+def larger_claim(files: Files, rng: np.random.Generator) -> dict[str, bytes]:
+    """Claim more clearance than is proven, or limits and ends that are not there; or lower a limit of the scene."""
+    head = json.loads(files.parts["head"])
+    match int(rng.integers(3)):
+        case 0:
+            key = str(rng.choice([x for x in ("clearance", "self_clearance") if head[x] is not None]))
+            head[key] *= 1 + 10.0 ** rng.uniform(-1.5, 1)
+        case 1:
+            more = ["limits", "start", "goal", "path", "velocity", "acceleration", "jerk", "torque"]
+            head["claims"] = sorted({*head["claims"], str(rng.choice(more))})
+        case _:
+            text = files.parts["scene"].decode()
+            share = {"velocity": 3.0, "acceleration": 20.0, "torque": 80.0}
+            name = str(rng.choice(list(share)))
+            limit = f"limits: {{{name}: {share[name] * 10.0 ** rng.uniform(-3, 0):.4g}}}\n"
+            head["claims"] = sorted({*head["claims"], name})
+            text = re.sub(r"^limits:.*\n", "", text, flags=re.MULTILINE) + limit
+            return {"scene": text.encode(), "head": json.dumps(head).encode()}
+    return {"head": json.dumps(head).encode()}
+
+
 CHANGES: dict[str, Change] = {
+    "a row of the motion": row_of_the_motion,
+    "an obstacle in the way": obstacle_in_the_way,
+    "a joint elsewhere": joint_elsewhere,
+    "a pair excused": pair_excused,
+    "larger claims, lower limits": larger_claim,
     "planes, leaves": leaves,
     "the head": head_value,
     "bytes": damage,

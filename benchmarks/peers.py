@@ -1,7 +1,7 @@
 """hdplan beside its peers: the same problems, link hulls, machine and run, each path judged by the same certificate.
 
     python benchmarks/peers.py DIR [--robot panda|ur5] [--set cage ...] [--every K] [--goals joints|pose]
-    [--planner NAME ...] [--time-limit S] [--csv F]
+    [--planner NAME ...] [--time-limit S] [--proofs] [--csv F]
 
 DIR holds MotionBenchMaker's problems as `mbm` takes them. Prints a table of all planners over all problems; to the
 error stream, a line per problem and planner, and what is proven by set. The peers need
@@ -50,6 +50,7 @@ import argparse
 import csv
 import importlib
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -63,6 +64,7 @@ from threadpoolctl import threadpool_limits
 import hdplan
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.studies.report import markdown_text
+from hdplan.verify import RejectedError, verify
 
 SEED = 1  # OMPL takes no 0
 FINE = 0.02  # [rad] joint-space step at which an edge is checked
@@ -154,10 +156,26 @@ class Outcome:
     shape: Shape | None  # of a claimed path
     clearance: float  # [m] proven, robot to obstacles; NaN without proof
     motion: float  # [s] of the certified motion within the limits; NaN without any
+    accepted: bool = False  # whether the path, as it came, has a proof that `hdplan.verify` accepts
 
 
-def run(name: str, planner: Planner, task: Task, where: tuple[str, str, str], time_limit: float) -> Outcome:
-    """Plan, judge and time."""
+def accepted(task: Task, path: Trajectory) -> bool:
+    """Write the proof of a certified path, and let the checker read it."""
+    with tempfile.TemporaryDirectory() as folder:
+        scene, motion = Path(folder) / "scene.yaml", Path(folder) / "motion.json"
+        task.scene.save(scene)
+        path.save(motion)
+        try:
+            return verify(scene, motion, hdplan.prove(scene, motion).data).startswith("accepted:")
+        except (hdplan.HdplanError, RejectedError) as error:
+            print(f"no proof: {error}", file=sys.stderr)
+            return False
+
+
+def run(
+    name: str, planner: Planner, task: Task, where: tuple[str, str, str], time_limit: float, proofs: bool = False
+) -> Outcome:
+    """Plan, judge and time; with `proofs`, write and check one of each certified path."""
     try:
         answer = planner(task, time_limit)
     except (RuntimeError, hdplan.InputError) as error:
@@ -165,10 +183,11 @@ def run(name: str, planner: Planner, task: Task, where: tuple[str, str, str], ti
     took = (answer.setup, answer.seconds)
     if answer.path is None:
         return Outcome(name, *where, False, False, "no solution", *took, None, np.nan, np.nan)
+    path = Trajectory(task.robot.joint_names, answer.path, task.robot.locked)
     if answer.motion is not None:
         certificate, motion = task.timed_certifier.certify(answer.motion), answer.motion
     else:
-        certificate = task.certifier.certify(Trajectory(task.robot.joint_names, answer.path))
+        certificate = task.certifier.certify(path)
         motion = task.timed(answer.path) if certificate.certified else None
     return Outcome(
         name,
@@ -180,6 +199,7 @@ def run(name: str, planner: Planner, task: Task, where: tuple[str, str, str], ti
         measure(answer.path),
         np.nan if certificate.clearance is None else certificate.clearance,
         motion.duration if motion is not None and certificate.certified else np.nan,
+        proofs and certificate.certified and accepted(task, path),
     )
 
 
@@ -192,7 +212,7 @@ def line(o: Outcome) -> str:
 # --- tables -----------------------------------------------------------------------------------------------------------
 
 
-def overview(outcomes: list[Outcome]) -> str:
+def overview(outcomes: list[Outcome], proofs: bool = False) -> str:
     """Markdown: all planners over all problems; path measures are medians over what is proven."""
     rows = []
     ours = {(o.robot, o.set, o.problem): o for o in outcomes if o.planner == "hdplan" and o.proven}
@@ -208,6 +228,7 @@ def overview(outcomes: list[Outcome]) -> str:
                 "planner": WORDS[planner],
                 "claimed": f"{sum(o.claimed for o in group)} of {len(group)}",
                 "proven": len(proven),
+                **({"accepted": sum(o.accepted for o in proven)} if proofs else {}),
                 "timed": sum(np.isfinite(o.motion) for o in proven),
                 "planning median / p95 [ms]": f"{_quantile(seconds, 0.5, '.0f')} / {_quantile(seconds, 0.95, '.0f')}",
                 "length [rad]": _quantile([s.length for s in shapes], 0.5, ".2f"),
@@ -282,6 +303,7 @@ def main() -> None:
     parser.add_argument("--goals", choices=("joints", "pose"), default="joints")
     parser.add_argument("--planner", nargs="*", choices=tuple(PLANNERS), help="all that can, without it")
     parser.add_argument("--time-limit", type=float, default=10.0, help="[s] for each planner on each problem")
+    parser.add_argument("--proofs", action="store_true", help="write and check a proof of every certified path")
     parser.add_argument("--csv", type=Path)
     options = parser.parse_args()
     able = TO_POSES if options.goals == "pose" else tuple(PLANNERS)
@@ -300,12 +322,12 @@ def main() -> None:
             for problem in problems:
                 task, where = Task.of(problem.load(), hand), (robot, problem.set, problem.number)
                 for name, planner in planners.items():
-                    outcomes.append(run(name, planner, task, where, options.time_limit))
+                    outcomes.append(run(name, planner, task, where, options.time_limit, options.proofs))
                     print(line(outcomes[-1]), file=sys.stderr)
     if not outcomes:
         sys.exit(f"no problems found below {options.folder}")
     print(by_set(outcomes), file=sys.stderr)
-    print(overview(outcomes))
+    print(overview(outcomes, options.proofs))
     if options.csv:
         _write(options.csv, outcomes)
 

@@ -43,9 +43,9 @@ def photograph(name: str, file: Path) -> None:
         browser = playwright.chromium.launch(executable_path=chromium, args=SOFTWARE)
         page = browser.new_page(viewport=SIZE)
         page.goto(f"http://127.0.0.1:{viewer.port}")
-        page.get_by_text("certified: at least").wait_for()
+        page.get_by_text("certified: at least").first.wait_for()
         viewer.show(MOMENT)
-        page.get_by_text(f"clearance at {MOMENT:.3f}").wait_for()
+        page.locator(f'[data-moment="{MOMENT:.3f}"]').wait_for()
         for button in page.locator(".mantine-Notification-closeButton").all():  # "Software WebGL rendering detected"
             button.click()
         page.wait_for_timeout(10_000)  # until all meshes are drawn

@@ -1,4 +1,4 @@
-"""The planner: from a scene to a certified motion (`plan`), and how a notebook shows it.
+"""The planner: from a scene to a certified motion (`plan`), and how a notebook or a page shows it.
 
 The result of a plan is imported by the pictures; what it needs of them itself is imported here, on first use.
 """
@@ -7,4 +7,4 @@ from __future__ import annotations
 
 from hdplan.scenes.lazy_imports import lazy_imports
 
-__getattr__ = lazy_imports(__name__, {"result_html": "pictures.notebook"})
+__getattr__ = lazy_imports(__name__, {"result_html": "pictures.notebook", "result_page": "page.result_page"})

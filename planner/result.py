@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, fields
+import tempfile
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hdplan.planner.certificate.verdict import Certificate
+from hdplan.planner.html_page import HtmlPage
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.solvers.solution import Iteration
 from hdplan.scenes.errors import InputError
@@ -18,6 +21,7 @@ from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import JointTarget
 
 if TYPE_CHECKING:
+    from hdplan.planner.proof.proof import Proof
     from hdplan.planner.search.objective import Achieved
 
 _FIGURES = tuple(field.name for field in fields(Iteration))
@@ -53,6 +57,31 @@ class PlanResult:
     goal: JointTarget | None = None  # the one that was chosen, if the scene leaves a choice
     asked: Scene | None = None  # the scene that was planned in
 
+    def __post_init__(self) -> None:
+        """Let the certificate give its proof."""
+        object.__setattr__(self, "certificate", replace(self.certificate, prover=self._proof))
+
+    def _proof(self) -> Proof:
+        return self._proven
+
+    @cached_property
+    def _proven(self) -> Proof:
+        from hdplan.planner.proof.proof import prove
+        from hdplan.scenes.yaml_format.reader import load_scene
+
+        assert self.asked is not None
+        with tempfile.TemporaryDirectory() as folder:
+            scene, motion = self.asked.source, Path(folder) / "motion.json"
+            self.save(motion)
+            try:
+                same = load_scene(scene) == self.asked
+            except InputError:  # made in Python, or one of MoveIt's
+                same = False
+            if not same:
+                scene = Path(folder) / "scene.yaml"
+                self.asked.save(scene)
+            return prove(scene, motion)
+
     def __repr__(self) -> str:
         """Give the scene, the robot and the verdict."""
         return f"<PlanResult of {self.scene} with {self.robot}: {self.certificate.text}>"
@@ -62,6 +91,14 @@ class PlanResult:
         import hdplan.planner
 
         return str(hdplan.planner.result_html(self))
+
+    def show(self) -> HtmlPage:
+        """Return the motion as a page of HTML that plays it in three dimensions: a notebook shows it, and `save` writes
+        it as a file that any browser opens, offline. Raises InputError if the result does not hold its scene."""
+        import hdplan.planner
+
+        page: HtmlPage = hdplan.planner.result_page(self)
+        return page
 
     @property
     def certified(self) -> bool:

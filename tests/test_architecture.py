@@ -28,7 +28,7 @@ ROOMS = [  # from the ground up: a room imports rooms before it, so that nothing
     "planner.solvers.methods",
     "planner.proof",
     *("planner.search", "planner", "planner.control", "planner.pictures", "planner.terminal", "planner.studies"),
-    *("planner.view.drawing", "planner.view", "planner.commands"),
+    *("planner.view.drawing", "planner.page", "planner.view", "planner.commands"),
 ]
 
 DOORS = ("distance.__init__", "planner.__init__", "scenes.__init__")  # give names of rooms behind them, when asked
@@ -41,6 +41,7 @@ HOMES = {  # of each heavy library
     "fcl": {"distance.baselines"},
     "viser": {"planner.view", "planner.view.drawing"},
     "daqp": {"planner.control"},
+    "av": {"planner.page"},
     "coacd": {"planner.collision"},
     "toppra": {"planner.timing"},
     "yaml": {"scenes"},

@@ -6,15 +6,17 @@ From what the checks found, the worst first, to one status and one sentence: wha
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.planner.motion.curve import Curve
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.values import FilePath
 
 if TYPE_CHECKING:
     from hdplan.planner.certificate.limit_checks import LimitFinding, Use
@@ -65,6 +67,21 @@ class Place:
     distance: float  # [m] found there, negative in contact (minus the depth, 0 if unknown)
 
 
+class ProofFile(Protocol):
+    """A proof, as `planner.proof` makes it."""
+
+    @property
+    def data(self) -> bytes:
+        """The file's content."""
+
+    @property
+    def text(self) -> str:
+        """What is proven, in the checker's words."""
+
+    def save(self, path: FilePath) -> None:
+        """Write the file."""
+
+
 @dataclass(frozen=True)
 class Certificate:
     """A verdict on a continuous motion."""
@@ -84,6 +101,21 @@ class Certificate:
     exact_calls: int  # of the exact distance
     seconds: float  # spent
     notes: tuple[str, ...] = ()  # on less clearance required than the scene asks for, and on meshes with holes
+    prover: Callable[[], ProofFile] | None = field(default=None, repr=False, compare=False)  # of a planned motion
+
+    @property
+    def proof(self) -> ProofFile:
+        """The certificate of a planned motion as a file that others check (`hdplan.verify`); made when it is asked for.
+
+        It is about two files: the scene's, or what `result.asked.save` writes if there is none of this content; and
+        what `result.save` writes as JSON. Raises InputError for what a proof cannot hold, and for a certificate of
+        another motion (`hdplan.prove`); NotProvenError where there is none.
+        """
+        if self.prover is None:
+            raise InputError(
+                "proof: only the certificate of a planned motion has one; hdplan.prove takes any motion's file"
+            )
+        return self.prover()
 
     def __repr__(self) -> str:
         """Say the verdict."""

@@ -1,4 +1,4 @@
-"""`hdplan view`: show a scene and motions in the browser, or write them as one page."""
+"""`hdplan view`: show a scene and motions in the browser, or write them as one page, or as a film."""
 
 from __future__ import annotations
 
@@ -8,14 +8,22 @@ import threading
 from collections.abc import Sequence
 from pathlib import Path
 
+from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.page.film import film
+from hdplan.planner.page.page import page_of
+from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.robot.scene_robot import load_scene_robot
+from hdplan.planner.robot.setup import Setup
 from hdplan.planner.terminal.console import printing, waiting
 from hdplan.planner.terminal.interrupts import until_ctrl_c
 from hdplan.planner.terminal.session import complain
 from hdplan.planner.terminal.tables import table
-from hdplan.planner.view.front import check_installed, check_recording, motion_names
-from hdplan.scenes.yaml_format.reader import load_scene
+from hdplan.planner.view.drawing.motion import ShownMotion
+from hdplan.planner.view.front import check_files, check_installed, check_proof, motion_names
+from hdplan.scenes.errors import naming
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.yaml_format.reader import find_scene, load_scene
 
 
 def run_view(
@@ -24,30 +32,61 @@ def run_view(
     request: Path | None,
     robot: str | None,
     *,
+    proof: Path | None,
     record: Path | None,
+    video: Path | None,
     host: str,
     port: int,
 ) -> int:
-    """Serve until Ctrl-C, or write the page `record`. Returns the exit code: 0."""
+    """Serve until Ctrl-C, or write the page `record` and the film `video`. Returns the exit code: 0."""
+    if record is not None or video is not None:
+        check_files(record, video, trajectories, proof)
+        return _write(load_scene(scene, request=request, robot=robot), trajectories, record, video)
     check_installed()
-    if record is not None:
-        check_recording(record, trajectories)
+    if proof is not None:
+        check_proof(proof, trajectories, request, robot)
     problem = load_scene(scene, request=request, robot=robot)
-    names = motion_names(trajectories)
-    motions = [(name, Trajectory.load(file)) for name, file in zip(names, trajectories, strict=True)]
+    motions = _loaded(trajectories)
+    read = None if proof is None else ReadProof(find_scene(scene), trajectories[0], proof)
 
     from hdplan.planner.view.server import open_viewer  # needs viser
 
     with waiting("loading the robot's meshes"):
         arm = load_scene_robot(problem)
         viewer = open_viewer(problem, motions, robot=arm, host=host, port=port, complain=complain)
+    if read is not None:
+        viewer.show_proof(read)
     with contextlib.closing(viewer), until_ctrl_c(), printing() as show:
-        if record is not None:
-            viewer.record(record)
-            show(table([("written", str(record))]))
-            return 0
         taken = f" (port {port} is taken)" if viewer.port != port else ""
         show(f"{problem.name} at http://{host}:{viewer.port}{taken}, until Ctrl-C")
         sys.stdout.flush()
         threading.Event().wait()
+    return 0
+
+
+def _loaded(trajectories: Sequence[Path]) -> list[tuple[str, Trajectory]]:
+    names = motion_names(trajectories)
+    return [(name, Trajectory.load(file)) for name, file in zip(names, trajectories, strict=True)]
+
+
+def _write(scene: Scene, trajectories: Sequence[Path], record: Path | None, video: Path | None) -> int:
+    """Write the motions as files. Returns the exit code: 0."""
+    loaded = _loaded(trajectories)
+    with until_ctrl_c(), printing() as show:
+        with waiting("loading the robot's meshes"):
+            setup = Setup.of(scene)
+        certifier = Certifier(setup)
+        motions = []
+        for name, trajectory in loaded:
+            with naming(name):
+                motions.append(ShownMotion.of(name, trajectory, certifier))
+        rows = []
+        if record is not None:
+            page_of(setup, motions).save(record)
+            rows.append(("written", str(record)))
+        if video is not None:
+            with waiting("drawing the film"):
+                drawn = film(setup, motions, video)
+            rows.append(("written", f"{video}, drawn {drawn}"))
+        show(table(rows))
     return 0

@@ -12,10 +12,10 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from hdplan.planner.certificate.verdict import Certificate, Place
-from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.pictures.clearances import Clearances
 from hdplan.planner.pictures.plot import Subject
+from hdplan.planner.pictures.quantities import sampled
 from hdplan.planner.pictures.style import (
     BETWEEN_LINKS,
     CONTACT,
@@ -35,9 +35,9 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 CLEARANCE_STEPS = 128  # intervals of the motion at whose ends distances are computed
-POINTS = 800  # at least, of a curve that is not straight between its waypoints
 LANE = 0.84  # height of a joint's lane over the distance between two lanes
 WIDE = 30.0  # ratio of costs above which their axis is logarithmic
+BELOW_ZERO = "planner’s below 0: its outer bodies overlap, not the robot"
 LEGEND = 0.62  # [in] for the legend above the clearance curves
 DISTANCE_WORDS = {"hdsdf": "HD-SDF’s D̃", "fcl": "FCL"}  # of the planner's bodies
 
@@ -113,6 +113,11 @@ def draw_clearance(axis: Any, subject: Subject) -> None:
     axis.axhline(0.0, color=INK, linewidth=0.8)
     axis.set(ylim=(bottom, top), ylabel="distance [mm]", title="clearance")
     _unproven(axis, subject, (highest - bottom) / (top - bottom))
+    if found.outer.min(initial=0.0) < 0.0:
+        axis.text(
+            0.005, 0.01, BELOW_ZERO, transform=axis.transAxes, color=OUTER, fontsize=6.5, ha="left", va="bottom",
+            path_effects=[withStroke(linewidth=2.6, foreground="white")],
+        )  # fmt: skip
     axis.text(
         0.995, 0.01, "contact", transform=axis.transAxes, color=CONTACT, fontsize=7, ha="right", va="bottom",
         path_effects=[withStroke(linewidth=2.6, foreground="white")],
@@ -191,14 +196,6 @@ def draw_convergence(axis: Any, subject: Subject) -> None:
 
 
 # --- small parts ------------------------------------------------------------------------------------------------------
-
-
-def sampled(curve: Curve) -> tuple[Index, Array]:
-    """Return the intervals (k,) and fractions within them (k,) at which a curve is drawn, including both sides of each
-    waypoint."""
-    intervals = len(curve) - 1
-    fractions = np.linspace(0.0, 1.0, max(2, -(-POINTS // intervals) + 1))
-    return np.repeat(np.arange(intervals), len(fractions)), np.tile(fractions, intervals)
 
 
 def lay_along(axis: Any, trajectory: Trajectory) -> None:

@@ -1,65 +1,23 @@
-"""Panels of velocities, accelerations and torques along a motion, each joint's as a share of its limit.
-
-The executed curve itself is drawn, with both sides where it jumps. For a file with times only, finite differences are
-drawn: a constant velocity between two waypoints, and its change at each.
-"""
+"""Panels of velocities, accelerations and torques along a motion, each joint's as a share of its limit."""
 
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.planner.motion.trajectory import Trajectory
-from hdplan.planner.pictures.panels import lay_along, sampled, short_names, units_of
+from hdplan.planner.pictures.panels import lay_along, short_names, units_of
 from hdplan.planner.pictures.plot import Subject
+from hdplan.planner.pictures.quantities import Rate
 from hdplan.planner.pictures.style import CONTACT, CURVES, GREY
-from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.scenes.limits import QUANTITIES
 
 Array = NDArray[np.float64]
 
-ALWAYS = ("velocity", "acceleration")  # drawn for every motion with times
 MOST_NAMES = 8  # joint names in one column
 NEAR = 0.6  # share of a limit above which the limit itself is drawn
-
-
-@dataclass(frozen=True, eq=False)
-class Rate:
-    """A quantity of n joints along a motion."""
-
-    quantity: str  # "velocity", "acceleration", "jerk", "torque"
-    where: str  # for the title: "" if it is known everywhere, or else " at waypoints" or " between waypoints"
-    times: Array  # (k,) [s]; one more than the values if each of these holds from one time to the next
-    values: Array  # (k, n)
-    limits: Array | None  # (n,), if the scene has any
-
-
-def rates(subject: Subject) -> tuple[Rate, ...]:
-    """Return velocities, accelerations, and the other quantities that the scene limits; nothing for a path without
-    times."""
-    trajectory, checks = subject.trajectory, subject.certifier.limits
-    if trajectory.times is None:
-        return ()
-    limits = {quantity: limit for check in checks for quantity, limit in check.limits.items()}
-    velocity, acceleration = ALWAYS
-    if trajectory.velocities is None:
-        velocities, accelerations = differences(trajectory)
-        return (
-            Rate(velocity, " between waypoints", trajectory.times, velocities, limits.get(velocity)),
-            Rate(acceleration, " at waypoints", trajectory.times[1:-1], accelerations, limits.get(acceleration)),
-        )
-    curve = trajectory.curve
-    interval, fraction = sampled(curve)
-    times = curve.time_of((interval + fraction) / (len(curve) - 1))
-    found = {name: curve.over_time(DERIVATIVES[name]).at(interval, fraction) for name in ALWAYS}
-    for check in checks:
-        for name in check.limits.keys() - found.keys():
-            found[name] = check.values(name, curve, interval, fraction)
-    return tuple(Rate(name, "", times, found[name], limits.get(name)) for name in QUANTITIES if name in found)
 
 
 def draw_rate(axis: Any, subject: Subject, rate: Rate) -> None:
@@ -86,15 +44,6 @@ def draw_rate(axis: Any, subject: Subject, rate: Rate) -> None:
         columns = -(-len(shares.T) // MOST_NAMES)
         axis.legend(ncols=columns, loc="center left", bbox_to_anchor=(1.0, 0.5), columnspacing=0.9, handlelength=2.2)
     lay_along(axis, subject.trajectory)
-
-
-def differences(trajectory: Trajectory) -> tuple[Array, Array]:
-    """Return the velocities (N − 1, n) between the waypoints and the accelerations (N − 2, n) at the inner ones, each
-    over the time from one interval's middle to the next's."""
-    assert trajectory.times is not None
-    widths = np.diff(trajectory.times)[:, None]
-    velocities = np.diff(trajectory.positions, axis=0) / widths
-    return velocities, np.diff(velocities, axis=0) / (0.5 * (widths[1:] + widths[:-1]))
 
 
 def _limit(axis: Any, peak: float) -> None:

@@ -93,17 +93,19 @@ class Picture:
     tip: Array  # (k, 3) [m] path of the farthest point of the last link
 
     @classmethod
-    def of(cls, setup: Setup, trajectory: Trajectory) -> Picture:
-        """Place the robot along its motion, and the moving obstacles at the same times."""
+    def of(cls, setup: Setup, trajectory: Trajectory, now: float | None = None) -> Picture:
+        """Place the robot along its motion, and the moving obstacles at the same times; or both at the path parameter
+        `now`, with the robot's ends as ghosts."""
         scene, robot = setup.scene, setup.robot
         standing = [(body.placed(o.pose.matrix), STANDING) for o, body in _obstacles(scene, moving=False)]
         drifting = _obstacles(scene, moving=True)
+        drifted = DRIFTING if now is None else ((now, DRIFTING[0][1]),)
         obstacles = standing + [
             (body.placed(place), paint)
             for o, body in drifting
             for place, paint in zip(
-                ObstacleMotion.of(o).at(trajectory.curve.time_of([time for time, _ in DRIFTING])),
-                (paint for _, paint in DRIFTING),
+                ObstacleMotion.of(o).at(trajectory.curve.time_of([time for time, _ in drifted])),
+                (paint for _, paint in drifted),
                 strict=True,
             )
         ]
@@ -115,6 +117,8 @@ class Picture:
         solids = list(obstacles)
         shown = [(time, Paint(BETWEEN, 0.2)) for time in GHOSTS]
         shown += [(0.0, Paint(START, 1.0, ABOVE)), (1.0, Paint(GOAL, 1.0))]
+        if now is not None:
+            shown = [(0.0, Paint(START, 0.15)), (1.0, Paint(GOAL, 0.15)), (now, Paint(BETWEEN, 1.0))]
         for (_, paint), pose in zip(shown, _poses(robot, trajectory, [time for time, _ in shown]), strict=True):
             solids += [(body.placed(pose[joint]), paint) for joint, body in links if joint]
         solids += [(body, Paint(FIXED, 1.0)) for joint, body in links if not joint]

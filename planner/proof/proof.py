@@ -27,14 +27,15 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.errors import HdplanError, InputError, naming
 from hdplan.scenes.output import write_output
+from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.robot_files.library import description_of
 from hdplan.scenes.values import FilePath, checked, path_of
 from hdplan.scenes.yaml_format.reader import find_scene, load_scene
-from hdplan.verify import MAGIC, VERSION, Piece, RejectedError, World, statement, verify
+from hdplan.verify import MAGIC, VERSION, Piece, RejectedError, World, check_apart, statement, unpack
 
 SHORT, SHARE = 1e-4, 0.02  # [m], or share of it, by which less is proven than by the certificate
 MOST_ROUNDS = 40  # in which meshes are divided
-CLAIMS = ("limits", "start", "goal")  # and the limits of rates that the scene has, each where it can be shown
+CLAIMS = ("limits", "start", "goal")  # and what else the scene asks, each where it can be shown
 
 
 class NotProvenError(HdplanError):
@@ -177,8 +178,9 @@ class _Writer:
             "once": len(once),
             "claims": [],
         }
-        rates = [name for name in DERIVATIVES if name in self.setup.limits]
-        for claim in (*CLAIMS, *rates):
+        asked = [name for name in (*DERIVATIVES, "torque") if name in self.setup.limits]
+        path = ["path"] if self.setup.scene.path != PathConstraints() else []
+        for claim in (*CLAIMS, *path, *asked):
             try:
                 statement(world, {**head, "claims": [claim]})
             except RejectedError:
@@ -196,7 +198,9 @@ class _Writer:
             json.dumps(head, allow_nan=False).encode() + b"\n" + b"".join(x.astype(kind).tobytes() for x, kind in parts)
         )
         data = MAGIC + zlib.compress(content, 9)
-        return Proof(data, verify(self.scene, self.motion, data), certificate, head["leaves"])
+        read, _, trees = unpack(data)
+        check_apart(world, read, trees)  # what was written, in the world that was read already
+        return Proof(data, statement(world, read), certificate, head["leaves"])
 
 
 def world_of(setup: Setup, scene: Path, motion: Path, cuts: dict[str, Any] | None = None) -> World:

@@ -143,6 +143,20 @@ Page = Annotated[
     Path | None,
     typer.Option("--record", metavar="FILE.html", help="Write the motion as one page that needs no server, and exit."),
 ]
+Film = Annotated[
+    Path | None,
+    typer.Option(
+        "--video",
+        metavar="FILE.mp4|.gif",
+        help="Write the motion as a film, drawn in a browser that is there, and exit.",
+    ),
+]
+ProofToShow = Annotated[
+    Path | None,
+    typer.Option(
+        "--proof", metavar="FILE.proof", help="Show the planes of this proof of the motion, as plan --proof writes it."
+    ),
+]
 Host = Annotated[str, typer.Option(metavar="ADDRESS", help="Address to serve on; 0.0.0.0 lets other machines in.")]
 Port = Annotated[int, typer.Option(metavar="N", help="Port to serve on, or the next free one.", parser=_port)]
 

@@ -6,10 +6,10 @@ import importlib.util
 from collections.abc import Sequence
 from pathlib import Path
 
+from hdplan.planner.html_page import PAGES
+from hdplan.planner.page.film import check_film
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.output import check_writable
-
-PAGES = (".html",)
 
 
 def check_installed() -> None:
@@ -18,12 +18,25 @@ def check_installed() -> None:
         raise InputError("the viewer needs viser, which is not installed: pip install viser")
 
 
-def check_recording(page: Path, trajectories: Sequence[Path]) -> None:
-    """Check early that the page can be written. Raises InputError for a bad path, or if there is no motion to
-    record."""
-    check_writable(page, PAGES)
+def check_files(page: Path | None, video: Path | None, trajectories: Sequence[Path], proof: Path | None) -> None:
+    """Check early that the files can be written. Raises InputError for a bad path, a missing library, if there is no
+    motion to show, and for a proof, which they do not show."""
+    if page is not None:
+        check_writable(page, PAGES)
+    if video is not None:
+        check_film(video)
     if not trajectories:
-        raise InputError(f"{page}: no trajectory was given, so there is no motion to record")
+        raise InputError(f"{page or video}: no trajectory was given, so there is no motion to record")
+    if proof is not None:
+        raise InputError(f"--proof: {page or video} does not show proofs, which the viewer does: leave one out")
+
+
+def check_proof(proof: Path, trajectories: Sequence[Path], request: Path | None, robot: str | None) -> None:
+    """Check early that a proof can be of what is shown. Raises InputError."""
+    if len(trajectories) != 1:
+        raise InputError(f"--proof: {proof} is about one motion, but {len(trajectories) or 'none'} is given")
+    if request is not None or robot is not None:
+        raise InputError(f"--proof: {proof} is about a hdplan scene, with which --request and --robot do not go")
 
 
 def motion_names(trajectories: Sequence[Path]) -> list[str]:

@@ -1,118 +1,134 @@
-"""Dragging: a handle on one obstacle, or on the goal, whose configuration follows by inverse kinematics.
+"""Selecting and dragging: a click or the list selects, the selected thing gets a handle in the scene.
 
 Dragging a moving obstacle changes where it is at time 0; its motion from there stays the same. While something is
-dragged, the body, the current clearance and the contacts of start and goal are updated; certificates and curves of the
-motions are updated when it is released.
+dragged, bodies, the current clearance and the contacts of start and goal are updated, and motions as `live` says;
+everything is measured again when it is let go.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import pinocchio as pin
-from scipy.spatial.transform import Rotation
-
-from hdplan.planner.view.drawing.goal import follow
-from hdplan.planner.view.drawing.nodes import pose_of, wxyz_of
-from hdplan.scenes.obstacles import Obstacle, TimedPoses
+from hdplan.planner.view.drawing.nodes import pose_of
+from hdplan.planner.view.edited import Edited
+from hdplan.planner.view.things import Thing, dragged, obstacle_of, place_of, things, turns
+from hdplan.planner.view.words import small
 from hdplan.scenes.poses import Pose
-from hdplan.scenes.scene import Scene
-from hdplan.scenes.targets import JointTarget
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
-NOTHING, GOAL = "nothing", "the goal"
-REACHED = 1e-3  # [m] by which the tip may miss its handle without a message
-SIZE = 0.18  # [m] of the handle
+NOTHING = "nothing"
+SIZE = 90.0  # [px] of the handle, however far away it is
 
 
 class Handles:
-    """The choice of what is dragged, and its handle."""
+    """What is selected, and its handle."""
 
     def __init__(self, viewer: Viewer) -> None:
-        """Build the choice in the container at hand."""
+        """Build the list in the container at hand."""
         self._viewer = viewer
-        self._names = {f"obstacle {obstacle.name}": i for i, obstacle in enumerate(viewer.scene.obstacles)}
+        self.selected: Thing | None = None
+        self._begin: Edited | None = None  # what it was when dragging began
         self.choice = viewer.server.gui.add_dropdown(
-            "drag", (NOTHING, GOAL, *self._names), initial_value=NOTHING, hint="what gets a handle in the scene"
+            "selected", (NOTHING, *map(str, things(viewer.edited))), hint="what gets a handle in the scene"
         )
         self._said = viewer.server.gui.add_html("")
         self._handle: Any = None
-        self.choice.on_update(lambda _: viewer.worker.ask("handle", self._place))
+        self._handles = 0  # so far
+        self.choice.on_update(lambda _: viewer.worker.ask("select", self._chosen))
+        viewer.stage.on_click(lambda thing: viewer.worker.ask("select", lambda: self.select(thing)))
+
+    @property
+    def dragging(self) -> bool:
+        """Whether something is being dragged."""
+        return self._begin is not None
+
+    def release(self) -> None:
+        """Let go of what is dragged, if anything is: its browser may be gone. By any thread."""
+        self._viewer.worker.ask("let go", self.let_go)
+
+    # --- by the worker's thread -----------------------------------------------------------------------------------
+
+    def select(self, thing: Thing | None) -> None:
+        """Select a thing, or nothing; of a goal with poses of several links, the first."""
+        if thing is not None:
+            every = things(self._viewer.edited)
+            thing = thing if thing in every else next((each for each in every if each.kind == thing.kind), None)
+        self.selected = thing
+        name = NOTHING if thing is None else str(thing)
+        if self.choice.value != name:
+            self.choice.value = name
+        self._viewer.stage.highlight(thing)
+        self.place()
+        self._viewer.panel.player.draw()
 
     def drag(self, pose: Pose) -> None:
-        """Move what has the handle to `pose`, as dragging does. Called by the worker's thread."""
+        """Move what is selected to `pose`, as dragging does."""
         viewer = self._viewer
-        if self.choice.value == GOAL:
-            target = pin.SE3(pose.matrix)
-            q, off = follow(viewer.tip, viewer.query.goal, target)
-            viewer.move(replace(viewer.scene, goal=JointTarget("goal", positions=tuple(q.tolist()))))
-            self._say(f"out of reach: the tip is {off * 1e3:.0f} mm short" if off > REACHED else "")
-        elif self.choice.value in self._names:
-            index = self._names[self.choice.value]
-            viewer.move(_with(viewer.scene, index, moved(viewer.scene.obstacles[index], pose)))
+        if self.selected is None:
+            return
+        before = viewer.edited
+        edited, words = dragged(before, self.selected, pose, viewer.stage.tip, self._begin)
+        viewer.change(edited, step=self._begin is None, check=viewer.panel.live.on)
+        self._begin = self._begin or before
+        self._say(words)
+        viewer.panel.live.follow()
 
     def let_go(self) -> None:
-        """Update everything after dragging. Called by the worker's thread."""
+        """Update everything after dragging."""
+        self._begin = None
         self._viewer.measure()
-        self._place()
+        self.place()
 
-    def _place(self) -> None:
-        """Put the handle where the chosen thing is."""
+    def update(self) -> None:
+        """List what there is to select now, after a change of the scene other than by dragging."""
+        names = (NOTHING, *map(str, things(self._viewer.edited)))
+        if self.choice.options != names:
+            self.choice.options = names
+            self.select(self.selected if self.selected in things(self._viewer.edited) else None)
+        else:
+            self.place()
+
+    def place(self) -> None:
+        """Put a handle where the selected thing is. Each is a node of another name: a browser goes on turning one of
+        the same name as it turned the last."""
         if self._handle is not None:
             self._handle.remove()
             self._handle = None
-        if self.choice.value == NOTHING:
+        viewer, thing = self._viewer, self.selected
+        if thing is None:
             self._say("")
             return
-        viewer = self._viewer
-        if self.choice.value == GOAL:
-            place = viewer.tip.placement(viewer.query.goal)
-            position, wxyz = place.translation, wxyz_of(place.rotation)
-        else:
-            obstacle = viewer.scene.obstacles[self._names[self.choice.value]]
-            if obstacle.motion is not None:
-                viewer.player.go_to(viewer.player.timeline.begin)
-            self._say("" if obstacle.motion is None else "its handle is where it is at 0 s; it moves on as before")
-            pose = obstacle.pose
-            x, y, z, w = pose.quaternion_xyzw
-            position, wxyz = pose.position, (w, x, y, z)
-        handle = viewer.server.scene.add_transform_controls(
-            "/handle", scale=SIZE, position=position, wxyz=wxyz, depth_test=False
+        if thing.kind == "obstacle" and obstacle_of(viewer.edited, thing).motion is not None:
+            viewer.panel.player.go_to(viewer.panel.player.timeline.begin)
+            self._say("its handle is where it is at 0 s; it moves on as before")
+        pose = place_of(viewer.edited, thing, viewer.stage.tip)
+        x, y, z, w = pose.quaternion_xyzw
+        self._handles += 1
+        self._handle = viewer.server.scene.add_transform_controls(
+            f"/handle/{self._handles}",
+            scale=SIZE,
+            fixed=True,
+            line_width=4.0,
+            position=pose.position,
+            wxyz=(w, x, y, z),
+            depth_test=False,
+            disable_rotations=not turns(viewer.edited, thing),
         )
-        handle.on_update(self._dragged)
-        self._handle = handle
+        self._handle.on_update(self._dragged)
+
+    def _chosen(self) -> None:
+        """Select what the list says."""
+        chosen = next((thing for thing in things(self._viewer.edited) if str(thing) == self.choice.value), None)
+        if chosen != self.selected or self._handle is None:
+            self.select(chosen)
 
     def _dragged(self, event: Any) -> None:
         """Handle a browser's event."""
         self._viewer.worker.ask("drag", lambda: self.drag(pose_of(event.target)))
         if event.phase == "end":
-            self._viewer.worker.ask("let go", self.let_go)
+            self.release()
 
     def _say(self, text: str) -> None:
-        self._said.content = f'<div style="padding:0 0.9em;font-size:0.8em">{text}</div>' if text else ""
-
-
-def moved(obstacle: Obstacle, pose: Pose) -> Obstacle:
-    """Return an obstacle that is at `pose` at time 0; one that moves keeps its velocity and spin at every time."""
-    motion = obstacle.motion
-    if not isinstance(motion, TimedPoses):
-        return replace(obstacle, pose=pose)
-    shift = pose.matrix[:3, 3] - obstacle.pose.matrix[:3, 3]
-    turn = Rotation.from_quat(obstacle.pose.quaternion_xyzw).inv() * Rotation.from_quat(pose.quaternion_xyzw)
-    poses = [
-        Pose(
-            tuple((each.matrix[:3, 3] + shift).tolist()),
-            tuple((Rotation.from_quat(each.quaternion_xyzw) * turn).as_quat().tolist()),
-        )
-        for each in motion.poses[1:]
-    ]
-    return replace(obstacle, pose=pose, motion=replace(motion, poses=(pose, *poses)))
-
-
-def _with(scene: Scene, index: int, obstacle: Obstacle) -> Scene:
-    obstacles = list(scene.obstacles)
-    obstacles[index] = obstacle
-    return replace(scene, obstacles=tuple(obstacles))
+        self._said.content = small(text)

@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from hdplan.planner.proof.reading import ReadProof
 from hdplan.planner.view.drawing.colors import COLLISION, OUTER
 from hdplan.planner.view.drawing.nodes import RobotNodes
 from hdplan.planner.view.drawing.skins import collision_skins, outer_skins
+from hdplan.planner.view.planes import PlaneLayer
 from hdplan.scenes.array_types import Array
 
 if TYPE_CHECKING:
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
 
 
 OPACITY = 0.45
+PLANE = "separating plane"
 LAYERS = {  # name: initially on, description
     "robot": (True, "visual meshes, as the URDF names them"),
     "obstacles": (True, "in their true shapes"),
@@ -25,6 +28,7 @@ LAYERS = {  # name: initially on, description
     "closest pair": (True, "a segment between the points at which robot and obstacles, and links, are closest"),
     "outer bodies": (False, "around the links, as the planner sees them (scene: planner.link_bodies)"),
     "collision meshes": (False, "of the links, as the certificate sees them"),
+    PLANE: (False, "that proves the closest pair apart on this part of the motion, as thick as the distance proven"),
 }
 
 
@@ -38,6 +42,7 @@ class Layers:
         for box in self._boxes.values():
             box.on_update(lambda _: viewer.worker.ask("layers", self._switch))
         self.bodies: dict[str, RobotNodes] = {}  # those that were requested
+        self.plane = PlaneLayer(viewer)
 
     def on(self, name: str) -> bool:
         """Whether a layer is on."""
@@ -47,6 +52,12 @@ class Layers:
         """Switch a layer."""
         self._boxes[name].value = on
 
+    def show_proof(self, proof: ReadProof) -> None:
+        """Switch on the planes of a proof, which is about the active motion."""
+        self.plane.take(proof)
+        self.set(PLANE, True)
+        self._switch()
+
     def show(self, q: Array) -> None:
         """Move the bodies that are on to configuration `q` (n,)."""
         for name, nodes in self.bodies.items():
@@ -55,19 +66,18 @@ class Layers:
 
     def _switch(self) -> None:
         viewer = self._viewer
-        viewer.at_rest.visible = self.on("robot") and not viewer.shown
-        for shown in viewer.shown:
-            shown.robot.visible = self.on("robot")
-            shown.path.visible = self.on("path")
-        for obstacle in viewer.obstacles:
-            obstacle.frame.visible = self.on("obstacles")
-        viewer.closest.root.visible = self.on("closest pair")
+        stage = viewer.stage
+        stage.robot.visible = self.on("robot")
+        for shown in viewer.motions.shown:
+            shown.path.visible = self.on("path") and shown.visible
+        stage.all_obstacles.visible = self.on("obstacles")
+        stage.closest.root.visible = self.on("closest pair")
         for name in ("outer bodies", "collision meshes"):
             if self.on(name) and name not in self.bodies:
                 self.bodies[name] = self._made(name)
             if name in self.bodies:
                 self.bodies[name].visible = self.on(name)
-        viewer.player.draw()  # ghosts and newly shown layers are placed there
+        viewer.panel.player.draw()  # ghosts, other robots and newly shown layers are placed there
 
     def _made(self, name: str) -> RobotNodes:
         viewer = self._viewer

@@ -1,46 +1,35 @@
-"""Planning from the browser: Plan and Stop, the optimizer's motions as they come, the verdict, and saving.
-
-A saved file is valid at that moment: a motion is certified once more, in the scene that is saved with it. Files are
-sent to the browser that requested them, as downloads: a browser cannot write anything on the server's machine.
-"""
+"""Planning from the browser: Plan and Stop, the optimizer's motions as they come, and the verdict."""
 
 from __future__ import annotations
 
 import html
-import tempfile
 import threading
 import time
-from collections.abc import Callable
-from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import viser
 
-from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
-from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.search import Event
 from hdplan.planner.solvers import DEFAULT, SOLVERS
 from hdplan.planner.timing.time_laws import MinimumJerk
 from hdplan.planner.view.drawing.colors import ITERATE
 from hdplan.planner.view.drawing.motion import sample_parameters
-from hdplan.planner.view.drawing.nodes import draw_path
-from hdplan.planner.view.handles import Handles
+from hdplan.planner.view.drawing.nodes import PathNode
+from hdplan.planner.view.words import small
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.scene import Scene
-from hdplan.scenes.targets import JointTarget
-from hdplan.scenes.yaml_format.writer import scene_text
 
 if TYPE_CHECKING:
     from hdplan.planner.view.viewer import Viewer
 
 
-NAME = "planned"  # of the motion that Plan finds
+NAME = "planned"  # of the first motion that Plan finds; those after it are numbered
+KEPT = 5  # plans
 TIME_LIMIT = 30.0  # [s] for planning
 LOOK, LOOK_IN_ALL = 0.05, 4.0  # [s] for which an iteration is shown, and at most all of them together
 SETTLED = 10.0  # [s] that a new run waits at most until the last one's motion is shown
@@ -50,30 +39,28 @@ class Planning:
     """The panel, and the run under way."""
 
     def __init__(self, viewer: Viewer) -> None:
-        """Build the panel in the container at hand."""
+        """Build the button in the container at hand; `build` builds the rest."""
         self._viewer = viewer
-        gui = viewer.server.gui
-        self.handles = Handles(viewer)
-        self.solver = gui.add_dropdown("solver", list(SOLVERS), initial_value=DEFAULT)
-        self.watch = gui.add_checkbox(
-            "watch", True, hint=f"show every iteration for {LOOK:g} s, at most {LOOK_IN_ALL:g} s in all"
-        )
-        self.button = gui.add_button("Plan", icon=viser.Icon.ROUTE)
-        self._said = gui.add_html("")
-        self.iteration = gui.add_slider("iteration", 0, 1, 1, 0, disabled=True, hint="look back at the optimizer")
-        self._save_scene = gui.add_button("Save scene", icon=viser.Icon.DOWNLOAD)
-        self._save_motion = gui.add_button("Save motion", icon=viser.Icon.DOWNLOAD)
+        self.button = viewer.server.gui.add_button("Plan", icon=viser.Icon.ROUTE)
         self.button.on_click(lambda _: self.stop() if self.running else self.start())
-        self.iteration.on_update(lambda event: viewer.worker.ask("iterate", self._look_back) if event.client else None)
-        self._save_scene.on_click(lambda event: self._asked_for(event, f"{viewer.scene.name}.yaml", self.scene_file))
-        self._save_motion.on_click(lambda event: self._asked_for(event, f"{NAME}.json", self.motion_file))
         self._starting = threading.Lock()  # several browsers may press at once
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
         self.iterates: list[tuple[str, Array]] = []  # words and waypoints (N, n) of every iteration
         self._shown_for = 0.0  # [s]
-        self._path: Any = None
-        self.result: PlanResult | None = None
+        self._path: PathNode | None = None
+        self.stopped: PlanResult | None = None  # the last one that was stopped
+
+    def build(self) -> None:
+        """Build the settings, what is said, and the slider over the iterations in the container at hand."""
+        viewer, gui = self._viewer, self._viewer.server.gui
+        self.solver = gui.add_dropdown("solver", list(SOLVERS), initial_value=DEFAULT)
+        self.watch = gui.add_checkbox(
+            "watch", True, hint=f"show every iteration for {LOOK:g} s, at most {LOOK_IN_ALL:g} s in all"
+        )
+        self._said = gui.add_html("")
+        self.iteration = gui.add_slider("iteration", 0, 1, 1, 0, disabled=True, hint="look back at the optimizer")
+        self.iteration.on_update(lambda event: viewer.worker.ask("iterate", self._look_back) if event.client else None)
 
     @property
     def running(self) -> bool:
@@ -94,6 +81,7 @@ class Planning:
             self.iterates, self._shown_for = [], 0.0
             self.button.label, self.button.icon = "Stop", viser.Icon.PLAYER_STOP
             self._say("building the problem …")
+            self._viewer.panel.say_next("planning, building the problem …")
             scene = self._viewer.scene
             self._thread = threading.Thread(target=self._run, args=(scene,), name="hdplan-plan", daemon=True)
             self._thread.start()
@@ -107,45 +95,6 @@ class Planning:
         self.stop()
         if self._thread is not None:
             self._thread.join()
-
-    def scene_file(self) -> bytes:
-        """The scene as it is shown, as a file that any command takes. Raises InputError if none would."""
-        scene, _ = self._standing_alone()
-        data = scene_text(scene).encode()
-        self._say("saved: the scene as it is shown")
-        return data
-
-    def motion_file(self) -> bytes:
-        """The active motion as JSON, with verdict and steps if it was planned here: certified now, in the scene that
-        `scene_file` gives now."""
-        active = self._viewer.active
-        if active is None:
-            raise HdplanError("there is no motion yet: press Plan")
-        scene, certifier = self._standing_alone()
-        trajectory, certificate = active.motion.trajectory, certifier.certify(active.motion.trajectory)
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / "motion.json"
-            if self.result is not None and trajectory is self.result.trajectory:
-                replace(self.result, scene=scene.name, certificate=certificate).save(file)
-            else:
-                trajectory.save(file)
-            data = file.read_bytes()
-        self._say(f"saved: {certificate.text}")
-        return data
-
-    def _standing_alone(self) -> tuple[Scene, Certifier]:
-        """The scene with its ends as joint values and the held joints where they are held, whatever file it came from,
-        and its certifier. Raises InputError for a scene that could not be read again."""
-        viewer = self._viewer
-        start, goal = (
-            JointTarget(field, positions=tuple(q.tolist()))
-            for field, q in (("start", viewer.query.start), ("goal", viewer.query.goal))
-        )
-        spec = replace(viewer.scene.robot, locked=dict(viewer.robot.locked))
-        scene = replace(viewer.scene, robot=spec, start=start, goal=goal)
-        setup = Setup.of(scene)
-        _ = setup.query  # refused early
-        return scene, Certifier(setup)
 
     # --- the run, in its own thread ------------------------------------------------------------------------------
 
@@ -197,9 +146,14 @@ class Planning:
         viewer = self._viewer
         curve = Curve.through(positions, row_times(viewer.scene, len(positions)))
         joints = curve.at_parameter(sample_parameters(len(positions)))
-        self._path = draw_path(viewer.server, "iterate", viewer.tip.path(joints), ITERATE)
-        viewer.show_robot(NAME, viewer.joints(curve))
+        tip = viewer.stage.tip.path(joints)
+        if self._path is None:
+            self._path = PathNode(viewer.server, "iterate", tip, ITERATE)
+        self._path.draw(tip, ITERATE)
+        viewer.show_robot(viewer.joints(curve))
         self._say(words)
+        if self.running:
+            viewer.panel.say_next(f"planning, {words}")
 
     def _look_back(self) -> None:
         if self.iterates:
@@ -211,13 +165,18 @@ class Planning:
             self._path.remove()
             self._path = None
         self.button.label, self.button.icon = "Plan", viser.Icon.ROUTE
+        self.stopped = result if self._stop.is_set() else None
         if result is not None:
-            self.result = result
             unmoved = viewer.scene is scene  # nothing was dragged meanwhile
-            certificate = viewer.put(NAME, result.trajectory, result.certificate if unmoved else None)
+            if unmoved and result.goal is not None and result.goal.positions is not None:
+                viewer.change(viewer.edited.shown_at(np.array(result.goal.positions)), step=False)
+            name, known = self._name(result), result.certificate if unmoved else None
+            certificate = viewer.put(name, result.trajectory, known, result=result)
+            viewer.motions.make_room(KEPT)
             if not unmoved:
                 text = f"planned in an earlier scene; in this one {certificate.text}"
             spent = max(result.times.solve - self._shown_for, 0.0) + result.times.certify
+            viewer.panel.live.learn(result.times.build + spent)
             text = f"{text} – {result.attempts} attempt(s), {result.iterations} iterations, {spent:.2f} s"
         count = len(self.iterates)
         self.iteration.disabled = count == 0
@@ -225,22 +184,20 @@ class Planning:
             self.iteration.max, self.iteration.min = max(count, 2), 1
             self.iteration.value = count
         self._say(text)
+        if result is None:
+            viewer.panel.say_next(text, bad=True)
+
+    def _name(self, result: PlanResult) -> str:
+        """Return what a new plan is called: it replaces one that fell short, or found the same motion."""
+        motions, found = self._viewer.motions, result.trajectory.positions
+        for shown in motions.shown:
+            earlier = shown.result
+            if earlier is not None and (not earlier.certified or np.array_equal(earlier.trajectory.positions, found)):
+                return shown.motion.name
+        return motions.free_name(NAME)
 
     def _say(self, text: str) -> None:
-        self._said.content = f'<div style="padding:0 0.9em;font-size:0.8em">{html.escape(text)}</div>'
-
-    def _asked_for(self, event: Any, name: str, content: Callable[[], bytes]) -> None:
-        """Handle a browser's request for a file: the worker makes it, so that nothing moves meanwhile."""
-        self._viewer.worker.ask(f"{name} for {event.client_id}", lambda: self._hand_over(event, name, content))
-
-    def _hand_over(self, event: Any, name: str, content: Callable[[], bytes]) -> None:
-        try:
-            data = content()
-        except HdplanError as error:
-            self._say(f"not saved: {error}")
-            return
-        if event.client is not None:
-            event.client.send_file_download(name, data, save_immediately=True)
+        self._said.content = small(html.escape(text))
 
 
 def row_times(scene: Scene, count: int) -> Array | None:

@@ -25,22 +25,25 @@ class Player:
     """Slider, button and speed, and the thread that plays."""
 
     def __init__(self, server: viser.ViserServer, worker: Worker, show: Callable[[float], None]) -> None:
-        """Build the controls; `show` draws a moment, and is called by the worker."""
+        """Build button and slider; `show` draws a moment, and is called by the worker."""
         self._worker, self._show = worker, show
         self._playing, self._ended = threading.Event(), False
         self.timeline = Timeline()
-        self.slider = server.gui.add_slider("time", 0.0, 1.0, STEP, 0.0, hint=PATH_HINT)
         self.button = server.gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY)
+        self.slider = server.gui.add_slider("path", 0.0, 1.0, STEP, 0.0, hint=PATH_HINT)
+        self.slider.on_update(lambda _: self.draw())
+        self.button.on_click(lambda _: self.pause() if self._playing.is_set() else self.play())
+        self._thread = threading.Thread(target=self._run, name="hdplan-play", daemon=True)
+        self._thread.start()
+
+    def build_speed(self, server: viser.ViserServer) -> None:
+        """Build the choice of the speed in the container at hand."""
         self.speed = server.gui.add_dropdown(
             "speed",
             SPEEDS,
             initial_value="1",
             hint=f"at 1 motions take the time that they have; a path without times takes {PATH_DURATION:g} s",
         )
-        self.slider.on_update(lambda _: self.draw())
-        self.button.on_click(lambda _: self.pause() if self._playing.is_set() else self.play())
-        self._thread = threading.Thread(target=self._run, name="hdplan-play", daemon=True)
-        self._thread.start()
 
     @property
     def time(self) -> float:
@@ -52,7 +55,7 @@ class Player:
         if timeline == self.timeline:
             return
         self.timeline, slider = timeline, self.slider
-        slider.label, slider.hint = ("time [s]", TIME_HINT) if timeline.timed else ("time", PATH_HINT)
+        slider.label, slider.hint = ("time [s]", TIME_HINT) if timeline.timed else ("path", PATH_HINT)
         slider.min, slider.max = min(slider.min, timeline.begin), max(slider.max, timeline.end)  # both values fit
         slider.value = timeline.begin
         slider.min, slider.max = timeline.begin, timeline.end

@@ -20,6 +20,7 @@ from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
 
 HOST, PORT = "127.0.0.1", 8080
+WIDTH = 360  # [px] of the panel, whatever it says
 TRIED = 100  # ports after the wanted one
 
 
@@ -42,8 +43,9 @@ def open_viewer(
     with quiet():
         server = viser.ViserServer(host=host, port=chosen, verbose=False, label=scene.name)
     try:
-        server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
+        server.gui.configure_theme(show_logo=False, show_share_button=False)
         server.gui.main_panel.dock_right()  # next to the scene, not over it
+        server.gui.main_panel.set_width(WIDTH)
         return Viewer(server, setup, trajectories, complain)
     except BaseException:
         with quiet():

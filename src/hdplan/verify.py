@@ -1,4 +1,4 @@
-# ruff: noqa: D105
+# ruff: noqa: D102, D105
 """Check a proof that a robot's motion is free. One file, NumPy alone, nothing of the planner that wrote the proof.
 
     python -m hdplan.verify SCENE TRAJECTORY PROOF     or     python verify.py SCENE TRAJECTORY PROOF
@@ -29,7 +29,8 @@ the joints after j move the piece: sum_(k>j) (|d_k| + eps_k) rho_k. What is line
 where least and greatest values over a piece are those over its corners, and of the ellipsoid that sweeps them.
 
 Meshes. A mesh may be divided into groups of triangles, whose hulls contain every triangle. Two surfaces that never meet
-do not let one body into the other: if the hulls around both are apart once, neither ever lies within the other.
+do not let one body into the other: if the hulls around both are apart once, neither ever lies within the other. That no
+link lies within another one of the same robot is assumed.
 """
 
 from __future__ import annotations
@@ -38,10 +39,11 @@ import csv
 import hashlib
 import json
 import os
+import re
 import sys
 import xml.etree.ElementTree as ElementTree
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
@@ -51,11 +53,9 @@ import numpy as np
 import yaml
 
 MAGIC, VERSION = b"hdplan proof\n", 1
-MOST_BYTES, MOST_LEAVES, MOST_ROWS, DEEPEST = 1 << 27, 200_000, 100_000, 50  # of a file, a proof, a motion, a tree
-MOST_TEXT, MOST_LINES, MOST_PARTS_OF_TEXT = 1 << 25, 2_000_000, 500_000  # of a text, of a mesh, of a scene
-MOST_PAIRS, MOST_CORNERS, MOST_VALUES = 1_000_000, 2_000_000, 2_000_000  # of pieces, of pieces, of a motion
-MOST_HEAD = 1 << 20  # bytes, of the head of a proof
-NARROWEST = 2.0**-30  # of an interval between two rows
+MOST_BYTES, MOST_LEAVES, MOST_PAIRS, DEEPEST = 1 << 27, 200_000, 1_000_000, 50  # of a proof: of its content, trees
+MOST_MEMORY, MOST_TIME = 1 << 31, 30  # bytes, and seconds of a processor, that a check may take beside Python itself
+NARROWEST, INSTANT = 2.0**-30, 2.0**-36  # of an interval between two rows; of one that stands for a row
 AT_ONCE, MOST_PARTS = 20_000, 50_000  # leaves checked together, and parts of rows within them
 EPS = 2.0**-53  # of rounding to nearest
 SAME, ROUNDED = 1e-6, 1e-9  # [rad or m] between the motion's end and the scene's; by which it may be beyond a limit
@@ -68,7 +68,7 @@ obstacles are what and where the scene says, and move as it says; what a link ho
 joints that do not move stay where scene or trajectory hold them, or else where the proof says
 links that turn about one joint with no other link between them, and pairs excused by SRDF or scene, may touch
 links that do not move relative to each other, and links fixed to the world and standing obstacles, are not compared
-a mesh is its triangles and what they enclose
+a mesh is its triangles and what they enclose; no link of the robot lies within another one, apart from its surface
 the computer's + - x / and square root are those of IEEE 754, rounded to nearest
 Python, NumPy and the libraries that read YAML and XML work
 the files read are those whose hashes are in the proof"""
@@ -222,13 +222,8 @@ for _array in (CROSS, *(part for ball in (HALF_PI, *SINE, *COSINE, *HERE) for pa
 
 
 def rotation(axis: Ball, angle: Any) -> Ball:
-    """Rotations (..., 3, 3) by exact angles (...,) about a unit axis."""
-    return by_cos_sin(axis, *cos_sin(angle))
-
-
-def by_cos_sin(axis: Ball, cos: Ball, sin: Ball) -> Ball:
-    """The rotation matrices 1 + sin K + (1 - cos) K^2, K x = axis x x."""
-    k = dot("ijk,k->ij", CROSS, axis)
+    """Rotations (..., 3, 3) by exact angles (...,) about a unit axis: 1 + sin K + (1 - cos) K^2, K x = axis x x."""
+    k, (cos, sin) = dot("ijk,k->ij", CROSS, axis), cos_sin(angle)
     return np.eye(3) + sin[..., None, None] * k + (1.0 - cos)[..., None, None] * dot("ij,jk->ik", k, k)
 
 
@@ -239,11 +234,63 @@ def compose(a: Pose, b: Pose) -> Pose:
 
 def rpy(angles: Any) -> Ball:
     """R = Rz(yaw) Ry(pitch) Rx(roll)."""
-    if not angles.any():
-        return HERE[0]
-    cos, sin = cos_sin(angles)
-    x, y, z = (by_cos_sin(Ball(np.eye(3)[i]), cos[i], sin[i]) for i in range(3))
-    return dot("ij,jk->ik", dot("ij,jk->ik", z, y), x)
+    turn = HERE[0]
+    for axis in np.flatnonzero(angles):
+        turn = dot("ij,jk->ik", rotation(Ball(np.eye(3)[axis]), angles[axis]), turn)
+    return turn
+
+
+@dataclass(eq=False)
+class Line:
+    """Numbers m + b s + r, |s| <= 1 the same for all, |r| <= `rad`; arrays of one shape, the first axis for parts."""
+
+    mid: Any
+    slope: Any
+    rad: Any
+
+    def __add__(self, other: Line) -> Line:
+        mid, slope = self.mid + other.mid, self.slope + other.slope
+        return Line(mid, slope, up(self.rad + other.rad + EPS * (np.abs(mid) + np.abs(slope))))
+
+    @property
+    def size(self) -> Any:
+        """An upper bound of the absolute values."""
+        return up(np.abs(self.mid) + np.abs(self.slope) + self.rad)
+
+
+def still(x: Ball) -> Line:
+    """What does not depend on s."""
+    return Line(x.mid, np.zeros_like(x.mid), x.rad)
+
+
+def times(spec: str, a: Line, b: Line) -> Line:
+    """einsum of two, sums of at most 9 products: what is quadratic in s goes to the radius."""
+
+    def sums(x: Any, y: Any) -> Any:
+        return np.einsum(spec, x, y)
+
+    one, two = np.abs(a.mid) + np.abs(a.slope), np.abs(b.mid) + np.abs(b.slope)
+    rad = sums(np.abs(a.slope), np.abs(b.slope)) + sums(one, b.rad + 16 * EPS * two) + sums(a.rad, two + b.rad)
+    return Line(sums(a.mid, b.mid), sums(a.mid, b.slope) + sums(a.slope, b.mid), up(rad))
+
+
+def wedge(a: Line, b: Line) -> Line:
+    """a x b of vectors (k, 3)."""
+    parts = (
+        np.einsum("ijk,pk->pij", x, y) for x, y in zip((CROSS, CROSS, np.abs(CROSS)), vars(a).values(), strict=True)
+    )
+    return times("pij,pj->pi", Line(*parts), b)
+
+
+def line_of(control: Ball) -> Line:
+    """Polynomials (k, n) by their control points (k, d + 1, n), -1 <= s <= 1: those of m + b s are m + b (2 i / d - 1),
+    and a curve is no farther from it than its control points are from these."""
+    slope = (control.mid[:, -1] - control.mid[:, 0]) / 2
+    degree = control.mid.shape[1] - 1
+    line = Ball(2 * np.arange(degree + 1) / degree - 1, 4 * EPS)[None, :, None] * slope[:, None]
+    over = control - line
+    mid = (over.mid.max(axis=1) + over.mid.min(axis=1)) / 2
+    return Line(mid, slope, (over - mid[:, None]).size.max(axis=1))
 
 
 # --- what the files say -----------------------------------------------------------------------------------------------
@@ -264,9 +311,24 @@ def mapping(value: Any, what: str, allowed: str) -> dict[str, Any]:
 
 
 def listing(value: Any, what: str) -> list[Any]:
-    """Return a list that is not too long; empty for nothing."""
-    need(value is None or (isinstance(value, list) and len(value) <= MOST_ROWS), f"{what}: a list is expected")
+    """Return a list; empty for nothing."""
+    need(value is None or isinstance(value, list), f"{what}: a list is expected")
     return value or []
+
+
+def unique(pairs: list[tuple[Any, Any]]) -> dict[str, Any]:
+    """Return a mapping in which no key stands twice, as that would hide what the other says."""
+    need(all(type(key) is str for key, _ in pairs), "a mapping has a key that is not a word")
+    need(len(pairs) == len({key for key, _ in pairs}), f"a key stands twice among {[key for key, _ in pairs]}")
+    return dict(pairs)
+
+
+class Loader(yaml.SafeLoader):
+    """Reads YAML without keys that stand twice."""
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+        self.flatten_mapping(node)
+        return unique([(self.construct_object(key, True), self.construct_object(x, True)) for key, x in node.value])
 
 
 def pose_of(value: Any, what: str) -> Pose:
@@ -288,6 +350,26 @@ def words(element: Any, key: str, default: str) -> Any:
     return numbers([float(x) for x in text.split()], 3, f"URDF: {key}")
 
 
+def inertia(six: Any) -> Any:
+    """The matrix of xx, xy, xz, yy, yz, zz."""
+    return np.array(six)[np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])]
+
+
+def solid_inertia(shape: dict[str, Any], mass: float) -> Ball | None:
+    """The inertia about its centre of a box or ellipsoid of even density, m / 12 (b^2 + c^2) of edges and m / 5 (b^2 +
+    c^2) of semi-axes; of a cylinder m r^2 / 2 about its axis and m (3 r^2 + l^2) / 12; None of other shapes."""
+    kind, r = shape["type"], shape.get("radius", 0.0)
+    three = np.array(shape.get("size", shape.get("radii", [r, r, r])), dtype=float)
+    squares = three * three
+    if kind == "cylinder":
+        diagonal = mass / 12 * np.array([3 * r * r + shape["length"] ** 2] * 2 + [6 * r * r])
+    elif kind in ("box", "sphere", "ellipsoid"):
+        diagonal = mass / (12 if kind == "box" else 5) * (squares.sum() - squares)
+    else:
+        return None
+    return Ball(np.diag(diagonal), np.diag(16 * EPS * (diagonal + mass * squares.sum())))
+
+
 def origin(element: Any) -> Pose:
     """Read the origin of an element of a URDF."""
     at = element.find("origin")
@@ -295,50 +377,113 @@ def origin(element: Any) -> Pose:
     return rpy(words(at, "rpy", "0 0 0")), Ball(words(at, "xyz", "0 0 0"))
 
 
-def read(path: Path) -> bytes:
-    """Return the content of a regular file."""
-    need(path.is_file() and path.stat().st_size <= MOST_BYTES, f"{path}: no file, or one that is too large")
-    return path.read_bytes()
-
-
-def triangles(path: Path, data: bytes) -> Any:
+def triangles(path: Path, data: bytes) -> Ball:
     """Return the corners (F, 3, 3) of a mesh file's triangles."""
-    kind = path.suffix.lower()
-    need(kind in (".stl", ".obj"), f"{path}: meshes of this kind cannot be checked (stl and obj can)")
-    if kind == ".stl" and len(data) >= 84 and len(data) == 84 + 50 * int.from_bytes(data[80:84], "little"):
+    kind, size = path.suffix.lower(), 84 + 50 * int.from_bytes(data[80:84], "little")
+    need(kind in (".stl", ".obj", ".dae"), f"{path}: meshes of this kind cannot be checked (stl, obj and dae can)")
+    if kind == ".stl" and len(data) == size:
         rows = np.frombuffer(data, dtype=np.dtype([("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")]), offset=84)
-        found = rows["v"].astype(np.float64)
+        found = Ball(rows["v"])
     else:
-        need(b"\0" not in data and len(data) <= MOST_TEXT and data.count(b"\n") <= MOST_LINES,
-             f"{path}: is no text, or too large")  # fmt: skip
-        lines = [x for x in (line.split() for line in data.replace(b"\r", b"\n").split(b"\n")) if x]
-        if kind == ".stl":
-            lines = [[y.lower() for y in x] for x in lines if x[0].lower() not in (b"solid", b"endsolid")]
-            facet = [b"facet", b"outer", *[b"vertex"] * 3, b"endloop", b"endfacet"]
-            good = [x[0] for x in lines] == facet * (len(lines) // 7) and all(
-                len(x) == 4 for x in lines if x[0] == b"vertex"
-            )
-            need(good, f"{path}: its lines are not those of triangles")
-            found = np.array([x[1:] for x in lines if x[0] == b"vertex"], dtype=np.float64).reshape(-1, 3, 3)
-        else:
-            points = np.array([x[1:4] for x in lines if x[0] == b"v"], dtype=np.float64).reshape(-1, 3)
-            fans, before = [], 0
-            for x in lines:
-                need(x[0] not in (b"V", b"F") and x[-1][-1:] != b"\\", f"{path}: a line that may be read in two ways")
-                before += x[0] == b"v"
-                face = [int(y.split(b"/")[0]) for y in x[1:]] if x[0] == b"f" else []
-                need(all(face), f"{path}: a face has a vertex that is not there")
-                face = [i - 1 if i > 0 else before + i for i in face]
-                need(all(0 <= i < len(points) for i in face), f"{path}: a face has a vertex that is not there")
-                fans += [[face[0], face[i], face[i + 1]] for i in range(1, len(face) - 1)]
-            found = points[np.array(fans, dtype=np.int64).reshape(-1, 3)]
-    need(len(found) and (np.abs(found) < 1e9).all(), f"{path}: has no triangles, or numbers that are not finite")
+        need(b"\0" not in data, f"{path}: is no text")
+        found = collada(tree(data)) if kind == ".dae" else Ball((stl if kind == ".stl" else obj)(data))
+    good = len(found.mid) and (np.abs(found.mid) < 1e9).all() and (found.rad < 1e-3).all()
+    need(good, f"{path}: has no triangles, or numbers that are not finite")
     return found
 
 
+def stl(data: bytes) -> Any:
+    """Return the triangles of an STL file that is text: of 21 words each, between two lines."""
+    first, *lines, last = data.strip().lower().replace(b"\r", b"\n").split(b"\n")
+    words = np.array(b" ".join(lines).split()).reshape(-1, 21)
+    rule = b"facet normal outer loop vertex vertex vertex endloop endfacet".split()
+    same = words[:, [0, 1, 5, 6, 7, 11, 15, 19, 20]] == rule
+    good = first.startswith(b"solid") and last.startswith(b"endsolid") and same.all()
+    need(good, "STL: its lines are not those of triangles")
+    return words[:, [8, 9, 10, 12, 13, 14, 16, 17, 18]].astype(np.float64).reshape(-1, 3, 3)
+
+
+def fans(faces: Iterable[Sequence[int]]) -> Any:
+    """Return triangles (F, 3) of polygons, all at the first corner of theirs."""
+    corners = [[x[0], x[i], x[i + 1]] for x in faces for i in range(1, len(x) - 1)]
+    return np.array(corners, dtype=np.int64).reshape(-1, 3)
+
+
+def obj(data: bytes) -> Any:
+    """Return the triangles of an OBJ file: vertices count from 1, or backwards from the last before the face."""
+    points, faces = list[list[float]](), list[list[int]]()
+    for key, *rest in filter(None, (line.split() for line in data.replace(b"\r", b"\n").split(b"\n"))):
+        good = key not in (b"V", b"F") and not [key, *rest][-1].endswith(b"\\")
+        need(good, "OBJ: a line that may be read in two ways")
+        if key == b"v":
+            points.append([float(x) for x in rest[:3]])
+        elif key == b"f":
+            told = [int(x.split(b"/")[0]) for x in rest]
+            faces.append([x - 1 if x > 0 else len(points) + x for x in told])
+            need(all(told) and min(faces[-1]) >= 0, "OBJ: a face has a vertex that is not there")
+    return np.array(points, dtype=np.float64).reshape(-1, 3)[fans(faces)]
+
+
+def collada(root: Any) -> Ball:
+    """Return the triangles of a COLLADA file in metres, whichever of its axes is up (as ROS reads it)."""
+    for x in root.iter():
+        x.tag = x.tag.rpartition("}")[2]
+    unit_, named = root.find("asset/unit"), unique([(x.get("id"), x) for x in root.iter() if "id" in x.attrib])
+    need(unit_ is None or float(unit_.get("meter", 1)) == 1, "COLLADA: its unit is not the metre")
+
+    def there(element: Any, key: str = "source") -> Any:
+        need(element is not None and element.get(key, "")[:1] == "#", "COLLADA: a reference is not within the file")
+        return named[element.get(key)[1:]]
+
+    def soup(geometry: Any) -> Iterator[Ball]:
+        need({x.tag for x in geometry} <= {"mesh", "extra"}, "COLLADA: a geometry that is no mesh")
+        for part in geometry.findall("mesh/*"):
+            need(part.tag in ("source", "vertices", "lines", "triangles", "polylist", "extra"), f"COLLADA: {part.tag}")
+            if part.tag not in ("triangles", "polylist"):  # lines enclose nothing
+                continue
+            ways = {x.get("semantic"): x for x in part.findall("input")}
+            source = there(there(ways["VERTEX"]).find("input[@semantic='POSITION']"))
+            (array,), (way,) = source.findall("float_array"), source.findall("technique_common/accessor")
+            plain = (way.get("stride"), way.get("offset", "0"), there(way)) == ("3", "0", array)
+            need(plain, "COLLADA: its points are not three numbers each")
+            points, stride = np.array(array.text.split(), dtype=np.float64).reshape(-1, 3), 1
+            stride += max(int(x.get("offset")) for x in part.findall("input"))
+            text = " ".join(x.text or "" for x in part.findall("p")).split()
+            corners = np.array(text, dtype=np.int64).reshape(-1, stride)[:, int(ways["VERTEX"].get("offset"))]
+            if part.tag == "polylist":
+                ends = np.cumsum(np.array((part.findtext("vcount") or "").split(), dtype=np.int64))
+                need(len(corners) == ends.max(initial=0), "COLLADA: polygons of other sizes than it says")
+                corners = fans(x.tolist() for x in np.split(corners, ends[:-1]))
+            need((corners >= 0).all(), "COLLADA: a face has a vertex that is not there")
+            yield Ball(points[corners.reshape(-1, 3)])
+
+    def parts(node: Any) -> list[Ball]:
+        ways = ("matrix", "translate", "scale", "rotate")
+        plain = (*ways, "asset", "node", "instance_geometry", "instance_camera", "instance_light", "extra")
+        need({x.tag for x in node} <= {*plain}, f"COLLADA: a node has other parts than {', '.join(plain)}")
+        found = [x for each in node.findall("instance_geometry") for x in soup(there(each, "url"))]
+        found += [x for each in node.findall("node") for x in parts(each)]
+        for step in [x for x in reversed(node) if x.tag in ways]:
+            v, (turn, at) = np.array(step.text.split(), dtype=np.float64), HERE
+            if step.tag == "matrix":
+                need(v[12:].tolist() == [0, 0, 0, 1], "COLLADA: a matrix is no affine map")
+                turn, at = (Ball(x) for x in np.split(v.reshape(4, 4)[:3], [3], axis=1))
+                at = at[:, 0]
+            elif step.tag == "rotate":  # by an angle in degrees, wrong by less than 4 roundings
+                turn = rotation(unit(v[:3]), v[3] * np.pi / 180)
+                turn = Ball(turn.mid, up(turn.rad + 4 * EPS * 0.02 * abs(v[3])))
+            else:
+                turn, at = (turn, Ball(v)) if step.tag == "translate" else (Ball(np.diag(v)), at)
+            found = [dot("ij,fkj->fki", turn, x) + at for x in found]
+        return found
+
+    all_ = parts(there(root.find("scene/instance_visual_scene"), "url"))
+    return Ball(*(np.concatenate([np.zeros((0, 3, 3)), *x]) for x in ([y.mid for y in all_], [y.rad for y in all_])))
+
+
 def tree(data: bytes) -> Any:
-    """Return the root of a URDF or SRDF. A DTD could give attributes that are not to be seen where they act."""
-    need(b"<!DOCTYPE" not in data and b"\0" not in data and len(data) <= MOST_TEXT, "XML with a DTD, or too large")
+    """Return the root of an XML file. A DTD could give attributes that are not to be seen where they act."""
+    need(b"<!DOCTYPE" not in data and b"\0" not in data, "XML with a DTD, or in another encoding")
     return ElementTree.fromstring(data)
 
 
@@ -347,19 +492,27 @@ def robot_of(library: Path, name: str) -> tuple[Path, Path | None]:
     name is its file's, without `_robot`, or its folder's, without `_description`, where several folders have such a
     file; of two such files in a folder it is the larger one. Its SRDF is that of its name, or of the longest beginning
     of it. Any file goes by FOLDER/FILE, without SRDF."""
-    files, found = dict[str, list[Path]](), list[Path]()
-    for x in sorted([*library.glob("*/urdf/*.urdf"), *library.glob("*/robots/*.urdf")]):
-        files.setdefault(x.stem.removesuffix("_robot"), []).append(x)
-        found += [x] * (f"{x.parents[1].name}/{x.name}" == name)
-    for stem, some in files.items():
-        folders = {x.parents[1] for x in some}
-        for at in folders:
-            if name == (stem if len(folders) == 1 else at.name.removesuffix("_description")):
-                found.append(max((x for x in some if x.parents[1] == at), key=lambda x: x.stat().st_size))
-    need(len(found) == 1, f"robot: '{name}' is not the name of one robot")
-    srdfs = {x.stem: x for x in (found[0].parents[1] / "srdf").glob("*.srdf") if "/" not in name}
+    stems, found = dict[str, set[Path]](), list[Path]()
+    files = [(x, x.parents[1], x.stem.removesuffix("_robot")) for x in library.glob("*/*/*.urdf")]
+    files = [x for x in files if x[0].parent.name in ("urdf", "robots")]
+    for _, folder, stem in files:
+        stems.setdefault(stem, set()).add(folder)
+    for file, folder, stem in files:
+        plain = stem if len(stems[stem]) == 1 else folder.name.removesuffix("_description")
+        found += [file] * (name in (plain, f"{folder.name}/{file.name}"))
+    need(found and len({x.parents[1] for x in found}) == 1, f"robot: '{name}' is not the name of one robot")
+    urdf = max(found, key=lambda x: x.stat().st_size)
+    srdfs = {x.stem: x for x in (urdf.parents[1] / "srdf").glob("*.srdf") if "/" not in name}
     begins = max((x for x in srdfs if name.startswith(x)), key=len, default="")
-    return found[0], srdfs.get(next((x for x in (found[0].stem, name) if x in srdfs), begins))
+    return urdf, srdfs.get(urdf.stem if urdf.stem in srdfs else begins)
+
+
+def excused(srdf: Any) -> dict[frozenset[str], str]:
+    """Return the pairs of links that an SRDF leaves out."""
+    known = not {"enable_collisions", "disable_default_collisions"} & {x.tag for x in srdf}
+    need(known, "SRDF: only disable_collisions can be checked, no enable_collisions or disable_default_collisions")
+    pairs = [frozenset((x.get("link1", ""), x.get("link2", ""))) for x in srdf.findall("disable_collisions")]
+    return dict.fromkeys(pairs, "the SRDF")
 
 
 @dataclass(eq=False)
@@ -376,6 +529,21 @@ class Piece:
     cover: bool = False  # whether it is only the hull around several pieces of its shape
 
 
+@dataclass(eq=False)
+class Bond:
+    """Points (m, 3) in one joint's frame, or directions (`turns`), that are to be where others are in another's, off by
+    at most `most`: the length of all differences as one vector, or of their parts `along` a direction."""
+
+    what: str
+    joint: int
+    local: Ball
+    other: int
+    target: Ball
+    most: float
+    turns: bool = False
+    along: Ball | None = None
+
+
 @dataclass
 class Joint:
     """A joint that moves; its pose is that of its frame at 0, in the frame of the moving joint before it (-1: none)."""
@@ -387,7 +555,7 @@ class Joint:
     turns: bool
     low: float
     high: float
-    speed: float = np.nan  # of the URDF
+    most: dict[str, float] = field(default_factory=dict)  # of velocity and torque, by the URDF
 
 
 def turn_of(matrix: Ball) -> tuple[Ball, Ball]:
@@ -434,25 +602,10 @@ class World:
     def __init__(self, scene: Path, motion: Path, said: dict[str, Any], cuts: dict[str, Any]) -> None:
         """Read all files; `said` is the head of a proof, `cuts` its groups of the triangles of meshes."""
         self.scene, self.said, self.cuts, self.files = scene, said, cuts, dict[str, str]()
-        self.keys, self.size = set[str](), 0  # of all shapes, and how many corners and triangles they have
+        self.keys = set[str]()  # of all shapes
         self.pieces, self.meshes = list[Piece](), dict[str, Any]()  # triangles of each mesh, by its key
-        loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-        content = self.file("scene", scene)
-        depth = 0
-        for count, event in enumerate(yaml.parse(content, loader)):  # not by recursion, as the readers below
-            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-            need(depth <= DEEPEST and count < MOST_PARTS_OF_TEXT, f"{scene}: is nested too deeply, or too large")
-        waiting, seen = [yaml.compose(content, loader)], set[int]()
-        while waiting:  # a key that stands twice would hide what it says first
-            node = waiting.pop()
-            if id(node) not in seen and isinstance(node, yaml.MappingNode | yaml.SequenceNode):
-                seen.add(id(node))
-                named = [key.value for key, _ in node.value] if isinstance(node, yaml.MappingNode) else []
-                need(len(named) == len({*map(str, named)}), f"{scene}: a key stands twice among {named}")
-                waiting += [value for _, value in node.value] if named else node.value
-        top = yaml.load(content, loader)
         sections = "robot obstacles attached start goal from_request self_collision limits payload path timing planner"
-        self.top = mapping(top, str(scene), f"hdplan {sections}")
+        self.top = mapping(yaml.load(self.file("scene", scene), Loader), str(scene), f"hdplan {sections}")
         need(self.top.get("hdplan") == 1, f"{scene}: not a hdplan scene, version 1")
         self.read_motion(motion)
         self.read_robot()
@@ -473,7 +626,8 @@ class World:
 
     def file(self, key: str, path: Path) -> bytes:
         """Read a file and note its hash, which must be the proof's."""
-        data = read(path)
+        need(path.is_file(), f"{path}: no such file")
+        data = path.read_bytes()
         self.files[key] = hashlib.sha256(data).hexdigest()
         same = self.said["files"].get(key, self.files[key]) == self.files[key]
         need(same, f"{key}: {path} is not the file that was proven: its SHA-256 differs")
@@ -483,10 +637,9 @@ class World:
         """Read the rows, and make the control points (N - 1, d + 1, n) of the polynomial between each two."""
         data, kind, rates = self.file("motion", path), path.suffix.lower(), ("positions", "velocities", "accelerations")
         need(kind in (".json", ".csv"), f"{path}: motions of this kind cannot be checked (json and csv can)")
-        need(len(data) <= MOST_TEXT and data.count(b"\n") <= MOST_LINES, f"{path}: is too large")
         if kind == ".json":
             keys = f"hdplan_trajectory joint_names interpolation locked times verdict steps {' '.join(rates)}"
-            said = mapping(json.loads(data), str(path), keys)
+            said = mapping(json.loads(data, object_pairs_hook=unique), str(path), keys)
             self.names, self.locked = [str(x) for x in said["joint_names"]], said.get("locked", {})
         else:
             head, *lines = [row for row in csv.reader(data.decode("utf-8-sig").splitlines()) if row]
@@ -494,18 +647,17 @@ class World:
             ends, self.locked = ("", ".velocity", ".acceleration"), dict[str, float]()
             self.names = [x for x in columns if x != "time" and not x.endswith(ends[1:])]
             need(len(columns) == len(head), f"{path}: a column stands twice")
-            tables = {rate: [columns[x + end] for x in self.names if end in ("", *(y[-len(end) :] for y in columns))]
-                      for rate, end in zip(rates, ends, strict=True)}  # fmt: skip
-            said = {rate: np.transpose(x) for rate, x in tables.items() if x}
-            said |= {"times": columns["time"]} if "time" in columns else {}
+            said = {"times": columns["time"]} if "time" in columns else {}
+            for rate, end in zip(rates, ends, strict=True):
+                if any(x.endswith(end) for x in columns):
+                    said[rate] = np.transpose([columns[x + end] for x in self.names])
         given = [np.array(said[key], dtype=np.float64) for key in rates if key in said]
         rule = ("", "linear", "cubic", "quintic")[len(given)]
         need(said.get("interpolation", rule) == rule, f"{path}: its interpolation is not that of its rows")
         times = np.array(said["times"], dtype=np.float64) if "times" in said else None
         count, n = given[0].shape
-        need(count * n <= MOST_VALUES, f"{path}: is too large")
-        good = 2 <= count <= MOST_ROWS and 1 <= n <= 60 and len({*self.names}) == n == len(self.names)
-        need(good, f"{path}: too few or too many rows or joints, or a joint twice")
+        good = count >= 2 and 1 <= n <= 60 and len({*self.names}) == n == len(self.names)
+        need(good, f"{path}: too few rows, or too many joints, or a joint twice")
         need(all(x.shape == (count, n) and (np.abs(x) < 1e9).all() for x in given), f"{path}: numbers must be finite")
         rated = [x in said for x in ("times", *rates[1:])]
         need(sorted(rated, reverse=True) == rated, f"{path}: velocities need times, accelerations need velocities")
@@ -571,8 +723,6 @@ class World:
                 a, b = stack(at[:-1]), stack(at[1:])
                 rows = [a + (b - a) * (Ball(i) * Ball(1 / degree, EPS)) for i in range(degree + 1)]
                 columns.append(stack(rows, 1)[:, :, None])
-            width = sum(x.mid.shape[2] for x in columns)
-            need(len(times) * width <= MOST_VALUES, "the motion of robot and obstacles has too many parts")
             mid, rad = (np.concatenate(x, axis=2) for x in ([y.mid for y in columns], [y.rad for y in columns]))
             self.control = Ball(mid, rad)
         count = len(self.joints)
@@ -585,27 +735,24 @@ class World:
 
     def read_robot(self) -> None:
         """Read the tree of links, where each is in the frame of the joint that carries it, and the pieces of all."""
-        keys = "name urdf srdf package_dirs group base locked ignore_pairs"
-        spec = self.spec = mapping(self.top.get("robot"), "robot", keys)
-        here = self.scene.resolve().parent
-        folders = [here / str(x) for x in listing(spec.get("package_dirs"), "package_dirs")]
-        package = metadata.distribution("example-robot-data")
-        some = next(Path(str(package.locate_file(x))) for x in package.files or () if str(x).endswith(".urdf"))
-        library = next(x for x in some.parents if x.name == "robots")
-        need(("name" in spec) != ("urdf" in spec), "robot: either a name or a URDF is expected")
-        srdf = here / str(spec["srdf"]) if "srdf" in spec else None
+        keys = "name urdf srdf package_dirs group base base_joints locked ignore_pairs"
+        spec, here = mapping(self.top.get("robot"), "robot", keys), self.scene.resolve().parent
+        self.spec, self.folders = spec, [Path(x) for x in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if x]
         if "name" in spec:
-            urdf, found = robot_of(library, str(spec["name"]))
-            srdf = srdf or found
+            need(not {"urdf", "srdf", "package_dirs"} & {*spec}, "robot: either a name or files are expected")
+            package = metadata.distribution("example-robot-data")
+            some = re.search(r"^(.*/robots)/.*\.urdf,", package.read_text("RECORD") or "", re.MULTILINE)
+            need(some, "robot: its library is not installed")
+            library = Path(str(package.locate_file(some[1] if some else "")))
+            urdf, srdf = robot_of(library, str(spec["name"]))
+            self.folders = [library.parent.parent, library, *self.folders]
         else:
-            urdf = (here / str(spec["urdf"])).resolve()
-            folders += urdf.parents
-        ros = [Path(x) for x in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if x]
-        self.folders = [*folders, library.parent.parent, library, *ros]
+            urdf, srdf = (here / str(spec["urdf"])).resolve(), here / str(spec["srdf"]) if "srdf" in spec else None
+            folders = [here / str(x) for x in listing(spec.get("package_dirs"), "package_dirs")]
+            self.folders = [*folders, *urdf.parents, *self.folders]
         self.urdf, root = urdf, tree(self.file("urdf", urdf))
         words_ = tree(self.file("srdf", srdf) if srdf else b"<robot/>")
-        pairs = [frozenset((x.get("link1", ""), x.get("link2", ""))) for x in words_.findall("disable_collisions")]
-        self.excused, self.states = dict.fromkeys(pairs, "the SRDF"), dict[str, dict[str, float]]()
+        self.excused, self.states = excused(words_), dict[str, dict[str, float]]()
         for state in words_.findall("group_state"):  # a joint that two states of one name have elsewhere is at neither
             known_ = self.states.setdefault(state.get("name", ""), {})
             for x in [x for x in state.findall("joint") if len(x.get("value", "").split()) == 1]:
@@ -614,38 +761,47 @@ class World:
         ignored = listing(spec.get("ignore_pairs"), "ignore_pairs")
         self.excused |= {frozenset(map(str, listing(x, "ignore_pairs"))): "robot.ignore_pairs" for x in ignored}
         links = {x.get("name", ""): x for x in root.findall("link")}
-        self.above, below = dict[str, str](), dict[str, list[tuple[str, Any]]]()
-        for joint in root.findall("joint"):
+        if "base_joints" in spec:
+            links |= self.add_base(root, {*links} - {x.get("link", "") for x in root.findall("joint/child")})
+        self.above, below = dict[str, str](), dict[str, list[tuple[str, str, Any]]]()
+        for joint in sorted(root.findall("joint"), key=lambda x: x.get("name", ""), reverse=True):
             parent, child = (x.get("link", "") for x in (joint.find("parent"), joint.find("child")) if x is not None)
             need({parent, child} <= {*links} and child not in self.above, f"{urdf}: its links make no tree")
             self.above[child] = parent
-            below.setdefault(parent, []).append((child, joint))
+            below.setdefault(parent, []).append((parent, child, joint))
         (first,) = [x for x in links if x not in self.above]
         self.at: dict[str, tuple[int, Pose]] = {first: (-1, pose_of(spec.get("base"), "robot.base"))}
-        self.joints, self.held, waiting = list[Joint](), dict[str, float](), [first]
+        self.joints, self.held, waiting = list[Joint](), dict[str, float](), below.get(first, [])[:]
         self.followed = dict[str, tuple[str, float, float]]()  # of joints that follow others that are held
-        while waiting:
-            link = waiting.pop()
-            for child, joint in below.get(link, ()):
-                self.at[child] = self.place(joint, *self.at[link])
-                waiting.append(child)
+        while waiting:  # depth first, by the joints' names, as a scene counts them
+            parent, child, joint = waiting.pop()
+            self.at[child] = self.place(joint, *self.at[parent])
+            waiting += below.get(child, [])
         need(len(self.at) == len(root.findall("link")), f"{urdf}: its links make no tree")
         for name, (other, scale, add) in self.followed.items():
             off = abs(self.held[name] - (scale * self.held[other] + add)) if other in self.held else 0.0
             need(off <= ROUNDED, f"joint '{name}': is held where it does not follow '{other}'")
-        need(
-            sorted(self.names) == sorted(x.name for x in self.joints),
-            f"{urdf}: not all joints of the motion can move in it",
-        )
+        same = sorted(self.names) == sorted(x.name for x in self.joints)
+        need(same, f"{urdf}: not all joints of the motion can move in it")
         order = [self.names.index(x.name) for x in self.joints]
         self.control, self.rows = self.control[:, :, order], self.rows[:, order]
         self.curve, self.clock = self.control, self.times  # of the robot alone
         self.tracks = list[tuple[list[float], list[Ball]]]()  # of joints that follow the time: times and values there
+        self.masses: list[tuple[float, int, Pose, Ball]] = []  # mass, joint, place of its centre, inertia about it
         for link, element in links.items():
-            tags = {x.tag for x in element}
-            need(
-                tags <= {"visual", "collision", "inertial"}, f"{urdf}: link '{link}' has unknown parts: {sorted(tags)}"
-            )
+            for body in element.findall("inertial"):
+                part = unique([(x.tag, x) for x in body])
+                mass, six = float(part["mass"].get("value", "")), part["inertia"].attrib
+                about = inertia([float(six.get(key, 0.0)) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")])
+                self.carry(mass, link, origin(body), Ball(about))
+        if load := self.top.get("payload"):
+            said = mapping(load, "payload", "link mass com inertia")
+            mass, com = numbers(said["mass"], 1, "payload.mass")[0], numbers(said.get("com", 0.0), 3, "payload.com")
+            about = inertia(numbers(said.get("inertia", 0.0), 6, "payload.inertia"))
+            self.carry(float(mass), str(said["link"]), (HERE[0], Ball(com)), Ball(about))
+        for link, element in links.items():
+            known = {x.tag for x in element} <= {"visual", "collision", "inertial"}
+            need(known, f"{urdf}: link '{link}' has parts that are not known")
             for i, shape in enumerate(element.findall("collision")):
                 number, pose = self.at[link]
                 self.add(link, number, compose(pose, origin(shape)), self.solid(shape, f"link '{link}'"), f"{link} {i}")
@@ -654,13 +810,41 @@ class World:
             name, link = str(held.get("name", f"attached{i}")), str(held["link"])
             need(link in links and name not in self.at, f"attached[{i}]: its link is not known, or its name is taken")
             self.at[name] = number, pose = self.at[link]
-            placed = compose(pose, pose_of(held.get("pose"), name))
-            self.add(name, number, placed, self.shape(held["shape"], name), name)
+            at = pose_of(held.get("pose"), name)
+            self.add(name, number, compose(pose, at), self.shape(held["shape"], name), name)
+            if "mass" in held:
+                mass = float(numbers(held["mass"], 1, name)[0])
+                self.carry(mass, link, at, solid_inertia(held["shape"], mass))
             touching = [str(x) for x in listing(held.get("touch_links"), "touch_links")]
             self.excused |= {frozenset((name, x)): "touch_links" for x in touching}
 
+    def carry(self, mass: float, link: str, at: Pose, about: Ball | None) -> None:
+        """Note a body on a link: where its centre is in the link's frame, its inertia about it along its axes."""
+        number, pose = self.at[link]
+        if about is None or not 0 <= mass < 1e9 or not (about.size < 1e9).all():
+            self.masses.append((np.nan, number, HERE, Ball(np.zeros((3, 3)))))
+        elif number >= 0:
+            self.masses.append((mass, number, compose(pose, at), about))
+
+    def add_base(self, root: Any, roots: set[str]) -> dict[str, Any]:
+        """Put the joints of a mobile base under the root link, and return the links before it."""
+        base, links = (
+            mapping(self.spec["base_joints"], "robot.base_joints", "kind x y yaw"),
+            ["base 0", "base 1", "base 2"],
+        )
+        need(base.get("kind", "planar") == "planar", "robot.base_joints: 'planar' is the only kind")
+        ways = ("x", "prismatic", "1 0 0"), ("y", "prismatic", "0 1 0"), ("yaw", "revolute", "0 0 1")
+        for i, (name, kind, axis) in enumerate(ways):
+            low, high = numbers(base[name], 2, f"robot.base_joints.{name}").tolist()
+            joint = ElementTree.SubElement(root, "joint", name=f"base_{name}", type=kind)
+            ends = ("parent", {"link": links[i]}), ("child", {"link": [*links[1:], *roots][i]})
+            for tag, said in (*ends, ("axis", {"xyz": axis}), ("limit", {"lower": repr(low), "upper": repr(high)})):
+                ElementTree.SubElement(joint, tag, said)
+        return {x: ElementTree.SubElement(root, "link", name=x) for x in links}
+
     def place(self, joint: Any, parent: int, pose: Pose) -> tuple[int, Pose]:
         """Return the moving joint that carries a joint's child, and the child's pose in its frame."""
+        unique([(x.tag, x) for x in joint])
         name, kind, limit = joint.get("name", ""), joint.get("type", ""), joint.find("limit")
         pose = compose(pose, origin(joint))
         if kind == "fixed":
@@ -671,8 +855,9 @@ class World:
             need(mimic is None, f"joint '{name}': follows another joint and cannot be moved")
             low, high = (float(limit.get(x, 0)) for x in ("lower", "upper")) if limit is not None else (-np.inf, np.inf)
             ends = (-np.inf, np.inf) if kind == "continuous" else (low, high)
-            speed = float(limit.get("velocity", "nan")) if limit is not None else np.nan
-            self.joints.append(Joint(name, parent, pose, axis, kind != "prismatic", *ends, speed))
+            kinds = (("velocity", "velocity"), ("torque", "effort")) if limit is not None else ()
+            most = {key: float(limit.get(word, "nan")) for key, word in kinds}
+            self.joints.append(Joint(name, parent, pose, axis, kind != "prismatic", *ends, most))
             return len(self.joints) - 1, HERE
         if mimic is not None:
             need(mimic.get("joint") not in self.names, f"joint '{name}': follows a joint that moves: cannot be checked")
@@ -683,10 +868,8 @@ class World:
         values = [x[name] for x in sources if isinstance(x, dict) and name in x]
         need(values, f"joint '{name}': nothing says where it is held")
         value = self.held[name] = float(numbers(values[0], 1, f"joint '{name}'")[0])
-        need(
-            self.said["held"].get(name, value) == value,
-            f"joint '{name}': is held at {value:g}, not where the proof says",
-        )
+        same = self.said["held"].get(name, value) == value
+        need(same, f"joint '{name}': is held at {value:g}, not where the proof says")
         step = (rotation(axis, value), HERE[1]) if kind != "prismatic" else (HERE[0], axis * value)
         return parent, compose(pose, step)
 
@@ -728,22 +911,20 @@ class World:
     def mesh(self, path: Path, scale: Any) -> tuple[Any, Any, Any]:
         """Return the triangles of a mesh file, scaled."""
         found = triangles(path, self.file(f"mesh {path.parent.name}/{path.name}", path)) * scale
-        return found, 2 * EPS * np.abs(found).max(axis=(0, 1)) * (scale != 1), np.zeros(3)
+        return found.mid, found.rad.max(axis=(0, 1)), np.zeros(3)
 
     def add(self, name: str, joint: int, pose: Pose, shape: tuple[Any, Any, Any], key: str) -> None:
         """Note a shape as pieces: a mesh as its hull, or as the hulls of the groups of its triangles and one around."""
         corners, off, sweep = shape
         need(key not in self.keys, f"'{key}' is the name of two shapes")
         self.keys.add(key)
-        self.size += len(corners)
-        need(self.size <= MOST_CORNERS, "there are more corners than can be checked")
         if corners.ndim == 2:
             self.pieces.append(Piece(name, joint, pose, key, corners, off, sweep))
             return
         self.meshes[key], groups = corners, self.cuts.get(key, np.zeros(len(corners)))
         need(groups.shape == corners.shape[:1], f"mesh of {key}: has {len(corners)} triangles, not {len(groups)}")
         labels = np.unique(groups).tolist()
-        need(len(labels) * len(groups) <= 100 * MOST_CORNERS, f"mesh of {key}: has too many groups")
+        need(len(labels) * len(groups) <= 100 * MOST_PAIRS, f"mesh of {key}: has too many groups")
         for mask, cover in [(groups == x, False) for x in labels] + [(groups >= 0, True)] * (len(labels) > 1):
             own = np.unique(corners[mask].reshape(-1, 3), axis=0)
             self.pieces.append(Piece(name, joint, pose, key, own, off, sweep, cover))
@@ -756,7 +937,7 @@ class World:
         pieces, self.left_out = self.pieces, dict[frozenset[str], str]()
         rows, once = list[tuple[int, int]](), dict[tuple[int, int], None]()
         need(self.own * len(pieces) <= MOST_PAIRS, "there are more pairs of pieces than can be checked")
-        self.solid_links = {x.name for x in pieces}
+        self.solid_links, self.links = {x.name for x in pieces}, {*self.above, *self.above.values()}
         last = {x.key: i for i, x in enumerate(pieces)}  # of each shape: the hull around it
         for a in range(self.own):
             for b in range(a + 1, len(pieces)):
@@ -767,7 +948,8 @@ class World:
                     self.left_out[frozenset((one.name, two.name))] = reason
                     continue
                 rows.append((a, b))
-                if pieces[last[one.key]].cover or pieces[last[two.key]].cover:
+                covered = pieces[last[one.key]].cover or pieces[last[two.key]].cover
+                if covered and not {one.name, two.name} <= self.links:  # of two links, ASSUMES has it
                     once[last[one.key], last[two.key]] = None
         self.pairs, self.once = (np.array(list(x), dtype=np.int64).reshape(-1, 2) for x in (rows, once))
         self.centers = np.array([(x.corners.min(axis=0) + x.corners.max(axis=0)) / 2 for x in pieces]).reshape(-1, 3)
@@ -782,14 +964,13 @@ class World:
         if reason := self.excused.get(frozenset((one, two))):
             return reason
         one_joint = (a >= 0 and self.joints[a].parent == b) or (b >= 0 and self.joints[b].parent == a)
-        if not one_joint or not {one, two} <= {*self.above, *self.above.values()}:
+        if not one_joint or not {one, two} <= self.links:
             return None
         ways = [[link] for link in (one, two)]
         for way in ways:
             while way[-1] in self.above:
                 way.append(self.above[way[-1]])
-        shared = [link for link in ways[0] if link in ways[1]]
-        between = {link for way in ways for link in way if link not in shared} | {*shared[:1]}
+        between = {*ways[0]} ^ {*ways[1]} | {next(x for x in ways[0] if x in ways[1])}
         return None if (between - {one, two}) & self.solid_links else "neighbours"
 
 
@@ -825,7 +1006,6 @@ class Motion:
         first, k, count = np.floor(low).astype(int), len(spans), len(world.joints)
         counts = np.ceil(high).astype(int) - first
         begins = np.cumsum(counts) - counts
-        need(counts.sum() <= MOST_ROWS + MOST_PARTS, "the intervals of the leaves cover too many rows")
         row, span = np.arange(counts.sum()) - np.repeat(begins - first, counts), np.repeat(np.arange(k), counts)
         start, end = (np.clip(x[span] - row, 0, 1)[:, None, None] for x in (low, high))
         part = blossom(world.control[row], start, end)
@@ -853,27 +1033,64 @@ class Motion:
         self.moment = Ball(np.where(turns, arm.mid, self.axis.mid), np.where(turns, arm.rad, self.axis.rad))
         own = [g for g, x in enumerate(world.pieces) if x.joint >= 0]
         self.slot = np.zeros(len(world.pieces), dtype=int)  # of each piece that moves, among those
-        self.slot[own], ends = np.arange(len(own)), []
+        self.slot[own], ends = np.arange(len(own)), [Ball(np.zeros((k, 3)))] * (not own)
         for g in own:
             piece = world.pieces[g]
             local = dot("ij,j->i", piece.pose[0], world.centers[g]) + piece.pose[1]
             ends.append(dot("kij,j->ki", self.turn[:, piece.joint], local) + self.at[:, piece.joint])
-        self.reach, after = np.zeros((k, len(own), count)), np.zeros((k, len(own)))
-        carried = world.carried[[world.pieces[g].joint for g in own]]
-        for j in reversed(range(count if own else 0)):
-            away = norm(cross(stack(ends, 1) - self.at[:, j, None], self.axis[:, j, None]).size)
-            far = up(away + world.radii[own] + after) if self.turning[j] else np.ones_like(after)
-            self.reach[:, :, j] = np.where(carried[:, j], far, 0.0)
-            after = up(after + self.most[:, j, None] * self.reach[:, :, j])
+        carried = world.carried[[world.pieces[g].joint for g in own] or [-1]]
+        self.reach = self.reaches(stack(ends, 1), world.radii[own] if own else 0.0, carried)
+
+    def reaches(self, ends: Ball, radii: Any, carried: Any) -> Any:
+        """Return rho (k, m, n) of balls around points (k, m, 3) that joints carry (m, n)."""
+        reach, after = np.zeros((*ends.mid.shape[:2], carried.shape[1])), np.zeros(ends.mid.shape[:2])
+        for j in reversed(range(carried.shape[1])):
+            away = norm(cross(ends - self.at[:, j, None], self.axis[:, j, None]).size)
+            far = up(away + radii + after) if self.turning[j] else np.ones_like(after)
+            reach[:, :, j] = np.where(carried[:, j], far, 0.0)
+            after = up(after + self.most[:, j, None] * reach[:, :, j])
+        return reach
+
+    def rest(self, step: Any, reach: Any, off: Any) -> Any:
+        """Return R."""
+        angle = np.abs(step) * self.turning
+        before = np.cumsum(np.pad(angle, ((0, 0), (1, 0)))[:, :-1], axis=1)
+        return up((reach * (0.5 * np.abs(step) * (angle + 2 * before) + off)).sum(axis=1))
+
+    def apart(self, bond: Bond) -> Any:
+        """Return upper bounds (k,) of how far a bond's points are from where they are to be, as one vector's length:
+        that is convex in s, so greatest at s = -1 or 1. What carries both ends changes no length."""
+        carried, joints = self.world.carried[[bond.joint, bond.other]], (bond.joint, bond.other)
+        x, rate, rests = [], [], 0.0
+        for joint, local, moves in zip(joints, (bond.local, bond.target), carried & ~carried[::-1], strict=True):
+            step = self.step * moves
+            at = dot("kij,mj->kmi", self.turn[:, joint], local)
+            at = at if bond.turns else at + self.at[:, joint, None]
+            turned = cross(dot("kn,kni->ki", step * self.turning, self.axis)[:, None], at)
+            slide = dot("kn,kni->ki", step, self.moment)[:, None]
+            reach = (
+                self.turning[None]
+                if bond.turns
+                else self.reaches(at, 0.0, carried[[joints.index(joint)] * len(local.mid)]).max(axis=1)
+            )
+            x.append(at)
+            rate.append(turned if bond.turns else turned + slide)
+            rests = rests + self.rest(step, reach * moves, self.off)
+        gap, change = x[0] - x[1], rate[0] - rate[1]
+        if bond.along is not None:
+            gap, change = (dot("kmi,i->km", each, bond.along) for each in (gap, change))
+        ends = [norm((gap + sign * change).size.reshape(len(gap.mid), -1)) for sign in (1.0, -1.0)]
+        return above(np.maximum(*ends), up(np.sqrt(len(bond.local.mid)) * rests))
 
     def gaps(self, node: Any, pairs: Any, normal: Any) -> Any:
         """Return lower bounds (L,) of the distance of pairs (L, 2) on intervals (L,) by directions (L, 3)."""
-        a, b = pairs.T
-        moves = self.world.carried[[x.joint for x in self.world.pieces]]
-        near, rest = self.extremes(node, a, moves[a] & ~moves[b], -normal)
-        far, more = self.extremes(node, b, moves[b] & ~moves[a], normal)
+        moves, count = self.world.carried[[x.joint for x in self.world.pieces]], len(node)
+        body, other = pairs.T.ravel(), pairs.T[::-1].ravel()
+        directions = np.concatenate([-normal, normal])
+        most, rest = self.extremes(np.tile(node, 2), body, moves[body] & ~moves[other], directions)
         length = norm(np.abs(normal))
-        least = -above(above(near, far).max(axis=0), up(length * (rest + more))) / length
+        both = above(most[:, :count], most[:, count:]).max(axis=0)
+        least = -above(both, up(length * (rest[:count] + rest[count:]))) / length
         return np.where(least > 0, least * (1 - 8 * EPS), 2 * least)  # `length` may be too large
 
     def extremes(self, node: Any, body: Any, moves: Any, d: Any) -> tuple[Any, Any]:
@@ -881,28 +1098,24 @@ class Motion:
         world, step = self.world, self.step[node] * moves
         turned = cross(d, dot("ln,lni->li", step * self.turning, self.axis[node]))
         slide = dot("li,li->l", d, dot("ln,lni->li", step, self.moment[node]))
-        reach = self.reach[node, self.slot[body]] * moves
-        angle = np.abs(step) * self.turning
-        before = np.cumsum(np.pad(angle, ((0, 0), (1, 0)))[:, :-1], axis=1)
-        rest = up((reach * (0.5 * np.abs(step) * (angle + 2 * before) + self.off[node])).sum(axis=1))
-        joint, found = np.array([x.joint for x in world.pieces])[body], []
-        for sign in (1.0, -1.0):
-            way = Ball(d) + sign * turned
-            base = dot("li,li->l", way, self.at[node, joint]) + sign * slide
-            local, value = dot("li,lij->lj", way, self.turn[node, joint]), above(base.mid, base.rad)
-            for g in np.unique(body):
-                value[body == g] = above(value[body == g], support(world.pieces[g], local[body == g]))
-            found.append(value)
-        return np.stack(found), rest
+        rest = self.rest(step, self.reach[node, self.slot[body]] * moves, self.off[node])
+        joint = np.array([x.joint for x in world.pieces])[body]
+        way = stack([turned + d, d - turned])
+        base = dot("sli,li->sl", way, self.at[node, joint]) + stack([slide, -slide])
+        local, value = dot("sli,lij->slj", way, self.turn[node, joint]), above(base.mid, base.rad)
+        order = np.argsort(body, kind="stable")
+        for rows in np.split(order, np.flatnonzero(np.diff(body[order])) + 1) if len(order) else []:
+            value[:, rows] = above(value[:, rows], support(world.pieces[body[rows[0]]], local[:, rows]))
+        return value, rest
 
 
 def support(piece: Piece, d: Ball) -> Any:
-    """Return upper bounds (k,) of d.x over the points x of a piece, for directions (k, 3) in the frame of its joint."""
-    local, shift = dot("ki,ij->kj", d, piece.pose[0]), dot("ki,i->k", d, piece.pose[1])
+    """Return upper bounds (2, k) of d.x over the points x of a piece, for directions (2, k, 3) in its joint's frame."""
+    local, shift = dot("ski,ij->skj", d, piece.pose[0]), dot("ski,i->sk", d, piece.pose[1])
     size = np.abs(piece.corners).max(axis=0)
-    error = ((local.rad + 8 * EPS * np.abs(local.mid)) * size + local.size * piece.off).sum(axis=1)
-    parts = np.array_split(local.mid, 1 + local.mid.shape[0] * len(piece.corners) // 4_000_000)
-    most = np.concatenate([(x @ piece.corners.T).max(axis=1) for x in parts])
+    error = ((local.rad + 8 * EPS * np.abs(local.mid)) * size + local.size * piece.off).sum(axis=-1)
+    parts = np.array_split(local.mid.reshape(-1, 3), 1 + local.mid.size * len(piece.corners) // 12_000_000)
+    most = np.concatenate([(x @ piece.corners.T).max(axis=1) for x in parts]).reshape(error.shape)
     value = above(most, up(error + norm(piece.sweep * local.size)))
     return above(value, above(shift.mid, shift.rad))
 
@@ -919,10 +1132,9 @@ def unpack(data: bytes) -> tuple[dict[str, Any], dict[str, Any], Trees]:
     need(data.startswith(MAGIC), "the file is not a proof")
     inflate = zlib.decompressobj()
     line, _, rest = inflate.decompress(data[len(MAGIC) :], MOST_BYTES).partition(b"\n")
-    need(len(line) <= MOST_HEAD, "the proof's head is too large")
     need(inflate.eof and not inflate.unused_data, "the proof is cut short, too large, or goes on after its end")
     keys = "version files clearance self_clearance held cuts pairs leaves once claims"
-    head, at, arrays = mapping(json.loads(line), "the proof's head", keys), 0, []
+    head, at, arrays = mapping(json.loads(line, object_pairs_hook=unique), "the proof's head", keys), 0, []
     good = all(isinstance(head[x], dict) for x in ("files", "held", "cuts"))
     need(good and head["version"] == VERSION, "the proof's head is not of this version")
     sizes = [*((x, "<u2") for x in head["cuts"].values()), (head["pairs"], "<u4"), (head["leaves"], "<u1")]
@@ -944,13 +1156,15 @@ def verify(scene: Path, motion: Path, proof: Path | bytes) -> str:
     reason."""
     try:
         with np.errstate(all="ignore"):
-            head, cuts, trees = unpack(proof if isinstance(proof, bytes) else read(proof))
+            head, cuts, trees = unpack(proof if isinstance(proof, bytes) else proof.read_bytes())
             world = World(scene, motion, head, cuts)
             need(world.files == head["files"] and {*cuts} <= {*world.meshes}, "the proof names other files or meshes")
             check_apart(world, head, trees)
             return statement(world, head)
     except RejectedError:
         raise
+    except MemoryError:
+        raise RejectedError("needs more memory than it may take") from None
     except Exception as error:  # whatever is not as it should be: it is no proof
         words_ = " ".join(f"{type(error).__name__}: {error}".split())
         raise RejectedError(f"a file is not as it should be ({words_})") from None
@@ -996,64 +1210,264 @@ def check_apart(world: World, head: dict[str, Any], trees: Trees) -> None:
             raise RejectedError(f"{' and '.join(pieces[i].key for i in bodies[leaf])}: {where}: {short}")
 
 
-def check_rates(world: World, name: str, order: int) -> None:
-    """Check a limit on the time derivative of that order of the joints' values, as far as it exists: a motion is smooth
-    enough by the rule of its interpolation, but for its ends, where it is to be at rest."""
-    limits, joints = world.top.get("limits") or {}, world.joints[: world.rows.shape[1]]
+def limits_of(world: World, name: str, joints: list[Joint]) -> Any:
+    """Return the scene's limits (n,) of a rate, or of torques."""
+    limits = world.top.get("limits") or {}
     asked = limits.get(name, "urdf" if name == "velocity" else None)
-    single = all(x.parent == i - 1 for i, x in enumerate(joints))  # only then the order of joints is known
-    need(world.clock is not None and (single or not isinstance(asked, list)), f"limits.{name}: cannot be checked")
+    need(world.clock is not None, f"limits.{name}: the motion has no times")
     values = asked if isinstance(asked, dict) else {x.name: asked for x in joints}
     values = dict(zip([x.name for x in joints], asked, strict=True)) if isinstance(asked, list) else values
     most = [values.get(x.name, "urdf") for x in joints]
-    most = [x.speed if y == "urdf" and name == "velocity" else y for x, y in zip(joints, most, strict=True)]
-    bound, rates = numbers(most, len(joints), f"limits.{name}"), world.curve
+    most = [x.most.get(name) if y == "urdf" else y for x, y in zip(joints, most, strict=True)]
+    return numbers(most, len(joints), f"limits.{name}")
+
+
+def rates_of(world: World, name: str, order: int) -> list[Ball]:
+    """Return the control points of the joints' values and of their time derivatives, as far as they exist: a motion is
+    smooth enough by the rule of its interpolation, but for its ends, where it is to be at rest."""
     share = inverse(Ball(world.clock[1:]) - world.clock[:-1])[:, None, None]
-    need(rates.mid.shape[1] >= 2 * order, f"limits.{name}: the motion's interpolation is not smooth enough")
+    need(world.curve.mid.shape[1] >= 2 * order, f"limits.{name}: the motion's interpolation is not smooth enough")
+    rates = [world.curve]
     for k in range(order):
-        at_rest = max(rates[0, 0].size.max(), rates[-1, -1].size.max()) <= SAME or k == 0
+        last = rates[-1]
+        at_rest = max(last[0, 0].size.max(), last[-1, -1].size.max()) <= SAME or k == 0
         need(at_rest, f"limits.{name}: the motion begins or ends with a jump")
-        rates = (rates[:, 1:] - rates[:, :-1]) * (float(rates.mid.shape[1] - 1) * share)
-    for part in range(8):
-        found = blossom(
-            rates, np.full((len(rates.mid), 1, 1), part / 8), np.full((len(rates.mid), 1, 1), (part + 1) / 8)
+        rates.append((last[:, 1:] - last[:, :-1]) * (float(last.mid.shape[1] - 1) * share))
+    return rates
+
+
+def everywhere(name: str, of: list[str], count: int, beyond: Callable[[Any], Any]) -> None:
+    """Check that nothing (k, m), named by `of`, is `beyond` a limit on parts (k, 2) of a motion of `count` intervals.
+    Where that is not sure parts are halved, until it is so at the middle of one."""
+    spans = np.arange(float(count))[:, None] + [0, 1]
+    while True:
+        spans = spans[np.concatenate([beyond(x).any(axis=1) for x in np.array_split(spans, 1 + len(spans) // 5000)])]
+        middle = spans.mean(axis=1)[:, None]
+        if not len(spans):
+            return
+        surely: Any = beyond(np.concatenate([middle, middle + INSTANT], axis=1)[:5000])
+        finest = bool(len(spans) > AT_ONCE or spans[0, 1] - spans[0, 0] < 2.0**-20)
+        for row, column in np.argwhere(surely | finest)[:1]:
+            where = f"{of[column]} is beyond it, or too close to it to be shown"
+            raise RejectedError(f"{name}: {where}, after row {spans[row, 0]:.6g}")
+        ends = [spans[:, :1], middle], [middle, spans[:, 1:]]
+        spans = np.concatenate([np.concatenate(each, axis=1) for each in ends])
+
+
+def parts_of(control: Ball, spans: Any) -> Line:
+    """Return polynomials, known by their control points, on parts (k, 2) of the motion."""
+    row = np.floor(spans[:, 0]).astype(int)
+    return line_of(blossom(control[row], *((x - row)[:, None, None] for x in spans.T)))
+
+
+def check_rates(world: World, name: str, order: int) -> None:
+    """Check a limit on the time derivative of that order of the joints' values."""
+    joints = world.joints[: world.rows.shape[1]]
+    bound, rates = limits_of(world, name, joints), rates_of(world, name, order)[-1]
+    names = [f"joint '{x.name}'" for x in joints]
+    everywhere(f"limits.{name}", names, len(rates.mid), lambda x: ~(parts_of(rates, x).size <= bound * (1 + ROUNDED)))
+
+
+def check_torques(world: World) -> None:
+    """Check the limits of torques: inverse dynamics (Luh, Walker and Paul 1980) of numbers that are linear in s but for
+    a radius, from the joints' values and rates on parts of the motion. Gravity is 9.81 m/s^2 along -z."""
+    joints = world.joints[: world.rows.shape[1]]
+    most, rates = limits_of(world, "torque", joints), rates_of(world, "torque", 2)
+    need(np.isfinite([mass for mass, *_ in world.masses]).all(), "limits.torque: a mass's inertia cannot be checked")
+    loads = [
+        [Ball(0.0), Ball(np.zeros(3)), Ball(np.zeros((3, 3)))] for _ in joints
+    ]  # mass, its moments about the joint
+    for mass, joint, (turn, at), about in world.masses:
+        moment, square = at * mass, dot("i,i->", at, at)
+        inert = dot("ij,kj->ik", dot("ij,jk->ik", turn, about), turn)
+        inert = inert + (np.eye(3) * square - at[:, None] * at) * mass
+        loads[joint] = [a + b for a, b in zip(loads[joint], (Ball(mass), moment, inert), strict=True)]
+
+    def beyond(spans: Any) -> Any:
+        lines = [parts_of(each, spans) for each in rates]
+        return ~(torques(joints, loads, *lines) <= most * (1 + ROUNDED))
+
+    everywhere("limits.torque", [f"joint '{x.name}'" for x in joints], len(world.curve.mid), beyond)
+
+
+def torques(joints: list[Joint], loads: list[list[Ball]], q: Line, v: Line, a: Line) -> Any:
+    """Return upper bounds (k, n) of torques, or forces, of joints at values, velocities and accelerations (k, n)."""
+    k = len(q.mid)
+    zero = Line(*np.zeros((3, k, 3)))
+    known: list[tuple[Line, Line, Line]] = []  # angular velocity, angular acceleration, acceleration, in each frame
+    frames, moved = [], []  # of each joint: rotation (k, 3, 3) and origin in the frame of the joint before
+    force, torque = [], []
+    for j, joint in enumerate(joints):
+        qj, vj, aj = (Line(x.mid[:, j], x.slope[:, j], x.rad[:, j]) for x in (q, v, a))
+        along = [times("p,i->pi", x, still(joint.axis)) for x in (qj, vj, aj)]
+        turn, at = joint.pose
+        origin_, frame = Line(*(np.tile(x, (k, 1)) for x in vars(still(at)).values())), still(turn[None])
+        if joint.turns:
+            cos, sin = cos_sin(qj.mid)
+            off = up(qj.slope * qj.slope / 2 + qj.rad)  # of first-order expansion
+            cross_ = dot("ijk,k->ij", CROSS, joint.axis)
+            ways = turn, dot("ij,jk->ik", turn, cross_), dot("ij,jk->ik", turn, dot("ij,jk->ik", cross_, cross_))
+            c, s = (Line(x.mid, d, up(x.rad + off + up(y.rad * np.abs(qj.slope)) + EPS * np.abs(d)))
+                    for x, y, d in ((cos, sin, -sin.mid * qj.slope), (sin, cos, cos.mid * qj.slope)))  # fmt: skip
+            less = Line(1.0 - c.mid, -c.slope, up(c.rad + EPS))
+            frame = (
+                still(ways[0][None]) + times("p,ij->pij", s, still(ways[1])) + times("p,ij->pij", less, still(ways[2]))
+            )
+        else:
+            origin_ = origin_ + times("ij,pj->pi", still(turn), along[0])
+        w, dw, acc = (
+            known[joint.parent] if joint.parent >= 0 else (zero, zero, zero + Line(np.array([[0, 0, 9.81]]), 0.0, 0.0))
         )
-        for row, _, j in np.argwhere(~(found.size <= bound * (1 + ROUNDED)))[:1]:
-            raise RejectedError(f"limits.{name}: joint '{joints[j].name}' exceeds it after row {row}")
+        acc = acc + wedge(dw, origin_) + wedge(w, wedge(w, origin_))
+        w, dw, acc = (times("pij,pi->pj", frame, x) for x in (w, dw, acc))
+        if joint.turns:
+            dw, w = dw + wedge(w, along[1]) + along[2], w + along[1]
+        else:
+            swerve = wedge(w, along[1])
+            acc = acc + swerve + swerve + along[2]
+        known.append((w, dw, acc))
+        frames.append(frame)
+        moved.append(origin_)
+        mass, first, inert = (still(x[None]) for x in loads[j])
+        first = Line(*(np.tile(x, (k, 1)) for x in vars(first).values()))
+        force.append(times("q,pi->pi", mass, acc) + wedge(dw, first) + wedge(w, wedge(w, first)))
+        spin = times("qij,pj->pi", inert, w)
+        torque.append(wedge(first, acc) + times("qij,pj->pi", inert, dw) + wedge(w, spin))
+    sizes = []
+    for j in reversed(range(len(joints))):
+        sizes.append(times("pi,i->p", torque[j] if joints[j].turns else force[j], still(joints[j].axis)).size)
+        if (parent := joints[j].parent) >= 0:
+            pull, twist = (times("pij,pj->pi", frames[j], x) for x in (force[j], torque[j]))
+            force[parent], torque[parent] = force[parent] + pull, torque[parent] + twist + wedge(moved[j], pull)
+    return np.stack(sizes[::-1], axis=1)
+
+
+def chord(angle: float) -> float:
+    """Return a lower bound of 2 sin(angle / 2), the distance between unit vectors at an angle (of at most pi) apart."""
+    sin = cos_sin(min(angle, 4.0) / 2 + ROUNDED / 2)[1]
+    return np.inf if angle > 3.15 else float(2 * (sin.mid - sin.rad) * (1 - 4 * EPS))
+
+
+def bonds_of_path(world: World) -> list[Bond]:
+    """Return what keeps the scene's path constraints."""
+    path, found = mapping(world.top.get("path") or {}, "path", "upright position relative"), []
+    if "upright" in path:
+        keys = mapping(path["upright"], "path.upright", "link axis tolerance")
+        axis = keys.get("axis", "z")
+        axis = (
+            np.eye(3)["xyz".index(axis[-1])] * (-1) ** (len(axis) - 1)
+            if isinstance(axis, str)
+            else numbers(axis, 3, "axis")
+        )
+        joint, pose = world.at[str(keys["link"])]
+        most = chord(float(numbers(keys.get("tolerance", 0.1), 1, "path.upright")[0]))
+        local = dot("ij,j->i", pose[0], unit(axis))[None]
+        found.append(Bond("path.upright", joint, local, -1, Ball(np.eye(3)[2:]), most, True))
+    if "position" in path:
+        keys = mapping(path["position"], "path.position", "link size position rpy quaternion_xyzw point")
+        joint, pose = world.at[str(keys["link"])]
+        turn, centre = pose_of(
+            {x: keys[x] for x in ("position", "rpy", "quaternion_xyzw") if x in keys}, "path.position"
+        )
+        local = (dot("ij,j->i", pose[0], numbers(keys.get("point", 0.0), 3, "path.position")) + pose[1])[None]
+        for i, size in enumerate(keys["size"]):
+            if size != np.inf:
+                most = float(numbers(size, 1, "path.position")[0]) / 2 + ROUNDED
+                found.append(Bond("path.position", joint, local, -1, centre[None], most, along=turn[:, i]))
+    if "relative" in path:
+        keys = mapping(path["relative"], "path.relative", "link to pose position_tolerance orientation_tolerance")
+        one, other = world.at[str(keys["link"])], world.at[str(keys["to"])]
+        there = pose_of(keys["pose"], "path.relative") if "pose" in keys else None
+        if there is None:
+            begin = Motion(world, np.array([[0.0, INSTANT]]))
+            a, b = (compose((begin.turn[0, j], begin.at[0, j]), pose) for j, pose in (one, other))
+            there = dot("ji,jk->ik", b[0], a[0]), dot("ji,j->i", b[0], a[1] - b[1])
+        found += bonds_of_pose("path.relative", one, (other[0], compose(other[1], there)), keys)
+    return found
+
+
+def bonds_of_pose(what: str, link: tuple[int, Pose], to: tuple[int, Pose], keys: dict[str, Any]) -> list[Bond]:
+    """Return what keeps a link's frame at another one, within tolerances; about one of its axes it may be free."""
+    (joint, pose), (other, target), free = link, to, str(keys.get("free_rotation", "none"))
+    path = what == "path.relative"
+    usual = {"position_tolerance": 5e-3 if path else 1e-3, "orientation_tolerance": 0.05 if path else 1e-2}
+    off, angle = (float(numbers(keys.get(key, x), 1, what)[0]) for key, x in usual.items())
+    bonds = [Bond(what, joint, pose[1][None], other, target[1][None], off + ROUNDED)]
+    need(free in ("none", "x", "y", "z", "all"), f"{what}: free_rotation '{free}'")
+    if free != "all":
+        axes = [0, 1, 2] if free == "none" else ["xyz".index(free)]
+        one, two = (Ball(x[0].mid.T, x[0].rad.T)[axes] for x in (pose, target))
+        # the columns of two rotations an angle apart differ by 2 sqrt(2) sin(angle / 2) in all
+        bonds.append(
+            Bond(what, joint, one, other, two, chord(angle) * (1.4142135623730950 if free == "none" else 1.0), True)
+        )
+    return bonds
+
+
+def check_path(world: World) -> None:
+    """Check the scene's path constraints on the whole motion."""
+    for bond in bonds_of_path(world):
+
+        def off(spans: Any, bond: Bond = bond) -> Any:
+            return ~(Motion(world, spans).apart(bond) <= bond.most)[:, None]
+
+        everywhere(bond.what, ["the link"], len(world.control.mid), off)
+
+
+def at_goal(world: World, goal: dict[str, Any]) -> bool:
+    """Whether the motion ends at one of the poses of a goal, or at all of them."""
+    every = [x["pose"] for x in listing(goal.get("all"), "goal.all")]
+    some = [goal["pose"]] if "pose" in goal else listing(goal.get("poses"), "goal.poses")
+    count = float(len(world.control.mid))
+    end = Motion(world, np.array([[count - INSTANT, count]]))
+    met = []
+    for i, each in enumerate(every or some):
+        keys = mapping(
+            each,
+            f"goal[{i}]",
+            "link position quaternion_xyzw rpy position_tolerance orientation_tolerance free_rotation",
+        )
+        need("link" in keys, "goal: names no link: cannot be checked")
+        pose = pose_of({x: keys[x] for x in ("position", "rpy", "quaternion_xyzw") if x in keys}, "goal")
+        bonds = bonds_of_pose("goal", world.at[str(keys["link"])], (-1, pose), keys)
+        met.append(all((end.apart(x) <= x.most).all() for x in bonds))
+    return all(met) if every else any(met)
 
 
 def statement(world: World, head: dict[str, Any]) -> str:
     """Check limits and ends, as far as the proof claims them, and say what is proven and what is not."""
     claims, top = [str(x) for x in listing(head["claims"], "claims")], world.top
     joints = world.joints[: world.rows.shape[1]]  # the others follow the time
-    need({*claims} <= {"limits", "start", "goal", *RATES}, "the proof claims what cannot be checked")
+    need({*claims} <= {"limits", "start", "goal", "torque", "path", *RATES}, "the proof claims what cannot be checked")
     for name in RATES:
         if name in claims:
             check_rates(world, name, RATES.index(name) + 1)
+    if "torque" in claims:
+        check_torques(world)
+    if "path" in claims:
+        check_path(world)
     ranges = (top.get("limits") or {}).get("position") or {}
     need({*ranges} <= {x.name for x in joints}, "limits.position: a joint does not move")
-    limits = [numbers(ranges[x.name], 2, x.name).tolist() if x.name in ranges else [x.low, x.high] for x in joints]
-    low, high = np.array(limits, dtype=np.float64).T + [[-ROUNDED], [ROUNDED]]
-    spans = np.arange(float(len(world.control.mid)))[:, None] + [0, 1] if "limits" in claims else np.zeros((0, 2))
-    while len(spans):
-        found = []
-        for some in np.array_split(spans, 1 + len(spans) * (world.own + 10) // 1_000_000):
-            motion = Motion(world, some)
-            found.append((motion.middle[:, : len(joints)], motion.most[:, : len(joints)]))
-        middle, most = (np.concatenate(x) for x in zip(*found, strict=True))
-        beyond = ~((middle - most >= low) & (middle + most <= high))
-        surely = (middle - most > high) | (middle + most < low)
-        finest = len(spans) > AT_ONCE or spans[0, 1] - spans[0, 0] < 2.0**-20
-        for i, j in np.argwhere(beyond if finest else surely)[:1]:
-            raise RejectedError(f"joint '{joints[j].name}' leaves its limits near row {spans[i, 0]:g}")
-        spans = spans[beyond.any(axis=1)]
-        middle = spans.mean(axis=1)
-        spans = np.concatenate([np.stack([spans[:, 0], middle], axis=1), np.stack([middle, spans[:, 1]], axis=1)])
+    low, high = np.array([(x.low, x.high) for x in joints]).T
+    for i, name in enumerate(x.name for x in joints):
+        least, most = numbers(ranges[name], 2, f"limits.position.{name}") if name in ranges else (low[i], high[i])
+        low[i], high[i] = max(low[i], least) - ROUNDED, min(high[i], most) + ROUNDED
+    if "limits" in claims:
+
+        def outside(spans: Any) -> Any:
+            q = parts_of(world.curve, spans)
+            reach = up(np.abs(q.slope) + q.rad)
+            return ~((-above(-q.mid, reach) >= low) & (above(q.mid, reach) <= high))
+
+        everywhere("limits.position", [f"joint '{x.name}'" for x in joints], len(world.curve.mid), outside)
     for end, row in (("start", world.rows[0]), ("goal", world.rows[-1])):
         if end in claims:
-            asked = mapping(top.get(end), end, "joints state")
+            asked = mapping(top.get(end), end, "joints state pose poses all")
+            if end == "goal" and {*asked} & {"pose", "poses", "all"}:
+                need(len(asked) == 1 and at_goal(world, asked), "goal: the motion's end does not reach it")
+                continue
             target = world.states.get(str(asked["state"])) if "state" in asked else asked.get("joints")
-            if isinstance(target, list) and all(x.parent == i - 1 for i, x in enumerate(joints)):
+            if isinstance(target, list):
                 target = dict(zip([x.name for x in joints], numbers(target, len(joints), end).tolist(), strict=True))
             places = target if isinstance(target, dict) else {}
             near = [abs(q - places.get(x.name, np.nan)) <= SAME for q, x in zip(row.tolist(), joints, strict=True)]
@@ -1062,11 +1476,13 @@ def statement(world: World, head: dict[str, Any]) -> str:
     rated = {x: None for x in top.get("limits") or {} if x != "position"}
     rated |= {"velocity": None} if rated or top.get("timing") else {}
     open_ += [x for x in [*rated, *(["path"] if "path" in top else [])] if x not in claims]
-    planner = top.get("planner")
-    wanted = float(numbers(planner.get("clearance", 0.0), 1, "clearance")[0]) if isinstance(planner, dict) else 0.0
-    open_ += [f"planner.clearance, {1e3 * wanted:g} mm"] * ((head.get("clearance") or wanted) < wanted)
+    for section, key in (("planner", "clearance"), ("self_collision", "self_clearance")):
+        given = top[section].get("clearance") if isinstance(top.get(section), dict) else None
+        wanted = float(numbers(given or 0.0, 1, f"{section}.clearance")[0])
+        open_ += [f"{section}.clearance, {1e3 * wanted:g} mm"] * ((head.get(key) or wanted) < wanted)
     part = " in part" * bool(open_)
     said = [f"accepted{part}: over the whole motion of {len(world.rows)} rows"]
+    said += [f"  robot: {world.urdf}, SHA-256 {world.files['urdf'][:8]}"]
     own = {name: x for name, x in world.clearances.items() if x > (head.get("clearance") or 0.0)}
     more = "".join(f"; {1e3 * x:g} mm from {name}" for name, x in own.items())
     for key, what in (("clearance", "from every obstacle"), ("self_clearance", "from one another")):
@@ -1082,11 +1498,33 @@ def statement(world: World, head: dict[str, Any]) -> str:
     return "\n".join([*said, "  if:", *(f"    {line}" for line in ASSUMES.splitlines())])
 
 
+def limit() -> None:
+    """Take at most MOST_MEMORY and MOST_TIME, whatever the files say: beyond that, the proof is rejected."""
+    if sys.platform == "linux":
+        import resource
+        import signal
+
+        def late(*_: Any) -> None:
+            signal.signal(signal.SIGXCPU, signal.SIG_IGN)
+            raise RejectedError(f"needs more than {MOST_TIME} s")
+
+        def at_most(kind: int, soft: int, hard: int) -> None:
+            allowed = resource.getrlimit(kind)[1]
+            free = allowed == resource.RLIM_INFINITY
+            resource.setrlimit(kind, (soft, hard) if free else (min(soft, allowed), min(hard, allowed)))
+
+        signal.signal(signal.SIGXCPU, late)
+        at_most(resource.RLIMIT_CPU, MOST_TIME, MOST_TIME + 5)
+        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        at_most(resource.RLIMIT_AS, used + MOST_MEMORY, used + MOST_MEMORY)
+
+
 def main() -> int:
     """Run from the command line."""
     if len(sys.argv) != 4:
         sys.exit("usage: python -m hdplan.verify SCENE TRAJECTORY PROOF")
     try:
+        limit()
         print(verify(*map(Path, sys.argv[1:])))
     except RejectedError as error:
         print(f"rejected: {error}")

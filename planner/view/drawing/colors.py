@@ -17,12 +17,21 @@ GOAL: Color = (213, 94, 0)  # vermillion
 OUTER: Color = (0, 158, 115)  # bluish green
 COLLISION: Color = (204, 121, 167)  # reddish purple
 OBSTACLE: Color = (160, 150, 130)
+SELECTED: Color = (230, 159, 0)  # orange
+PLANE: Color = (0, 158, 115)  # bluish green
 REGION: Color = (86, 180, 233)  # sky blue: where a point of a link is to stay
 CONTACT: Color = (165, 0, 38)  # the near end of the scale below
 INK: Color = (34, 34, 34)
-LINKS: Color = (204, 121, 167)  # between links
+LINKS: Color = (140, 140, 140)  # between links
 ITERATE: Color = (130, 130, 130)  # a path that the optimizer still works on
-OTHERS: tuple[Color, ...] = ((86, 180, 233), (204, 121, 167), (240, 228, 66), (0, 158, 115))  # further robots
+MOTIONS: tuple[Color, ...] = (  # of motions, on path, plot and line
+    (0, 158, 115),
+    (204, 121, 167),
+    (86, 180, 233),
+    (230, 159, 0),
+    (120, 94, 240),
+    (150, 90, 50),
+)
 
 FAR = 0.1  # [m] clearance above which the colour stays the same
 SCALE = read_only(  # from contact to FAR, at equal steps
@@ -50,8 +59,7 @@ def legend() -> str:
     """Return the clearance scale as HTML."""
     stops = ", ".join(hex_of((int(r), int(g), int(b))) for r, g, b in SCALE)
     return (
-        '<div style="padding:0 0.9em;font-size:0.8em">path, coloured by clearance [mm]'
-        f'<div style="height:0.7em;border-radius:3px;background:linear-gradient(to right, {stops})"></div>'
-        '<div style="display:flex;justify-content:space-between"><span>0</span>'
-        f"<span>{FAR * 500:g}</span><span>≥ {FAR * 1000:g}</span></div></div>"
+        '<div class="hd" style="display:flex;gap:0.5em;align-items:center"><span>path: 0</span>'
+        f'<div style="flex:1;height:0.6em;border-radius:3px;background:linear-gradient(to right, {stops})"></div>'
+        f"<span>≥ {FAR * 1000:g} mm clear</span></div>"
     )

@@ -6,6 +6,7 @@ samples [m], but no lower bound between them: that is for the certificate.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,12 +18,26 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.robot_curve import curve_of
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.pictures.clearances import exact
+from hdplan.planner.pictures.quantities import rates
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.scene import Scene
 
 SAMPLES = 101  # at least, over the whole motion; of up to twice as many waypoints each is among them
 TIP = 0.01  # [m] depth of the part of the last link whose middle is its tip
+
+
+@dataclass(frozen=True, eq=False)
+class Share:
+    """How much of the limits on one quantity the joint takes that takes most."""
+
+    quantity: str  # "velocity", "acceleration", "jerk", "torque"
+    times: Array  # (k,) [s]
+    values: Array  # (k,) of 1
+
+    def over(self, times: Array) -> Array:
+        """Return it (m,) at other times (m,) [s]; NaN where it is not known."""
+        return np.asarray(np.interp(times, self.times, self.values, left=np.nan, right=np.nan))
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,30 +50,46 @@ class ShownMotion:
     parameter: Array  # (K,) path parameters of the samples
     joints: Array  # (K, n) [rad] or [m] there
     tip: Array  # (K, 3) [m] the tip there
-    clearance: Array  # (K,) [m] robot to obstacles there, inf without obstacles
-    self_clearance: Array  # (K,) [m] between links there, inf without pairs
+    clearance: Array  # (K,) [m] robot to obstacles there, inf without obstacles, NaN where it was not measured
+    self_clearance: Array  # (K,) [m] between links there, inf without pairs, NaN where it was not measured
+    shares: tuple[Share, ...] | None  # of the scene's limits on rates and torques, None where it was not measured
     certificate: Certificate = field(repr=False)
     scene: Scene = field(repr=False)  # in which clearances and certificate hold, and in no other
 
+    @property
+    def measured(self) -> bool:
+        """Whether its clearances are known."""
+        return not np.isnan(self.clearance[0])
+
     @classmethod
     def of(
-        cls, name: str, trajectory: Trajectory, certifier: Certifier, certificate: Certificate | None = None
+        cls,
+        name: str,
+        trajectory: Trajectory,
+        certifier: Certifier,
+        certificate: Certificate | None = None,
+        measured: bool = True,
     ) -> ShownMotion:
-        """Sample a trajectory; certify it, if that has not been done. Raises InputError if its joints do not fit the
-        robot."""
+        """Sample a trajectory; certify it, if that has not been done. Its clearances, which take longer than the
+        certificate, are only `measured` on request. Raises InputError if its joints do not fit the robot."""
         robot = certifier.robot
         curve = curve_of(robot, trajectory)
         if certificate is None:
             certificate = certifier.certify(trajectory)
         parameter = sample_parameters(len(curve))
-        joints, nothing = curve.at_parameter(parameter), np.full(len(parameter), np.inf)
-        places, between_links = exact(certifier, joints, curve.time_of(parameter))
-        to_obstacles = np.array([place.distance for place in places]) if places else nothing
-        between_links = between_links if len(between_links) else nothing
+        joints = curve.at_parameter(parameter)
+        if measured:
+            nothing = np.full(len(parameter), np.inf)
+            places, between_links = exact(certifier, joints, curve.time_of(parameter))
+            to_obstacles = np.array([place.distance for place in places]) if places else nothing
+            between_links = between_links if len(between_links) else nothing
+            shares: tuple[Share, ...] | None = tuple(shares_of(trajectory, certifier))
+        else:
+            to_obstacles = between_links = np.full(len(parameter), np.nan)
+            shares = None
         tip = Tip.of(robot).path(joints)
-        return cls(
-            name, trajectory, curve, parameter, joints, tip, to_obstacles, between_links, certificate, certifier.scene
-        )
+        known = (to_obstacles, between_links, shares, certificate, certifier.scene)
+        return cls(name, trajectory, curve, parameter, joints, tip, *known)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +130,21 @@ class Tip:
             pin.forwardKinematics(self.robot.model, data, q)
             points[row] = data.oMi[self.joint].act(self.offset)
         return points
+
+
+def millimetres(distance: float) -> str:
+    """Return a distance in words."""
+    return f"{distance * 1e3:.1f} mm" if distance >= 0.0 else f"{-distance * 1e3:.1f} mm deep"
+
+
+def shares_of(trajectory: Trajectory, certifier: Certifier) -> Iterator[Share]:
+    """Yield the shares of the scene's limits that a trajectory takes; none for a path without times."""
+    ordered = trajectory.of_joints(certifier.robot.joint_names, certifier.robot.locked)
+    for rate in rates(ordered, certifier.limits):
+        if rate.limits is not None and len(rate.values):
+            between = len(rate.times) > len(rate.values)  # each value holds from one time to the next
+            times = 0.5 * (rate.times[1:] + rate.times[:-1]) if between else rate.times
+            yield Share(rate.quantity, times, np.abs(rate.values / rate.limits).max(axis=1))
 
 
 def sample_parameters(waypoints: int) -> Array:

@@ -15,17 +15,19 @@ from numpy.typing import NDArray
 
 from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.view.drawing.colors import CONTACT, INK, LINKS, OBSTACLE, REGION, clearance_colors
-from hdplan.planner.view.drawing.skins import Color, Skin, obstacle_mesh, shaded
+from hdplan.planner.view.drawing.colors import CONTACT, INK, LINKS, OBSTACLE, REGION, SELECTED, clearance_colors
+from hdplan.planner.view.drawing.motion import millimetres
+from hdplan.planner.view.drawing.skins import ENDLESS, Color, Skin, obstacle_mesh, shaded
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.path_constraints import Within
-from hdplan.scenes.poses import Pose
+from hdplan.scenes.poses import Pose, Vector3
 
 PATH_WIDTH, SEGMENT_WIDTH = 0.006, 0.004  # [m]
-ENDLESS = 3.0  # [m] length to which an unbounded box is drawn
+FADED = 0.3  # opacity of an obstacle between the eye and the robot
+MORE_SOLID = 0.65  # opacity of a ghost that is selected
 BESIDE = 0.05  # [m] by which the label stands above the segment
 
 
@@ -41,9 +43,10 @@ class RobotNodes:
         *,
         color: Color | None = None,
         opacity: float | None = None,
+        edges: bool = False,
         visible: bool = True,
     ) -> None:
-        """Send the meshes; `color` replaces the skins' own."""
+        """Send the meshes, or only the `edges` of their triangles; `color` replaces the skins' own."""
         self.robot, self.data = robot, robot.model.createData()
         self.root = server.scene.add_frame(f"/{name}", show_axes=False, visible=visible)
         self.frames = {
@@ -59,13 +62,14 @@ class RobotNodes:
                     skin.triangles,
                     color=color or skin.color,
                     opacity=opacity,
+                    wireframe=edges,
                     cast_shadow=False,
                     receive_shadow=False,
                 ),
             )
             for index, skin in enumerate(skins)
         ]
-        self.color = color
+        self.color, self.opacity = color, opacity
         self.q: Array | None = None
 
     def show(self, q: Array) -> None:
@@ -82,6 +86,13 @@ class RobotNodes:
             color = CONTACT if skin.link in links else self.color or skin.color
             if tuple(mesh.color) != color:
                 mesh.color = color
+
+    def select(self, selected: bool) -> None:
+        """Show a ghost more solid as being selected, or as it was."""
+        opacity = MORE_SOLID if selected else self.opacity
+        for _, mesh in self.meshes:
+            if mesh.opacity != opacity:
+                mesh.opacity = opacity
 
     @property
     def visible(self) -> bool:
@@ -108,6 +119,8 @@ class ObstacleNode:
         self.mesh = server.scene.add_mesh_simple(
             f"/obstacles/{index}/mesh", vertices, triangles, color=OBSTACLE, cast_shadow=False, receive_shadow=False
         )
+        self.bounds = np.array([vertices.min(axis=0), vertices.max(axis=0)])  # (2, 3) in its own frame
+        self._in_contact = self._selected = False
         self.take(obstacle)
 
     def take(self, obstacle: Obstacle) -> None:
@@ -116,18 +129,42 @@ class ObstacleNode:
         self.motion = None if obstacle.motion is None else ObstacleMotion.of(obstacle)
         x, y, z, w = obstacle.pose.quaternion_xyzw
         self.frame.position, self.frame.wxyz = obstacle.pose.position, (w, x, y, z)
+        self.place = obstacle.pose.matrix  # (4, 4) where it is shown
 
     def show(self, seconds: float) -> None:
         """If it moves, be where it is at a time [s]."""
         if self.motion is not None:
-            place = self.motion.at(np.array([seconds]))[0]
-            self.frame.position, self.frame.wxyz = place[:3, 3], wxyz_of(place[:3, :3])
+            self.place = self.motion.at(np.array([seconds]))[0]
+            self.frame.position, self.frame.wxyz = self.place[:3, 3], wxyz_of(self.place[:3, :3])
 
     def mark(self, in_contact: bool) -> None:
         """Colour it as being in contact, or as it was."""
-        color = CONTACT if in_contact else OBSTACLE
+        self._in_contact = in_contact
+        self._color()
+
+    def select(self, selected: bool) -> None:
+        """Colour it as being selected, or as it was."""
+        self._selected = selected
+        self._color()
+
+    def fade(self, faded: bool) -> None:
+        """Let it be seen through, as it stands between the eye and the robot, or be solid again."""
+        opacity = FADED if faded else None
+        if self.mesh.opacity != opacity:
+            self.mesh.opacity = opacity
+
+    def _color(self) -> None:
+        color = CONTACT if self._in_contact else SELECTED if self._selected else OBSTACLE
         if tuple(self.mesh.color) != color:
             self.mesh.color = color
+
+
+def draw_ground(scene: viser.SceneApi, base: Vector3, dark: bool) -> None:
+    """Draw a grid at the height of the robot's base, for one browser or all, for a dark page or a light one."""
+    cell, section = ((48, 50, 54), (68, 71, 77)) if dark else ((236, 236, 236), (215, 215, 215))
+    scene.add_grid(
+        "/ground", 3.0, 3.0, cell_size=0.1, section_size=0.5, cell_color=cell, section_color=section, position=base
+    )
 
 
 def draw_region(server: viser.ViserServer, asked: Within) -> Any:
@@ -146,12 +183,37 @@ def draw_region(server: viser.ViserServer, asked: Within) -> Any:
     )
 
 
-def draw_path(server: viser.ViserServer, name: str, tip: Array, colors: NDArray[np.uint8] | Color) -> Any:
-    """Draw the line through points (K, 3), coloured along it (K, 3) or in one colour; a node of that name is
-    replaced."""
-    points = np.stack([tip[:-1], tip[1:]], axis=1)
-    along = colors if isinstance(colors, tuple) else np.stack([colors[:-1], colors[1:]], axis=1)
-    return server.scene.add_line_segments(f"/{name}", points, along, thickness=PATH_WIDTH)
+class PathNode:
+    """A line along which a point moves. It is changed and not sent anew: a browser compiles each new one's shaders."""
+
+    def __init__(self, server: viser.ViserServer, name: str, tip: Array, colors: NDArray[np.uint8] | Color) -> None:
+        """Send it; see `draw`."""
+        self._server = server
+        self._node = server.scene.add_line_segments(f"/{name}", *_segments(tip, colors), thickness=PATH_WIDTH)
+
+    def draw(self, tip: Array, colors: NDArray[np.uint8] | Color) -> None:
+        """Draw the line through points (K, 3), coloured along it (K, 3) or in one colour."""
+        with self._server.atomic():
+            self._node.points, self._node.colors = _segments(tip, colors)
+
+    @property
+    def visible(self) -> bool:
+        """Whether it is shown."""
+        return bool(self._node.visible)
+
+    @visible.setter
+    def visible(self, value: bool) -> None:
+        self._node.visible = value
+
+    def remove(self) -> None:
+        """Take it out of the scene."""
+        self._node.remove()
+
+
+def _segments(tip: Array, colors: NDArray[np.uint8] | Color) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    along = np.broadcast_to(np.asarray(colors, dtype=np.uint8), (len(tip), 3))
+    points = np.stack([tip[:-1], tip[1:]], axis=1).astype(np.float32)
+    return points, np.stack([along[:-1], along[1:]], axis=1)
 
 
 class ClosestNodes:
@@ -168,6 +230,7 @@ class ClosestNodes:
             for name, color in (("obstacle", INK), ("links", LINKS))
         ]
         self.label = server.scene.add_label("/closest/label", "", visible=False, font_screen_scale=0.9)
+        self.labelled = True
 
     def show(self, pairs: Sequence[Closest | None]) -> None:
         """Draw the closest pair with an obstacle, and between links; the nearer one is labelled."""
@@ -179,15 +242,10 @@ class ClosestNodes:
             red, green, blue = clearance_colors(pairs[0].distance).tolist()
             self.lines[0].colors = np.array([red, green, blue], dtype=np.uint8)
         nearest = pairs[0] or pairs[1]
-        self.label.visible = nearest is not None
+        self.label.visible = nearest is not None and self.labelled
         if nearest is not None:
             self.label.text = f"{nearest.link} – {nearest.other}: {millimetres(nearest.distance)}"
             self.label.position = nearest.points.mean(axis=0) + [0.0, 0.0, BESIDE]
-
-
-def millimetres(distance: float) -> str:
-    """Return a distance in words."""
-    return f"{distance * 1e3:.1f} mm" if distance >= 0.0 else f"{-distance * 1e3:.1f} mm deep"
 
 
 def wxyz_of(rotation: Array) -> tuple[float, float, float, float]:

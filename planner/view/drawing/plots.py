@@ -13,7 +13,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from hdplan.planner.view.drawing.colors import CONTACT, INK, LINKS, OTHERS, START, hex_of
+from hdplan.planner.view.drawing.colors import CONTACT, LINKS, START, hex_of
 from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.drawing.skins import Color
 from hdplan.planner.view.drawing.timeline import Timeline
@@ -29,8 +29,16 @@ LINES: tuple[Color, ...] = (  # Okabe & Ito
     (204, 121, 167),
     (230, 159, 0),
     (86, 180, 233),
-    INK,
+    (128, 128, 128),
 )
+BAR: Color = (128, 128, 128)
+LIMIT: Color = (215, 48, 39)  # of what is required or allowed
+SHARES: dict[str, Color] = {  # by quantity: the greatest of all joints
+    "velocity": (0, 114, 178),
+    "acceleration": (0, 158, 115),
+    "jerk": (230, 159, 0),
+    "torque": (204, 121, 167),
+}
 SHOWN = 0.3  # [m] largest clearance that the plot shows: what is farther away matters little
 
 
@@ -47,7 +55,7 @@ class Plot:
         lines = [
             {"label": name, "stroke": hex_of(color), "width": 1.5} for name, color in zip(names, colors, strict=True)
         ]
-        bar = {"label": "now", "stroke": hex_of(INK), "width": 1, "points": {"show": False}}
+        bar = {"label": "now", "stroke": hex_of(BAR), "width": 1, "points": {"show": False}}
         self._lines = (*lines, bar)
         self.handle = server.gui.add_uplot(
             self._rows(0.0),
@@ -56,9 +64,20 @@ class Plot:
             scales=self._scales(),
             axes=({"size": 28}, {"size": 46}),
             legend={"show": False},  # uPlot's own takes three lines
+            cursor={"drag": {"x": False, "y": False, "setScale": False}},  # a click seeks
             height=HEIGHT,
         )
         self.legend = server.gui.add_html(_legend(names, colors))
+
+    @property
+    def visible(self) -> bool:
+        """Whether it is shown."""
+        return bool(self.handle.visible)
+
+    @visible.setter
+    def visible(self, value: bool) -> None:
+        if self.handle.visible != value:
+            self.handle.visible = self.legend.visible = value
 
     def remove(self) -> None:
         """Take it out of the panel."""
@@ -89,7 +108,7 @@ class Plot:
 
     @property
     def _words(self) -> str:
-        return f"{self._title} over {'time [s]' if self._timeline.timed else 'the path parameter'}{self._remark}"
+        return f"{self._title} over {'time [s]' if self._timeline.timed else 'the path'}{self._remark}"
 
     def _scales(self) -> dict[str, dict[str, object]]:
         extent = (self._timeline.begin, self._timeline.end)
@@ -110,34 +129,59 @@ def with_bar(times: Array, curves: Sequence[Array], now: float, low: float, high
 
 
 class MotionPlots:
-    """Joints of one motion, and clearances of all of them."""
+    """Joints of one motion, clearances of several, and how much of its limits the one uses."""
 
-    def __init__(self, server: viser.ViserServer, joint_names: Sequence[str], motions: Sequence[str]) -> None:
-        """Set the plots up for motions of these names."""
+    def __init__(
+        self, server: viser.ViserServer, joint_names: Sequence[str], motions: Sequence[tuple[str, Color]]
+    ) -> None:
+        """Set the plots up for motions of these names and colours."""
         lines = [LINES[i % len(LINES)] for i in range(len(joint_names))]
-        self.joints = Plot(server, "joints [rad or m]", joint_names, lines)
-        colors = [START, *OTHERS][: len(motions)]
+        names, colors = [name for name, _ in motions], [color for _, color in motions]
         self.clearance = Plot(
             server,
             "clearance [mm]",
-            [*motions, "own links"],
-            [*colors, *[INK] * (len(motions) - len(colors)), LINKS],
+            [*names, "own links", "required", "proven"],
+            [*colors, LINKS, LIMIT, START],
         )
+        self.joints = Plot(server, "joints [rad or m]", joint_names, lines)
+        self.shares = Plot(server, "share of the limits [%]", [*SHARES, "limit"], [*SHARES.values(), LIMIT])
 
-    def set(self, active: ShownMotion, motions: Sequence[ShownMotion], timeline: Timeline, now: float) -> None:
-        """Show the joints of the active motion and the clearance of all, each from its start to its goal."""
+    def set(
+        self, active: ShownMotion, motions: Sequence[ShownMotion], required: float, timeline: Timeline, now: float
+    ) -> None:
+        """Show the joints of the active motion, the clearance of all, each from its start to its goal, the clearance
+        `required` [m] and the one proven of the active motion, and its shares of limits, if it has any."""
         spread = float(np.ptp(active.joints)) or 1.0
         low, high = float(active.joints.min()) - 0.05 * spread, float(active.joints.max()) + 0.05 * spread
         when = {motion.name: timeline.moments(motion.curve, motion.parameter) for motion in motions}
-        times = np.unique(np.concatenate([*when.values(), [timeline.begin, timeline.end]]))
-        own = [_within(times, when[active.name], values) for values in active.joints.T]
-        self.joints.set(timeline, times, own, low, high, now)
+        own = timeline.moments(active.curve, active.parameter)
+        times = np.unique(np.concatenate([own, *when.values(), [timeline.begin, timeline.end]]))
+        self.joints.set(timeline, times, [_within(times, own, values) for values in active.joints.T], low, high, now)
         curves = [_within(times, when[motion.name], _shown(motion.clearance)) for motion in motions]
-        curves.append(_within(times, when[active.name], _shown(active.self_clearance)))
+        curves.append(_within(times, own, _shown(active.self_clearance)))
+        proven = active.certificate.clearance
+        for bound in (required, np.nan if proven is None else proven):
+            curves.append(np.full(len(times), bound))
         millimetres = [1e3 * curve for curve in curves]
-        top = max(float(np.nanmax(curve)) for curve in millimetres)
-        bottom = min(0.0, *(float(np.nanmin(curve)) for curve in millimetres))
+        known = [curve[np.isfinite(curve)] for curve in millimetres]
+        top = max(float(curve.max(initial=0.0)) for curve in known)
+        bottom = min(float(curve.min(initial=0.0)) for curve in known)
         self.clearance.set(timeline, times, millimetres, 1.05 * bottom, 1.05 * max(top, 10.0), now)
+        if not active.measured:
+            self.clearance.remark(", measured when you let go")
+        self._show_shares(active, timeline, now)
+
+    def _show_shares(self, active: ShownMotion, timeline: Timeline, now: float) -> None:
+        if active.shares is None:
+            return
+        shares = {share.quantity: share for share in active.shares}
+        self.shares.visible = bool(shares)
+        if shares:
+            times = np.unique(np.concatenate([share.times for share in shares.values()]))
+            nothing = np.full(len(times), np.nan)
+            curves = [100.0 * shares[name].over(times) if name in shares else nothing for name in SHARES]
+            top = max(float(100.0 * share.values.max()) for share in shares.values())
+            self.shares.set(timeline, times, [*curves, np.full(len(times), 100.0)], 0.0, 1.08 * max(top, 100.0), now)
 
     def outdate(self) -> None:
         """Say that the clearances are of an earlier scene."""
@@ -145,13 +189,13 @@ class MotionPlots:
 
     def remove(self) -> None:
         """Take them out of the panel."""
-        self.joints.remove()
-        self.clearance.remove()
+        for plot in (self.clearance, self.joints, self.shares):
+            plot.remove()
 
     def follow(self, now: float) -> None:
         """Move the bars."""
-        self.joints.follow(now)
-        self.clearance.follow(now)
+        for plot in (self.clearance, self.joints, self.shares):
+            plot.follow(now)
 
 
 def _legend(names: Sequence[str], colors: Sequence[Color]) -> str:
@@ -160,7 +204,7 @@ def _legend(names: Sequence[str], colors: Sequence[Color]) -> str:
         f"{html.escape(name)}</span>"
         for name, color in zip(names, colors, strict=True)
     )
-    return f'<div style="padding:0 0.9em;font-size:0.72em;line-height:1.3">{" ".join(lines)}</div>'
+    return f'<div class="hd" style="line-height:1.3">{" ".join(lines)}</div>'
 
 
 def _within(times: Array, own: Array, values: Array) -> Array:

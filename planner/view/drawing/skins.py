@@ -43,6 +43,7 @@ Color = tuple[int, int, int]  # red, green, blue, 0 to 255
 
 PLAIN: Color = (190, 190, 190)  # of what has no colour of its own
 HELD: Color = (230, 159, 0)  # orange, of held objects
+ENDLESS = 3.0  # [m] length to which an unbounded box is drawn
 SHARP = 0.6  # [rad] edges between faces that turn more than this are drawn sharp
 COARSE, FINE = 2, 3  # subdivisions of the balls that stand for a sweeping sphere: of many bodies, of one
 

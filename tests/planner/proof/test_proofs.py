@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import pickle
 import re
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 
 import hdplan
 import hdplan.verify as verify
@@ -24,7 +26,7 @@ from hdplan.planner.certificate.verdict import Status
 from hdplan.planner.proof.proof import world_of
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.planner_settings import PlannerSettings
-from hdplan.scenes.yaml_format.reader import find_scene
+from hdplan.scenes.yaml_format.reader import find_scene, shipped_scenes
 
 SCENES = ("panda_cage", "panda_carry", "panda_table_pick", "ur5_table", "planar_arm", "panda_gate")
 
@@ -107,15 +109,43 @@ def test_a_motion_that_is_not_certified_has_no_proof(proven: Callable[[str], Pro
         hdplan.prove("panda_cage", tmp_path / "m.json")
 
 
+def test_links_that_only_touched_wherever_tried_are_refused_by_name(tmp_path: Path) -> None:
+    text = find_scene("tiago_shelf").read_text()
+    (tmp_path / "s.yaml").write_text("\n".join(x for x in text.splitlines() if "ignore_pairs" not in x))
+    hdplan.plan(hdplan.load_scene(tmp_path / "s.yaml"), time_limit=60).save(tmp_path / "m.json")
+    with pytest.raises(
+        hdplan.InputError, match=r"arm_6_link and wrist_ft_link touch at every|torso_lift_link touch at every"
+    ):
+        hdplan.prove(tmp_path / "s.yaml", tmp_path / "m.json")
+
+
+def test_meshes_of_other_kinds_are_refused_by_name(tmp_path: Path) -> None:
+    trimesh.creation.box([0.1, 0.1, 0.1]).export(tmp_path / "b.off")
+    text = find_scene("empty").read_text()
+    shape = "obstacles: [{name: b, shape: {type: mesh, file: b.off}, pose: {position: [2, 2, 2]}}]\n"
+    (tmp_path / "s.yaml").write_text(text + shape)
+    hdplan.plan(hdplan.load_scene(tmp_path / "s.yaml"), time_limit=60).save(tmp_path / "m.json")
+    with pytest.raises(hdplan.InputError, match=r"b\.off: meshes of this kind"):
+        hdplan.prove(tmp_path / "s.yaml", tmp_path / "m.json")
+
+
+QUICK = ("kinova_shelf", "panda_cup", "panda_heavy", "panda_grasp", "baxter_bimanual_carry")
+
+
 @pytest.mark.parametrize(
-    ("scene", "words"),
-    [("kinova_shelf", "kind"), ("tiago_shelf", "touch at every")],
+    "scene", [pytest.param(x, marks=() if x in QUICK else pytest.mark.slow) for x in sorted(shipped_scenes())]
 )
-def test_what_a_proof_cannot_hold_is_refused_by_name(scene: str, words: str, tmp_path: Path) -> None:
-    problem = hdplan.load_scene(scene)
-    hdplan.plan(problem, time_limit=60).save(tmp_path / "m.json")
-    with pytest.raises(hdplan.InputError, match=words):
-        hdplan.prove(scene, tmp_path / "m.json")
+def test_the_motion_of_every_shipped_scene_is_proven_whole(scene: str, tmp_path: Path) -> None:
+    result = hdplan.plan(hdplan.load_scene(scene), time_limit=120)
+    result.save(tmp_path / "m.json")
+    proof = hdplan.prove(scene, tmp_path / "m.json")
+    assert proof.text.startswith("accepted: ")
+    assert "NOT proven" not in proof.text
+    head = json.loads(zlib.decompress(proof.data[len(verify.MAGIC) :]).partition(b"\n")[0])
+    for key in ("clearance", "self_clearance"):
+        least, proven = getattr(result.certificate, key), head[key]
+        if least is not None:
+            assert least - max(1e-4, 0.02 * least) <= proven <= least
 
 
 # --- faults that a certificate once had -------------------------------------------------------------------------------
@@ -223,7 +253,7 @@ def test_limits_that_do_not_hold_are_not_claimed(monkeypatch: pytest.MonkeyPatch
         if rate < 0.04:
             assert "limits" in verify.statement(world, {**head, "claims": ["limits"]})
         else:
-            with pytest.raises(verify.RejectedError, match="'panda_joint1' leaves its limits"):
+            with pytest.raises(verify.RejectedError, match=r"limits.position: joint 'panda_joint1' is beyond"):
                 verify.statement(world, {**head, "claims": ["limits"]})
 
 
@@ -488,3 +518,28 @@ def test_damaged_files_are_rejected(proven: Callable[[str], Proven]) -> None:
         least = float(re.search(r"at least ([\d.]+) mm from every", text)[1])  # type: ignore[index]
         assert least <= 1e3 * each.certificate.worst.distance  # type: ignore[union-attr]
     assert accepted < 25
+
+
+# --- from the library -------------------------------------------------------------------------------------------------
+
+
+def test_a_result_gives_its_proof_of_the_files_that_it_writes(tmp_path: Path) -> None:
+    for name, scene in (
+        ("a shipped scene", hdplan.load_scene("ur5_table")),
+        ("one made in Python", hdplan.Scene(robot="ur5", obstacles=[hdplan.Box([0.1] * 3, pose=[0.9, 0, 0.1])],
+                                            start=[0.0, -1.5, 1, 0, 0, 0], goal=[0.5, -1.5, 1, 0, 0, 0])),
+        ("one that was changed", hdplan.load_scene("ur5_table").with_goal([-0.5, -1.07, 1.79, -2.29, -1.57, 0])),
+    ):  # fmt: skip
+        result = hdplan.plan(scene)
+        result.save(tmp_path / "m.json")
+        files = scene.source if name == "a shipped scene" else tmp_path / "s.yaml"
+        if name != "a shipped scene":
+            scene.save(tmp_path / "s.yaml")
+        proof = result.certificate.proof
+        assert verify.verify(files, tmp_path / "m.json", proof.data) == proof.text
+        assert result.certificate.proof is proof
+        again = pickle.loads(pickle.dumps(result))
+        assert again.certificate.proof.data == proof.data
+    certificate = hdplan.certify(scene, result.trajectory)
+    with pytest.raises(hdplan.InputError, match=r"hdplan\.prove"):
+        _ = certificate.proof

@@ -1,14 +1,15 @@
-"""The leaves of proofs in another arithmetic: mpmath's intervals, with kinematics as Pinocchio loads them. At times
-drawn from each leaf, its plane keeps the two pieces as far apart as the proof claims, to the last bit."""
+"""The leaves of proofs in another arithmetic: the balls of Arb (python-flint), with kinematics as Pinocchio loads
+them. At times drawn from each leaf, its plane keeps the two pieces apart as the proof claims, to the last bit."""
 
 from __future__ import annotations
 
+import functools
 import json
 import zlib
 from pathlib import Path
 from typing import Any
 
-import mpmath
+import flint
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -20,20 +21,26 @@ from hdplan.planner.proof.proof import world_of
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.yaml_format.reader import find_scene
 
-iv = mpmath.iv
+arb = flint.arb
 LEAVES, TIMES = 30, 4  # that are looked at, and times of each beside its ends
 
 
+def matrix(rows: Any) -> Any:
+    """Exact numbers (m, n) as balls; (n,) as one column."""
+    rows = np.asarray(rows, dtype=float)
+    return flint.arb_mat([[arb(x) for x in row] for row in (rows[:, None] if rows.ndim == 1 else rows).tolist()])
+
+
 def frame_of(model: pin.Model, joint: int, q: list[Any]) -> tuple[Any, Any]:
-    """Rotation (3, 3) and origin (3,) of a joint that turns about its z axis, for intervals of joint values."""
+    """Rotation (3, 3) and origin (3, 1) of a joint that turns about its z axis, for balls of joint values."""
     if joint == 0:
-        return iv.eye(3), iv.zeros(3, 1)
+        return matrix(np.eye(3)), matrix(np.zeros(3))
     turn, at = frame_of(model, int(model.parents[joint]), q)
     placed = model.jointPlacements[joint]
-    at = at + turn * iv.matrix(placed.translation.tolist())
-    cos, sin = iv.cos(q[joint - 1]), iv.sin(q[joint - 1])
-    spin = iv.matrix([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
-    return turn * iv.matrix(placed.rotation.tolist()) * spin, at
+    at = at + turn * matrix(placed.translation)
+    cos, sin = q[joint - 1].cos(), q[joint - 1].sin()
+    spin = flint.arb_mat([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
+    return turn * matrix(placed.rotation) * spin, at
 
 
 @pytest.mark.parametrize("scene", ["panda_cage", "panda_carry"])
@@ -55,19 +62,19 @@ def test_planes_separate_in_interval_arithmetic(scene: str, tmp_path: Path) -> N
         if world.pairs[pair, 1] < world.own:
             continue
         seen += 1
-        n = iv.matrix(normals[leaf].tolist())
+        n = matrix(normals[leaf])
         far = _reach(b, n)
         for place in (low, high, *rng.uniform(low, high, TIMES)):
             row = min(int(place), len(curve) - 2)
-            share, rows = iv.mpf(place) - row, curve.rows[row : row + 2].tolist()
-            q = [x + share * (iv.mpf(y) - x) for x, y in zip(*rows, strict=True)]
+            share, rows = arb(float(place)) - row, curve.rows[row : row + 2].tolist()
+            q = [x + share * (arb(y) - x) for x, y in zip(*rows, strict=True)]
             turn, at = frame_of(setup.robot.model, a.joint + 1, q)
-            origin = turn * iv.matrix(a.pose[1].mid.tolist()) + at
-            way = (turn * iv.matrix(a.pose[0].mid.tolist())).T * n
-            near = sum(x * y for x, y in zip(n, origin, strict=True)) - _support(a, -way)
-            gap = (near - far) / iv.sqrt(sum(x * x for x in n))
-            assert gap.a >= clearance
-            closest = min(closest, float(gap.b))
+            origin = turn * matrix(a.pose[1].mid) + at
+            way = (turn * matrix(a.pose[0].mid)).transpose() * n
+            near = (n.transpose() * origin)[0, 0] - _support(a, way * -1)
+            gap = (near - far) / (n.transpose() * n)[0, 0].sqrt()
+            assert gap >= clearance  # of balls: for all of their numbers
+            closest = min(closest, float(gap))
         if seen == LEAVES:
             break
     assert seen == LEAVES
@@ -75,13 +82,14 @@ def test_planes_separate_in_interval_arithmetic(scene: str, tmp_path: Path) -> N
 
 
 def _support(piece: verify.Piece, way: Any) -> Any:
-    """Bounds of the greatest value of way · x over a piece, in its own frame."""
-    values = [sum(iv.mpf(float(x)) * y for x, y in zip(corner, way, strict=True)) for corner in piece.corners]
-    most = iv.mpf([max(v.a for v in values), max(v.b for v in values)])
-    return most + iv.sqrt(sum((iv.mpf(float(x)) * y) ** 2 for x, y in zip(piece.sweep, way, strict=True)))
+    """A ball around the greatest value of way · x over a piece, in its own frame."""
+    values = (matrix(piece.corners) * way).entries()
+    most = functools.reduce(lambda x, y: x.max(y), values)
+    squares = [(arb(float(x)) * y) ** 2 for x, y in zip(piece.sweep, way.entries(), strict=True)]
+    return most + sum(squares, arb(0)).nonnegative_part().sqrt()
 
 
 def _reach(piece: verify.Piece, n: Any) -> Any:
-    """Bounds of the greatest value of n · x over a piece that stands."""
-    turn = iv.matrix(piece.pose[0].mid.tolist())
-    return _support(piece, turn.T * n) + sum(x * y for x, y in zip(n, piece.pose[1].mid.tolist(), strict=True))
+    """A ball around the greatest value of n · x over a piece that stands."""
+    turn, at = (matrix(x.mid) for x in piece.pose)
+    return _support(piece, turn.transpose() * n) + (n.transpose() * at)[0, 0]

@@ -180,7 +180,7 @@ def test_rates_are_accepted_just_above_their_greatest_value_and_never_below(
             if good:
                 verify.check_rates(world, name, order)
             else:
-                with pytest.raises(verify.RejectedError, match=f"limits.{name}: joint .* exceeds it after row"):
+                with pytest.raises(verify.RejectedError, match=f"limits.{name}: joint .* is beyond it"):
                     verify.check_rates(world, name, order)
         if order > 1 and trial == 0:
             world.top["limits"] = {name: 1e6}

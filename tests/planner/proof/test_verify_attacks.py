@@ -14,6 +14,7 @@ import pytest
 
 import hdplan
 import hdplan.verify as verify
+from hdplan.planner.robot.robot import load_robot
 from hdplan.scenes.robot_files.library import data_folder, description_of, robot_names
 from hdplan.scenes.yaml_format.reader import find_scene
 
@@ -78,7 +79,7 @@ def test_a_joint_that_follows_another_is_held_where_it_follows(
 def test_large_heads_and_many_groups_are_rejected_before_they_cost_memory(
     cage: tuple[Path, dict[str, Any], bytes],
 ) -> None:
-    check(cage, "head is too large", {**cage[1], "more": [[]] * 1_000_000})
+    check(cage, "the proof.s head: a mapping", {**cage[1], "more": [[]] * 1_000_000})
     world = verify.World(find_scene("panda_cage"), cage[0], cage[1], {})
     cuts = {key: len(x) for key, x in world.meshes.items()}
     groups = b"".join(np.arange(n, dtype="<u2").tobytes() for n in cuts.values())
@@ -122,10 +123,25 @@ def test_meshes_that_others_would_read_otherwise_are_rejected(name: str, data: b
 def test_meshes_are_read_as_they_are_written() -> None:
     wanted = [[[0, 0, 0], [9, 0, 0], [0, 9, 0]]]
     text = (LOOP % "vertex 0 0 0\nvertex 9 0 0\nvertex 0 9 0\n").encode()
-    assert verify.triangles(Path("a.stl"), BINARY).tolist() == wanted
-    assert verify.triangles(Path("a.stl"), b"solid x\r\n" + text.upper() + b"endsolid x\n").tolist() == wanted
+    assert verify.triangles(Path("a.stl"), BINARY).mid.tolist() == wanted
+    assert verify.triangles(Path("a.stl"), b"solid x\r\n" + text.upper() + b"endsolid x\n").mid.tolist() == wanted
     lines = b"# a\x0cv 5 5 5\n# b\x85v 5 5 5\nv 0 0 0\rv 9 0 0\r\nv 0 9 0 1\nf 1/1/1 2//2 -1\n"
-    assert verify.triangles(Path("a.obj"), lines).tolist() == wanted
+    assert verify.triangles(Path("a.obj"), lines).mid.tolist() == wanted
+
+
+def test_joints_come_in_the_order_in_which_a_scene_counts_them(tmp_path: Path) -> None:
+    for name in ("panda", "baxter", "tiago", "pr2", "a1", "alex_nub_hands", "xarm7"):
+        robot = load_robot(hdplan.RobotSpec(name=name))
+        joints = list(robot.joint_names)[:50][::-1]
+        (tmp_path / "s.yaml").write_text(
+            f"hdplan: 1\nrobot: {{name: {name}}}\nstart: {{joints: [0]}}\ngoal: {{joints: [0]}}\n"
+        )
+        (tmp_path / "m.json").write_text(
+            json.dumps({"joint_names": joints, "positions": np.zeros((2, len(joints))).tolist()})
+        )
+        held = {**robot.locked, **dict.fromkeys(robot.joint_names[50:], 0.0)}
+        world = verify.World(tmp_path / "s.yaml", tmp_path / "m.json", {"files": {}, "held": held}, {})
+        assert [x.name for x in world.joints] == joints[::-1]
 
 
 def test_attributes_cannot_come_from_a_document_type() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 
@@ -30,15 +31,36 @@ def trajectory(scene: Scene) -> Trajectory:
 
 @pytest.fixture
 def opened() -> Iterator[Opener]:
-    """Opens viewers on free ports, and closes them in the end."""
+    """Opens viewers on free ports, which do not plan live unless asked to, and closes them in the end."""
     viewers: list[Viewer] = []
     complaints: list[str] = []
 
-    def opened(scene: Scene, **motions: Trajectory) -> Viewer:
-        viewers.append(open_viewer(scene, list(motions.items()), port=8180, complain=complaints.append))
-        return viewers[-1]
+    def opened(scene: Scene, live: bool | None = False, **motions: Trajectory) -> Viewer:
+        viewer = open_viewer(scene, list(motions.items()), port=8180, complain=complaints.append)
+        if live is not None:
+            viewer.panel.live.set(live)
+        viewers.append(viewer)
+        return viewer
 
     yield opened
     for viewer in viewers:
         viewer.close()
     assert not complaints
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """A real one; see `in_browser`."""
+    from tests.planner.view.in_browser import opened_browser
+
+    yield from opened_browser()
+
+
+@pytest.fixture
+def tab(browser: Any) -> Iterator[Any]:
+    """Opens pages in it, and fails for what they complain of."""
+    from tests.planner.view.in_browser import Tabs
+
+    tabs = Tabs(browser)
+    yield tabs
+    tabs.close()

@@ -8,10 +8,13 @@ import signal
 import socket
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+import hdplan
 from hdplan import cli
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.front import motion_names
@@ -26,13 +29,16 @@ def run(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
     return int(caught.value.code or 0)
 
 
+def without(*missing: str) -> Callable[..., Any]:
+    """What finds libraries, but not these."""
+    found = importlib.util.find_spec
+    return lambda name, *rest: None if name in missing else found(name, *rest)
+
+
 def test_a_missing_viser_is_said_in_one_line(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found = importlib.util.find_spec
-    monkeypatch.setattr(
-        importlib.util, "find_spec", lambda name, *rest: None if name == "viser" else found(name, *rest)
-    )
+    monkeypatch.setattr(importlib.util, "find_spec", without("viser"))
     assert run(monkeypatch, "planar_arm") == 2
     assert capsys.readouterr().err.strip().endswith("pip install viser")
 
@@ -46,6 +52,10 @@ def test_a_missing_viser_is_said_in_one_line(
         "trajectory": (["planar_arm", "missing.json"], "missing.json"),
         "nothing to record": (["planar_arm", "--record", "page.html"], "no motion to record"),
         "ending": (["planar_arm", "m.json", "--record", "page.txt"], "allowed are .html"),
+        "no film": (["planar_arm", "--video", "film.gif"], "no motion to record"),
+        "ending of a film": (["planar_arm", "m.json", "--video", "film.avi"], "allowed are .mp4, .gif"),
+        "folder": (["planar_arm", "m.json", "--video", "none/film.gif"], "none"),
+        "both": (["planar_arm", "m.json", "--proof", "p.proof", "--record", "p.html"], "does not show proofs"),
     }.values(),
 )
 def test_bad_input_is_one_line(
@@ -62,14 +72,20 @@ def test_bad_input_is_one_line(
     assert "\n" not in errors
 
 
-def test_a_page_is_recorded(
+def test_a_page_and_a_film_are_written_without_viser(
     trajectory: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     trajectory.save(tmp_path / "motion.json")
-    page = tmp_path / "page.html"
-    assert run(monkeypatch, "planar_arm", tmp_path / "motion.json", "--record", page) == 0
-    assert "".join(capsys.readouterr().out.split()) == f"written{page}"  # long names may be broken over lines
-    assert page.stat().st_size > 500_000
+    page, film = tmp_path / "page.html", tmp_path / "film.gif"
+    monkeypatch.setattr(importlib.util, "find_spec", without("viser"))
+    monkeypatch.setattr("hdplan.planner.page.film.find_browser", lambda: None)
+    monkeypatch.setattr("hdplan.planner.page.film.RATES", {".gif": 2})
+    assert run(monkeypatch, "planar_arm", tmp_path / "motion.json", "--record", page, "--video", film) == 0
+    said = "".join(capsys.readouterr().out.split())  # long names may be broken over lines
+    assert f"written{page}" in said
+    assert f"written{film},drawnbymatplotlib,asthereisnoChromiumorChrome" in said
+    assert page.read_bytes().startswith(b"<!doctype html>")
+    assert film.read_bytes().startswith(b"GIF89a")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no Ctrl-C for a child there")
@@ -98,3 +114,24 @@ def test_ctrl_c_ends_it_and_a_taken_port_is_said() -> None:
 def test_motions_get_names_that_differ() -> None:
     names = motion_names([Path("a/one.json"), Path("b/one.json"), Path("two.csv"), Path("two.csv")])
     assert names == ["a/one.json", "b/one.json", "two.csv", "two.csv (2)"]
+
+
+def test_a_proof_of_another_motion_is_refused(
+    trajectory: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    motion, other, proof = (tmp_path / name for name in ("motion.json", "other.json", "motion.proof"))
+    trajectory.save(motion)
+    other.write_text(motion.read_text().replace("0.", "0.0", 1))
+    hdplan.prove("planar_arm", motion).save(proof)
+    for arguments, said in (
+        (["planar_arm", other, "--proof", proof], "not the file that was proven"),
+        (["planar_arm", motion, "--proof", tmp_path / "none.proof"], "no such file"),
+        (["planar_arm", motion, "--proof", motion], "not a proof"),
+        (["planar_arm", "--proof", proof], "about one motion, but none"),
+        (["planar_arm", motion, other, "--proof", proof], "about one motion, but 2"),
+        (["panda_cage", motion, "--proof", proof], "motion.proof"),
+    ):
+        assert run(monkeypatch, *arguments) == 2
+        errors = capsys.readouterr().err.replace(LOADING, "").strip()
+        assert said in errors
+        assert "\n" not in errors

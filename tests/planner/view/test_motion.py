@@ -14,11 +14,11 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.drawing.colors import FAR, SCALE, clearance_colors
-from hdplan.planner.view.drawing.goal import follow
 from hdplan.planner.view.drawing.motion import SAMPLES, ShownMotion, Tip, sample_parameters
 from hdplan.planner.view.drawing.plots import joint_table, with_bar
+from hdplan.planner.view.drawing.reaching import follow_tip
 from hdplan.planner.view.drawing.timeline import PATH_DURATION, Timeline
-from hdplan.planner.view.handles import moved
+from hdplan.planner.view.things import moved
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
 from hdplan.scenes.poses import Pose
@@ -120,7 +120,7 @@ def test_inverse_kinematics_reaches_what_is_near(robot: Robot) -> None:
     tip, rng = Tip.of(robot), np.random.default_rng(5)
     for q in robot.draw(rng, 10):
         near = np.clip(q + rng.normal(scale=0.1, size=robot.n), robot.lower, robot.upper)
-        found, off = follow(tip, q, tip.placement(near))
+        found, off = follow_tip(tip, [q], tip.placement(near))
         assert (found >= robot.lower).all()
         assert (found <= robot.upper).all()
         error = tip.placement(found).actInv(tip.placement(near))
@@ -135,7 +135,7 @@ def test_inverse_kinematics_says_how_much_it_falls_short(robot: Robot) -> None:
     q = Setup.of(load_scene("panda_cage"), robot).query.start
     far = tip.placement(q)
     far.translation = np.array([3.0, 0.0, 0.5])
-    found, off = follow(tip, q, far)
+    found, off = follow_tip(tip, [q], far)
     assert off == pytest.approx(np.linalg.norm(tip.placement(found).translation - far.translation), abs=1e-9)
     assert off > 1.5
 

@@ -1,4 +1,4 @@
-"""What the server sends, without a browser: places, closest points, planning, dragging, comparing, recording."""
+"""What the server sends, without a browser: places, closest points, planning, dragging, comparing."""
 
 from __future__ import annotations
 
@@ -20,11 +20,14 @@ from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.timing.retiming import Retimer
-from hdplan.planner.view.drawing.nodes import ENDLESS, RobotNodes, pose_of
-from hdplan.planner.view.handles import GOAL, Handles
+from hdplan.planner.view.drawing.nodes import RobotNodes, pose_of
+from hdplan.planner.view.drawing.skins import ENDLESS
+from hdplan.planner.view.handles import Handles
 from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.server import open_viewer
-from hdplan.planner.view.viewer import OUTDATED, Viewer
+from hdplan.planner.view.things import GOAL
+from hdplan.planner.view.viewer import Viewer
+from hdplan.planner.view.words import OUTDATED
 from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
@@ -32,7 +35,6 @@ from hdplan.scenes.path_constraints import PathConstraints, Within
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.shapes import Box, Sphere
-from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.timing import Timing
 from hdplan.scenes.yaml_format.reader import load_scene
 from tests.threads import together
@@ -51,9 +53,9 @@ def by_worker(viewer: Viewer, job: Callable[[], None]) -> None:
 
 
 def planned(viewer: Viewer) -> None:
-    viewer.planning.start()
+    viewer.panel.planning.start()
     deadline = time.monotonic() + 60
-    while viewer.planning.running:
+    while viewer.panel.planning.running:
         assert time.monotonic() < deadline
         time.sleep(0.02)
     assert viewer.worker.settle(20)
@@ -69,32 +71,31 @@ def assert_posed(nodes: RobotNodes, q: np.ndarray) -> None:
 
 
 def test_the_slider_moves_the_robot(viewer: Viewer, trajectory: Trajectory) -> None:
-    shown = viewer.shown[0]
     for now in (0.0, 0.31, 1.0):
         viewer.show(now)
-        assert_posed(shown.robot, trajectory.at(now))
-    assert_posed(viewer.start, trajectory.positions[0])
-    assert_posed(viewer.goal, trajectory.positions[-1])
+        assert_posed(viewer.stage.robot, trajectory.at(now))
+    assert_posed(viewer.stage.start, trajectory.positions[0])
+    assert_posed(viewer.stage.goal, trajectory.positions[-1])
 
 
 def test_the_segment_is_as_long_as_the_clearance_that_is_said(viewer: Viewer) -> None:
     viewer.show(0.5)
     to_obstacle, _ = viewer.certifier.closest(viewer.configuration)
     assert to_obstacle is not None
-    points = np.asarray(viewer.closest.lines[0].points)[0]
+    points = np.asarray(viewer.stage.closest.lines[0].points)[0]
     assert np.linalg.norm(points[0] - points[1]) == pytest.approx(to_obstacle.distance, abs=2e-5)
-    assert f"{to_obstacle.distance * 1e3:.1f} mm" in viewer.closest.label.text
+    assert f"{to_obstacle.distance * 1e3:.1f} mm" in viewer.stage.closest.label.text
 
 
 def test_playing_comes_to_the_end_and_stops(viewer: Viewer) -> None:
-    viewer.player.speed.value = "4"
-    viewer.player.play()
+    viewer.panel.player.speed.value = "4"
+    viewer.panel.player.play()
     deadline = time.monotonic() + 20
-    while viewer.player.playing:
+    while viewer.panel.player.playing:
         assert time.monotonic() < deadline
         time.sleep(0.02)
-    assert viewer.player.time == 1.0
-    assert viewer.player.button.label == "Play"
+    assert viewer.panel.player.time == 1.0
+    assert viewer.panel.player.button.label == "Play"
 
 
 # --- motions in time --------------------------------------------------------------------------------------------------
@@ -119,19 +120,19 @@ def test_moving_obstacles_are_where_they_are_at_the_sliders_time(
     opened: Opener, drifting: Scene, timed: Trajectory
 ) -> None:
     viewer = opened(drifting, timed=timed)
-    assert (viewer.player.slider.min, viewer.player.slider.max) == (0.0, 1.5)
+    assert (viewer.panel.player.slider.min, viewer.panel.player.slider.max) == (0.0, 1.5)
     for now in (0.0, 0.412, 1.5):
         viewer.show(now)
-        for node in viewer.obstacles:
+        for node in viewer.stage.obstacles:
             wanted = ObstacleMotion.of(node.obstacle).at(np.array([now]))[0]
             np.testing.assert_allclose(pose_of(node.frame).matrix, wanted, rtol=0, atol=1e-12)
         q = timed.at(timed.curve.parameter_of(now))
-        assert_posed(viewer.shown[0].robot, q)
+        assert_posed(viewer.stage.robot, q)
         nearest, _ = viewer.certifier.nearest(q, time=now)
         assert nearest is not None
-        assert f"{nearest.distance * 1e3:.1f} mm" in viewer.closest.label.text
-        assert f"clearance at {now:.3f} s, exact" in viewer._clearance.content
-    motion = viewer.shown[0].motion
+        assert f"{nearest.distance * 1e3:.1f} mm" in viewer.stage.closest.label.text
+        assert f'data-moment="{now:.3f} s"' in viewer.panel.clearance
+    motion = viewer.motions.shown[0].motion
     for k in (0, 50, len(motion.parameter) - 1):
         when = float(motion.curve.time_of(motion.parameter[k]))
         place, _ = viewer.certifier.nearest(motion.joints[k], time=when)
@@ -144,27 +145,27 @@ def test_a_moving_obstacle_is_dragged_at_time_0_and_moves_on_from_there(
 ) -> None:
     viewer = opened(drifting, timed=timed)
     viewer.show(0.7)
-    handles, index = viewer.planning.handles, len(drifting.obstacles) - 2
+    handles, index = viewer.panel.handles, len(drifting.obstacles) - 2
     handles.choice.value = "obstacle crossing"
     viewer.worker.settle(20)
-    assert viewer.player.time == 0.0
+    assert viewer.panel.player.time == 0.0
     pose = Pose((1.4, -0.5, 0.1))
     by_worker(viewer, lambda: handles.drag(pose))
     by_worker(viewer, handles.let_go)
-    assert pose_of(viewer.obstacles[index].frame).position == pytest.approx(pose.position)
+    assert pose_of(viewer.stage.obstacles[index].frame).position == pytest.approx(pose.position)
     viewer.show(1.0)
-    assert pose_of(viewer.obstacles[index].frame).position == pytest.approx((1.4, -0.2, 0.1))
+    assert pose_of(viewer.stage.obstacles[index].frame).position == pytest.approx((1.4, -0.2, 0.1))
     assert viewer.scene.obstacles[index].motion == drifting.obstacles[index].motion
 
 
 def test_a_motion_plays_in_real_time(opened: Opener, drifting: Scene, timed: Trajectory) -> None:
     viewer = opened(drifting, timed=timed)
     began = time.monotonic()
-    viewer.player.play()
-    while viewer.player.playing:
+    viewer.panel.player.play()
+    while viewer.panel.player.playing:
         assert time.monotonic() < began + 20
         time.sleep(0.01)
-    assert viewer.player.time == 1.5
+    assert viewer.panel.player.time == 1.5
     assert 1.4 < time.monotonic() - began < 3.0  # later where the machine has other things to do
 
 
@@ -174,131 +175,138 @@ def test_motions_of_different_durations_share_the_seconds(
     assert timed.times is not None
     slow = dataclasses.replace(timed, times=2 * timed.times, velocities=None, accelerations=None)
     viewer = opened(scene, timed=timed, slow=slow, path=trajectory)
-    assert viewer.player.slider.max == 3.0
+    assert viewer.panel.player.slider.max == 3.0
     viewer.show(1.5)
-    assert_posed(viewer.shown[0].robot, timed.positions[-1])
-    assert_posed(viewer.shown[1].robot, slow.at(slow.curve.parameter_of(1.5)))
-    assert_posed(viewer.shown[2].robot, trajectory.at(0.5))
+    assert_posed(viewer.stage.robot, timed.positions[-1])
+    assert_posed(viewer.motions.shown[1].robot, slow.at(slow.curve.parameter_of(1.5)))
+    assert_posed(viewer.motions.shown[2].robot, trajectory.at(0.5))
     viewer.show(3.0)
-    assert_posed(viewer.shown[0].robot, timed.positions[-1])
-    assert "1.500 s in" in viewer.verdict
-    assert "3.000 s in" in viewer.verdict
+    assert_posed(viewer.stage.robot, timed.positions[-1])
+    assert "1.500 s in" in viewer.panel.verdict
+    assert "3.000 s in" in viewer.panel.verdict
 
 
 def test_moving_obstacles_can_be_watched_before_there_is_a_motion(opened: Opener, drifting: Scene) -> None:
     viewer = opened(drifting)
-    assert not viewer.player.slider.disabled
+    assert not viewer.panel.player.slider.disabled
     viewer.show(1.0)
-    ball = viewer.obstacles[-2]
+    ball = viewer.stage.obstacles[-2]
     assert pose_of(ball.frame).position == pytest.approx((1.2, -0.2, 0.1))
 
 
 def test_layers_come_and_go(viewer: Viewer) -> None:
     viewer.show(0.4)
     for name in ("outer bodies", "collision meshes"):
-        viewer.layers.set(name, True)
+        viewer.panel.layers.set(name, True)
         viewer.worker.settle(20)
-        nodes = viewer.layers.bodies[name]
+        nodes = viewer.panel.layers.bodies[name]
         assert nodes.visible
         assert_posed(nodes, viewer.configuration)
     for name in ("robot", "path", "start and goal", "obstacles", "closest pair"):
-        viewer.layers.set(name, False)
+        viewer.panel.layers.set(name, False)
     viewer.worker.settle(20)
-    shown = viewer.shown[0]
-    hidden = [shown.robot, viewer.start, viewer.goal, viewer.at_rest, shown.path, viewer.closest.root]
+    shown = viewer.motions.shown[0]
+    hidden = [
+        shown.robot,
+        viewer.stage.start,
+        viewer.stage.goal,
+        viewer.stage.robot,
+        shown.path,
+        viewer.stage.closest.root,
+    ]
     assert not any(node.visible for node in hidden)
 
 
 def test_a_ghost_makes_room_for_the_robot(viewer: Viewer) -> None:
     for now, start, goal in ((0.0, False, True), (0.5, True, True), (1.0, True, False)):
         viewer.show(now)
-        assert (viewer.start.visible, viewer.goal.visible) == (start, goal)
+        assert (viewer.stage.start.visible, viewer.stage.goal.visible) == (start, goal)
 
 
 def test_planning_streams_its_motions_and_ends_with_a_verdict(opened: Opener, scene: Scene) -> None:
     viewer = opened(scene)
-    assert viewer.active is None
-    assert viewer.player.slider.disabled
+    assert viewer.motions.active is None
+    assert viewer.panel.player.slider.disabled
     planned(viewer)
-    result = viewer.planning.result
+    assert viewer.motions.active is not None
+    result = viewer.motions.active.result
     assert result is not None
-    assert len(viewer.planning.iterates) == result.iterations
-    assert viewer.active is not None
-    assert viewer.active.motion.name == NAME
-    assert "certified" in viewer.planning.said
-    assert not viewer.player.slider.disabled
+    assert len(viewer.panel.planning.iterates) == result.iterations
+    assert viewer.motions.active.motion.name == NAME
+    assert "certified" in viewer.panel.planning.said
+    assert not viewer.panel.player.slider.disabled
     viewer.show(0.3)
-    assert_posed(viewer.active.robot, result.trajectory.at(0.3))
+    assert_posed(viewer.stage.robot, result.trajectory.at(0.3))
 
 
 def test_what_is_saved_can_be_planned_and_checked(opened: Opener, scene: Scene, tmp_path: Path) -> None:
     viewer = opened(scene)
     with pytest.raises(HdplanError, match="no motion"):
-        viewer.planning.motion_file()
+        viewer.panel.saving.motion_file()
     planned(viewer)
-    (tmp_path / "scene.yaml").write_bytes(viewer.planning.scene_file())
-    (tmp_path / "motion.json").write_bytes(viewer.planning.motion_file())
+    (tmp_path / "scene.yaml").write_bytes(viewer.panel.saving.scene_file())
+    (tmp_path / "motion.json").write_bytes(viewer.panel.saving.motion_file())
     saved = load_scene(tmp_path / "scene.yaml")
     motion = Trajectory.load(tmp_path / "motion.json")
     again = opened(saved, motion=motion)
-    assert again.shown[0].motion.certificate.certified
+    assert again.motions.shown[0].motion.certificate.certified
     assert [obstacle.pose for obstacle in saved.obstacles] == [obstacle.pose for obstacle in scene.obstacles]
 
 
 def test_the_goal_follows_its_handle(viewer: Viewer) -> None:
-    viewer.planning.handles.choice.value = GOAL
+    viewer.panel.handles.choice.value = str(GOAL)
     viewer.worker.settle(20)
-    before = viewer.tip.placement(viewer.query.goal)
-    near = viewer.tip.placement(viewer.query.goal + [0.05, -0.1, 0.08][: viewer.robot.n])
+    before = viewer.stage.tip.placement(viewer.edited.goal)
+    near = viewer.stage.tip.placement(viewer.edited.goal + [0.05, -0.1, 0.08][: viewer.robot.n])
     x, y, z, w = pin.Quaternion(near.rotation).coeffs().tolist()
     pose = Pose(tuple(near.translation.tolist()), (x, y, z, w))
-    by_worker(viewer, lambda: viewer.planning.handles.drag(pose))
-    by_worker(viewer, viewer.planning.handles.let_go)
-    after = viewer.tip.placement(viewer.query.goal).translation
+    by_worker(viewer, lambda: viewer.panel.handles.drag(pose))
+    by_worker(viewer, viewer.panel.handles.let_go)
+    after = viewer.stage.tip.placement(viewer.edited.goal).translation
     assert np.linalg.norm(after - near.translation) < 1e-3 < np.linalg.norm(after - before.translation)
-    assert_posed(viewer.goal, viewer.query.goal)
-    assert viewer.shown[0].motion.certificate.status.value == "wrong_ends"
+    assert_posed(viewer.stage.goal, viewer.edited.goal)
+    assert viewer.motions.shown[0].motion.certificate.status.value == "wrong_ends"
 
 
 def test_an_obstacle_dragged_onto_the_goal_is_said_in_place_and_refused(viewer: Viewer) -> None:
-    handles, index = viewer.planning.handles, 0
+    handles, index = viewer.panel.handles, 0
     obstacle = viewer.scene.obstacles[index]
     handles.choice.value = f"obstacle {obstacle.name}"
     viewer.worker.settle(20)
-    tip = viewer.tip.placement(viewer.query.goal).translation
+    tip = viewer.stage.tip.placement(viewer.edited.goal).translation
     pose = dataclasses.replace(obstacle.pose, position=tuple(tip.tolist()))
     by_worker(viewer, lambda: handles.drag(pose))
     by_worker(viewer, handles.let_go)
     assert viewer.scene.obstacles[index].pose == pose
-    assert pose_of(viewer.obstacles[index].frame).position == pose.position
-    contacts = viewer.contacts[1]
+    assert pose_of(viewer.stage.obstacles[index].frame).position == pose.position
+    contacts = viewer.edited.contacts[1]
     assert obstacle.name in {contact.other for contact in contacts}
-    assert obstacle.name in viewer.labels[1].text
-    assert "goal is in collision" in viewer.verdict
+    assert obstacle.name in viewer.stage.labels[1].text
+    assert "goal is in collision" in viewer.panel.verdict
     planned(viewer)
-    assert "collision" in viewer.planning.said
+    assert "collision" in viewer.panel.planning.said
     by_worker(viewer, lambda: handles.drag(obstacle.pose))
-    assert viewer.contacts == ((), ())
+    assert viewer.edited.contacts == ((), ())
 
 
 def test_several_motions_stand_side_by_side(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
     line = Trajectory(trajectory.joint_names, trajectory.positions[[0, -1]])
     viewer = opened(scene, found=trajectory, line=line)
-    assert [shown.motion.name for shown in viewer.shown] == ["found", "line"]
-    assert [shown.motion.certificate.certified for shown in viewer.shown] == [True, False]
+    assert [shown.motion.name for shown in viewer.motions.shown] == ["found", "line"]
+    assert [shown.motion.certificate.certified for shown in viewer.motions.shown] == [True, False]
     viewer.show(0.5)
-    assert_posed(viewer.shown[0].robot, trajectory.at(0.5))
-    assert_posed(viewer.shown[1].robot, line.at(0.5))
+    assert_posed(viewer.stage.robot, trajectory.at(0.5))
+    assert_posed(viewer.motions.shown[1].robot, line.at(0.5))
     viewer.choose("line")
     viewer.worker.settle(20)
-    assert viewer.active is viewer.shown[1]
+    assert viewer.motions.active is viewer.motions.shown[1]
     np.testing.assert_allclose(viewer.configuration, line.at(0.5))
 
 
 def test_the_box_of_a_path_constraint_is_shown_where_there_is_one(viewer: Viewer, opened: Opener, scene: Scene) -> None:
-    assert viewer.region is None
+    assert viewer.stage.region is None
     box = Within("forearm", (0.02, math.inf, 0.5), Pose((0.1, 0.0, 0.2), (0.0, 0.0, 1.0, 0.0)))
-    region = opened(dataclasses.replace(scene, path=PathConstraints(position=box))).region
+    region = opened(dataclasses.replace(scene, path=PathConstraints(position=box))).stage.region
     assert region.dimensions == (0.02, ENDLESS, 0.5)
     np.testing.assert_array_equal([*region.position, *region.wxyz], [0.1, 0.0, 0.2, 0.0, 0.0, 0.0, 1.0])
     assert region.opacity < 0.5
@@ -333,21 +341,12 @@ def test_a_host_elsewhere_is_refused(scene: Scene) -> None:
             open_viewer(scene, host=host)
 
 
-def test_a_recorded_page_holds_the_client_and_the_motion(viewer: Viewer, tmp_path: Path) -> None:
-    page = tmp_path / "page.html"
-    viewer.record(page)
-    text = page.read_text(encoding="utf-8")
-    assert "__VISER_EMBED_DATA__" in text
-    assert "http://" not in text.split("__VISER_EMBED_DATA__")[1][:100]
-    assert len(text) < 3e6
-
-
 # --- what is said and saved is of the scene as it is ------------------------------------------------------------------
 
 
 def saved_pair(viewer: Viewer, folder: Path) -> tuple[Scene, Path]:
-    (folder / "scene.yaml").write_bytes(viewer.planning.scene_file())
-    (folder / "motion.json").write_bytes(viewer.planning.motion_file())
+    (folder / "scene.yaml").write_bytes(viewer.panel.saving.scene_file())
+    (folder / "motion.json").write_bytes(viewer.panel.saving.motion_file())
     return load_scene(folder / "scene.yaml"), folder / "motion.json"
 
 
@@ -360,12 +359,14 @@ def assert_true(viewer: Viewer, folder: Path) -> str:
     if said:
         assert (said["status"], said["text"]) == (certificate.status.value, certificate.text)
         assert said["clearance_m"] == certificate.clearance
-    assert "certified: at least" not in viewer.planning.said or certificate.certified
-    assert viewer.verdict.count(OUTDATED) == sum(not viewer.holds(shown.motion) for shown in viewer.shown)
-    for shown in viewer.shown:
-        if viewer.holds(shown.motion):
+    assert "certified: at least" not in viewer.panel.planning.said or certificate.certified
+    assert viewer.panel.rows.content.count(OUTDATED) == sum(
+        not viewer.motions.holds(shown) for shown in viewer.motions.shown
+    )
+    for shown in viewer.motions.shown:
+        if viewer.motions.holds(shown):
             text = certify(scene, shown.motion.trajectory).text
-            assert html.escape(text) in viewer.verdict
+            assert html.escape(text) in viewer.panel.verdict
     return str(said.get("status"))
 
 
@@ -375,18 +376,18 @@ def test_an_obstacle_dragged_into_the_arm_takes_the_verdict_with_it(
     """From the first move on, and in the file, whether the obstacle was let go or not."""
     viewer = opened(scene)
     planned(viewer)
-    assert viewer.active is not None
+    assert viewer.motions.active is not None
     assert assert_true(viewer, tmp_path) == "certified"
-    middle = viewer.active.motion.tip[len(viewer.active.motion.tip) // 2]
-    handles, ball = viewer.planning.handles, next(o for o in scene.obstacles if o.name == "ball")
+    middle = viewer.motions.active.motion.tip[len(viewer.motions.active.motion.tip) // 2]
+    handles, ball = viewer.panel.handles, next(o for o in scene.obstacles if o.name == "ball")
     handles.choice.value = "obstacle ball"
     viewer.worker.settle(20)
     by_worker(viewer, lambda: handles.drag(dataclasses.replace(ball.pose, position=tuple(middle.tolist()))))
-    assert OUTDATED in viewer.verdict
-    assert "certified" not in viewer.planning.said
+    assert OUTDATED in viewer.panel.verdict
+    assert "certified" not in viewer.panel.planning.said
     assert assert_true(viewer, tmp_path) == "in_contact"
     by_worker(viewer, handles.let_go)
-    assert "in contact" in viewer.verdict
+    assert "in contact" in viewer.panel.verdict
     assert assert_true(viewer, tmp_path) == "in_contact"
     by_worker(viewer, lambda: handles.drag(ball.pose))
     assert assert_true(viewer, tmp_path) == "certified"
@@ -403,12 +404,12 @@ def test_whatever_is_dragged_planned_and_saved_in_whatever_order_is_true(
     for scene, limit in ((still, 10), (moving, 4)):
         viewer = opened(scene, found=timed)
         planned(viewer)
-        handles = viewer.planning.handles
-        choices = [GOAL, *(f"obstacle {obstacle.name}" for obstacle in scene.obstacles)]
+        handles = viewer.panel.handles
+        choices = [str(GOAL), *(f"obstacle {obstacle.name}" for obstacle in scene.obstacles)]
 
         def drag(handles: Handles = handles, viewer: Viewer = viewer) -> None:
-            if handles.choice.value == GOAL:
-                place = viewer.tip.placement(viewer.query.goal + rng.normal(0.0, 0.05, viewer.robot.n))
+            if handles.choice.value == str(GOAL):
+                place = viewer.stage.tip.placement(viewer.edited.goal + rng.normal(0.0, 0.05, viewer.robot.n))
                 x, y, z, w = pin.Quaternion(place.rotation).coeffs().tolist()
                 handles.drag(Pose(tuple(place.translation.tolist()), (x, y, z, w)))
                 return
@@ -428,9 +429,9 @@ def test_whatever_is_dragged_planned_and_saved_in_whatever_order_is_true(
                 case "plan":
                     planned(viewer)
                 case "drag while planning":
-                    viewer.planning.start()
+                    viewer.panel.planning.start()
                     by_worker(viewer, drag)
-                    while viewer.planning.running:
+                    while viewer.panel.planning.running:
                         by_worker(viewer, drag)
                     assert viewer.worker.settle(20)
             statuses.append(assert_true(viewer, tmp_path))
@@ -442,36 +443,37 @@ def test_a_motion_that_was_not_planned_here_is_saved_without_a_verdict(viewer: V
 
 
 def test_a_scene_that_does_not_fit_moves_nothing(viewer: Viewer) -> None:
-    before = viewer.scene, viewer.query, viewer.certifier, viewer.verdict
-    goal = JointTarget("goal", positions=tuple(viewer.robot.upper + 1.0))
+    before = viewer.edited, viewer.panel.verdict
     with pytest.raises(InputError, match="outside its limits"):
-        viewer.move(dataclasses.replace(viewer.scene, goal=goal))
-    assert (viewer.scene, viewer.query, viewer.certifier, viewer.verdict) == before
+        viewer.change(viewer.edited.ending_at(viewer.robot.upper + 1.0))
+    with pytest.raises(InputError, match="outside its limits"):
+        viewer.change(viewer.edited.starting_at(viewer.robot.lower - 1.0))
+    assert (viewer.edited, viewer.panel.verdict) == before
 
 
 def test_a_handle_that_is_no_pose_is_one_line(viewer: Viewer) -> None:
     """As a browser may send anything."""
     for position, wxyz in (((np.nan, 0, 0), (1, 0, 0, 0)), ((0, 0, 0), (0, 0, 0, 0)), ((0, np.inf, 0), (1, 0, 0, 0))):
         handle = SimpleNamespace(position=position, wxyz=wxyz)
-        viewer.planning.handles.choice.value = GOAL
+        viewer.panel.handles.choice.value = str(GOAL)
         viewer.worker.settle(20)
         before = viewer.scene
-        viewer.planning.handles._dragged(SimpleNamespace(target=handle, phase="update"))
+        viewer.panel.handles._dragged(SimpleNamespace(target=handle, phase="update"))
         assert viewer.worker.settle(20)
-        assert "handle: found position" in viewer.verdict
-        assert "\n" not in viewer.verdict
+        assert "handle: found position" in viewer.panel.verdict
+        assert "\n" not in viewer.panel.verdict
         assert viewer.scene is before
 
 
 def test_two_browsers_that_press_plan_at_once_get_one_motion(opened: Opener, scene: Scene) -> None:
     viewer = opened(scene)
-    together(lambda _: viewer.planning.start(), 3)
-    while viewer.planning.running:
+    together(lambda _: viewer.panel.planning.start(), 3)
+    while viewer.panel.planning.running:
         time.sleep(0.02)
     assert viewer.worker.settle(20)
-    assert "certified: at least" in viewer.planning.said
-    assert viewer.planning.button.label == "Plan"
-    assert [shown.motion.name for shown in viewer.shown] == [NAME]
+    assert "certified: at least" in viewer.panel.planning.said
+    assert viewer.panel.planning.button.label == "Plan"
+    assert [shown.motion.name for shown in viewer.motions.shown] == [NAME]
 
 
 MORE = [pytest.param(name, marks=pytest.mark.slow) for name in ("panda_carry", "ur5_payload")]
@@ -486,8 +488,8 @@ def test_other_scenes_are_saved_as_they_are(opened: Opener, name: str, tmp_path:
 
 def test_layers_that_are_off_stay_off_for_new_motions(opened: Opener, scene: Scene) -> None:
     viewer = opened(scene)
-    viewer.layers.set("robot", False)
-    viewer.layers.set("path", False)
+    viewer.panel.layers.set("robot", False)
+    viewer.panel.layers.set("path", False)
     planned(viewer)
-    assert not viewer.shown[0].path.visible
-    assert not viewer.shown[0].robot.visible
+    assert not viewer.motions.shown[0].path.visible
+    assert not viewer.motions.shown[0].robot.visible

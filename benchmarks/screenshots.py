@@ -1,0 +1,100 @@
+"""The page of `hdplan view` for every shipped scene, in both themes, as a browser without a screen draws it.
+
+    python benchmarks/screenshots.py FOLDER [SCENE ...] [--size 1400x820] [--theme light|dark] [--unplanned]
+
+For each scene: FOLDER/SCENE-light.png and -dark.png, half-way along a planned motion (or, with --unplanned, as the page
+comes without one). What the page's console complains of is printed, and ends the run with exit code 1.
+It needs chromium and playwright.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from hdplan.planner.plan import plan
+from hdplan.planner.view.server import open_viewer
+from hdplan.planner.view.viewer import Viewer
+from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
+
+SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+THEMES = ("light", "dark")
+TIME_LIMIT = 20.0  # [s] for planning
+DRAWN = 4_000  # [ms] until all meshes are
+PATIENCE = 120_000  # [ms]
+SELDOM = "const frame = requestAnimationFrame; requestAnimationFrame = (draw) => setTimeout(frame, 300, draw)"  # 3 Hz
+
+
+@contextmanager
+def browser() -> Iterator[Any]:
+    """Start the browser that is there."""
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        sys.exit("a picture needs playwright: pip install playwright")
+    chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if chromium is None:
+        sys.exit("a picture needs chromium")
+    with sync_playwright() as playwright:
+        found = playwright.chromium.launch(executable_path=chromium, args=SOFTWARE)
+        yield found
+        found.close()
+
+
+def photograph(browser: Any, viewer: Viewer, file: Path, size: tuple[int, int], theme: str) -> list[str]:
+    """Draw a viewer's page into a file; return what its console complains of."""
+    page = browser.new_page(viewport={"width": size[0], "height": size[1]}, color_scheme=theme)
+    page.add_init_script(SELDOM)  # every pixel is drawn by the processor
+    page.set_default_timeout(PATIENCE)
+    complaints: list[str] = []
+    page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.goto(f"http://127.0.0.1:{viewer.port}")
+    page.wait_for_selector("canvas")
+    page.wait_for_timeout(DRAWN)
+    for button in page.locator(".mantine-Notification-closeButton").all():  # "Software WebGL rendering detected"
+        button.click()
+    page.wait_for_timeout(DRAWN // 4)
+    page.screenshot(path=file)
+    page.close()
+    return complaints
+
+
+def main() -> None:
+    """Take the pictures from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("scenes", nargs="*", default=list(shipped_scenes()))
+    parser.add_argument("--size", default="1400x820")
+    parser.add_argument("--theme", choices=THEMES)
+    parser.add_argument("--unplanned", action="store_true")
+    options = parser.parse_args()
+    width, height = (int(edge) for edge in options.size.split("x"))
+    options.folder.mkdir(parents=True, exist_ok=True)
+    complaints = []
+    with browser() as running:
+        for name in options.scenes:
+            scene = load_scene(name)
+            motions = [] if options.unplanned else [("planned", plan(scene, time_limit=TIME_LIMIT).trajectory)]
+            viewer = open_viewer(scene, motions, port=8380)
+            timeline = viewer.panel.player.timeline
+            viewer.show(0.5 * (timeline.begin + timeline.end))
+            for theme in [options.theme] if options.theme else THEMES:
+                file = options.folder / f"{Path(name).stem}-{theme}.png"
+                complaints += [
+                    f"{file.name}: {said}" for said in photograph(running, viewer, file, (width, height), theme)
+                ]
+                print(file, flush=True)
+            viewer.close()
+    for complaint in complaints:
+        print(complaint, file=sys.stderr)
+    sys.exit(bool(complaints))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,252 @@
+// The page: what `page.py` packed is unpacked, drawn, and played.
+"use strict";
+
+const $ = (id) => document.getElementById(id), said = JSON.parse($("data").textContent);
+const dark = () => matchMedia("(prefers-color-scheme: dark)").matches;
+const rgb = (color) => color.map((x) => x / 255), css = (color) => `rgb(${color.join()})`;
+const ink = () => (dark() ? "#eee" : "#222"), ground = () => (dark() ? "#1b1c1e" : "#fff");
+
+async function unpacked(text) { // base64 of gzip
+  const bytes = Uint8Array.from(atob(text.trim()), (c) => c.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return new Response(stream).arrayBuffer();
+}
+
+function between(rows, at) { // poses, or joint values, at a place along them; poses are turned the shorter way
+  const i = Math.min(Math.max(Math.floor(at), 0), Math.max(rows.length - 2, 0)), a = rows[i], b = rows[Math.min(i + 1, rows.length - 1)];
+  const share = Math.min(Math.max(at - i, 0), 1);
+  const mix = a.map((x, k) => x + share * (b[k] - x));
+  if (a.length !== 7) return mix;
+  const sign = a[3] * b[3] + a[4] * b[4] + a[5] * b[5] + a[6] * b[6] < 0 ? -1 : 1;
+  const q = unit([3, 4, 5, 6].map((k) => a[k] + share * (sign * b[k] - a[k])));
+  return [...mix.slice(0, 3), ...q];
+}
+
+function place(when, now) { // where a moment is among increasing ones
+  if (now <= when[0]) return 0;
+  if (now >= when[when.length - 1]) return when.length - 1;
+  let low = 0, high = when.length - 1;
+  while (high - low > 1) { const middle = (low + high) >> 1; if (when[middle] <= now) low = middle; else high = middle; }
+  return low + (now - when[low]) / (when[high] - when[low]);
+}
+
+function curves(context, width, height, { title, unit, when, series, levels, now }) { // a small plot
+  const left = 34, right = 6, top = 18, bottom = 16, values = series.flatMap((s) => s.values).concat(levels.map((l) => l.at), 0);
+  const low = Math.min(...values), high = Math.max(...values) * 1.06 || 1, begin = when[0], end = when[when.length - 1];
+  const x = (t) => left + (width - left - right) * (t - begin) / (end - begin), y = (v) => top + (height - top - bottom) * (high - v) / (high - low);
+  context.clearRect(0, 0, width, height);
+  context.font = "11px system-ui, sans-serif"; context.fillStyle = ink(); context.textBaseline = "middle";
+  context.textAlign = "left"; context.fillText(title, left, 8);
+  let right_ = width - right;
+  for (const s of [...series].reverse()) { // the legend, in the title's line
+    context.fillStyle = s.color; context.textAlign = "right"; context.fillText(s.name, right_, 8); right_ -= context.measureText(s.name).width + 10;
+  }
+  const step = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000].find((s) => (high - low) / s <= 4) || 1e4;
+  context.textAlign = "right"; context.lineWidth = 1;
+  for (let v = Math.ceil(low / step) * step; v <= high; v += step) {
+    context.strokeStyle = dark() ? "#3a3a3a" : "#e5e5e5"; context.beginPath(); context.moveTo(left, y(v)); context.lineTo(width - right, y(v)); context.stroke();
+    context.fillStyle = ink(); context.fillText(v, left - 4, y(v));
+  }
+  context.textAlign = "left"; context.fillText(begin.toPrecision(2), left, height - 7);
+  context.textAlign = "right"; context.fillText(`${+end.toPrecision(3)}${unit}`, width - right, height - 7);
+  const line = (points, color, dash) => {
+    context.strokeStyle = color; context.setLineDash(dash); context.beginPath();
+    points.forEach(([a, b], i) => (i ? context.lineTo(a, b) : context.moveTo(a, b))); context.stroke(); context.setLineDash([]);
+  };
+  for (const l of levels) {
+    line([[left, y(l.at)], [width - right, y(l.at)]], l.color, l.dash);
+    context.font = "9px system-ui, sans-serif"; context.textAlign = "right"; context.fillStyle = l.color;
+    context.fillText(l.name, width - right - 2, y(l.at) - 5);
+  }
+  context.lineWidth = 1.6;
+  for (const s of series) line(s.when.map((t, i) => [x(t), y(s.values[i])]), s.color, s.dash);
+  context.lineWidth = 1; line([[x(now), top], [x(now), height - bottom]], ink(), []);
+  return (at) => begin + (end - begin) * Math.min(Math.max((at - left) / (width - left - right), 0), 1);
+}
+
+class Page {
+  constructor(buffer) {
+    this.stage = new Stage($("scene"));
+    this.now = said.timeline.begin;
+    this.meshes = said.meshes.map((m) => {
+      const packed = new Uint16Array(buffer, m.points, 3 * m.corners), points = new Float32Array(packed.length);
+      packed.forEach((v, i) => { points[i] = m.low[i % 3] + (m.high[i % 3] - m.low[i % 3]) * v / 65535; });
+      const steps = new Int32Array(buffer, m.indices, 3 * m.triangles), indices = new Uint32Array(steps.length);
+      let index = 0;
+      steps.forEach((step, i) => { index += step; indices[i] = index; });
+      return { ...m, ...this.stage.triangles(points, indices) };
+    });
+    this.compose();
+    this.say();
+    this.stage.look(...said.camera);
+    this.stage.moved = () => this.draw();
+    this.controls();
+    new ResizeObserver(() => this.resize()).observe($("scene"));
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { this.grid(); this.draw(); });
+    this.resize();
+  }
+
+  compose() { // what stands, ghosts, and the robots of the motions
+    const { stage } = this;
+    const still = (pose) => { const m = placed(pose); return () => m; };
+    for (const o of said.obstacles) {
+      const mesh = this.meshes[o.mesh];
+      const here = o.poses ? () => placed(between(o.poses, place(said.when, this.now))) : still(o.pose);
+      stage.solids.push({ mesh, place: here, color: rgb(mesh.color), alpha: o.alpha, group: o });
+    }
+    for (const { robot, poses, color } of said.ghosts) {
+      for (const i of robot) {
+        const mesh = this.meshes[i];
+        if (mesh.joint) stage.solids.push({ mesh, place: still(poses[mesh.joint]), color: rgb(color), alpha: 0.35, group: poses });
+      }
+    }
+    said.motions.forEach((motion, number) => {
+      for (const i of said.robot) {
+        const mesh = this.meshes[i];
+        if (number && !mesh.joint) continue;
+        const along = () => placed(between(motion.poses[mesh.joint], place(motion.when, this.now)));
+        stage.solids.push({ mesh, place: mesh.joint ? along : still(said.base), color: rgb(number ? motion.color : mesh.color), alpha: 1 });
+      }
+      const points = [], colors = [];
+      for (let i = 1; i < motion.path.length; i++) {
+        points.push(motion.path[i - 1], motion.path[i]); colors.push(rgb(motion.tints[i - 1]), rgb(motion.tints[i]));
+      }
+      stage.strips.push({ lines: stage.segments(points, colors), width: 3 });
+    });
+    this.ground = stage.segments([], []);
+    stage.strips.unshift({ lines: this.ground, width: 0.6 });
+    this.grid();
+    this.gap = stage.segments([], []);
+    stage.strips.push({ lines: this.gap, width: 2.5 });
+  }
+
+  grid() {
+    const [x, y, z] = said.floor, points = [], color = rgb(dark() ? [58, 59, 61] : [222, 222, 222]);
+    for (let i = -15; i <= 15; i++) {
+      const s = i / 10;
+      points.push([x + s, y - 1.5, z], [x + s, y + 1.5, z], [x - 1.5, y + s, z], [x + 1.5, y + s, z]);
+    }
+    this.stage.replace(this.ground, points, points.map(() => color));
+  }
+
+  say() {
+    document.querySelector("h1").textContent = said.title;
+    for (const { name, verdict, certified, color } of said.motions) {
+      const line = $("verdicts").appendChild(document.createElement("p"));
+      line.style.color = certified ? "var(--good)" : css(said.bad);
+      line.textContent = `${certified ? "✓" : "✗"} ${said.motions.length > 1 ? `${name}: ` : ""}${verdict}`;
+      if (said.motions.length > 1) line.style.borderLeft = `4px solid ${css(color)}`, line.style.paddingLeft = "6px";
+    }
+    $("notes").textContent = said.notes;
+    this.bars = said.joints.map(({ name, low, high, unit }) => {
+      const row = $("joints").insertRow(), cells = [row.insertCell(), row.insertCell(), row.insertCell()];
+      cells[0].textContent = name;
+      const bar = cells[2].appendChild(document.createElement("div"));
+      if (low !== null) { bar.className = "range"; bar.title = `${low} to ${high} ${unit}`; bar.appendChild(document.createElement("i")); }
+      return (value) => {
+        cells[1].textContent = `${value.toFixed(3)} ${unit}`;
+        if (low !== null) bar.firstChild.style.left = `${100 * (value - low) / (high - low)}%`;
+      };
+    });
+  }
+
+  controls() {
+    const { begin, end, duration } = said.timeline, slider = $("time");
+    Object.assign(slider, { min: begin, max: end, value: begin });
+    slider.addEventListener("input", () => { this.stop(); this.go(+slider.value); });
+    $("play").addEventListener("click", () => (this.playing ? this.stop() : this.play()));
+    $("clearance").addEventListener("click", (event) => { this.stop(); this.go(this.seek(event.offsetX)); });
+    document.addEventListener("keydown", (event) => {
+      const step = (end - begin) / 100, to = { ArrowLeft: this.now - step, ArrowRight: this.now + step, Home: begin, End: end }[event.key];
+      if (event.key === " " && event.target !== $("play")) $("play").click(), event.preventDefault();
+      if (to !== undefined) this.stop(), this.go(to), event.preventDefault();
+    });
+    this.rate = (end - begin) / duration;
+  }
+
+  play() {
+    if (this.now >= said.timeline.end) this.now = said.timeline.begin;
+    this.playing = true; $("play").textContent = "Pause";
+    let before = performance.now();
+    const frame = (t) => {
+      if (!this.playing) return;
+      this.go(this.now + this.rate * (t - before) / 1000); before = t;
+      if (this.now >= said.timeline.end) return this.stop();
+      requestAnimationFrame(frame);
+    };
+    requestAnimationFrame((t) => { before = t; frame(t); });
+  }
+
+  stop() { this.playing = false; $("play").textContent = "Play"; }
+
+  go(now) {
+    this.now = Math.min(Math.max(now, said.timeline.begin), said.timeline.end);
+    $("time").value = this.now;
+    this.draw();
+  }
+
+  resize() {
+    const scale = window.devicePixelRatio || 1;
+    for (const canvas of [$("scene"), $("labels"), $("clearance")]) {
+      canvas.width = Math.max(Math.round(canvas.clientWidth * scale), 1); canvas.height = Math.max(Math.round(canvas.clientHeight * scale), 1);
+    }
+    this.draw();
+  }
+
+  draw() { // once for each picture that the screen shows
+    if (!this.waiting) this.waiting = requestAnimationFrame(() => { this.waiting = 0; this.paint(); });
+  }
+
+  nearest() { // of the moments at which distances were computed
+    return said.closest[Math.round(place(said.when, this.now))];
+  }
+
+  paint() {
+    const near = this.nearest(), pairs = near.filter((x) => x);
+    this.stage.replace(this.gap, pairs.flatMap((x) => x.points), pairs.flatMap((x) => [rgb(x.color), rgb(x.color)]));
+    this.stage.draw();
+    const context = $("labels").getContext("2d"), scale = window.devicePixelRatio || 1;
+    context.setTransform(scale, 0, 0, scale, 0, 0);
+    this.label(context, $("labels").width / scale, $("labels").height / scale, near);
+    $("clock").textContent = this.clock();
+    $("now").innerText = this.words(near).join("\n");
+    const motion = said.motions[0], values = between(motion.joints, place(motion.when, this.now));
+    this.bars.forEach((show, i) => show(values[i]));
+    const plot = $("clearance"), small = plot.getContext("2d");
+    small.setTransform(scale, 0, 0, scale, 0, 0);
+    this.seek = this.plot(small, plot.width / scale, plot.height / scale);
+  }
+
+  clock() { return said.timeline.timed ? `${this.now.toFixed(2)} s` : `path ${this.now.toFixed(2)}`; }
+
+  words(near) {
+    const lines = ["to obstacles", "between links"].map((what, i) => near[i] && `${what} ${near[i].words} (${near[i].pair})`);
+    return ["clearance at this moment:", ...lines.filter((x) => x)];
+  }
+
+  label(context, width, height, near) {
+    context.clearRect(0, 0, width, height);
+    context.font = "12px system-ui, sans-serif"; context.textAlign = "center"; context.textBaseline = "middle";
+    const shown = near[0] || near[1], both = [...said.labels];
+    if (shown) both.push({ text: shown.words, at: shown.points[0].map((x, i) => (x + shown.points[1][i]) / 2), color: null, above: 22 });
+    for (const { text, at, color, above } of both) {
+      const spot = this.stage.onScreen(at);
+      if (!spot) continue;
+      const x = spot[0] * width, y = spot[1] * height - above;
+      context.lineWidth = 4; context.lineJoin = "round"; context.strokeStyle = ground(); context.strokeText(text, x, y);
+      context.fillStyle = color ? css(color) : ink(); context.fillText(text, x, y);
+    }
+  }
+
+  plot(context, width, height) {
+    const series = said.motions.map((m) => ({ name: said.motions.length > 1 ? m.name : "to obstacles", when: m.when, values: m.clearance, color: css(m.color), dash: [] }));
+    if (said.motions.length === 1) series.push({ name: "between links", when: said.motions[0].when, values: said.motions[0].own, color: css(said.between), dash: [5, 3] });
+    const shown = series.filter((s) => s.values.length);
+    return curves(context, width, height, {
+      title: "clearance [mm]", unit: said.timeline.timed ? " s" : "", when: [said.timeline.begin, said.timeline.end], series: shown, levels: said.levels.map((l) => ({ ...l, color: css(l.color) })), now: this.now });
+  }
+}
+
+unpacked($("meshes").textContent).then((buffer) => { window.page = new Page(buffer); window.page.paint(); }).catch((error) => {
+  $("verdicts").textContent = `This page cannot be drawn: ${error.message}`;
+});

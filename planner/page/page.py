@@ -1,0 +1,257 @@
+"""Motions in a scene as one page of HTML that needs no server and nothing from elsewhere: for any browser with WebGL 2.
+
+`page_of` packs what is drawn: the robot's meshes, quantized to 1/65535 of each mesh's size and compressed, and where
+everything is, sampled along the motions. `stage.js` draws it and `page.js` plays it. What is written of clearance holds
+at the samples; what is proven stands in the verdict.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import html
+import json
+from collections.abc import Sequence
+from importlib import resources
+from string import Template
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import trimesh
+from numpy.typing import NDArray
+
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.html_page import HtmlPage
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
+from hdplan.planner.view.drawing.camera import FOV, Boxes, best_view
+from hdplan.planner.view.drawing.colors import (
+    CONTACT,
+    FAR,
+    GOAL,
+    LINKS,
+    MOTIONS,
+    OBSTACLE,
+    OUTER,
+    REGION,
+    SCALE,
+    START,
+    clearance_colors,
+    hex_of,
+)
+from hdplan.planner.view.drawing.motion import ShownMotion, millimetres
+from hdplan.planner.view.drawing.shading import told_apart
+from hdplan.planner.view.drawing.skins import ENDLESS, Color, Skin, collision_skins, obstacle_mesh, shaded, visual_skins
+from hdplan.planner.view.drawing.timeline import Timeline
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.obstacle_motion import ObstacleMotion
+from hdplan.scenes.scene import Scene
+
+MOMENTS = 121  # at which the closest pair is computed, and moving obstacles are
+POSTURES = 7  # of the robot along a motion, for the camera
+ASPECT = 1.3  # of the picture, width by height
+GOOD = "#00724f", "#35c795"  # a certified verdict, on a light and on a dark ground
+
+
+def page_of(setup: Setup, motions: Sequence[ShownMotion]) -> HtmlPage:
+    """Return the page of motions, at least one, that were measured in this scene. Raises InputError for obstacles'
+    meshes that cannot be used."""
+    scene, robot, packed = setup.scene, setup.robot, _Packed()
+    timeline = Timeline.of(scene, [motion.curve for motion in motions])
+    when = np.linspace(timeline.begin, timeline.end, MOMENTS)
+    first, certifier = motions[0], Certifier(setup)
+    try:
+        seen, left_out = visual_skins(robot, scene.robot)
+    except InputError as error:
+        seen, left_out = (), (str(error),)
+    skins = told_apart(robot, seen or collision_skins(robot))
+    ghost = packed.add_all([skin for skin in collision_skins(robot) if skin.joint] or skins)
+    ends = _poses(robot, first.joints[[0, -1]])
+    data: dict[str, Any] = {
+        "title": f"{scene.name} · {robot.name}",
+        "notes": f"left out of the picture: {'; '.join(left_out)}" if left_out else "",
+        "timeline": {**vars(timeline), "duration": timeline.duration},
+        "when": when,
+        "obstacles": _obstacles(scene, timeline, when, packed),
+        "robot": packed.add_all(skins),
+        "base": _poses(robot, first.joints[:1])[0, 0],
+        "ghosts": [{"robot": ghost, "poses": at, "color": c} for at, c in zip(ends, (START, GOAL), strict=True)],
+        "motions": [_motion(robot, timeline, motion, number) for number, motion in enumerate(motions)],
+        "labels": [
+            {"text": name, "at": at, "color": color, "above": 18}
+            for name, at, color in (("start", first.tip[0], START), ("goal", first.tip[-1], GOAL))
+        ],
+        "closest": [_closest(certifier, first, timeline, now) for now in when.tolist()],
+        "levels": _levels(scene, motions),
+        "joints": _joints(robot),
+        "floor": scene.robot.base.position,
+        "camera": _camera(robot, motions, scene),
+        "between": LINKS,
+        "bad": CONTACT,
+        "meshes": packed.meshes,
+    }
+    words = {
+        "TITLE": html.escape(data["title"]),
+        "START": hex_of(START),
+        "GOAL": hex_of(GOAL),
+        "GOOD": GOOD[0],
+        "GOODDARK": GOOD[1],
+        "SCALE": ", ".join(hex_of((int(r), int(g), int(b))) for r, g, b in SCALE),
+        "HALF": f"{FAR * 500:g}",
+        "FAR": f"{FAR * 1000:g}",
+        "DATA": json.dumps(data, allow_nan=False, default=_rounded, separators=(",", ":")).replace("<", "\\u003c"),
+        "MESHES": base64.b64encode(gzip.compress(packed.data(), 6, mtime=0)).decode(),
+        "SCRIPT": "\n".join(_part(name) for name in ("stage.js", "page.js")),
+    }
+    return HtmlPage(data["title"], Template(_part("page.html")).substitute(words))
+
+
+def _part(name: str) -> str:
+    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+def _rounded(value: Any) -> Any:
+    """Return what JSON can hold, of arrays and NumPy's numbers: to 10 µm and 10 µrad."""
+    return np.asarray(value).round(5).tolist()
+
+
+class _Packed:
+    """Meshes as one string of bytes: of each the differences between its indices, then its points as whole numbers."""
+
+    def __init__(self) -> None:
+        self.meshes: list[dict[str, Any]] = []  # where each is among the bytes, and what it is
+        self._parts: list[bytes] = []
+        self._size = 0
+
+    def add_all(self, skins: Sequence[Skin]) -> list[int]:
+        """Add skins, and return their numbers."""
+        return [self.add(skin.vertices, skin.triangles, skin.color, skin.joint) for skin in skins]
+
+    def add(self, vertices: NDArray[Any], triangles: NDArray[Any], color: Color, joint: int = 0) -> int:
+        """Add a mesh, and return its number."""
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        places = np.rint(65535.0 * (vertices - low) / np.maximum(high - low, 1e-12)).astype("<u2")
+        indices = np.diff(triangles.ravel().astype(np.int64), prepend=0).astype("<i4")
+        at = {"indices": self._take(indices.tobytes()), "points": self._take(places.tobytes())}
+        sizes = {"corners": len(vertices), "triangles": len(triangles)}
+        self.meshes.append({**at, **sizes, "low": low, "high": high, "color": color, "joint": joint})
+        return len(self.meshes) - 1
+
+    def data(self) -> bytes:
+        """Return the bytes."""
+        return b"".join(self._parts)
+
+    def _take(self, data: bytes) -> int:
+        at = self._size
+        padded = data + bytes(-len(data) % 4)
+        self._parts.append(padded)
+        self._size += len(padded)
+        return at
+
+
+def _poses(robot: Robot, joints: Array) -> Array:
+    """Return the placements of all joints (K, joints, 7) at configurations (K, n): position, quaternion x y z w."""
+    data = robot.model.createData()
+    found = np.empty((len(joints), robot.model.njoints, 7))
+    for row, q in enumerate(robot.pin_q(joints)):
+        pin.forwardKinematics(robot.model, data, q)
+        found[row] = [pin.SE3ToXYZQUAT(place) for place in data.oMi]
+    return found
+
+
+def _motion(robot: Robot, timeline: Timeline, motion: ShownMotion, number: int) -> dict[str, Any]:
+    return {
+        "name": motion.name,
+        "verdict": motion.certificate.text,
+        "certified": motion.certificate.certified,
+        "color": MOTIONS[number % len(MOTIONS)],
+        "when": timeline.moments(motion.curve, motion.parameter),
+        "joints": motion.joints,
+        "poses": _poses(robot, motion.joints).transpose(1, 0, 2),
+        "path": motion.tip,
+        "tints": clearance_colors(motion.clearance),
+        "clearance": _millimetres(motion.clearance),
+        "own": _millimetres(motion.self_clearance),
+    }
+
+
+def _millimetres(clearance: Array) -> Array:
+    """Return distances [mm]; none where there is nothing to keep away from."""
+    return 1e3 * clearance if np.isfinite(clearance).all() else clearance[:0]
+
+
+def _closest(certifier: Certifier, motion: ShownMotion, timeline: Timeline, now: float) -> list[dict[str, Any] | None]:
+    """Return the closest pair with an obstacle, and between links, where a motion is at a moment."""
+    q = motion.curve.at_parameter(timeline.parameter(motion.curve, now))
+    found: list[dict[str, Any] | None] = []
+    for near, own in zip(certifier.closest(q, timeline.seconds(now)), (None, LINKS), strict=True):
+        color = None if near is None else own or clearance_colors(near.distance)
+        said = {} if near is None else {"pair": f"{near.link} – {near.other}", "words": millimetres(near.distance)}
+        found.append(None if near is None else {"points": near.points, "color": color, **said})
+    return found
+
+
+def _levels(scene: Scene, motions: Sequence[ShownMotion]) -> list[dict[str, Any]]:
+    """Return the lines of the plot: contact, what is required, and, of a single motion, what is proven."""
+    levels: list[dict[str, Any]] = [{"at": 0.0, "name": "", "color": CONTACT, "dash": []}]
+    if scene.obstacles and scene.planner.clearance > 0.0:
+        levels.append({"at": 1e3 * scene.planner.clearance, "name": "asked", "color": CONTACT, "dash": [2, 3]})
+    proven = motions[0].certificate.clearance
+    if len(motions) == 1 and proven is not None:
+        levels.append({"at": 1e3 * proven, "name": f"proven ≥ {1e3 * proven:.3g} mm", "color": OUTER, "dash": [2, 3]})
+    return levels
+
+
+def _joints(robot: Robot) -> list[dict[str, Any]]:
+    rows = zip(robot.joint_names, robot.lower.tolist(), robot.upper.tolist(), robot.turning, strict=True)
+    return [
+        {
+            "name": name,
+            "low": round(low, 3) if np.isfinite([low, high]).all() else None,
+            "high": round(high, 3) if np.isfinite([low, high]).all() else None,
+            "unit": "rad" if turns else "m",
+        }
+        for name, low, high, turns in rows
+    ]
+
+
+def _obstacles(scene: Scene, timeline: Timeline, when: Array, packed: _Packed) -> list[dict[str, Any]]:
+    """Pack the obstacles, and the box in which a point of a link is to stay, seen through."""
+    found = []
+    for obstacle in scene.obstacles:
+        mesh = packed.add(*shaded(obstacle_mesh(obstacle)), OBSTACLE)
+        where: dict[str, Any] = {"pose": (*obstacle.pose.position, *obstacle.pose.quaternion_xyzw)}
+        if obstacle.motion is not None:
+            places = ObstacleMotion.of(obstacle).at(np.array([timeline.seconds(now) for now in when.tolist()]))
+            where = {"poses": [pin.SE3ToXYZQUAT(pin.SE3(place)) for place in places]}
+        found.append({"mesh": mesh, "alpha": 1, **where})
+    if scene.path.position is not None:
+        asked = scene.path.position
+        box = trimesh.creation.box([min(edge, ENDLESS) for edge in asked.size])
+        pose = (*asked.pose.position, *asked.pose.quaternion_xyzw)
+        found.append({"mesh": packed.add(*shaded(box), REGION), "alpha": 0.3, "pose": pose})
+    return found
+
+
+def _camera(robot: Robot, motions: Sequence[ShownMotion], scene: Scene) -> tuple[Any, ...]:
+    """Return eye, target, opening [rad] and width by height of the picture, from where obstacles hide least."""
+    rows = [motion.joints[np.linspace(0, len(motion.joints) - 1, POSTURES).astype(int)] for motion in motions]
+    poses = _poses(robot, np.concatenate(rows))
+    outlines = []
+    for skin in collision_skins(robot):
+        low, high = skin.vertices.min(axis=0), skin.vertices.max(axis=0)
+        corners = np.where(_CORNERS, high, low)
+        for pose in poses[:, skin.joint]:
+            place = pin.XYZQUATToSE3(pose)
+            outlines.append(corners @ place.rotation.T + place.translation)
+    path = np.concatenate([motion.tip for motion in motions])
+    shapes = [np.asarray(obstacle_mesh(obstacle).bounds) for obstacle in scene.obstacles]
+    boxes = Boxes.around(shapes, [obstacle.pose.matrix for obstacle in scene.obstacles])
+    interest = np.concatenate([np.array([corners.mean(axis=0) for corners in outlines]), path[::10]])
+    view = best_view(np.concatenate(outlines), interest, path, boxes, ASPECT)
+    return view.eye, view.target, float(FOV), ASPECT
+
+
+_CORNERS = np.array(np.meshgrid([False, True], [False, True], [False, True])).reshape(3, 8).T

@@ -1,0 +1,117 @@
+"""Where to look from: what is of interest framed, from where obstacles hide least of it, and which obstacles stand in
+the way of an eye. Pure geometry in the world frame, [m]; z is up.
+
+Obstacles are taken as the boxes that bound them in their own frames, so what is said to be hidden may be seen through
+an obstacle that is not convex; a point inside such a box counts as seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.scenes.array_types import Array
+
+FOV = np.deg2rad(45.0)  # [rad] of the picture's height: less distorted than the browser's own 75°
+ROOM = 1.12  # size of the picture by that of what is framed
+AZIMUTHS = np.deg2rad(np.arange(0.0, 360.0, 15.0))
+ELEVATIONS = np.deg2rad([18.0, 28.0, 40.0, 55.0])
+USUAL = (np.deg2rad(-40.0), np.deg2rad(28.0))  # from the front and the side, a little from above
+FORESHORTENED, UNUSUAL = 0.4, 0.15  # cost of a path seen end-on, and of looking from behind, as a share hidden
+IN_THE_WAY = 0.04  # share of the points of interest that an obstacle hides before it fades
+SIDES = {  # name: azimuth and elevation [rad]; the robot's front is towards x
+    "front": (0.0, 0.0),
+    "side": (-0.5 * np.pi, 0.0),
+    "top": (np.pi, 0.4999 * np.pi),  # not quite: straight down, up would be any direction
+}
+
+
+class View(NamedTuple):
+    """A camera."""
+
+    eye: Array  # (3,)
+    target: Array  # (3,)
+
+
+@dataclass(frozen=True, eq=False)
+class Boxes:
+    """B boxes."""
+
+    rotation: Array  # (B, 3, 3) their axes, as columns
+    center: Array  # (B, 3)
+    half: Array  # (B, 3) half edges
+
+    @classmethod
+    def around(cls, bounds: Sequence[Array], poses: Sequence[Array]) -> Boxes:
+        """Take the boxes between lower and upper corners (2, 3) in frames that stand at `poses` (4, 4)."""
+        corners = np.array(bounds, dtype=np.float64).reshape(-1, 2, 3)
+        frames = np.array(poses, dtype=np.float64).reshape(-1, 4, 4)
+        middle = np.einsum("bij,bj->bi", frames[:, :3, :3], corners.mean(axis=1))
+        return cls(frames[:, :3, :3], middle + frames[:, :3, 3], 0.5 * (corners[:, 1] - corners[:, 0]))
+
+    def hide(self, eye: Array, points: Array) -> NDArray[np.bool_]:
+        """Return (k, B) whether a box is crossed on the way from `eye` (3,) to points (k, 3) behind it."""
+        begin = np.einsum("bi,bij->bj", eye - self.center, self.rotation)
+        along = np.einsum("ki,bij->kbj", points - eye, self.rotation)
+        along = np.where(np.abs(along) < 1e-12, 1e-12, along)
+        first, second = (-self.half - begin) / along, (self.half - begin) / along
+        enters, leaves = np.minimum(first, second).max(axis=2), np.maximum(first, second).min(axis=2)
+        return np.asarray((enters < leaves) & (leaves > 0.0) & (leaves < 1.0))
+
+    def in_the_way(self, eye: Array, points: Array) -> NDArray[np.bool_]:
+        """Return (B,) whether a box hides so much of points (k, 3) that it should be seen through."""
+        return np.asarray(self.hide(eye, points).mean(axis=0) > IN_THE_WAY)
+
+
+def best_view(whole: Array, interest: Array, path: Array, boxes: Boxes, aspect: float) -> View:
+    """Return the view that frames all points (k, 3) and a path (m, 3), from where boxes hide least of what is of
+    interest (i, 3) and the path is seen from its side; of equal ones the most usual. `aspect` is the picture's width by
+    its height."""
+    framed = np.concatenate([whole, path])
+    best, least = view_from(*USUAL, framed, aspect), np.inf
+    for azimuth in AZIMUTHS:
+        for elevation in ELEVATIONS:
+            view = view_from(azimuth, elevation, framed, aspect)
+            hidden = float(boxes.hide(view.eye, interest).any(axis=1).mean())
+            unusual = 0.5 - 0.5 * np.cos(azimuth - USUAL[0]) + abs(elevation - USUAL[1])
+            cost = hidden + FORESHORTENED * _foreshortening(view, path) + UNUSUAL * unusual
+            if cost < least:
+                best, least = view, cost
+    return best
+
+
+def view_from(azimuth: float, elevation: float, points: Array, aspect: float) -> View:
+    """Return the nearest view from a direction [rad], counted from x and from the horizon, that has all points (k, 3)
+    in the picture, with some room."""
+    towards = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
+    ahead = -towards
+    right = np.cross(ahead, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    x, y, z = ((points - middle) @ np.stack([right, np.cross(right, ahead), ahead], axis=1)).T
+    tangent = np.tan(0.5 * FOV) / ROOM
+    across, far = _fitted(x, z, tangent * aspect)
+    upward, far_enough = _fitted(y, z, tangent)
+    target = middle + across * right + upward * np.cross(right, ahead)
+    return View(target + max(far, far_enough, 0.1) * towards, target)
+
+
+def _fitted(side: Array, depth: Array, tangent: float) -> tuple[float, float]:
+    """Return where an eye stands sideways, and how far back, that sees points at `side` (k,) and `depth` (k,) within an
+    opening of `tangent` to both sides: |side − x| ≤ tangent · (depth + back)."""
+    right, left = float((side - tangent * depth).max()), float((-side - tangent * depth).max())
+    return 0.5 * (right - left), 0.5 * (right + left) / tangent
+
+
+def _foreshortening(view: View, path: Array) -> float:
+    """Return which share of a path's length is lost by looking along it, 0 to 1."""
+    steps = np.diff(path, axis=0)
+    length = float(np.linalg.norm(steps, axis=1).sum())
+    if length <= 0.0:
+        return 0.0
+    ahead = (view.target - view.eye) / np.linalg.norm(view.target - view.eye)
+    return 1.0 - float(np.linalg.norm(steps - np.outer(steps @ ahead, ahead), axis=1).sum()) / length

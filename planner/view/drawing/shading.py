@@ -1,0 +1,50 @@
+"""Colours in which the links of a robot are told apart, on a light ground as on a dark one.
+
+Many robots are white all over, or black. Here every link keeps its hue, its lightness is kept away from that of the
+ground, and links that follow each other differ in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.view.drawing.skins import Color, Skin
+
+DARKEST, LIGHTEST = 0.22, 0.80  # luma, of 1
+STEP = 0.16  # of luma from one link to the next
+LUMA = (0.299, 0.587, 0.114)  # of red, green and blue (ITU-R BT.601)
+
+
+def told_apart(robot: Robot, skins: Sequence[Skin]) -> tuple[Skin, ...]:
+    """Return the same skins in such colours: links at an odd number of joints from the base are the darker ones."""
+    return tuple(replace(skin, color=shade(skin.color, _depth(robot, skin.joint) % 2 == 1)) for skin in skins)
+
+
+def shade(color: Color, darker: bool) -> Color:
+    """Return a colour of the same hue whose lightness lies between those of the grounds, in their lighter or darker
+    part."""
+    luma = luma_of(color)
+    wanted = float(np.interp(luma, [0.0, 1.0], [DARKEST + STEP, LIGHTEST])) - (STEP if darker else 0.0)
+    if wanted <= luma:
+        scaled = np.array(color) * (wanted / luma)
+    else:  # towards white, which keeps the hue where scaling would overflow
+        scaled = 255.0 - (255.0 - np.array(color)) * ((1.0 - wanted) / (1.0 - luma))
+    red, green, blue = (round(value) for value in scaled.tolist())
+    return red, green, blue
+
+
+def luma_of(color: Color) -> float:
+    """Return how light a colour is, 0 to 1."""
+    return float(np.dot(LUMA, color)) / 255.0
+
+
+def _depth(robot: Robot, joint: int) -> int:
+    """Return how many joints lie between a joint and the world."""
+    count = 0
+    while joint > 0:
+        joint, count = int(robot.model.parents[joint]), count + 1
+    return count

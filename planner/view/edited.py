@@ -1,0 +1,157 @@
+"""The scene as it is edited in the browser: a value that is replaced by every change, and the earlier ones for undo and
+redo.
+
+Of a goal that leaves a choice, the scene keeps the whole (tolerances, free axes, alternatives); one configuration of it
+is shown, and planned to while something is dragged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.end_check import SAME_END
+from hdplan.planner.certificate.pose_goals import miss_of
+from hdplan.planner.certificate.verdict import Contact
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
+from hdplan.planner.search.goals import settled
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
+
+Target = JointTarget | PoseTarget | AllOf
+
+
+@dataclass(frozen=True, eq=False)
+class Edited:
+    """A scene with its robot, and a configuration for each end."""
+
+    setup: Setup
+    start: Array  # (n,) [rad or m]
+    goal: Array  # (n,) in which the goal is shown; it misses a pose that is out of reach
+    alternative: int = 0  # which of several goals that is
+
+    @classmethod
+    def of(cls, setup: Setup, motion: Trajectory | None = None) -> Edited:
+        """Take a scene; its goal is shown where `motion` ends, if it is met there, or else in the most promising
+        configuration. Raises InputError as `settled`."""
+        query = settled(setup, motion).query
+        return cls(setup, query.start, query.goal).shown_at(query.goal)
+
+    @property
+    def scene(self) -> Scene:
+        """The scene, with its goal as it is asked for."""
+        return self.setup.scene
+
+    @property
+    def robot(self) -> Robot:
+        """The scene's robot."""
+        return self.setup.robot
+
+    @cached_property
+    def certifier(self) -> Certifier:
+        """What certifies motions in this scene."""
+        return Certifier(self.setup)
+
+    @cached_property
+    def contacts(self) -> tuple[tuple[Contact, ...], tuple[Contact, ...]]:
+        """What touches at the start and at the goal, the deepest first."""
+        return self.certifier.contacts(self.start), self.certifier.contacts(self.goal, self.scene.end_time)
+
+    @cached_property
+    def missed(self) -> str | None:
+        """How the configuration shown misses the goal; None if it meets it."""
+        return self.certifier.ends.off_goal(self.goal)
+
+    @property
+    def aimed(self) -> Scene:
+        """The same scene with the configuration shown as its goal."""
+        goal = self.scene.goal
+        if isinstance(goal, JointTarget):
+            return self.scene
+        return replace(self.scene, goal=JointTarget(goal.field, tuple(self.goal.tolist())))
+
+    def changed(self, **fields: Any) -> Edited:
+        """Return it with other obstacles or settings: fields of `Scene`. Raises InputError as `Scene`."""
+        return replace(self, setup=Setup(replace(self.scene, **fields), self.robot))
+
+    def starting_at(self, q: Array) -> Edited:
+        """Return it with another start (n,). Raises InputError for values beyond the joint limits."""
+        start = JointTarget("start", tuple(q.tolist()))
+        self.robot.configuration(start)
+        return replace(self.changed(start=start), start=q)
+
+    def ending_at(self, q: Array, goal: Goals | None = None) -> Edited:
+        """Return it with another goal: the configuration `q` (n,), or, shown there, a goal with a choice. Raises
+        InputError for values beyond the joint limits."""
+        target = JointTarget("goal", tuple(q.tolist()))
+        self.robot.configuration(target)
+        return replace(self.changed(goal=goal or target), goal=q)
+
+    def shown_at(self, q: Array) -> Edited:
+        """Return the same scene with its goal shown in another configuration (n,), and the alternative that this
+        meets."""
+        goal = self.scene.goal
+        targets: Sequence[Target] = () if isinstance(goal, JointTarget) else goal.targets
+        met = (i for i, target in enumerate(targets) if _meets(self.robot, q, target))
+        return replace(self, goal=q, alternative=next(met, self.alternative))
+
+    @property
+    def target(self) -> Target:
+        """The goal, or the alternative of it that is shown."""
+        goal = self.scene.goal
+        return goal if isinstance(goal, JointTarget) else goal.targets[self.alternative]
+
+
+def _meets(robot: Robot, q: Array, target: Target) -> bool:
+    if isinstance(target, JointTarget):
+        return bool(np.abs(robot.configuration(target) - q).max() <= SAME_END)
+    return all(miss_of(robot, pose, q).within(pose) for pose in target.poses)
+
+
+class History:
+    """What is edited now, and what it was and will be again."""
+
+    def __init__(self, first: Edited) -> None:
+        """Begin with a scene."""
+        self.now = self.first = first
+        self._before: list[Edited] = []
+        self._after: list[Edited] = []
+
+    def change(self, to: Edited, step: bool = True) -> None:
+        """Take a new value: a step that can be undone, or a part of the last one, as while something is dragged."""
+        if step:
+            self._before.append(self.now)
+        self._after.clear()
+        self.now = to
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is a step to undo."""
+        return bool(self._before)
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether there is a step to redo."""
+        return bool(self._after)
+
+    def undone(self) -> Edited:
+        """Go one step back, if there is one; return what is edited then."""
+        if self._before:
+            self._after.append(self.now)
+            self.now = self._before.pop()
+        return self.now
+
+    def redone(self) -> Edited:
+        """Go one step forward again, if there is one; return what is edited then."""
+        if self._after:
+            self._before.append(self.now)
+            self.now = self._after.pop()
+        return self.now

@@ -1,0 +1,176 @@
+"""Live planning: while something is dragged, the motion is planned anew from the last one, again and again.
+
+A thread plans for the newest scene (`plan` with the last motion as its guess, nothing is compiled again); scenes that
+came and went meanwhile are dropped. What it finds certified is shown; a motion that no longer holds in the scene as it
+is turns red at once, with the pair and the depth, and stays, as one of an older scene, until another is found.
+"""
+
+from __future__ import annotations
+
+import html
+import threading
+import time
+from collections import deque
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.plan import plan
+from hdplan.planner.result import PlanResult
+from hdplan.planner.view.edited import Edited
+from hdplan.planner.view.planning import NAME
+from hdplan.planner.view.words import small
+from hdplan.scenes.errors import HdplanError
+from hdplan.scenes.scene import Scene
+
+if TYPE_CHECKING:
+    from hdplan.planner.view.viewer import Viewer
+
+LIMIT = 1.0  # [s] for a plan; scenes in which it takes longer are not planned live by default
+PATIENCE = 0.25  # [s] after which a plan gives way to a newer scene
+WINDOW = 2.0  # [s] over which motions are counted
+IDLE = "drag something, and the motion follows"
+SLOW = 2  # plans in a row that find nothing within LIMIT switch it off
+
+
+class Live:
+    """The switch, the count, and the thread that plans."""
+
+    def __init__(self, viewer: Viewer) -> None:
+        """Build the switch in the container at hand, and start the thread."""
+        self._viewer = viewer
+        gui = viewer.server.gui
+        self.switch = gui.add_checkbox(
+            "live", True, hint="while something is dragged, plan anew from the last motion, again and again"
+        )
+        self._said = gui.add_html("")
+        self._say(IDLE)
+        self._asked_for = False  # whether somebody used the switch
+        self.switch.on_update(lambda event: self.set(bool(self.switch.value)) if event.client else None)
+        self._changed = threading.Condition()
+        self._wish: tuple[Edited, Trajectory | None] | None = None
+        self._busy = self._ended = False
+        self._slow = 0  # plans in a row that found nothing in time
+        self._shown: deque[float] = deque()  # when certified motions were shown
+        self._began = 0.0
+        self.count = 0  # certified motions shown since the last one was let go
+        self._thread = threading.Thread(target=self._run, name="hdplan-live", daemon=True)
+        self._thread.start()
+
+    @property
+    def on(self) -> bool:
+        """Whether motions follow."""
+        return bool(self.switch.value)
+
+    @property
+    def said(self) -> str:
+        """What is written beside the switch, as HTML."""
+        return str(self._said.content)
+
+    def set(self, on: bool) -> None:
+        """Switch it, as somebody does who wants it so whatever it takes."""
+        self._asked_for, self.switch.value = True, on
+
+    def settle(self, timeout: float) -> bool:
+        """Wait until nothing is left to plan; False if that takes longer than `timeout` [s]."""
+        with self._changed:
+            return self._changed.wait_for(lambda: not (self._wish or self._busy), timeout)
+
+    def end(self) -> None:
+        """Drop what is to be planned, and end the thread."""
+        with self._changed:
+            self._wish, self._ended = None, True
+            self._changed.notify_all()
+        self._thread.join(timeout=5.0)
+
+    # --- by the worker's thread -----------------------------------------------------------------------------------
+
+    def learn(self, seconds: float) -> None:
+        """Switch it off where a plan took so long [s], or on again, unless somebody has chosen."""
+        if not self._asked_for and self.on != (seconds < LIMIT):
+            self.switch.value = seconds < LIMIT
+            self._say(IDLE if self.on else f"off, as a plan takes more than {LIMIT:g} s here")
+
+    def follow(self) -> None:
+        """Have a motion planned for the scene as it is now."""
+        viewer = self._viewer
+        active = viewer.motions.active
+        if not self.on or viewer.edited.missed:
+            return
+        with self._changed:
+            self._wish = viewer.edited, None if active is None else active.motion.trajectory
+            self._changed.notify_all()
+
+    def _take(self, edited: Edited, result: PlanResult) -> None:
+        """Show a motion that was certified in a scene: in the one of now it may not hold any more."""
+        viewer = self._viewer
+        certificate = result.certificate if viewer.scene is edited.scene else None
+        active = viewer.motions.active
+        planned_here = active is not None and active.result is not None
+        name = active.motion.name if active and planned_here else viewer.motions.free_name(NAME)
+        viewer.put(name, result.trajectory, certificate, measured=not viewer.panel.handles.dragging, result=result)
+        active = viewer.motions.active
+        if active is not None and active.motion.certificate.certified:
+            now = time.monotonic()
+            self._shown.append(now)
+            self.count += 1
+            while self._shown[0] < now - WINDOW:
+                self._shown.popleft()
+        self._say_rate()
+
+    def _say_rate(self) -> None:
+        rate = len(self._shown) / WINDOW
+        self._say(f"{rate:.0f} certified motions a second")
+
+    def _say(self, text: str) -> None:
+        words = small(html.escape(text))
+        if self._said.content != words:
+            self._said.content = words
+
+    # --- the thread -----------------------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._wish is not None or self._ended)
+                if self._ended or self._wish is None:
+                    return
+                (edited, guess), self._wish, self._busy = self._wish, None, True
+            try:
+                self._plan(edited, guess)
+            finally:
+                with self._changed:
+                    self._busy = False
+                    self._changed.notify_all()
+
+    def _plan(self, edited: Edited, guess: Trajectory | None) -> None:
+        ask, began = self._viewer.worker.ask, time.monotonic()
+
+        def given_up() -> bool:
+            return self._ended or (self._wish is not None and time.monotonic() > began + PATIENCE)
+
+        try:
+            result = plan(_quick(edited.aimed), robot=edited.robot, guess=guess, time_limit=LIMIT, stop=given_up)
+        except HdplanError as error:  # an end in collision, or no time law
+            text = str(error).removeprefix(f"{edited.scene.source}: ")
+            ask("live", lambda: self._say(text))
+            return
+        except Exception as error:  # of a library: the viewer continues
+            failure = f"{type(error).__name__}: {error}"
+            ask("live", lambda: self._say(failure))
+            return
+        if result.certified:
+            self._slow = 0
+            ask("live", lambda: self._take(edited, result))
+            return
+        spent = time.monotonic() - began
+        self._slow += spent > LIMIT
+        if self._slow >= SLOW:
+            ask("learn", lambda: self.learn(spent))
+        elif not given_up():
+            ask("live", lambda: self._say(f"no certified motion found within {spent:.1f} s: press Plan"))
+
+
+def _quick(scene: Scene) -> Scene:
+    """Return a scene in which the first certified motion counts, and none is polished."""
+    return replace(scene, planner=replace(scene.planner, polish=0))

@@ -1,0 +1,182 @@
+"""The motions: each with its verdict, the scene that this is of, its colour and its path. The active one is where the
+robot itself is; the others' robots are seen through.
+
+All is called by the viewer's one thread.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.certificate.verdict import Certificate, Status
+from hdplan.planner.motion.curve import Curve
+from hdplan.planner.result import PlanResult
+from hdplan.planner.view.drawing.colors import CONTACT, MOTIONS, START, clearance_colors
+from hdplan.planner.view.drawing.motion import ShownMotion
+from hdplan.planner.view.drawing.nodes import PathNode, RobotNodes
+from hdplan.planner.view.drawing.skins import Color, Skin
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.errors import HdplanError
+from hdplan.scenes.scene import Scene
+
+if TYPE_CHECKING:
+    from hdplan.planner.view.viewer import Viewer
+
+FAINT: Color = (160, 160, 160)
+THROUGH = 0.4  # opacity of the robots of motions that are not the active one
+SAME = 1e-3  # [rad] or [m] within which two robots stand in each other's place, where their surfaces would flicker
+LONGEST = 40  # characters of a motion's name
+
+
+@dataclass(eq=False)
+class Shown:
+    """A motion with its nodes in the scene."""
+
+    motion: ShownMotion
+    number: int  # its own in this viewer, which names its nodes
+    color: Color
+    robot: RobotNodes  # seen through, where it is not the active one
+    path: PathNode
+    origin: Scene  # in which it came
+    result: PlanResult | None = None  # the plan that it comes from
+    visible: bool = True
+
+
+class Motions:
+    """The motions, in the order in which they came."""
+
+    def __init__(self, viewer: Viewer, skins: Sequence[Skin]) -> None:
+        """Start without any; `skins` are what robots are shown in that are seen through."""
+        self._viewer, self._skins = viewer, [skin for skin in skins if skin.joint]
+        self._came = 0
+        self.shown: list[Shown] = []
+        self.active: Shown | None = None  # whose joints and clearance are shown
+
+    def named(self, name: str) -> Shown | None:
+        """Return the motion of a name, if there is one."""
+        return next((shown for shown in self.shown if shown.motion.name == name), None)
+
+    def free_name(self, name: str) -> str:
+        """Return a name that no motion has: this one, or with a number."""
+        names = (name, *(f"{name} {number}" for number in range(2, len(self.shown) + 2)))
+        return next(free for free in names if self.named(free) is None)
+
+    def holds(self, shown: Shown) -> bool:
+        """Whether what is known of a motion is of the scene as it is now."""
+        return shown.motion.scene is self._viewer.scene
+
+    def add(self, motion: ShownMotion, result: PlanResult | None = None) -> None:
+        """Show a motion, or replace the one of its name, and make it the active one."""
+        shown = self.named(motion.name)
+        if shown is None:
+            server, robot = self._viewer.server, self._viewer.robot
+            used = [other.color for other in self.shown]
+            color = min(MOTIONS, key=used.count)
+            self._came += 1
+            node = f"robot{self._came}"
+            nodes = RobotNodes(server, node, robot, self._skins, color=color, opacity=THROUGH, visible=False)
+            path = PathNode(server, f"path/{self._came}", motion.tip, FAINT)
+            shown = Shown(motion, self._came, color, nodes, path, motion.scene)
+            self.shown.append(shown)
+        shown.origin, shown.result, shown.motion = motion.scene, result, motion
+        self.active = shown
+        self.paint()
+
+    def remove(self, shown: Shown) -> None:
+        """Take a motion away; the one before it becomes the active one, if it was."""
+        place = self.shown.index(shown)
+        self.shown.remove(shown)
+        shown.robot.remove()
+        shown.path.remove()
+        if self.active is shown:
+            self.active = self.shown[max(place - 1, 0)] if self.shown else None
+        self.paint()
+
+    def make_room(self, keep: int) -> None:
+        """Remove the oldest plans beyond `keep` of them, but not the active one."""
+        plans = [shown for shown in self.shown if shown.result is not None and shown is not self.active]
+        for shown in plans[: max(len(plans) + 1 - keep, 0)]:
+            self.remove(shown)
+
+    def rename(self, shown: Shown, name: str) -> None:
+        """Give a motion another name. Raises HdplanError for one that is empty, long or taken."""
+        name = " ".join(name.split())
+        if not 0 < len(name) <= LONGEST:
+            raise HdplanError(f"a motion's name has 1 to {LONGEST} characters, found {len(name)}")
+        if self.named(name) not in (None, shown):
+            raise HdplanError(f"another motion is called '{name}'")
+        shown.motion = replace(shown.motion, name=name)
+
+    def check(self) -> None:
+        """Certify the active motion in the scene as it is now, without measuring its clearances, which takes longer."""
+        if self.active is not None and not self.holds(self.active):
+            self._take(self.active, _again(self.active.motion, self._viewer.edited.certifier, measured=False))
+
+    def measure(self) -> bool:
+        """Certify and measure the motions that are not of the scene as it is now; whether there were any."""
+        stale = [shown for shown in self.shown if not (self.holds(shown) and shown.motion.measured)]
+        for shown in stale:
+            self._take(shown, _again(shown.motion, self._viewer.edited.certifier))
+        return bool(stale)
+
+    def outdate(self, before: Scene) -> None:
+        """Draw the paths of motions that held in an earlier scene as those of which nothing is known in this one."""
+        for shown in self.shown:
+            if shown.motion.scene is before:
+                self._draw(shown, FAINT)
+
+    def show(self, parameter_of: Callable[[Curve], float], q: Array) -> None:
+        """Show the other motions' robots where they are: `parameter_of` a curve says where. The robot itself is at `q`
+        (n,): what would stand in its place is not drawn."""
+        for shown in self.shown:
+            curve = shown.motion.curve
+            at = curve.at_parameter(parameter_of(curve))
+            apart = shown is not self.active and bool(np.abs(at - q).max() > SAME)
+            shown.robot.visible = apart and shown.visible and self._viewer.panel.layers.on("robot")
+            if shown.robot.visible:
+                shown.robot.show(at)
+
+    def paint(self) -> None:
+        """Draw the paths: a single one by its clearance, several in their own colours."""
+        for shown in self.shown:
+            self._paint(shown)
+
+    def _take(self, shown: Shown, motion: ShownMotion) -> None:
+        shown.motion = motion
+        self._paint(shown)
+
+    def _paint(self, shown: Shown) -> None:
+        motion = shown.motion
+        if not self.holds(shown):
+            self._draw(shown, FAINT)
+        elif not motion.measured and not motion.certificate.certified:
+            self._draw(shown, verdict_color(motion.certificate))
+        elif len(self.shown) > 1:
+            self._draw(shown, shown.color)
+        elif motion.measured:
+            self._draw(shown, clearance_colors(motion.clearance))
+        else:
+            self._draw(shown, START)
+
+    def _draw(self, shown: Shown, colors: NDArray[np.uint8] | Color) -> None:
+        shown.path.draw(shown.motion.tip, colors)
+        shown.path.visible = shown.visible and self._viewer.panel.layers.on("path")
+
+
+def verdict_color(certificate: Certificate) -> Color:
+    """Return the colour of a whole motion: certified, in contact or too close, or something else."""
+    if certificate.certified:
+        return START
+    return CONTACT if certificate.status in (Status.IN_CONTACT, Status.TOO_CLOSE, Status.NOT_PROVEN) else FAINT
+
+
+def _again(motion: ShownMotion, certifier: Certifier, measured: bool = True) -> ShownMotion:
+    """Return the same motion in another scene."""
+    certificate = motion.certificate if motion.scene is certifier.scene else None
+    return ShownMotion.of(motion.name, motion.trajectory, certifier, certificate, measured)

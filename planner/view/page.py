@@ -1,0 +1,128 @@
+"""What the page itself does beyond viser's client: a style that keeps the controls in sight, and a script that tells
+the server which colour scheme the browser has, and what somebody clicked in a plot or in the panel's own HTML.
+
+The script writes JSON into a text field that nobody sees, as viser's fields are what a page can send. A browser may
+send anything: what is not understood is dropped.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import viser
+
+from hdplan.planner.view.drawing.nodes import draw_ground
+
+Told = Mapping[str, Any]
+Handler = Callable[[viser.ClientHandle, Told], object]
+
+# The marker's neighbours in the panel are, in this order: the unseen field, Plan, Play, and the slider.
+STYLE = """
+div:has(> .hdplan-page) + div { display: none }
+div:has(> div > .hdplan-page) { display: grid; grid-template-columns: 1fr 1fr; align-items: center }
+div:has(> div > .hdplan-page) > * { grid-column: 1 / -1; min-width: 0 }
+div:has(> div > div > div > .hdplan-page) { overflow: visible !important }
+div:has(> .hdplan-page) + div + div { grid-column: 1 !important; margin-right: 0.2em !important }
+div:has(> .hdplan-page) + div + div + div { grid-column: 2 !important; margin-left: 0.2em !important }
+div:has(> .hdplan-page) + div + div, div:has(> .hdplan-page) + div + div + div {
+  position: sticky; top: 0; z-index: 7; padding-top: 0.4em; background: var(--mantine-color-body) }
+div:has(> .hdplan-page) + div + div + div + div {
+  position: sticky; top: 2.9em; z-index: 6; padding-top: 0.3em; background: var(--mantine-color-body);
+  border-bottom: 1px solid var(--mantine-color-default-border) }
+.hd { padding: 0 0.9em; font-size: 0.8em; line-height: 1.4 }
+.hd-two { height: 2.8em; overflow: hidden; margin: 0.4em 0;
+  display: -webkit-box; -webkit-line-clamp: 2; -webkit-box-orient: vertical }
+.hd-line { white-space: nowrap; overflow: hidden; text-overflow: ellipsis }
+.hd-link { cursor: pointer; opacity: 0.75 } .hd-link:hover { opacity: 1; text-decoration: underline }
+.hd-row { display: flex; gap: 0.45em; padding: 0.1em 0.3em; border-radius: 4px; cursor: pointer }
+.hd-row:hover, .hd-chosen { background: light-dark(#eef2f6, #2c2e33) }
+.hd summary { list-style: none }
+.hd-good { color: light-dark(#0072b2, #56b4e9) } .hd-bad { color: light-dark(#a50026, #ff7b7b) }
+.u-over { cursor: pointer }
+"""
+
+SCRIPT = """
+if (!window.hdplan) {
+  const tell = (told) => {
+    const field = document.querySelector('div:has(> .hdplan-page) + div input');
+    if (!field) return;
+    const set = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, 'value').set;
+    set.call(field, JSON.stringify({...told, at: performance.now()}));
+    field.dispatchEvent(new Event('input', {bubbles: true}));
+  };
+  const dark = matchMedia('(prefers-color-scheme: dark)');
+  const theme = () => tell({do: 'theme', dark: dark.matches});
+  dark.addEventListener('change', theme);
+  document.addEventListener('click', (event) => {
+    const plot = event.target.closest('.u-over');
+    const link = event.target.closest('[data-do]');
+    if (plot) {
+      const box = plot.getBoundingClientRect();
+      tell({do: 'seek', share: (event.clientX - box.left) / box.width});
+    } else if (link) {
+      if (link.tagName !== 'SUMMARY') event.preventDefault();  // of the line that it is in: no details
+      const told = JSON.parse(link.dataset.do);
+      if (told.ask !== undefined) {
+        const answer = prompt(told.ask, told.answer);
+        if (answer === null) return;
+        told.answer = answer;
+      }
+      tell(told);
+    }
+  });
+  window.hdplan = {theme};
+}
+setTimeout(window.hdplan.theme);
+"""
+# A picture of one pixel, whose arrival runs the script.
+PIXEL = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7"
+
+
+class Page:
+    """The unseen part of the page, and what listens to it."""
+
+    def __init__(self, server: viser.ViserServer, title: str, base: tuple[float, float, float]) -> None:
+        """Build it in the container at hand, as the first there; `title` is the page's, and the ground lies at
+        `base`."""
+        self._server, self._base = server, base
+        self._handlers: dict[str, Handler] = {"theme": self._theme}
+        script = SCRIPT + f"document.title = {json.dumps(title)};"
+        server.gui.add_html(
+            f'<i class="hdplan-page"></i><style>{STYLE}</style>'
+            f'<img hidden alt="" src="{PIXEL}" onload="{html.escape(script)}">'
+        )
+        self._field = server.gui.add_text("page", "")
+        self._field.on_update(self._heard)
+        draw_ground(server.scene, base, dark=False)
+
+    def on(self, what: str, handler: Handler) -> None:
+        """Have `handler` called with the browser and what it told, when it tells `what`."""
+        self._handlers[what] = handler
+
+    def _heard(self, event: Any) -> None:
+        try:
+            told = json.loads(str(self._field.value))
+        except (ValueError, RecursionError):  # of a list in a list in a list …
+            return
+        handler = self._handlers.get(str(told.get("do"))) if isinstance(told, dict) else None
+        if event.client is not None and handler is not None:
+            handler(event.client, told)
+
+    def _theme(self, client: viser.ClientHandle, told: Told) -> None:
+        """Show one browser the page in its own colour scheme."""
+        dark = told.get("dark") is True
+        client.gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False)
+        draw_ground(client.scene, self._base, dark=dark)
+
+
+def link(text: str, what: str, title: str = "", **told: object) -> str:
+    """Return HTML, of `text` that is HTML, that tells the server `what` when it is clicked."""
+    return f'<span class="hd-link" data-do="{telling(what, **told)}" title="{html.escape(title)}">{text}</span>'
+
+
+def telling(what: str, **told: object) -> str:
+    """Return the attribute `data-do` of an element that tells the server `what` when it is clicked."""
+    return html.escape(json.dumps({"do": what, **told}))

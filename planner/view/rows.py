@@ -1,0 +1,113 @@
+"""The list of motions in the panel, one line each: its colour, its name, the verdict in short; details at a click.
+
+The lines are HTML whose links tell the server what was clicked (`page`): a click on a line chooses the motion, the
+others show, hide, rename and remove it, or go to its closest moment.
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import viser
+
+from hdplan.planner.view.drawing.colors import hex_of
+from hdplan.planner.view.motions import Shown
+from hdplan.planner.view.page import Page, Told, link, telling
+from hdplan.planner.view.words import OUTDATED, figures
+
+if TYPE_CHECKING:
+    from hdplan.planner.view.viewer import Viewer
+
+
+class Rows:
+    """The lines, and what a click on them does."""
+
+    def __init__(self, viewer: Viewer, page: Page) -> None:
+        """Build them in the container at hand."""
+        self._viewer = viewer
+        self._html = viewer.server.gui.add_html("")
+        for what, do in (
+            ("choose", self._choose),
+            ("hide", self._hide),
+            ("rename", self._rename),
+            ("remove", self._remove),
+            ("closest", self._closest),
+        ):
+            page.on(what, self._asked(do))
+
+    @property
+    def content(self) -> str:
+        """What is written, as HTML."""
+        return str(self._html.content)
+
+    def say(self) -> None:
+        """Write the lines. By the worker's thread."""
+        lines = "".join(self._line(shown) for shown in self._viewer.motions.shown)
+        content = f'<div class="hd" style="padding:0 0.6em">{lines}</div>' if lines else ""
+        if self._html.content != content:
+            self._html.content = content
+
+    def _line(self, shown: Shown) -> str:
+        motions, motion, number = self._viewer.motions, shown.motion, shown.number
+        holds, certificate, name = motions.holds(shown), shown.motion.certificate, html.escape(shown.motion.name)
+        tint = ("hd-good" if certificate.certified else "hd-bad") if holds else ""
+        said = figures(certificate, motion.trajectory) if holds else "not checked in this scene yet"
+        if holds and not certificate.certified and shown.origin is not self._viewer.scene:
+            said = f"of an older scene: {said}"
+        links = (
+            link("●" if shown.visible else "○", "hide", "hide or show", motion=number)
+            + link("✎", "rename", "rename", motion=number, ask="name of this motion", answer=motion.name)
+            + link("✕", "remove", "remove", motion=number)
+        )
+        details = f"{html.escape(certificate.text) if holds else OUTDATED}<br/>{motion.trajectory.extent}"
+        if (result := shown.result) is not None:
+            spent = result.times.solve + result.times.certify
+            details += f", {result.attempts} attempt(s), {result.iterations} iterations, {spent:.2f} s"
+        if motion.measured and motion.clearance.min(initial=np.inf) < np.inf:
+            details += "<br/>" + link("go to the closest moment", "closest", motion=number)
+        chosen, choose = " hd-chosen" if shown is motions.active else "", telling("choose", motion=number)
+        return (
+            f'<details><summary class="hd-row{chosen}" data-do="{choose}">'
+            f'<span style="color:{hex_of(shown.color)}">▬</span><b class="hd-line" style="max-width:8em">{name}</b>'
+            f'<span class="hd-line {tint}" style="flex:1">{html.escape(said)}</span>{links}</summary>'
+            f'<div style="padding:0.2em 0.3em 0.5em 1.6em">{details}</div></details>'
+        )
+
+    # --- what browsers ask for ------------------------------------------------------------------------------------
+
+    def _asked(self, do: Callable[[Shown, Told], None]) -> Callable[[viser.ClientHandle, Told], object]:
+        """Have the worker do something with the motion that is told, if there is one."""
+
+        def job(told: Told) -> None:
+            number: Any = told.get("motion")
+            for shown in self._viewer.motions.shown:
+                if shown.number == number:
+                    return do(shown, told)
+
+        return lambda _, told: self._viewer.worker.ask(f"{told['do']} {told.get('motion')}", lambda: job(told))
+
+    def _choose(self, shown: Shown, told: Told) -> None:
+        self._viewer.choose(shown.motion.name)
+
+    def _hide(self, shown: Shown, told: Told) -> None:
+        shown.visible = not shown.visible
+        self._viewer.motions.paint()
+        self._viewer.redraw()
+
+    def _rename(self, shown: Shown, told: Told) -> None:
+        self._viewer.motions.rename(shown, str(told.get("answer", "")))
+        self._viewer.redraw()
+
+    def _remove(self, shown: Shown, told: Told) -> None:
+        self._viewer.motions.remove(shown)
+        self._viewer.redraw()
+
+    def _closest(self, shown: Shown, told: Told) -> None:
+        motion, player = shown.motion, self._viewer.panel.player
+        if motion.measured:
+            self._viewer.choose(motion.name)
+            place = int(np.minimum(motion.clearance, motion.self_clearance).argmin())
+            player.go_to(float(player.timeline.moments(motion.curve, motion.parameter[place])))

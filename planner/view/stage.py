@@ -1,0 +1,125 @@
+"""What stands in the scene besides the motions: obstacles, start and goal as ghosts, the robot, the closest pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import viser
+
+from hdplan.planner.certificate.verdict import Closest
+from hdplan.planner.view.drawing.clash import ClashNode
+from hdplan.planner.view.drawing.colors import GOAL, START
+from hdplan.planner.view.drawing.motion import Tip
+from hdplan.planner.view.drawing.nodes import ClosestNodes, ObstacleNode, RobotNodes, draw_region
+from hdplan.planner.view.drawing.skins import Skin, collision_skins
+from hdplan.planner.view.edited import Edited
+from hdplan.planner.view.things import GOAL as THE_GOAL
+from hdplan.planner.view.things import START as THE_START
+from hdplan.planner.view.things import Thing
+from hdplan.planner.view.words import contact_words
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.once import read_only
+
+GHOST = 0.35  # opacity
+UP = read_only(np.array([0.0, 0.0, 1.0]))
+
+
+class Stage:
+    """The nodes of one scene; all but `__init__` is called by the viewer's one thread."""
+
+    def __init__(self, server: viser.ViserServer, edited: Edited, skins: tuple[Skin, ...]) -> None:
+        """Send everything that stands; `skins` are what the robot is shown in."""
+        self._server, robot = server, edited.robot
+        self.tip = Tip.of(robot)
+        self.all_obstacles = server.scene.add_frame("/obstacles", show_axes=False)
+        self._chosen: Callable[[Thing], object] | None = None
+        self._sent = 0  # obstacles: each has a node's name of its own
+        self.obstacles: list[ObstacleNode] = []
+        region = edited.scene.path.position
+        self.region = draw_region(server, region) if region else None  # where a point of a link is to stay
+        solid = [skin for skin in collision_skins(robot) or skins if skin.joint]  # what stands still is there once
+        self.start = RobotNodes(server, "start", robot, solid, color=START, opacity=GHOST)
+        self.goal = RobotNodes(server, "goal", robot, solid, color=GOAL, opacity=GHOST, edges=True)
+        self.labels = [
+            server.scene.add_label(f"/{name}/label", name, font_screen_scale=0.9) for name in ("start", "goal")
+        ]
+        self.robot = RobotNodes(server, "robot", robot, skins)  # where the active motion is, or else at the start
+        self.closest = ClosestNodes(server)
+        self.clash = ClashNode(server)
+        self.take(edited)
+
+    def take(self, edited: Edited) -> None:
+        """Show another scene of the same robot: what stays is moved, what is new is sent. Start and goal are drawn with
+        what they touch in the colour of contact, and it is said in place."""
+        before = {node.obstacle.name: node for node in self.obstacles}
+        after = [self._node(before, obstacle) for obstacle in edited.scene.obstacles]
+        for left in before.values():
+            left.frame.remove()
+        self.obstacles = after
+        for ghost, label, name, q, contacts in zip(
+            (self.start, self.goal),
+            self.labels,
+            ("start", "goal"),
+            (edited.start, edited.goal),
+            edited.contacts,
+            strict=True,
+        ):
+            ghost.show(q)
+            ghost.mark({link for contact in contacts for link in (contact.link, contact.other)})
+            label.text = name if not contacts else f"{name}: {contact_words(contacts[:1])}"
+            label.position = self.tip.placement(q).translation + 0.06 * UP
+        touched = {contact.other for contacts in edited.contacts for contact in contacts}
+        for each in self.obstacles:
+            each.mark(each.obstacle.name in touched)
+
+    def show(self, q: Array, seconds: float, ghosts: bool, pairs: tuple[Closest | None, Closest | None]) -> None:
+        """Draw a moment: obstacles where they are at a time [s], `ghosts` where the robot at `q` (n,) does not stand,
+        and the closest pairs."""
+        for obstacle in self.obstacles:
+            obstacle.show(seconds)
+        for ghost in (self.start, self.goal):
+            ghost.visible = ghosts and not _same(ghost.q, q)
+        self.closest.show(pairs)
+
+    def on_click(self, chosen: Callable[[Thing], object]) -> None:
+        """Have it called with what somebody clicks on."""
+        self._chosen = chosen
+        for thing, ghost in ((THE_START, self.start), (THE_GOAL, self.goal)):
+            for _, mesh in ghost.meshes:
+                mesh.on_click(lambda _, thing=thing: chosen(thing))
+        for node in self.obstacles:
+            self._listen(node)
+
+    def highlight(self, thing: Thing | None) -> None:
+        """Show what is selected; labels make room for its handle."""
+        self.closest.labelled = thing is None
+        for kind, label in zip(("start", "goal"), self.labels, strict=True):
+            label.visible = thing is None or thing.kind != kind
+        for node in self.obstacles:
+            node.select(thing is not None and thing.kind == "obstacle" and node.obstacle.name == thing.name)
+        for kind, ghost in (("start", self.start), ("goal", self.goal)):
+            ghost.select(thing is not None and thing.kind == kind)
+
+    def _listen(self, node: ObstacleNode) -> None:
+        if self._chosen is not None:
+            chosen = self._chosen
+            node.mesh.on_click(lambda _: chosen(Thing("obstacle", node.obstacle.name)))
+
+    def _node(self, before: dict[str, ObstacleNode], obstacle: Any) -> ObstacleNode:
+        """Take an obstacle's node out of those before, or send another one."""
+        node = before.get(obstacle.name)
+        if node is not None and node.obstacle.shape == obstacle.shape:
+            before.pop(obstacle.name)
+            node.take(obstacle)
+            return node
+        self._sent += 1
+        node = ObstacleNode(self._server, self._sent, obstacle)
+        self._listen(node)
+        return node
+
+
+def _same(a: Array | None, b: Array) -> bool:
+    """Whether two robots stand in each other's place, where their surfaces would flicker."""
+    return a is not None and bool(np.abs(a - b).max() < 1e-3)

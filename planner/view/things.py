@@ -1,0 +1,138 @@
+"""What can be selected and dragged: obstacles, the start and the goal; and what dragging does to the scene.
+
+Pure functions of values: nothing here knows a browser. An end given by joint values follows the tip of the robot, a
+goal pose its own link, and keeps its tolerance and free axis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import pinocchio as pin
+from scipy.spatial.transform import Rotation
+
+from hdplan.planner.kinematics.inverse import Aim
+from hdplan.planner.view.drawing.motion import Tip
+from hdplan.planner.view.drawing.reaching import follow_pose, follow_tip
+from hdplan.planner.view.edited import Edited
+from hdplan.scenes.obstacles import Obstacle, TimedPoses
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.shapes import Sphere
+from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
+
+REACHED = 1e-3  # [m] by which the tip may miss its handle without a message
+MEETS = "out of reach: {link} is {short:.0f} mm short"
+
+
+class Thing(NamedTuple):
+    """Something that can be selected."""
+
+    kind: str  # "start", "goal" or "obstacle"
+    name: str = ""  # of an obstacle; of the link, of a goal that has poses of several
+
+    def __str__(self) -> str:
+        """Name it."""
+        if self.kind == "obstacle":
+            return f"obstacle {self.name}"
+        return f"the {self.kind}" + (f" of {self.name}" if self.name else "")
+
+
+START, GOAL = Thing("start"), Thing("goal")
+
+
+def things(edited: Edited) -> tuple[Thing, ...]:
+    """Return all that can be selected."""
+    target = edited.target
+    goals = [Thing("goal", str(pose.link)) for pose in target.poses] if isinstance(target, AllOf) else [GOAL]
+    return (START, *goals, *(Thing("obstacle", obstacle.name) for obstacle in edited.scene.obstacles))
+
+
+def obstacle_of(edited: Edited, thing: Thing) -> Obstacle:
+    """Return the obstacle that is selected."""
+    return next(obstacle for obstacle in edited.scene.obstacles if obstacle.name == thing.name)
+
+
+def place_of(edited: Edited, thing: Thing, tip: Tip) -> Pose:
+    """Return where a thing is grasped (world frame): an obstacle that moves, where it is at 0 s."""
+    if thing.kind == "obstacle":
+        return obstacle_of(edited, thing).pose
+    if thing.kind == "goal" and (pose := _pose(edited, thing)) is not None:
+        return pose.pose
+    place = tip.placement(edited.start if thing.kind == "start" else edited.goal)
+    x, y, z, w = pin.Quaternion(place.rotation).coeffs().tolist()
+    return Pose(tuple(place.translation.tolist()), (x, y, z, w))
+
+
+def turns(edited: Edited, thing: Thing) -> bool:
+    """Whether turning a thing changes anything."""
+    if thing.kind == "obstacle":
+        return not isinstance(obstacle_of(edited, thing).shape, Sphere)
+    pose = _pose(edited, thing) if thing.kind == "goal" else None
+    return pose is None or pose.free_rotation != "all"
+
+
+def dragged(edited: Edited, thing: Thing, pose: Pose, tip: Tip, begin: Edited | None = None) -> tuple[Edited, str]:
+    """Return the scene with a thing dragged to `pose` (world frame), and a word where it cannot follow. `begin` is what
+    it was when dragging began: an arm that was pulled out of reach follows from there again. Raises InputError for what
+    the scene does not allow."""
+    begin = begin or edited
+    if thing.kind == "obstacle":
+        obstacles = [
+            moved(obstacle, pose) if obstacle.name == thing.name else obstacle for obstacle in edited.scene.obstacles
+        ]
+        return edited.changed(obstacles=tuple(obstacles)), ""
+    if thing.kind == "goal" and (old := _pose(edited, thing)) is not None:
+        return _goal_pose_dragged(edited, old, pose, begin)
+    postures = [edited.start, begin.start] if thing.kind == "start" else [edited.goal, begin.goal]
+    q, off = follow_tip(tip, postures, pin.SE3(pose.matrix))
+    words = MEETS.format(link="the tip", short=1e3 * off) if off > REACHED else ""
+    if thing.kind == "start":
+        return edited.starting_at(q), words
+    goal = edited.scene.goal
+    if isinstance(goal, JointTarget):
+        return edited.ending_at(q), words
+    new = JointTarget(edited.target.field, tuple(q.tolist()))
+    return edited.ending_at(q, _with_target(goal, edited.target, new)), words
+
+
+def _goal_pose_dragged(edited: Edited, old: PoseTarget, pose: Pose, begin: Edited) -> tuple[Edited, str]:
+    """Move a goal pose, and the configuration shown after it."""
+    goal, target = edited.scene.goal, edited.target
+    assert isinstance(goal, Goals)
+    assert isinstance(target, PoseTarget | AllOf)
+    kept = replace(pose, quaternion_xyzw=Pose.quaternion_xyzw) if old.free_rotation == "all" else pose
+    new = replace(old, pose=kept)
+    whole = new if target is old else AllOf([new if pose is old else pose for pose in target.poses], target.field)
+    q, reached, off = follow_pose(Aim.at(edited.robot, whole), [edited.goal, begin.goal])
+    words = "" if reached else MEETS.format(link=old.link, short=1e3 * off) + " (of its posture; Plan tries all)"
+    return edited.ending_at(q, _with_target(goal, target, whole)), words
+
+
+def _with_target(goal: Goals, old: object, new: object) -> Goals:
+    return replace(goal, targets=tuple(new if target is old else target for target in goal.targets))  # type: ignore[arg-type]
+
+
+def _pose(edited: Edited, thing: Thing) -> PoseTarget | None:
+    """The goal pose that is selected; None for a goal by joint values."""
+    target = edited.target
+    if isinstance(target, JointTarget):
+        return None
+    return next((pose for pose in target.poses if pose.link == thing.name), target.poses[0])
+
+
+def moved(obstacle: Obstacle, pose: Pose) -> Obstacle:
+    """Return an obstacle that is at `pose` at time 0; one that moves keeps its velocity and spin at every time."""
+    motion = obstacle.motion
+    if not isinstance(motion, TimedPoses):
+        return replace(obstacle, pose=pose)
+    shift = pose.matrix[:3, 3] - obstacle.pose.matrix[:3, 3]
+    turn = Rotation.from_quat(obstacle.pose.quaternion_xyzw).inv() * Rotation.from_quat(pose.quaternion_xyzw)
+    poses = [
+        Pose(
+            tuple((each.matrix[:3, 3] + shift).tolist()),
+            tuple((Rotation.from_quat(each.quaternion_xyzw) * turn).as_quat().tolist()),
+        )
+        for each in motion.poses[1:]
+    ]
+    return replace(obstacle, pose=pose, motion=replace(motion, poses=(pose, *poses)))

@@ -1,0 +1,100 @@
+"""What the panel says, as HTML: verdicts, contacts and clearances in words."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from hdplan.planner.certificate.end_check import SAME_END
+from hdplan.planner.certificate.verdict import Certificate, Contact, Status
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.result import PlanResult
+from hdplan.planner.view.drawing.motion import ShownMotion, millimetres
+from hdplan.planner.view.edited import Edited
+
+OUTDATED = "the scene has changed: nothing is known of this motion in it yet"
+
+
+def small(text: str, size: float = 0.8) -> str:
+    """Return HTML in the panel's small print; nothing for no text."""
+    return f'<div style="padding:0 0.9em;font-size:{size}em">{text}</div>' if text else ""
+
+
+def contact_words(contacts: Sequence[Contact]) -> str:
+    """Say which bodies touch, the deepest first, three at most."""
+    return "; ".join(
+        f"{c.link} and {c.other} " + (f"overlap by {c.depth * 1e3:.3g} mm" if c.depth else "touch")
+        for c in contacts[:3]
+    )
+
+
+def clearance_words(moment: str, pairs: Sequence[Any]) -> str:
+    """Say in two lines how close the robot is to obstacles and to itself; `moment` is when."""
+    lines = [_pair(what, pair) for what, pair in zip(("obstacle", "own link"), pairs, strict=True)]
+    return f'<div class="hd" data-moment="{html.escape(moment)}">{"".join(lines)}</div>'
+
+
+def _pair(what: str, pair: Any) -> str:
+    if pair is None:
+        return f'<div class="hd-line">closest {what}: none</div>'
+    text = f"<b>{millimetres(pair.distance)}</b> {html.escape(pair.link)} – {html.escape(pair.other)}"
+    full = html.escape(f"closest {what} at the moment that is shown, exact: {pair.link} and {pair.other}")
+    return f'<div class="hd-line" title="{full}">closest {what}: {text}</div>'
+
+
+SHORT = {  # of a verdict, on a motion's line
+    Status.CERTIFIED: "certified",
+    Status.WRONG_ENDS: "other ends",
+    Status.OUTSIDE_LIMITS: "beyond joint limits",
+    Status.IN_CONTACT: "in contact",
+    Status.TOO_CLOSE: "too close",
+    Status.OFF_PATH: "off the path asked for",
+    Status.TOO_FAST: "too fast",
+    Status.OVERLOADED: "overloaded",
+    Status.NOT_PROVEN: "not proven",
+}
+
+
+def figures(certificate: Certificate, trajectory: Trajectory) -> str:
+    """Return a verdict, the clearance and the duration in one line: what is proven, or the worst place found."""
+    parts = [SHORT[certificate.status]]
+    if certificate.certified:
+        parts += [] if certificate.clearance is None else [millimetres(certificate.clearance)]
+    elif found := [place.distance for place in (certificate.worst, certificate.self_worst) if place]:
+        parts.append(millimetres(min(found)))
+    parts.append("path" if trajectory.duration is None else f"{trajectory.duration:.2f} s")
+    return " · ".join(parts)
+
+
+def whats_next(
+    edited: Edited, active: ShownMotion | None, result: PlanResult | None = None, stopped: bool = False
+) -> str:
+    """Say what to do next in a scene with this active motion, or what keeps it from being done; what is proven
+    where all is well. `result` is the plan from which the motion comes, and whether it was `stopped`."""
+    for name, contacts in zip(("start", "goal"), edited.contacts, strict=True):
+        if contacts:
+            return f"{name} is in collision: {contact_words(contacts)}. Drag it, or what it touches, away."
+    if edited.missed:
+        return f"the goal is out of reach here: {edited.missed}. Drag it nearer."
+    if active is None:
+        return "no motion yet: press Plan"
+    if active.scene is not edited.scene:
+        return OUTDATED
+    certificate = active.certificate
+    if certificate.certified:
+        return certificate.text
+    if certificate.status is Status.WRONG_ENDS:
+        at_start = np.abs(active.joints[0] - edited.start).max() <= SAME_END
+        return f"planned for another {'goal' if at_start else 'start'}: press Plan"
+    found = SHORT[certificate.status]
+    if stopped:
+        return f"stopped: the best motion so far is {found}"
+    if result is not None and not result.certified and result.asked is edited.scene:
+        return f"no free motion found yet, the best one is {found}: press Plan again, or give it more room"
+    if certificate.failures:
+        worst = min(certificate.failures, key=lambda place: place.distance)
+        return f"{found} in this scene: {worst.link} and {worst.other}, {millimetres(worst.distance)}: press Plan"
+    return f"{found} in this scene: press Plan"

@@ -1,0 +1,27 @@
+"""A light scene, a motion through it, and a browser to look at pages with."""
+
+from __future__ import annotations
+
+import pytest
+
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.plan import plan
+from hdplan.planner.result import PlanResult
+from hdplan.planner.robot.setup import Setup
+from hdplan.planner.view.drawing.motion import ShownMotion
+from hdplan.scenes.yaml_format.reader import load_scene
+
+
+@pytest.fixture(scope="session")
+def result() -> PlanResult:
+    return plan(load_scene("planar_arm"))
+
+
+@pytest.fixture(scope="session")
+def setup(result: PlanResult) -> Setup:
+    return Setup.of(load_scene("planar_arm"))
+
+
+@pytest.fixture(scope="session")
+def motion(result: PlanResult, setup: Setup) -> ShownMotion:
+    return ShownMotion.of("found", result.trajectory, Certifier(setup), result.certificate)

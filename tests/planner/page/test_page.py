@@ -1,0 +1,125 @@
+"""Laws of pages: they hold all that they show, nothing from elsewhere, and are drawn as they say, in a real browser."""
+
+from __future__ import annotations
+
+import dataclasses
+import html
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hdplan
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.html_page import HtmlPage
+from hdplan.planner.page.browser import Browser, find_browser
+from hdplan.planner.page.page import page_of
+from hdplan.planner.result import PlanResult
+from hdplan.planner.robot.setup import Setup
+from hdplan.planner.view.drawing.motion import ShownMotion
+from hdplan.scenes.errors import InputError
+
+SIZE = (700, 400)  # [px]: every pixel is drawn by the processor
+LARGEST = 3_000_000  # [bytes] of a Panda's page
+
+
+def data_of(page: HtmlPage) -> dict[str, Any]:
+    found = re.search(r'<script id="data" type="application/json">(.*?)</script>', page.html, re.S)
+    assert found
+    data: dict[str, Any] = json.loads(found[1])
+    return data
+
+
+def test_a_page_says_what_is_known(setup: Setup, motion: ShownMotion) -> None:
+    """Title, verdict, joints, clearance and every pose are those of the motion, to 10 µm and 10 µrad."""
+    page = page_of(setup, [motion])
+    said = data_of(page)
+    (drawn,) = said["motions"]
+    assert said["title"] == page.title == "planar_arm · planar_arm"
+    assert (drawn["verdict"], drawn["certified"]) == (motion.certificate.text, True)
+    np.testing.assert_allclose(drawn["joints"], motion.joints, atol=1e-5)
+    np.testing.assert_allclose(drawn["clearance"], 1e3 * motion.clearance, atol=1e-5)
+    np.testing.assert_allclose(drawn["path"], motion.tip, atol=1e-5)
+    poses = np.array(drawn["poses"])  # (joints, samples, 7)
+    assert poses.shape[:2] == (setup.robot.model.njoints, len(motion.joints))
+    np.testing.assert_allclose(np.linalg.norm(poses[..., 3:], axis=-1), 1.0, atol=1e-4)
+    certifier = Certifier(setup)
+    for row in (0, 40, 120):
+        now = said["when"][row]
+        pair = next(filter(None, certifier.closest(motion.curve.at_parameter(now))))
+        shown = next(filter(None, said["closest"][row]))
+        assert shown["pair"] == f"{pair.link} – {pair.other}"
+        np.testing.assert_allclose(shown["points"], pair.points, atol=1e-5)
+    assert [joint["name"] for joint in said["joints"]] == list(setup.robot.joint_names)
+
+
+def test_a_page_needs_nothing_from_elsewhere(setup: Setup, motion: ShownMotion) -> None:
+    text = page_of(setup, [motion]).html
+    assert not re.search(r"https?://|@import|url\(|<link|src=", text.replace("http://www.w3.org", ""))
+
+
+def test_names_are_text_and_never_markup(setup: Setup, motion: ShownMotion) -> None:
+    hostile = "</script><script>window.hurt = 1</script>"
+    renamed = dataclasses.replace(setup, scene=dataclasses.replace(setup.scene, name=hostile))
+    page = page_of(renamed, [dataclasses.replace(motion, name=hostile), dataclasses.replace(motion, name="other")])
+    assert "<script>window.hurt" not in page.html
+    assert data_of(page)["motions"][0]["name"] == hostile
+    assert page._repr_html_().count("<") == 2  # the frame alone: what is inside is escaped
+
+
+@pytest.mark.parametrize("name", ["panda_cage", "panda_gate", "panda_carry"])
+def test_a_pandas_page_is_small(name: str) -> None:
+    result = hdplan.plan(hdplan.load_scene(name))
+    page = result.show()
+    assert len(page.html.encode()) <= LARGEST
+    said = data_of(page)
+    assert said["timeline"]["timed"] == (result.trajectory.times is not None)
+    assert any("poses" in each for each in said["obstacles"]) == (name == "panda_gate")
+
+
+def test_a_result_shows_itself(result: PlanResult, tmp_path: Path) -> None:
+    page = result.show()
+    assert page._repr_html_().startswith("<iframe srcdoc=")
+    assert html.escape(result.certificate.text) in page._repr_html_()
+    page.save(tmp_path / "page.html")
+    assert (tmp_path / "page.html").read_text(encoding="utf-8") == page.html
+    for bad in ("page.txt", "none/page.html"):
+        with pytest.raises(InputError):
+            page.save(tmp_path / bad)
+    assert sorted(tmp_path.iterdir()) == [tmp_path / "page.html"]
+    with pytest.raises(InputError, match="does not hold the scene"):
+        dataclasses.replace(result, asked=None).show()
+
+
+@pytest.mark.skipif(find_browser() is None, reason="no browser found: apt-get install chromium")
+def test_a_browser_draws_it(setup: Setup, motion: ShownMotion) -> None:
+    """The picture changes as the motion goes on, the slider and the keys move it, and nothing is complained of."""
+    program = find_browser()
+    assert program is not None
+    listening = "<script>window.wrong = []; addEventListener('error', (e) => wrong.push(e.message));</script>"
+    page = page_of(setup, [motion])
+    with Browser(program, HtmlPage(page.title, page.html.replace("<body>", listening, 1)), SIZE) as browser:
+        assert browser.run("document.title") == page.title
+        assert motion.certificate.text in browser.run("document.body.innerText")
+        pictures = []
+        for now in (0.0, 0.5, 1.0):
+            browser.run(f"page.now = {now}; page.paint()")
+            pictures.append(browser.run("document.getElementById('scene').toDataURL()"))
+        assert len(set(pictures)) == 3
+        browser.run("time.value = 0.25; time.dispatchEvent(new Event('input'))")
+        assert browser.run("page.now") == pytest.approx(0.25)
+        cells = "[...document.querySelectorAll('#joints td:nth-child(2)')]"
+        values = browser.run(f"page.paint(), {cells}.map(cell => cell.innerText)")
+        shown = [float(value.split()[0]) for value in values]
+        np.testing.assert_allclose(shown, motion.curve.at_parameter(0.25), atol=2e-3)
+        for key, now in (("End", 1.0), ("ArrowLeft", 0.99), ("Home", 0.0)):
+            browser.run(f"document.dispatchEvent(new KeyboardEvent('keydown', {{key: '{key}'}}))")
+            assert browser.run("page.now") == pytest.approx(now)
+        before = browser.run("page.paint(), document.getElementById('scene').toDataURL()")
+        browser.run("page.stage.azimuth += 1; page.paint()")
+        assert browser.run("document.getElementById('scene').toDataURL()") != before
+        assert browser.run("wrong") == []
+        assert browser.run("page.stage.gl.getError()") == 0

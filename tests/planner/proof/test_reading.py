@@ -1,0 +1,63 @@
+"""Laws of proofs that are read again: planes lie between the bodies, at every moment, as far as the leaf says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hdplan
+from hdplan.planner.certificate.certifier import Certifier
+from hdplan.planner.motion.robot_curve import curve_of
+from hdplan.planner.proof.reading import ReadProof
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.yaml_format.reader import find_scene
+
+ROUNDING = 1e-9  # [m]
+COAL = 1e-5  # [m] by which coal says less than the distance of round bodies
+MOMENTS = 25
+
+
+@pytest.mark.parametrize("name", ["panda_cage", "panda_carry", "panda_gate"])
+def test_a_plane_separates_the_closest_pair(name: str, tmp_path: Path) -> None:
+    """What is proven is at most the gap at the plane, and that at most the exact distance: of links, of what they hold,
+    of obstacles that move."""
+    scene, motion = hdplan.load_scene(name), tmp_path / "motion.json"
+    hdplan.plan(scene).save(motion)
+    proof = hdplan.prove(name, motion)
+    read = ReadProof(find_scene(name), motion, proof.data)
+    certifier = Certifier(Setup.of(scene))
+    curve = curve_of(certifier.robot, hdplan.Trajectory.load(motion))
+    claimed = (proof.certificate.clearance, proof.certificate.self_clearance)
+    seen = 0
+    for parameter in np.append(np.random.default_rng(0).uniform(size=MOMENTS), [0.0, 1.0]):
+        time = float(curve.time_of(parameter))
+        row = read.row(curve, float(parameter))
+        for near, least in zip(certifier.closest(curve.at_parameter(parameter), time), claimed, strict=True):
+            if near is None or least is None:
+                continue
+            plane = read.closest(near.link, near.other, row)
+            assert plane is not None
+            assert plane.span[0] <= row <= plane.span[1]
+            assert 0.0 < 0.97 * least - 1e-4 <= plane.bound <= plane.gap + ROUNDING
+            assert plane.gap <= near.distance + COAL
+            assert np.linalg.norm(plane.normal) == pytest.approx(1.0)
+            names = [read.world.pieces[i].name for i in read.world.pairs[read.pairs(near.link, near.other)[0]]]
+            for point, body in zip(near.points, (near.link, near.other), strict=True):
+                side = 1.0 if body == names[0] else -1.0
+                assert side * plane.normal @ (point - plane.point) > 0.5 * plane.gap - COAL
+            seen += 1
+    assert seen >= MOMENTS
+
+
+def test_bodies_that_are_not_compared_have_no_plane(tmp_path: Path) -> None:
+    motion = tmp_path / "motion.json"
+    hdplan.plan(hdplan.load_scene("panda_cage")).save(motion)
+    read = ReadProof(find_scene("panda_cage"), motion, hdplan.prove("panda_cage", motion).data)
+    assert read.closest("panda_link1", "panda_link2", 0.0) is None
+    assert read.closest("panda_hand", "nobody", 0.0) is None
+    assert read.closest("panda_hand", "bar3", -1.0) is not None
+    with pytest.raises(InputError, match=r"no proof of .*motion.json in .*panda_gate"):
+        ReadProof(find_scene("panda_gate"), motion, hdplan.prove("panda_cage", motion).data)

@@ -1,0 +1,214 @@
+"""The checker reads scenes, robots and meshes as hdplan does, or refuses them; and takes no more than it may."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hdplan
+import hdplan.verify as verify
+from hdplan.planner.geometry.mesh_files import read_mesh_file
+from hdplan.planner.proof.proof import world_of
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.robot_files.library import data_folder
+from hdplan.scenes.robot_spec import PlanarBase
+from hdplan.verify import RejectedError, World
+
+HOME = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
+
+
+def test_collada_files_are_read_as_hdplan_reads_them_or_refused() -> None:
+    """Every fifth of the library: each triangle has the same corners, but for hdplan's single precision."""
+    read = 0
+    for file in sorted(data_folder().glob("**/*.dae"))[::5]:
+        try:
+            found = verify.triangles(file, file.read_bytes())
+        except RejectedError as error:
+            assert "COLLADA" in str(error) or "key" in str(error)  # noqa: PT017
+            continue
+        points, corners = read_mesh_file(file)
+        assert (
+            np.abs(np.sort(points[corners], axis=1) - np.sort(found.mid, axis=1)).max() <= 1e-6 * np.abs(points).max()
+        )
+        assert found.rad.max() < 1e-12
+        read += 1
+    assert read > 30
+
+
+DAE = """<COLLADA xmlns="x"><asset><unit meter="1"/></asset><library_geometries><geometry id="g"><mesh>
+<source id="p"><float_array id="a" count="12">0 0 0 1 0 0 0 1 0 0 0 1</float_array><technique_common>
+<accessor source="#a" count="4" stride="3"/></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles>
+<polylist count="1"><input semantic="VERTEX" source="#v" offset="1"/><input semantic="NORMAL" source="#n" offset="0"/>
+<vcount>4</vcount><p>9 0 9 1 9 2 9 3</p></polylist></mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node><matrix>2 0 0 1 0 2 0 0 0 0 2 0 0 0 0 1</matrix>
+<node><matrix>0 -1 0 0 1 0 0 0 0 0 1 5 0 0 0 1</matrix><instance_geometry url="#g"/></node></node></visual_scene>
+</library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
+
+
+def test_nodes_of_a_collada_file_place_each_other() -> None:
+    points = np.array([[1, 0, 10], [1, 2, 10], [-1, 0, 10], [1, 0, 12]])
+    other = "<translate>1 0 0</translate><scale>2 2 2</scale><translate>0 0 5</translate><rotate>0 0 1 90</rotate>"
+    start, end = DAE.index("<matrix>2"), DAE.index("<instance_geometry")
+    for text in (DAE, f"{DAE[:start]}<node>{other}{DAE[end:]}"):
+        found = verify.triangles(Path("a.dae"), text.encode())
+        assert (np.abs(found.mid - points[[[0, 1, 2], [0, 1, 2], [0, 2, 3]]]) <= found.rad).all()
+        assert found.rad.max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ('meter="1"', 'meter="0.01"'),
+        ('stride="3"', 'stride="4"'),
+        ('stride="3"', 'stride="3" offset="3"'),
+        ("<p>0 1 2</p>", "<p>0 1 7</p>"),
+        ("<p>0 1 2</p>", "<p>0 1 -1</p>"),
+        ("<vcount>4", "<vcount>3"),
+        ("<polylist", "<tristrips/><polylist"),
+        ("<node><matrix>2", "<node><skew>0 0 1</skew><matrix>2"),
+        ("<node><matrix>2", '<node><instance_node url="#s"/><matrix>2'),
+        ("0 0 0 0 1</matrix>\n<node>", "0 0 0 0 2</matrix>\n<node>"),
+        ('<instance_geometry url="#g"/>', '<instance_geometry url="other.dae#g"/>'),
+        ('<instance_geometry url="#g"/>', ""),
+        ('<source id="p">', '<source id="g">'),
+        ("0 1 0 0 0 1</float", "0 1 0 0 0 inf</float"),
+    ],
+)
+def test_other_collada_files_are_refused(before: str, after: str) -> None:
+    assert before in DAE
+    with pytest.raises((RejectedError, ValueError, IndexError, KeyError)):
+        verify.triangles(Path("a.dae"), DAE.replace(before, after).encode())
+
+
+def world(scene: hdplan.Scene, folder: Path, change: Callable[[str], str] = str) -> World:
+    """Scene and a short motion as the checker reads them, after a change to the scene's text."""
+    scene.save(folder / "scene.yaml")
+    setup = Setup.of(hdplan.load_scene(folder / "scene.yaml"))
+    rows = np.array([setup.query.start, setup.query.start + 0.01])
+    hdplan.Trajectory(setup.robot.joint_names, rows, dict(setup.robot.locked)).save(folder / "m.json")
+    text = (folder / "scene.yaml").read_text()
+    (folder / "scene.yaml").write_text(change(text))
+    assert (change(text) == text) == (change is str)
+    return world_of(setup, folder / "scene.yaml", folder / "m.json")
+
+
+def test_a_mobile_base_carries_the_robot(tmp_path: Path) -> None:
+    base = PlanarBase(x=(-2, 2), y=(-1, 3), yaw=(-3, 3))
+    spec = hdplan.RobotSpec(name="panda", base=hdplan.Pose((1.0, 0.0, 0.2)), base_joints=base)
+    start = [0.3, -0.2, 1.1, *HOME]
+    scene = hdplan.Scene(robot=spec, start=start, goal=start)
+    found = world(scene, tmp_path)
+    robot = hdplan.load_robot(spec)
+    assert tuple(joint.name for joint in found.joints) == robot.joint_names
+    assert [(joint.low, joint.high) for joint in found.joints[:3]] == [(-2, 2), (-1, 3), (-3, 3)]
+    motion = verify.Motion(found, np.array([[0.0, 1.0]]))
+    turn = verify.rotation(verify.Ball([0.0, 0.0, 1.0]), 1.105).mid
+    assert np.allclose(motion.at.mid[0, 2], [1.305, -0.195, 0.2], atol=1e-12)
+    assert np.allclose(motion.turn.mid[0, 2], turn, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        ("locked: {", "locked: {on: 1, ", "not a word"),
+        ('name: "panda"', 'name: "panda"\n  srdf: other.srdf', "either a name or files"),
+        ('name: "panda"', 'name: "panda"\n  name: panda', "stands twice"),
+        ("hdplan: 1", "hdplan: 1\npayload: {mass: 1, mass: 2}", "stands twice"),
+    ],
+)
+def test_what_hides_in_a_scene_is_refused(before: str, after: str, words: str, tmp_path: Path) -> None:
+    scene = hdplan.Scene(
+        robot=hdplan.RobotSpec(name="panda", locked={"panda_finger_joint1": 0.01}), start=HOME, goal=HOME
+    )
+    with pytest.raises(RejectedError, match=words):
+        world(scene, tmp_path, lambda text: text.replace(before, after, 1))
+
+
+def test_a_key_that_stands_twice_in_a_motion_is_refused(tmp_path: Path) -> None:
+    scene = hdplan.Scene(robot="panda", start=HOME, goal=HOME)
+    found = world(scene, tmp_path)
+    text = (tmp_path / "m.json").read_text()
+    (tmp_path / "m.json").write_text(text.replace("{", '{"joint_names": [], ', 1))
+    with pytest.raises(RejectedError, match="stands twice"):
+        World(found.scene, tmp_path / "m.json", {"files": {}, "held": found.held}, {})
+
+
+@pytest.mark.parametrize("tag", ["enable_collisions", "disable_default_collisions"])
+def test_an_srdf_that_turns_pairs_on_and_off_at_large_is_refused(tag: str) -> None:
+    with pytest.raises(RejectedError, match=tag):
+        verify.excused(verify.tree(f'<robot><{tag} link="a" link1="a" link2="b"/></robot>'.encode()))
+
+
+def test_limits_of_a_scene_do_not_widen_those_of_the_robot(tmp_path: Path) -> None:
+    """The motion ends 10 mrad beyond its start, where the URDF's limit is."""
+    head = {"clearance": None, "self_clearance": 1e-3, "claims": ["limits"]}
+    for room, good in ((0.0101, True), (0.0099, False)):
+        start = [2.8973 - room, *HOME[1:]]
+        scene = hdplan.Scene(robot="panda", start=start, goal=start)
+        found = world(scene, tmp_path)
+        for asked, fine in (({}, good), ({"panda_joint1": [-9, 9]}, good), ({"panda_joint1": [0, start[0]]}, False)):
+            found.top["limits"] = {"position": asked}
+            if fine:
+                verify.statement(found, head)
+            else:
+                with pytest.raises(RejectedError, match="'panda_joint1' is beyond it"):
+                    verify.statement(found, head)
+
+
+def test_the_process_of_the_checker_is_limited(tmp_path: Path) -> None:
+    """Memory and time that files may cost are bounded, whatever they say."""
+    code = "import hdplan.verify as v, sys; v.MOST_TIME = 1; v.limit()\n"
+    if sys.platform != "linux":
+        pytest.skip("limits of processes are those of Linux")
+    for attack, words in (("bytearray(3 << 30)", "MemoryError"), ("while True: pass", "RejectedError: needs more")):
+        done = subprocess.run([sys.executable, "-c", code + attack], capture_output=True, text=True, check=False)
+        assert done.stderr.strip().splitlines()[-1].split(".")[-1].startswith(words)
+
+
+def test_the_statement_names_the_robot_s_file(tmp_path: Path) -> None:
+    found = world(hdplan.Scene(robot="panda", start=HOME, goal=HOME), tmp_path)
+    said = verify.statement(found, {"clearance": None, "self_clearance": 1e-3, "claims": []})
+    assert f"robot: {found.urdf}" in said
+    assert json.dumps(found.files["urdf"])[1:9] in said
+
+
+@pytest.mark.parametrize(("least", "whole"), [(0.02, True), (0.019, False), (None, True)])
+def test_a_clearance_between_links_that_is_not_reached_is_said(
+    least: float | None, whole: bool, tmp_path: Path
+) -> None:
+    """None: there are no two links to be kept apart."""
+    asked = hdplan.SelfCollision(clearance=0.02)
+    found = world(hdplan.Scene(robot="panda", start=HOME, goal=HOME, self_collision=asked), tmp_path)
+    said = verify.statement(found, {"clearance": None, "self_clearance": least, "claims": ["limits", "start"]})
+    assert ("self_collision.clearance, 20 mm" not in said) == whole
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ('<mass value="1"/>', '<mass value="1"/><mass value="2"/>'),
+        ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 1"/><axis xyz="0 1 0"/>'),
+        ('<origin xyz="0 0 1"/>', '<origin xyz="0 0 1"/><origin xyz="0 0 2"/>'),
+    ],
+)
+def test_what_stands_twice_in_a_urdf_is_refused(before: str, after: str, tmp_path: Path) -> None:
+    text = """<robot name="r"><link name="a"/><link name="b"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j" type="continuous">
+<origin xyz="0 0 1"/><parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint></robot>"""
+    assert before in text
+    (tmp_path / "s.yaml").write_text("hdplan: 1\nrobot: {urdf: r.urdf}\nstart: {joints: [0]}\ngoal: {joints: [0]}\n")
+    (tmp_path / "m.json").write_text('{"joint_names": ["j"], "positions": [[0], [1]]}')
+    (tmp_path / "r.urdf").write_text(text)
+    said = {"files": {}, "held": {}}
+    assert len(World(tmp_path / "s.yaml", tmp_path / "m.json", said, {}).joints) == 1
+    (tmp_path / "r.urdf").write_text(text.replace(before, after))
+    with pytest.raises(RejectedError, match=r"twice|origin"):
+        World(tmp_path / "s.yaml", tmp_path / "m.json", said, {})

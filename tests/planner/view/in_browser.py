@@ -1,0 +1,139 @@
+"""A real browser for tests, Debian's chromium without a screen: pages, pictures of them, and where a point of the scene
+is seen."""
+
+from __future__ import annotations
+
+import io
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.view.handles import SIZE as SIZE_OF_HANDLE
+from hdplan.planner.view.server import open_viewer
+from hdplan.planner.view.viewer import Viewer
+from hdplan.scenes.scene import Scene
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+SIZE = {"width": 760, "height": 360}  # small: every pixel is drawn by the processor
+SELDOM = "const frame = requestAnimationFrame; requestAnimationFrame = (draw) => setTimeout(frame, 200, draw)"  # 5 Hz
+SCENE = 340  # [px] of its width, where the panel is not
+PATIENCE = 180_000  # [ms] for what comes in seconds where the processor has nothing else to do
+
+
+def opened_browser() -> Iterator[Any]:
+    """One whose pages share what was loaded once, and draw a few pictures a second: each is the processor's work."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="not installed: pip install playwright")
+    if CHROMIUM is None:
+        pytest.skip("no chromium found: apt-get install chromium")
+    with playwright.sync_playwright() as running:
+        found = running.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
+        pages = found.new_context(viewport=SIZE)
+        pages.add_init_script(SELDOM)
+        yield pages
+        found.close()
+
+
+def plainly(scene: Scene, *motions: tuple[str, Trajectory]) -> Viewer:
+    """A viewer without reflections and shadows, which cost the processor seconds a page."""
+    viewer = open_viewer(scene, motions, port=8280)
+    viewer.server.scene.configure_environment_map(None)
+    viewer.server.scene.configure_default_lights(cast_shadow=False)
+    return viewer
+
+
+class Tabs:
+    """Opens pages, and keeps what they complain of in their consoles."""
+
+    def __init__(self, browser: Any) -> None:
+        self.browser = browser
+        self.complaints: list[str] = []
+        self.pages: list[Any] = []
+
+    def __call__(self, address: str) -> Any:
+        page = self.browser.new_page()
+        self.pages.append(page)
+        page.set_default_timeout(PATIENCE)
+        page.on("console", lambda message: self.complaints.append(message.text) if message.type == "error" else None)
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page.goto(address)
+        page.wait_for_selector("canvas")
+        page.get_by_text("Software WebGL").wait_for()
+        page.locator(".mantine-Notification-closeButton").dispatch_event("click")  # it lies over the scene
+        return page
+
+    def close(self) -> None:
+        for page in self.pages:
+            page.close()
+        assert not self.complaints
+
+
+def address(viewer: Viewer) -> str:
+    return f"http://127.0.0.1:{viewer.port}"
+
+
+def picture(page: Any) -> NDArray[np.int64]:
+    """What the page shows of the scene (h, w, 3)."""
+    from PIL import Image
+
+    shot = page.screenshot(clip={"x": 0, "y": 0, "width": SCENE, "height": SIZE["height"]})
+    return np.asarray(Image.open(io.BytesIO(shot)).convert("RGB"), dtype=np.int64)
+
+
+def until(true: Callable[[], bool], what: str) -> None:
+    deadline = time.monotonic() + PATIENCE / 1e3
+    while not true():
+        assert time.monotonic() < deadline, what
+        time.sleep(0.1)
+
+
+def coloured(image: NDArray[np.int64]) -> int:
+    """How many pixels are neither white nor grey."""
+    return int((np.ptp(image, axis=2) > 24).sum())
+
+
+def changed(image: NDArray[np.int64], before: NDArray[np.int64]) -> int:
+    """How many pixels are others than before."""
+    return int((np.abs(image - before).max(axis=2) > 24).sum())
+
+
+def press(page: Any, name: str) -> None:
+    """Click a button, without the wait for pictures in which it stands still: a full processor draws few."""
+    page.get_by_role("button", name=name, exact=True).dispatch_event("click")
+
+
+def look(viewer: Viewer, eye: tuple[float, float, float], target: tuple[float, float, float]) -> None:
+    """Let the browser look from one point at another."""
+    (client,) = viewer.server.get_clients().values()
+    client.camera.position = eye
+    client.camera.look_at = target
+
+
+def seen(page: Any, viewer: Viewer, point: NDArray[np.float64]) -> tuple[float, float]:
+    """Where on the page a point of the scene is seen [px]."""
+    (right, down, ahead), canvas, scale = _in_the_picture(page, viewer, point)
+    scale /= ahead
+    return canvas["x"] + 0.5 * canvas["width"] + scale * right, canvas["y"] + 0.5 * canvas["height"] + scale * down
+
+
+def grip(page: Any, viewer: Viewer, place: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+    """A point on an arrow of the handle that stands at `place` (4, 4): (3,) [m]."""
+    (_, _, ahead), _, scale = _in_the_picture(page, viewer, place[:3, 3])
+    return np.asarray(place[:3, 3] + 0.7 * SIZE_OF_HANDLE / scale * ahead * place[:3, axis])
+
+
+def _in_the_picture(page: Any, viewer: Viewer, point: NDArray[np.float64]) -> tuple[NDArray[np.float64], Any, float]:
+    """A point in the camera's frame (3,) [m], the canvas, and how large it shows what is 1 m long 1 m away [px]."""
+    (client,) = viewer.server.get_clients().values()
+    camera, canvas = client.camera, page.locator("canvas").first.bounding_box()
+    w, x, y, z = camera.wxyz
+    own = Rotation.from_quat([x, y, z, w]).as_matrix().T @ (point - camera.position)
+    return own, canvas, 0.5 * canvas["height"] / np.tan(0.5 * camera.fov)

@@ -1,0 +1,141 @@
+"""Dragging with a real mouse in a real browser: what is dragged takes a certified motion along."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hdplan.planner.certificate.certifier import certify
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.view.planning import NAME
+from hdplan.planner.view.things import GOAL, START, Thing, place_of
+from hdplan.planner.view.viewer import Viewer
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.scene import Scene
+from tests.planner.view.in_browser import Tabs, address, changed, grip, look, picture, plainly, seen, until
+
+BALL = Thing("obstacle", "ball")
+
+
+@pytest.fixture
+def viewer(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
+    found = plainly(scene, (NAME, trajectory))
+    yield found
+    found.close()
+
+
+@pytest.fixture
+def page(tab: Tabs, viewer: Viewer) -> Any:
+    """The viewer's page, with the whole scene in the picture."""
+    page = tab(address(viewer))
+    page.get_by_text("certified: at least").wait_for()
+    viewer.worker.settle(20)
+    look(viewer, (0.4, -2.2, 2.6), (0.4, 0.3, 0.0))
+    page.wait_for_timeout(1000)
+    return page
+
+
+def selected(page: Any, viewer: Viewer, thing: Thing) -> Array:
+    """Select a thing, wait until its handle is drawn, and return where that stands (4, 4)."""
+    before = picture(page)
+    viewer.worker.ask("select", lambda: viewer.panel.handles.select(thing))
+    assert viewer.worker.settle(20)
+    until(lambda: changed(picture(page), before) > 100, "the handle is not drawn")
+    page.wait_for_timeout(2000)  # until nothing else is
+    return place_of(viewer.edited, thing, viewer.stage.tip).matrix
+
+
+def dragged(page: Any, viewer: Viewer, place: Array, way: Array, steps: int = 10) -> None:
+    """Grip the arrow along which most of a way (3,) leads, and drag it so far (world frame); the button stays down."""
+    along = place[:3, :3].T @ way
+    held = grip(page, viewer, place, int(np.abs(along).argmax()))
+    page.mouse.move(*seen(page, viewer, held))
+    page.wait_for_timeout(500)
+    page.mouse.down()
+    for share in np.linspace(1 / steps, 1.0, steps):
+        page.mouse.move(*seen(page, viewer, held + share * way))
+        page.wait_for_timeout(100)
+
+
+def test_the_certified_motion_follows_the_mouse(page: Any, viewer: Viewer) -> None:
+    """While the button is still down: what is said to be certified is, in the scene as it is then."""
+    place = selected(page, viewer, BALL)
+    assert viewer.motions.active is not None
+    first = viewer.motions.active.motion.trajectory
+    tips = viewer.motions.active.motion.tip
+    way = tips[np.linalg.norm(tips - place[:3, 3], axis=1).argmin()] - place[:3, 3]
+    along = np.zeros(3)
+    along[np.abs(way).argmax()] = way[np.abs(way).argmax()]
+    dragged(page, viewer, place, along)
+    until(lambda: viewer.panel.live.count > 0, "no motion is planned while it is dragged")
+    page.get_by_text("certified motions a second").wait_for()
+    until(lambda: viewer.panel.live.settle(0.1) and viewer.worker.settle(0.1), "it plans on for ever")
+    assert viewer.panel.handles.dragging
+    moved = place_of(viewer.edited, BALL, viewer.stage.tip).matrix
+    assert np.linalg.norm(moved[:3, 3] - place[:3, 3]) > 0.02
+    assert not np.array_equal(viewer.motions.active.motion.trajectory.positions, first.positions)
+    text = certify(viewer.scene, viewer.motions.active.motion.trajectory, viewer.robot).text
+    page.get_by_text(text).wait_for()
+    page.mouse.up()
+    until(lambda: not viewer.panel.handles.dragging, "it is not let go")
+
+
+def test_a_click_selects_and_the_handle_stands_upright(page: Any, viewer: Viewer) -> None:
+    """Also after the goal was selected, whose handle is turned: an obstacle that is dragged 16 pixels stays upright."""
+    selected(page, viewer, GOAL)
+    prism = next(node for node in viewer.stage.obstacles if node.obstacle.name == "prism")
+    middle = np.asarray(prism.mesh.vertices).mean(axis=0) + prism.obstacle.pose.position
+    page.mouse.click(*seen(page, viewer, middle))
+    until(lambda: viewer.panel.handles.selected == Thing("obstacle", "prism"), "the click selects nothing")
+    page.wait_for_timeout(2000)
+    place = place_of(viewer.edited, Thing("obstacle", "prism"), viewer.stage.tip)
+    x, y = seen(page, viewer, grip(page, viewer, place.matrix, 2))
+    page.mouse.move(x, y)
+    page.wait_for_timeout(500)
+    page.mouse.down()
+    page.mouse.move(x, y - 16, steps=4)
+    moved: Callable[[], Any] = lambda: place_of(viewer.edited, Thing("obstacle", "prism"), viewer.stage.tip)  # noqa: E731
+    until(lambda: moved().position != place.position, "nothing moves")
+    page.mouse.up()
+    until(lambda: not viewer.panel.handles.dragging, "it is not let go")
+    np.testing.assert_allclose(moved().matrix[:3, :3], place.matrix[:3, :3], rtol=0, atol=1e-9)
+    assert moved().position[:2] == pytest.approx(place.position[:2], abs=1e-9)
+
+
+def test_the_start_is_dragged_by_the_mouse(page: Any, viewer: Viewer) -> None:
+    place = selected(page, viewer, START)
+    before = viewer.edited.start
+    dragged(page, viewer, place, -0.15 * place[:3, 0])
+    until(lambda: bool(np.abs(viewer.edited.start - before).max() > 0.02), "the start stays where it was")
+    page.mouse.up()
+    until(lambda: not viewer.panel.handles.dragging, "it is not let go")
+    until(lambda: viewer.panel.live.settle(0.1) and viewer.worker.settle(0.1), "it plans on for ever")
+    assert viewer.motions.active is not None
+    motion = viewer.motions.active.motion
+    assert motion.certificate.certified
+    np.testing.assert_allclose(motion.joints[0], viewer.edited.start, rtol=0, atol=1e-9)
+
+
+def test_a_tab_that_is_closed_while_it_drags_lets_go(tab: Tabs, page: Any, viewer: Viewer) -> None:
+    """And another one says what holds."""
+    place = selected(page, viewer, BALL)
+    dragged(page, viewer, place, np.array([-0.1, 0.0, 0.0]), steps=4)
+    until(lambda: viewer.panel.handles.dragging, "it is not dragged")
+    page.close()
+    until(lambda: not viewer.panel.handles.dragging, "it is still dragged by a page that is gone")
+    until(lambda: viewer.panel.live.settle(0.1) and viewer.worker.settle(0.1), "it plans on for ever")
+    other = tab(address(viewer))
+    assert viewer.motions.active is not None
+    other.get_by_text(certify(viewer.scene, viewer.motions.active.motion.trajectory, viewer.robot).text).wait_for()
+    assert viewer.motions.active.motion.measured
+
+
+def test_the_server_ends_while_it_plans(tab: Tabs, page: Any, viewer: Viewer) -> None:
+    place = selected(page, viewer, BALL)
+    dragged(page, viewer, place, np.array([-0.1, 0.0, 0.0]), steps=4)
+    viewer.close()
+    assert page.get_by_text("planar_arm").count()  # as it was seen last
+    tab.complaints[:] = [text for text in tab.complaints if "WebSocket" not in text and "ERR_CONNECTION" not in text]

@@ -1,0 +1,62 @@
+"""Where browsers look from, by the server: everything is framed, what hides the robot fades, each side has its view."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.view.drawing.camera import SIDES
+from hdplan.planner.view.drawing.nodes import FADED
+from hdplan.planner.view.looking import Outline
+from hdplan.planner.view.viewer import Viewer
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box
+
+Opener = Callable[..., Viewer]
+
+
+def test_the_first_view_has_the_robot_in_the_picture(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
+    viewer = opened(scene, found=trajectory)
+    camera = viewer.server.initial_camera
+    ahead = (camera.look_at - camera.position) / np.linalg.norm(camera.look_at - camera.position)
+    outline = Outline(viewer.robot)
+    for q in (viewer.edited.start, viewer.edited.goal):
+        for corner in outline.at(q).reshape(-1, 3):
+            way = (corner - camera.position) / np.linalg.norm(corner - camera.position)
+            assert way @ ahead > np.cos(
+                0.5 * camera.fov * 1.6
+            )  # within the picture's corners, which is wider than high
+    eyes = {viewer.panel.looking.view(name, 1.0).eye.tobytes() for name in SIDES}
+    assert len({*eyes, camera.position.tobytes()}) == 1 + len(SIDES)
+
+
+def test_the_outline_goes_with_the_robot(opened: Opener, scene: Scene) -> None:
+    viewer = opened(scene)
+    outline = Outline(viewer.robot)
+    assert np.abs(outline.at(viewer.edited.start) - outline.at(viewer.edited.goal)).max() > 0.1
+    again = outline.at(viewer.edited.start)
+    np.testing.assert_array_equal(again, Outline(viewer.robot).at(viewer.edited.start))
+
+
+def test_what_stands_before_the_eye_fades_and_comes_back(opened: Opener, scene: Scene, trajectory: Trajectory) -> None:
+    viewer = opened(scene, found=trajectory)
+    view = viewer.panel.looking.view("best", 1.2)
+    wall = Obstacle("wall", Box((0.6, 0.6, 0.6)), Pose(tuple((0.8 * view.eye + 0.2 * view.target).tolist())))
+    away = replace(wall, pose=Pose(tuple((view.eye + [0.0, 0.0, 30.0]).tolist())))
+
+    def with_wall(obstacle: Obstacle) -> None:
+        others = tuple(each for each in viewer.scene.obstacles if each.name != "wall")
+        viewer.worker.ask("test", lambda: viewer.change(viewer.edited.changed(obstacles=(*others, obstacle))))
+        viewer.worker.settle()
+
+    with_wall(wall)
+    faded = {node.obstacle.name: node.mesh.opacity for node in viewer.stage.obstacles}
+    assert faded.pop("wall") == FADED
+    assert set(faded.values()) == {None}
+    with_wall(away)
+    assert {node.mesh.opacity for node in viewer.stage.obstacles} == {None}

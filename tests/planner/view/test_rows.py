@@ -1,0 +1,145 @@
+"""What the page tells the server, and the list of motions: what is clicked happens, and nonsense changes nothing."""
+
+from __future__ import annotations
+
+import dataclasses
+import html
+import json
+from collections.abc import Callable
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.plan import plan
+from hdplan.planner.view.drawing.colors import MOTIONS
+from hdplan.planner.view.motions import LONGEST
+from hdplan.planner.view.planning import KEPT, NAME
+from hdplan.planner.view.viewer import Viewer
+from hdplan.scenes.scene import Scene
+
+Opener = Callable[..., Viewer]
+
+
+@pytest.fixture
+def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
+    line = Trajectory(trajectory.joint_names, trajectory.positions[[0, -1]])
+    return opened(scene, found=trajectory, line=line)
+
+
+def tell(viewer: Viewer, told: object) -> None:
+    """As the page's script does."""
+    page = viewer.panel.page
+    page._field.value = told if isinstance(told, str) else json.dumps(told)
+    page._heard(SimpleNamespace(client=SimpleNamespace(client_id=1)))
+    assert viewer.worker.settle(20)
+
+
+def names(viewer: Viewer) -> list[str]:
+    return [shown.motion.name for shown in viewer.motions.shown]
+
+
+def test_a_click_on_a_line_chooses_its_motion(viewer: Viewer, trajectory: Trajectory) -> None:
+    first, second = viewer.motions.shown
+    assert viewer.motions.active is first
+    viewer.show(0.5)
+    tell(viewer, {"do": "choose", "motion": second.number})
+    assert viewer.motions.active is second
+    np.testing.assert_allclose(viewer.stage.robot.q, second.motion.curve.at_parameter(0.5))
+    assert not second.robot.visible  # the robot itself stands there
+    assert first.robot.visible
+
+
+def test_a_hidden_motion_is_seen_neither_in_the_scene_nor_in_the_plots(viewer: Viewer) -> None:
+    _, second = viewer.motions.shown
+    viewer.show(0.5)
+    assert (second.path.visible, second.robot.visible) == (True, True)
+    tell(viewer, {"do": "hide", "motion": second.number})
+    assert (second.path.visible, second.robot.visible) == (False, False)
+    assert [name for name, _ in viewer.panel._plotted] == ["found"]
+    tell(viewer, {"do": "hide", "motion": second.number})
+    assert (second.path.visible, second.robot.visible) == (True, True)
+    assert [name for name, _ in viewer.panel._plotted] == ["found", "line"]
+
+
+def test_a_name_is_any_text_that_no_other_motion_has(viewer: Viewer) -> None:
+    first, second = viewer.motions.shown
+    wanted = '<b onclick="x">&amp; "quoted"</b>'
+    tell(viewer, {"do": "rename", "motion": second.number, "answer": f"  {wanted}\n"})
+    assert names(viewer) == ["found", wanted]
+    assert html.escape(wanted) in viewer.panel.rows.content
+    assert wanted not in viewer.panel.rows.content
+    for refused in ("found", "", " \n", "x" * (LONGEST + 1)):
+        tell(viewer, {"do": "rename", "motion": second.number, "answer": refused})
+        assert names(viewer) == ["found", wanted]
+        assert "motion" in viewer.panel.verdict.split("</div>")[0]
+    tell(viewer, {"do": "rename", "motion": first.number, "answer": "found"})  # its own
+    assert names(viewer) == ["found", wanted]
+
+
+def test_removed_motions_are_gone_and_the_last_one_leaves_the_first_thing_to_do(viewer: Viewer) -> None:
+    first, second = viewer.motions.shown
+    tell(viewer, {"do": "remove", "motion": first.number})
+    assert viewer.motions.active is second
+    tell(viewer, {"do": "remove", "motion": first.number})  # another browser was slower
+    tell(viewer, {"do": "remove", "motion": second.number})
+    assert viewer.motions.active is None
+    assert viewer.panel.rows.content == ""
+    assert "press Plan" in viewer.panel.verdict
+    np.testing.assert_array_equal(viewer.stage.robot.q, viewer.edited.start)
+
+
+def test_the_closest_moment_is_the_closest(viewer: Viewer) -> None:
+    for shown in viewer.motions.shown:
+        tell(viewer, {"do": "closest", "motion": shown.number})
+        assert viewer.motions.active is shown
+        least = min(shown.motion.clearance.min(), shown.motion.self_clearance.min())
+        here = min(pair.distance for pair in viewer.certifier.closest(viewer.configuration, 0.0) if pair)
+        assert here == pytest.approx(least, abs=1e-4)  # the slider has steps
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
+def test_a_click_in_a_plot_goes_to_that_moment(viewer: Viewer, share: float) -> None:
+    tell(viewer, {"do": "seek", "share": share})
+    assert viewer.panel.player.time == pytest.approx(share, abs=1e-3)
+
+
+def test_what_no_page_tells_changes_nothing(viewer: Viewer) -> None:
+    """Seeded nonsense: no error, no motion gone (the fixture sees that nothing was complained of)."""
+    rng = np.random.default_rng(0)
+    words = ["choose", "hide", "rename", "closest", "seek", "theme", "", "quit", None, 3, [], {}]
+    values = [-1, 1e9, "NaN", None, [], {}, True, "1", 0.5, "x" * 5000]
+    before = [(shown.number, shown.motion.name) for shown in viewer.motions.shown]
+    for said in ("", "{", "[]", "3", '"do"', "{}", '{"do": "choose"}', "\x00", "[" * 2000):
+        tell(viewer, said)
+    for _ in range(100):
+        keys = rng.choice(["motion", "share", "answer", "dark", "at"], 3)
+        told = {str(key): values[rng.integers(len(values))] for key in keys}
+        told["motion"] = [None, -1, 99, "1", []][rng.integers(5)]
+        word = words[rng.integers(len(words))]
+        if word != "theme":  # which needs a real browser
+            tell(viewer, {"do": word, **told})
+    assert [(shown.number, shown.motion.name) for shown in viewer.motions.shown] == before
+
+
+def test_plans_that_follow_each_other_are_kept_but_not_for_ever(opened: Opener, scene: Scene) -> None:
+    viewer = opened(scene)
+    results = [
+        plan(dataclasses.replace(scene, planner=dataclasses.replace(scene.planner, clearance=0.002 * k)))
+        for k in range(KEPT + 2)
+    ]
+
+    def finish(result: object) -> None:
+        viewer.worker.ask("planned", lambda: viewer.panel.planning._finish(viewer.scene, result, "found"))  # type: ignore[arg-type]
+        assert viewer.worker.settle(20)
+
+    for result in results:
+        finish(result)
+    assert len(viewer.motions.shown) == KEPT
+    assert viewer.motions.active is viewer.motions.shown[-1]
+    assert len({shown.color for shown in viewer.motions.shown}) == min(KEPT, len(MOTIONS))
+    assert len(set(names(viewer))) == KEPT
+    finish(results[-1])  # found once more: the same motion, the same line
+    assert len(viewer.motions.shown) == KEPT
+    assert all(name.startswith(NAME) for name in names(viewer))
