@@ -304,8 +304,8 @@ def batch(
     """Plan many problems on every core, or on a cluster.
 
     A source is a scene file or a pattern of them, a folder (with MoveIt's pairs scene*.yaml and request*.yaml, and
-    robot.yaml beside or above), or a table whose rows vary one scene (--scene; `hdplan sample` writes one). Results are
-    written as they come; the same command goes on where a run stopped. What crashes or hangs costs its own problem only.
+    robot.yaml beside or above), or a table whose rows vary one scene (--scene; `hdplan sample` writes one). Results
+    are written as they come; the same command goes on where a run stopped. What crashes or hangs costs itself only.
 
     Writes results.parquet (a row a problem) and motions.parquet into the folder, and prints a report. Exit code 1 if
     some problem is not certified.
@@ -315,6 +315,8 @@ def batch(
     from hdplan.planner.commands.batch import run_batch, show_report
 
     if report is not None:
+        if sources or output is not None:
+            raise typer.BadParameter("--report RUN takes no SOURCE and no --output")
         raise typer.Exit(show_report(report))
     if not sources or output is None:
         raise typer.BadParameter("needs SOURCE and --output RUN, or --report RUN")

@@ -1,12 +1,13 @@
 """The results of a run as they come: one file, to which every outcome is added whole.
 
-A line is a checksum and an outcome as JSON. What a killed process left half-written at the end has no right checksum and
-is cut off when the run goes on.
+A line is a checksum and an outcome as JSON. What a killed process left half-written at the end has no right checksum
+and is cut off when the run goes on.
 """
 
 from __future__ import annotations
 
 import base64
+import fcntl
 import json
 import os
 import zlib
@@ -27,19 +28,20 @@ class Journal:
     """Outcomes by their problems' numbers, on disk."""
 
     def __init__(self, path: Path) -> None:
-        """Open a journal, or begin one. Raises InputError if the file cannot be written."""
+        """Open a journal, or begin one. Raises InputError if another process has it, or if it cannot be written."""
         self.path, self.places = path, dict[int, tuple[int, int]]()  # number of a problem -> offset and size [bytes]
+        self.end = 0
         try:
             self.file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-            end = 0
-            with open(path, "rb") as lines:
-                for line in lines:
-                    if not _whole(line):
-                        break
-                    self.places[json.loads(line[9:])["number"]] = end, len(line)
-                    end += len(line)
-            os.ftruncate(self.file, end)
-            self.end = end
+            try:
+                fcntl.flock(self.file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                os.close(self.file)
+                raise InputError(f"{path.parent}: another process is writing this run") from None
+            for number, line in _whole_lines(path):
+                self.places[number] = self.end, len(line)
+                self.end += len(line)
+            os.ftruncate(self.file, self.end)
         except OSError as error:
             raise InputError(f"{path}: cannot be written ({error.strerror})") from None
 
@@ -66,8 +68,23 @@ class Journal:
         os.close(self.file)
 
 
-def _whole(line: bytes) -> bool:
-    return line.endswith(b"\n") and line[:9] == b"%08x " % zlib.crc32(line[9:-1])
+def read_journal(path: Path) -> list[Outcome]:
+    """Return all outcomes so far, without their motions, in the order of their problems; of a run that may be going on.
+    Raises InputError."""
+    try:
+        found = {number: json.loads(line[9:]) for number, line in _whole_lines(path)}
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    return [_outcome({**found[number], "trajectory": None}) for number in sorted(found)]
+
+
+def _whole_lines(path: Path) -> Iterator[tuple[int, bytes]]:
+    """Yield the lines up to the first that is not whole, with their problems' numbers."""
+    with open(path, "rb") as lines:
+        for line in lines:
+            if not line.endswith(b"\n") or line[:9] != b"%08x " % zlib.crc32(line[9:-1]):
+                break
+            yield json.loads(line[9:])["number"], line
 
 
 def _plain(outcome: Outcome) -> dict[str, Any]:

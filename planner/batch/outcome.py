@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from hdplan.planner.batch.causes import cause_of_refusal, cause_of_verdict
-from hdplan.planner.batch.problems import Problem
+from hdplan.planner.batch.job import Job
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
@@ -51,7 +51,7 @@ class Outcome:
         return self.status == "certified"
 
 
-def solve(problem: Problem, options: Options) -> Outcome:
+def solve(problem: Job, options: Options) -> Outcome:
     """Plan one problem. Whatever happens becomes an outcome, but for what ends the process: a crash, too much memory,
     and a problem that does not return long after its time limit."""
     began = time.perf_counter()
@@ -69,12 +69,12 @@ def solve(problem: Problem, options: Options) -> Outcome:
     return _of_result(problem, result, read)
 
 
-def failed(problem: Problem, cause: str, text: str) -> Outcome:
+def failed(problem: Job, cause: str, text: str) -> Outcome:
     """Return the outcome of a problem whose process ended."""
     return Outcome(problem.name, "failed", cause, text, figures=_common(problem))
 
 
-def _of_result(problem: Problem, result: PlanResult, read: float) -> Outcome:
+def _of_result(problem: Job, result: PlanResult, read: float) -> Outcome:
     certificate, motion = result.certificate, result.trajectory
     worst = certificate.worst
     times = vars(result.times)
@@ -96,12 +96,12 @@ def _of_result(problem: Problem, result: PlanResult, read: float) -> Outcome:
     return Outcome(problem.name, certificate.status.value, cause, certificate.text, motion, figures)
 
 
-def _without_motion(problem: Problem, status: str, cause: str, text: str, began: float) -> Outcome:
+def _without_motion(problem: Job, status: str, cause: str, text: str, began: float) -> Outcome:
     figures = {**_common(problem), "time_load": time.perf_counter() - began}
     return Outcome(problem.name, status, cause, text, figures=figures)
 
 
-def _common(problem: Problem) -> dict[str, Any]:
+def _common(problem: Job) -> dict[str, Any]:
     return {"group": problem.group, "seed": problem.seed, "sha256": problem.hashed, "versions": _versions()}
 
 

@@ -2,68 +2,58 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from hdplan.planner.batch.causes import CAUSES
-from hdplan.planner.studies.report import markdown_text
+from hdplan.planner.studies.report import Cell
 
 PHASES = ("load", "build", "compile", "solve", "certify")
+Rows = Sequence[dict[str, Any]]  # of results (`tables.COLUMNS`)
 
 
-def report_text(rows: Sequence[dict[str, Any]], of: int) -> str:
-    """Return the report as Markdown: of `rows` of results, of a run of `of` problems."""
-    done = f"{len(rows)} of {of} problems" if len(rows) < of else f"{of} problems"
-    certified = sum(row["status"] == "certified" for row in rows)
-    parts = [f"{done}: {certified} certified", markdown_text(_groups(rows))]
-    if failed := [row for row in rows if row["status"] != "certified"]:
-        parts.append(markdown_text(_failures(failed)))
-    return "\n\n".join(part.rstrip() for part in parts)
-
-
-def _groups(rows: Sequence[dict[str, Any]]) -> list[dict[str, object]]:
-    groups: dict[str, list[dict[str, Any]]] = {}
+def groups_of(rows: Rows) -> list[dict[str, Cell]]:
+    """Return a row for each group of problems, and one for all of several: how many are certified; the time that a
+    problem took, median and 95 %; medians of the certified motions' clearance, duration and length."""
+    groups = defaultdict[str, list[dict[str, Any]]](list)
     for row in rows:
-        groups.setdefault(row["group"], []).append(row)
+        groups[row["group"]].append(row)
     if len(groups) > 1:
-        groups["**all**"] = list(rows)
-    found: list[dict[str, object]] = []
+        groups["all"] = list(rows)
+    found: list[dict[str, Cell]] = []
     for name, some in groups.items():
         good = [row for row in some if row["status"] == "certified"]
-        took = [sum(row[f"time_{phase}"] or 0.0 for phase in PHASES) for row in some]
-        clearances = [1e3 * row["clearance"] for row in good if row["clearance"] is not None]
-        durations = [row["motion_time"] for row in good if row["motion_time"] is not None]
+        took = [1e3 * sum(row[f"time_{phase}"] or 0.0 for phase in PHASES) for row in some]
         found.append(
             {
-                "group": name,
                 "problems": len(some),
                 "certified": len(good),
-                "time median / 95 % / most [ms]": _spread(1e3 * np.array(took), (0.5, 0.95, 1.0)),
-                "clearance 5 % / median [mm]": _spread(clearances, (0.05, 0.5)),
-                "motion time median / most [s]": _spread(durations, (0.5, 1.0), ".2f"),
-                "length median [rad]": _spread([row["length"] for row in good], (0.5,), ".2f"),
+                "median_ms": _quantile(took, 0.5),
+                "95_%_ms": _quantile(took, 0.95),
+                "clearance_mm": _quantile([1e3 * row["clearance"] for row in good if row["clearance"] is not None]),
+                "motion_s": _quantile([row["motion_time"] for row in good if row["motion_time"] is not None]),
+                "length_rad": _quantile([row["length"] for row in good]),
+                "group": name or "-",
             }
         )
     return found
 
 
-def _failures(failed: Sequence[dict[str, Any]]) -> list[dict[str, object]]:
-    causes: dict[str, list[dict[str, Any]]] = {}
-    for row in failed:
-        causes.setdefault(row["cause"], []).append(row)
-    ordered = sorted(causes.items(), key=lambda each: -len(each[1]))
+def failures_of(rows: Rows) -> list[tuple[str, str]]:
+    """Return how many failed of each cause, the most frequent first, and in words: the cause, a problem to look at, and
+    what it says."""
+    causes = defaultdict[str, list[dict[str, Any]]](list)
+    for row in rows:
+        if row["status"] != "certified":
+            causes[row["cause"]].append(row)
     return [
-        {
-            "cause": f"{code}: {CAUSES.get(code, code)}",
-            "problems": len(some),
-            "look at": some[0]["problem"],
-            "which says": some[0]["text"],
-        }
-        for code, some in ordered
+        (f"{len(some)} failed", f"{CAUSES[code]}, such as {some[0]['problem']}: {some[0]['text']}")
+        for code, some in sorted(causes.items(), key=lambda each: -len(each[1]))
     ]
 
 
-def _spread(values: Any, shares: Sequence[float], form: str = ".0f") -> str | None:
-    return " / ".join(f"{x:{form}}" for x in np.quantile(values, shares)) if len(values) else None
+def _quantile(values: Sequence[float], share: float = 0.5) -> float | str:
+    return float(f"{np.quantile(values, share):.3g}") if len(values) else "-"

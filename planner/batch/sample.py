@@ -25,7 +25,10 @@ from hdplan.scenes.yaml_format.variants import load_variant
 
 GOALS = ("joints", "pose")
 MOST_TRIES = 1000  # draws of one end, or of obstacles, before a problem is given up
-SIZES = {Box: ("size",), Sphere: ("radius",), Ellipsoid: ("radii",), **dict.fromkeys((Cylinder, Capsule), ("radius", "length"))}
+SIZES: dict[type, tuple[str, ...]] = {
+    **{Box: ("size",), Sphere: ("radius",), Ellipsoid: ("radii",)},
+    **{Cylinder: ("radius", "length"), Capsule: ("radius", "length")},
+}
 
 
 @dataclass

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import io
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hdplan.planner.batch.outcome import Outcome
-from hdplan.scenes.errors import InputError
+from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.files import check_file
 
 if TYPE_CHECKING:
     import pyarrow
 
 RESULTS, MOTIONS = "results.parquet", "motions.parquet"
-AT_ONCE = 1000  # outcomes of a row group
+AT_ONCE = 100  # outcomes of a row group
 
 COLUMNS = {  # of results, and what they hold
     **dict.fromkeys(("problem", "group", "status", "cause", "text", "robot", "worst_link", "worst_other"), "string"),
@@ -47,10 +50,9 @@ def write_tables(folder: Path, outcomes: Iterable[tuple[int, Outcome]]) -> None:
         )
         with results, motions:
             for some in _pieces(outcomes):
-                results.write_table(pyarrow.Table.from_pylist([_row(each) for each in some], results.schema))
-                for each in some:
-                    if each.trajectory is not None:
-                        motions.write_table(_motion(each, motions.schema))
+                results.write_table(pyarrow.Table.from_pylist([row_of(each) for each in some], results.schema))
+                if found := [_motion(each, motions.schema) for each in some if each.trajectory is not None]:
+                    motions.write_table(pyarrow.concat_tables(found))
         for file, whole in zip(half, files, strict=True):
             os.replace(file, whole)
     except OSError as error:
@@ -60,34 +62,43 @@ def write_tables(folder: Path, outcomes: Iterable[tuple[int, Outcome]]) -> None:
             file.unlink(missing_ok=True)
 
 
-def read_results(folder: Path) -> list[dict[str, Any]]:
-    """Return the rows of a run's results. Raises InputError if there are none."""
+def read_rows(file: Path) -> list[dict[str, Any]]:
+    """Return the rows of a Parquet file. Raises InputError if it cannot be read."""
     import pyarrow
     import pyarrow.parquet
 
-    file = folder / RESULTS
-    try:
-        rows: list[dict[str, Any]] = pyarrow.parquet.read_table(file).to_pylist()
-    except FileNotFoundError:
-        raise InputError(f"{folder}: is no folder of a run ({RESULTS} is missing)") from None
-    except (OSError, pyarrow.ArrowException) as error:
-        raise InputError(f"{file}: cannot be read ({str(error).splitlines()[0]})") from None
+    with naming(file):
+        check_file(file)
+        try:
+            rows: list[dict[str, Any]] = pyarrow.parquet.read_table(file).to_pylist()
+        except (OSError, pyarrow.ArrowException) as error:
+            raise InputError(f"is no Parquet table ({str(error).splitlines()[0]})") from None
     return rows
 
 
+def table_bytes(rows: Sequence[Mapping[str, Any]]) -> bytes:
+    """Return rows as a Parquet file, with a column for every key."""
+    import pyarrow
+    import pyarrow.parquet
+
+    columns = dict.fromkeys(name for row in rows for name in row)
+    table = pyarrow.table({name: [row.get(name) for row in rows] for name in columns})
+    sink = io.BytesIO()
+    pyarrow.parquet.write_table(table, sink, compression="zstd")
+    return sink.getvalue()
+
+
 def _pieces(outcomes: Iterable[tuple[int, Outcome]]) -> Iterator[list[Outcome]]:
-    some: list[Outcome] = []
-    for _, each in outcomes:
-        some.append(each)
-        if len(some) == AT_ONCE:
-            yield some
-            some = []
-    yield some
+    left = iter(outcomes)
+    while some := [each for _, each in islice(left, AT_ONCE)]:
+        yield some
 
 
-def _row(outcome: Outcome) -> dict[str, Any]:
+def row_of(outcome: Outcome) -> dict[str, Any]:
+    """Return the row of results of a problem (COLUMNS)."""
     own = {"problem": outcome.problem, "status": outcome.status, "cause": outcome.cause, "text": outcome.text}
-    return {name: {**outcome.figures, **own}.get(name) for name in COLUMNS}
+    held = {**outcome.figures, **own}
+    return {name: held.get(name) for name in COLUMNS}
 
 
 def _motion(outcome: Outcome, schema: pyarrow.Schema) -> pyarrow.Table:

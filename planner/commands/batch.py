@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import csv
 import io
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from rich.text import Text
+
+from hdplan.planner.batch.installed import check_installed
+from hdplan.planner.batch.journal import read_journal
 from hdplan.planner.batch.outcome import Options, Outcome
-from hdplan.planner.batch.problems import TABLES, problems_of
-from hdplan.planner.batch.report import report_text
-from hdplan.planner.batch.run import read_run, run_into
+from hdplan.planner.batch.report import failures_of, groups_of
+from hdplan.planner.batch.run import JOURNAL, read_run, run_into
 from hdplan.planner.batch.sample import sample
-from hdplan.planner.batch.tables import read_results
+from hdplan.planner.batch.sources import TABLES, jobs_of
+from hdplan.planner.batch.tables import MOTIONS, RESULTS, row_of, table_bytes
 from hdplan.planner.solvers import solver_named
 from hdplan.planner.terminal.console import counting, printing
-from hdplan.scenes.errors import InputError
+from hdplan.planner.terminal.tables import columns, table
 from hdplan.scenes.output import check_writable, ending_of, write_output
 
 
@@ -37,32 +40,39 @@ def run_batch(
 
     Returns the exit code: 0 if all are certified, 1 if some are not or it was interrupted.
     """
+    check_installed()
     solver_named(solver)
-    problems = problems_of(sources, scene, seed)
+    jobs = jobs_of(sources, scene, seed)
     with counting("certified") as (count, stop):
 
         def report(done: int, of: int, outcome: Outcome) -> None:
             count(done, of, outcome.certified, "" if outcome.certified else f"{outcome.problem}: {outcome.text}")
 
         options = Options(solver, time_limit)
-        run_into(output, problems, options, workers=workers, scheduler=scheduler, report=report, stop=stop)
+        run_into(output, jobs, options, workers=workers, scheduler=scheduler, report=report, stop=stop)
     return show_report(output)
 
 
 def show_report(folder: Path) -> int:
     """Print the report of a run. Returns the exit code: 0 if all of its problems are certified, else 1."""
-    of, rows = read_run(folder)["problems"], read_results(folder)
-    assert isinstance(of, int)
+    of, found = read_run(folder)["problems"], read_journal(folder / JOURNAL)
+    rows = [row_of(outcome) for outcome in found]
+    certified = sum(outcome.certified for outcome in found)
+    missing = f"; {of - len(rows)} of {of} are not planned yet" if len(rows) < of else ""
     with printing() as show:
-        show(report_text(rows, of))
-    return 0 if sum(row["status"] == "certified" for row in rows) == of else 1
+        show(Text(f"{certified} of {len(rows)} problems certified{missing}", style="bold"))
+        if rows:
+            show(columns(groups_of(rows)))
+        files = [("written", str(folder / name)) for name in (RESULTS, MOTIONS) if (folder / name).is_file()]
+        if said := [*failures_of(rows), *files]:
+            show(table(said))
+    return 0 if certified == of else 1
 
 
-def run_sample(
-    scene: Path, output: Path, *, count: int, seed: int, goal: str, jitter: float, resize: float
-) -> int:
+def run_sample(scene: Path, output: Path, *, count: int, seed: int, goal: str, jitter: float, resize: float) -> int:
     """Draw problems and write their table. Returns the exit code: 1 if it was interrupted before all were drawn."""
     check_writable(output, TABLES)
+    check_installed()
     with counting("drawn") as (note, stop):
 
         def report(done: int, of: int, what: str) -> None:
@@ -83,10 +93,4 @@ def _table(rows: list[dict[str, Any]], output: Path) -> bytes:
         writer.writeheader()
         writer.writerows(rows)
         return text.getvalue().encode()
-    import pyarrow
-    import pyarrow.parquet
-
-    table = pyarrow.table({name: [row.get(name) for row in rows] for name in columns})
-    sink = io.BytesIO()
-    pyarrow.parquet.write_table(table, sink, compression="zstd")
-    return sink.getvalue()
+    return table_bytes(rows)

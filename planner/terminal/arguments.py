@@ -179,7 +179,7 @@ SrdfFile = Annotated[
 # batch, sample
 Sources = Annotated[
     list[str] | None,
-    typer.Argument(metavar="SOURCE", help="Scene files, a pattern of them in quotes, a folder, or a table (CSV, Parquet)."),
+    typer.Argument(metavar="SOURCE", help="Scenes, a pattern of files in quotes, a folder, or a table (CSV, Parquet)."),
 ]
 Run = Annotated[
     Path | None, typer.Option("--output", "-o", metavar="RUN", help="Folder of the results; an earlier run goes on.")
@@ -193,10 +193,12 @@ Workers = Annotated[
 ]
 Scheduler = Annotated[
     str | None,
-    typer.Option(metavar="ADDRESS", help="Use the workers of this dask scheduler instead, such as tcp://10.0.0.1:8786."),
+    typer.Option(
+        metavar="ADDRESS", help="Use the workers of this dask scheduler instead, such as tcp://10.0.0.1:8786."
+    ),
 ]
 EachTimeLimit = Annotated[
-    float, typer.Option("--time-limit", metavar="SECONDS", help="For everything that one problem needs.", parser=_seconds)
+    float, typer.Option("--time-limit", metavar="SECONDS", help="For all that one problem needs.", parser=_seconds)
 ]
 Report = Annotated[
     Path | None, typer.Option(metavar="RUN", help="Only print the report of a run, which may be going on.")

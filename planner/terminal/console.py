@@ -167,7 +167,7 @@ def counting(word: str) -> Iterator[Any]:
     one that tells whether to stop. Ctrl-C is noted as in `progress`."""
     good, first, began = 0, -1, time.monotonic()
 
-    with noting() as note, (_counts() if sys.stderr.isatty() else _lines_between()) as show:
+    with noting() as note, _counts() if sys.stderr.isatty() else _lines_between() as show:
 
         def report(done: int, of: int, well: bool, words: str) -> None:
             nonlocal good, first

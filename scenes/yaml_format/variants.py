@@ -47,27 +47,42 @@ def _content(file: Path, _: object) -> dict[str, Any]:
 
 
 def _set(top: Field, key: str, value: object) -> None:
-    """Set the field of a document at a path; numbers that follow each other make a list where there is none."""
-    parts = key.split(".")
+    """Set the field of a document at a path; whole numbers that follow each other make a list where there is none."""
     holder: Any = top.value
-    for i, part in enumerate(parts):
-        here, last = ".".join(parts[: i + 1]), i == len(parts) - 1
-        follows = [] if not last and parts[i + 1].isdigit() and parts[0] in ENDS else {}
+    done, left = "", key
+    while left:
+        part = _first_part(holder, done, left)
+        done, left = f"{done}.{part}" if done else part, left[len(part) + 1 :]
+        follows: Any = [] if left.partition(".")[0].isdigit() and done.partition(".")[0] in ENDS else {}
+        held = follows if left else value
         if isinstance(holder, dict):
-            if last:
-                holder[part] = value
-            else:
-                holder = holder.setdefault(part, follows)
+            if not left or holder.get(part) is None:
+                holder[part] = held
+            holder = holder[part]
         elif isinstance(holder, list):
-            names = [x.get("name") if isinstance(x, dict) else None for x in holder]
+            names = [entry.get("name") if isinstance(entry, dict) else None for entry in holder]
             index = names.index(part) if part in names else int(part) if part.isdigit() else -1
-            if index == len(holder) and parts[0] in ENDS:
-                holder.append(value if last else follows)
+            if index == len(holder) and done.partition(".")[0] in ENDS:
+                holder.append(held)
             if not 0 <= index < len(holder):
-                given = [str(x) for x in names if x]
-                raise InputError(f"{top.document.file}: {here}: the scene has no such entry{nearest(part, given)}")
-            if last:
+                given = [str(name) for name in names if name]
+                raise InputError(f"{top.document.file}: {done}: the scene has no such entry{nearest(part, given)}")
+            if not left:
                 holder[index] = value
             holder = holder[index]
         else:
-            raise InputError(f"{top.document.file}: {here}: the scene has nothing there that holds fields")
+            raise InputError(f"{top.document.file}: {done}: the scene has nothing there that holds fields")
+
+
+def _first_part(holder: object, done: str, left: str) -> str:
+    """Return the first part of a path: the longest key or name there that it begins with, else up to the first dot.
+    Joints' names of a variant's own ends may hold dots."""
+    if done in (f"{end}.joints" for end in ENDS):
+        return left
+    known: list[str] = []
+    if isinstance(holder, dict):
+        known = [str(name) for name in holder]
+    elif isinstance(holder, list):
+        known = [str(entry["name"]) for entry in holder if isinstance(entry, dict) and "name" in entry]
+    fitting = [name for name in known if left == name or left.startswith(f"{name}.")]
+    return max(fitting, key=len, default=left.partition(".")[0])
