@@ -72,6 +72,7 @@ def sample(
     """
     file = find_scene(scene)
     count = checked(Whole(1, 10_000_000), count, "n")
+    seed = checked(Whole(0, 2**63 - 1), seed, "seed")
     checked(Choice(GOALS), goal, "goal")
     jitter, resize = checked(Number(low=0.0, unit="m"), jitter, "jitter"), checked(Number(0.0, 0.9), resize, "resize")
     made = Sampled()

@@ -35,8 +35,8 @@ def load_variant(path: Path, fields: Mapping[str, object], name: str) -> Scene:
     top = Field(content, "", Document(file))
     for end in {key.partition(".")[0] for key in fields} & {*ENDS}:
         content[end] = {}
-    for key, value in fields.items():
-        _set(top, key, value)
+    for key in sorted(fields, key=_order):
+        _set(top, key, fields[key])
     return read_scene(top, name)
 
 
@@ -46,28 +46,35 @@ def _content(file: Path, _: object) -> dict[str, Any]:
     return content
 
 
+def _order(key: str) -> list[tuple[int, str]]:
+    """Order paths so that the entries of a list come one after another."""
+    return [(int(part) if part.isdecimal() else -1, part) for part in key.split(".")]
+
+
 def _set(top: Field, key: str, value: object) -> None:
     """Set the field of a document at a path; whole numbers that follow each other make a list where there is none."""
     holder: Any = top.value
     done, left = "", key
-    while left:
+    going = True
+    while going:
         part = _first_part(holder, done, left)
         done, left = f"{done}.{part}" if done else part, left[len(part) + 1 :]
-        follows: Any = [] if left.partition(".")[0].isdigit() and done.partition(".")[0] in ENDS else {}
-        held = follows if left else value
+        follows: Any = [] if left.partition(".")[0].isdecimal() and done.partition(".")[0] in ENDS else {}
+        going = bool(left)
+        held = follows if going else value
         if isinstance(holder, dict):
-            if not left or holder.get(part) is None:
+            if not going or holder.get(part) is None:
                 holder[part] = held
             holder = holder[part]
         elif isinstance(holder, list):
             names = [entry.get("name") if isinstance(entry, dict) else None for entry in holder]
-            index = names.index(part) if part in names else int(part) if part.isdigit() else -1
+            index = names.index(part) if part in names else int(part) if part.isdecimal() else -1
             if index == len(holder) and done.partition(".")[0] in ENDS:
                 holder.append(held)
             if not 0 <= index < len(holder):
                 given = [str(name) for name in names if name]
                 raise InputError(f"{top.document.file}: {done}: the scene has no such entry{nearest(part, given)}")
-            if not left:
+            if not going:
                 holder[index] = value
             holder = holder[index]
         else:

@@ -96,7 +96,8 @@ def test_a_journal_cut_anywhere_keeps_what_is_whole() -> None:
             journal.add(i, outcome(i, MOTION))
             ends.append(journal.end)
     whole = Path("j").read_bytes()
-    for cut in range(len(whole) + 1):
+    near = {end + shift for end in (0, *ends) for shift in range(-12, 13) if 0 <= end + shift <= len(whole)}
+    for cut in sorted(near | {*random.Random(0).sample(range(len(whole)), 40)}):
         Path("j").write_bytes(whole[:cut])
         kept = sum(end <= cut for end in ends)
         assert len(read_journal(Path("j"))) == kept
@@ -119,7 +120,7 @@ def test_a_byte_that_changed_ends_what_is_believed() -> None:
         changed = bytearray(whole)
         changed[place] ^= 1 << drawn.randrange(8)
         Path("j").write_bytes(changed)
-        assert all(each.problem in whole.decode() for each in read_journal(Path("j")))
+        assert {each.problem for each in read_journal(Path("j"))} <= {outcome(i).problem for i in range(3)}
         assert len(read_journal(Path("j"))) <= whole[:place].count(b"\n") + (place == end - 1)
 
 
@@ -224,7 +225,9 @@ def test_the_command_plans_and_reports(command: Callable[..., tuple[int, str, st
     code, out, err = command("batch", "planar_arm", "bad.yaml", "-o", "r")
     assert (code, err) == (1, "")
     assert out.startswith("1 of 2 problems certified\n")
-    assert "1 failed  a file or a value is not as it should be, such as bad: bad.yaml" in " ".join(out.split("\n")[-5])
+    said = "".join(out.split())  # wherever lines wrap
+    assert "1failedafileoravalueisnotasitshouldbe,suchasbad:" in said
+    assert "bad.yaml:thekey'start'ismissing" in said
     assert command("batch", "--report", "r") == (1, out, "")
     assert command("batch", "planar_arm", "-o", "good")[0] == 0
 
