@@ -84,5 +84,5 @@ def test_what_does_not_fit_is_refused_in_one_line(fields: dict[str, object], wor
 
 def test_a_scene_of_another_format_is_refused(tmp_path: Path) -> None:
     (tmp_path / "s.yaml").write_text("world: {}\n")
-    with pytest.raises(InputError, match="s.yaml: unknown key 'world'"):
+    with pytest.raises(InputError, match=r"s\.yaml: unknown key 'world'"):
         load_variant(tmp_path / "s.yaml", {"start.state": "right"}, "v")
