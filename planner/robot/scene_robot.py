@@ -62,6 +62,11 @@ def check_robot(scene: Scene, robot: Robot) -> None:
         raise InputError(f"robot: {words}; the scene's own is hdplan.build(scene).robot")
 
 
+def are_alike(robot: Robot, other: Robot) -> bool:
+    """Whether two robots stand, move and are checked alike, so that one may take the other's place."""
+    return robot is other or not (any(_differences(robot, other)) or any(_differences(other, robot)))
+
+
 def _differences(robot: Robot, own: Robot) -> Iterator[str]:
     """Say in what a robot differs from the scene's own so that a proof for it would be none for that."""
     if robot.files != own.files:

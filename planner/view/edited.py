@@ -155,3 +155,9 @@ class History:
             self._before.append(self.now)
             self.now = self._after.pop()
         return self.now
+
+    def reset(self) -> Edited:
+        """Take what it was at first, a step that can be undone; return it."""
+        if self.now is not self.first:
+            self.change(self.first)
+        return self.now

@@ -13,6 +13,7 @@ from hdplan.planner.view.drawing.nodes import pose_of
 from hdplan.planner.view.edited import Edited
 from hdplan.planner.view.things import Thing, dragged, obstacle_of, place_of, things, turns
 from hdplan.planner.view.words import small
+from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.poses import Pose
 
 if TYPE_CHECKING:
@@ -60,6 +61,7 @@ class Handles:
         if self.choice.value != name:
             self.choice.value = name
         self._viewer.stage.highlight(thing)
+        self._viewer.panel.select(thing)
         self.place()
         self._viewer.panel.player.draw()
 
@@ -68,10 +70,14 @@ class Handles:
         viewer = self._viewer
         if self.selected is None:
             return
-        before = viewer.edited
-        edited, words = dragged(before, self.selected, pose, viewer.stage.tip, self._begin)
-        viewer.change(edited, step=self._begin is None, check=viewer.panel.live.on)
-        self._begin = self._begin or before
+        before, begin = viewer.edited, self._begin
+        edited, words = dragged(before, self.selected, pose, viewer.stage.tip, begin)
+        self._begin = begin or before  # what changes now leaves the handle to the hand
+        try:
+            viewer.change(edited, step=begin is None, check=viewer.panel.live.on)
+        except HdplanError:
+            self._begin = begin
+            raise
         self._say(words)
         viewer.panel.live.follow()
 

@@ -48,6 +48,10 @@ class Layers:
         """Whether a layer is on."""
         return bool(self._boxes[name].value)
 
+    def toggle(self, name: str) -> None:
+        """Switch a layer on or off."""
+        self.set(name, not self.on(name))
+
     def set(self, name: str, on: bool) -> None:
         """Switch a layer."""
         self._boxes[name].value = on

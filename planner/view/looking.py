@@ -6,6 +6,7 @@ Every browser has a camera of its own; obstacles fade for the one that moved las
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +24,8 @@ BEST = "best"
 ASPECT = 1.2  # of the picture, of a browser of which it is not known yet
 POSTURES = 7  # of the robot along a motion
 SPARSE = 25  # points of a path, at most, that are looked for behind obstacles
+SURROUNDINGS = 3.0  # times its size, of an obstacle that is looked at
+STEEPEST = 0.499 * np.pi  # [rad] from the horizon: straight down, up would be any direction
 STILL = 1e-3  # [m] that an eye moves at least
 RESIZED = 0.02  # by which a picture's aspect changes at least
 
@@ -57,6 +60,13 @@ class Looking:
         if name in SIDES:
             return view_from(*SIDES[name], np.concatenate([whole, path]), aspect)
         return best_view(whole, self._interest(), path, self._boxes(), aspect)
+
+    def frame(self, client: Any) -> None:
+        """Have a browser look at what is selected, from the side from which it looks; at everything, if nothing is. By
+        any thread."""
+        if client is not None:
+            aspect = client.camera.aspect
+            self._viewer.worker.ask(f"look of {client.client_id}", lambda: self._look_at_selected(client, aspect))
 
     def fade(self) -> None:
         """Let obstacles fade that hide what is of interest, and no others. By the worker's thread."""
@@ -107,12 +117,27 @@ class Looking:
         if name in (BEST, *SIDES):  # a browser may send anything
             self._viewer.worker.ask(f"look of {client.client_id}", lambda: self._look(client, name, aspect))
 
+    def _look_at_selected(self, client: viser.ClientHandle, aspect: float) -> None:
+        viewer, thing = self._viewer, self._viewer.panel.handles.selected
+        if thing is None:
+            self._look(client, BEST, aspect)
+            return
+        if thing.kind == "obstacle":
+            node = next(node for node in viewer.stage.obstacles if node.obstacle.name == thing.name)
+            low, high = node.bounds
+            corners = np.array(list(itertools.product(*zip(low, high, strict=True))))
+            points = SURROUNDINGS * (corners - corners.mean(axis=0)) + corners.mean(axis=0)
+            points = points @ node.place[:3, :3].T + node.place[:3, 3]
+        else:
+            points = self._outline.at(viewer.edited.start if thing.kind == "start" else viewer.edited.goal)
+        x, y, z = np.array(client.camera.position) - client.camera.look_at
+        elevation = float(np.clip(np.arctan2(z, np.hypot(x, y)), -STEEPEST, STEEPEST))
+        _turn(client, view_from(float(np.arctan2(y, x)), elevation, points.reshape(-1, 3), aspect))
+
     def _look(self, client: viser.ClientHandle, name: str, aspect: float) -> None:
         view = self.view(name, aspect)
         self._set[client.client_id] = name, aspect, view.eye
-        with client.atomic():
-            client.camera.position = view.eye  # takes its target along
-            client.camera.look_at = view.target
+        _turn(client, view)
 
     def _moved(self, client: viser.ClientHandle, camera: viser.CameraHandle) -> None:
         eye = np.array(camera.position)
@@ -122,6 +147,12 @@ class Looking:
         if self._eye is None or np.abs(eye - self._eye).max() > STILL:
             self._eye = eye
             self._viewer.worker.ask("fade", self.fade)
+
+
+def _turn(client: viser.ClientHandle, view: View) -> None:
+    with client.atomic():
+        client.camera.position = view.eye  # takes its target along
+        client.camera.look_at = view.target
 
 
 class Outline:

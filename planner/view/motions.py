@@ -22,7 +22,7 @@ from hdplan.planner.view.drawing.motion import ShownMotion
 from hdplan.planner.view.drawing.nodes import PathNode, RobotNodes
 from hdplan.planner.view.drawing.skins import Color, Skin
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.errors import HdplanError
+from hdplan.scenes.errors import HdplanError, InputError
 from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
@@ -46,6 +46,7 @@ class Shown:
     origin: Scene  # in which it came
     result: PlanResult | None = None  # the plan that it comes from
     visible: bool = True
+    misfit: str = ""  # why nothing can be proven of it in the scene as it was last checked
 
 
 class Motions:
@@ -116,14 +117,24 @@ class Motions:
     def check(self) -> None:
         """Certify the active motion in the scene as it is now, without measuring its clearances, which takes longer."""
         if self.active is not None and not self.holds(self.active):
-            self._take(self.active, _again(self.active.motion, self._viewer.edited.certifier, measured=False))
+            self._renew(self.active, measured=False)
 
     def measure(self) -> bool:
         """Certify and measure the motions that are not of the scene as it is now; whether there were any."""
         stale = [shown for shown in self.shown if not (self.holds(shown) and shown.motion.measured)]
         for shown in stale:
-            self._take(shown, _again(shown.motion, self._viewer.edited.certifier))
+            self._renew(shown)
         return bool(stale)
+
+    def _renew(self, shown: Shown, measured: bool = True) -> None:
+        """Certify a motion in the scene as it is now; one that does not fit it, as one without times where these
+        matter, keeps what is known of it in an older scene."""
+        try:
+            motion = _again(shown.motion, self._viewer.edited.certifier, measured)
+        except InputError as error:
+            shown.misfit = str(error)
+        else:
+            self._take(shown, motion)
 
     def outdate(self, before: Scene) -> None:
         """Draw the paths of motions that held in an earlier scene as those of which nothing is known in this one."""
@@ -148,7 +159,7 @@ class Motions:
             self._paint(shown)
 
     def _take(self, shown: Shown, motion: ShownMotion) -> None:
-        shown.motion = motion
+        shown.motion, shown.misfit = motion, ""
         self._paint(shown)
 
     def _paint(self, shown: Shown) -> None:

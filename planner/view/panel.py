@@ -13,18 +13,24 @@ import viser
 from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.view.drawing.colors import legend
 from hdplan.planner.view.drawing.plots import MotionPlots, joint_table
-from hdplan.planner.view.drawing.skins import Color
 from hdplan.planner.view.drawing.timeline import Timeline
+from hdplan.planner.view.editing import Editing
 from hdplan.planner.view.handles import Handles
+from hdplan.planner.view.jogging import Jogging
+from hdplan.planner.view.keys import Keys
 from hdplan.planner.view.layers import Layers
 from hdplan.planner.view.live import Live
 from hdplan.planner.view.looking import Looking
+from hdplan.planner.view.obstacle_fields import ObstacleFields
+from hdplan.planner.view.opening import Opening
 from hdplan.planner.view.page import Page
 from hdplan.planner.view.planning import Planning
 from hdplan.planner.view.player import Player
 from hdplan.planner.view.rows import Rows
 from hdplan.planner.view.saving import Saving
-from hdplan.planner.view.words import clearance_words, small, whats_next
+from hdplan.planner.view.settings import Settings
+from hdplan.planner.view.things import Thing
+from hdplan.planner.view.words import OUTDATED, clearance_words, small, whats_next
 from hdplan.scenes.array_types import Array
 
 if TYPE_CHECKING:
@@ -49,20 +55,26 @@ class Panel:
         self.live = Live(viewer)
         self.looking = Looking(viewer)
         self._legend = gui.add_html(legend())
+        self.editing = Editing(viewer)
         self.tabs = gui.add_tab_group()
-        self._plot_tab = self.tabs.add_tab("Plots", viser.Icon.CHART_LINE)
+        with self.tabs.add_tab("Plots", viser.Icon.CHART_LINE):
+            self._plots = MotionPlots(viewer.server, viewer.robot.joint_names)
         with self.tabs.add_tab("Joints", viser.Icon.ROBOT):
             self._table = gui.add_html("")
-        with self.tabs.add_tab("Plan", viser.Icon.ROUTE):
+            self.jogging = Jogging(viewer, self.editing)
+        with self.tabs.add_tab("Scene", viser.Icon.CUBE):
             self.handles = Handles(viewer)
-            self.planning.build()
+            self.obstacles = ObstacleFields(viewer, self.editing)
+            self.opening = Opening(viewer, self.editing)
             self.saving = Saving(viewer)
+        with self.tabs.add_tab("Plan", viser.Icon.ROUTE):
+            self.planning.build()
+            self.settings = Settings(viewer, self.editing)
         with self.tabs.add_tab("Layers", viser.Icon.STACK_2):
             self.player.build_speed(viewer.server)
             self.layers = Layers(viewer)
             gui.add_html(small(html.escape(note)))
-        self._plots: MotionPlots | None = None
-        self._plotted: tuple[tuple[str, Color], ...] = ()  # the motions that it has
+        self.keys = Keys(viewer)
         self._followed = 0.0
         self.page.on("seek", lambda _, told: self._seek(told.get("share")))
 
@@ -78,6 +90,7 @@ class Panel:
 
     def end(self) -> None:
         """End the threads of its parts."""
+        self.editing.end()
         self.live.end()
         self.planning.end()
         self.layers.plane.end()
@@ -85,28 +98,32 @@ class Panel:
 
     # --- by the worker's thread -----------------------------------------------------------------------------------
 
+    def update(self) -> None:
+        """Show the values of the scene as it is now."""
+        if not self.handles.dragging:
+            self.handles.update()
+        self.obstacles.update()
+        self.jogging.update()
+        self.settings.update()
+
+    def select(self, thing: Thing | None) -> None:
+        """Show the values of what is selected now."""
+        self.obstacles.update()
+        self.jogging.follow(thing)
+
     def plot(self, timeline: Timeline) -> None:
         """Draw the curves of the motions that are shown, and those of the active one."""
         viewer, active = self._viewer, self._viewer.motions.active
-        motions = [shown for shown in viewer.motions.shown if shown.visible or shown is active]
-        plotted = tuple((shown.motion.name, shown.color) for shown in motions)
-        if self._plotted != plotted:
-            if self._plots is not None:
-                self._plots.remove()
-                self._plots = None
-            if plotted:
-                with self._plot_tab:
-                    self._plots = MotionPlots(viewer.server, viewer.robot.joint_names, plotted)
-            self._plotted = plotted
-        if active is not None and self._plots is not None:
-            required, _ = viewer.certifier.asked(active.motion.curve)
-            curves = [shown.motion for shown in motions]
-            self._plots.set(active.motion, curves, required, timeline, self.player.time)
+        if active is None:
+            self._plots.clear()
+            return
+        required, _ = viewer.certifier.asked(active.motion.curve)
+        seen = [(shown.motion, shown.color) for shown in viewer.motions.shown if shown.visible or shown is active]
+        self._plots.set(active.motion, seen, required, timeline, self.player.time)
 
     def outdate(self) -> None:
         """Withdraw what was said of a scene that has changed."""
-        if self._plots is not None:
-            self._plots.outdate()
+        self._plots.outdate()
         self.planning.outdate()
 
     def follow(self, now: float, q: Array, pairs: tuple[Closest | None, Closest | None]) -> None:
@@ -114,7 +131,7 @@ class Panel:
         robot = self._viewer.robot
         self._clearance.content = clearance_words(self.player.timeline.words(now), pairs)
         self._table.content = joint_table(robot.joint_names, q, robot.lower, robot.upper)
-        if self._plots is not None and (time.perf_counter() - self._followed > PLOT_EVERY or not self.player.playing):
+        if time.perf_counter() - self._followed > PLOT_EVERY or not self.player.playing:
             self._plots.follow(now)
             self._followed = time.perf_counter()
 
@@ -127,6 +144,8 @@ class Panel:
         else:
             stopped = active.result is not None and active.result is self.planning.stopped
             words = whats_next(viewer.edited, active.motion, active.result, stopped)
+            if words == OUTDATED and active.misfit:
+                words = f"{active.motion.name}: {active.misfit}: press Plan"
         self.say_next(words)
 
     def say_next(self, words: str, bad: bool = False) -> None:

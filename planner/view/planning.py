@@ -14,7 +14,6 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
 from hdplan.planner.search.search import Event
-from hdplan.planner.solvers import DEFAULT, SOLVERS
 from hdplan.planner.timing.time_laws import MinimumJerk
 from hdplan.planner.view.drawing.colors import ITERATE
 from hdplan.planner.view.drawing.motion import sample_parameters
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
 
 NAME = "planned"  # of the first motion that Plan finds; those after it are numbered
 KEPT = 5  # plans
-TIME_LIMIT = 30.0  # [s] for planning
 LOOK, LOOK_IN_ALL = 0.05, 4.0  # [s] for which an iteration is shown, and at most all of them together
 SETTLED = 10.0  # [s] that a new run waits at most until the last one's motion is shown
 
@@ -42,7 +40,7 @@ class Planning:
         """Build the button in the container at hand; `build` builds the rest."""
         self._viewer = viewer
         self.button = viewer.server.gui.add_button("Plan", icon=viser.Icon.ROUTE)
-        self.button.on_click(lambda _: self.stop() if self.running else self.start())
+        self.button.on_click(lambda _: self.toggle())
         self._starting = threading.Lock()  # several browsers may press at once
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
@@ -52,9 +50,8 @@ class Planning:
         self.stopped: PlanResult | None = None  # the last one that was stopped
 
     def build(self) -> None:
-        """Build the settings, what is said, and the slider over the iterations in the container at hand."""
+        """Build what is said and the slider over the iterations in the container at hand."""
         viewer, gui = self._viewer, self._viewer.server.gui
-        self.solver = gui.add_dropdown("solver", list(SOLVERS), initial_value=DEFAULT)
         self.watch = gui.add_checkbox(
             "watch", True, hint=f"show every iteration for {LOOK:g} s, at most {LOOK_IN_ALL:g} s in all"
         )
@@ -71,6 +68,13 @@ class Planning:
     def said(self) -> str:
         """What is written below the button, as HTML."""
         return str(self._said.content)
+
+    def toggle(self) -> None:
+        """Start, or stop."""
+        if self.running:
+            self.stop()
+        else:
+            self.start()
 
     def start(self) -> None:
         """Start planning in the scene as it is shown, once the previous result is shown."""
@@ -99,13 +103,14 @@ class Planning:
     # --- the run, in its own thread ------------------------------------------------------------------------------
 
     def _run(self, scene: Scene) -> None:
-        worker = self._viewer.worker
+        worker, settings = self._viewer.worker, self._viewer.panel.settings
         try:
             result = plan(
                 scene,
                 robot=self._viewer.robot,
-                solver=self.solver.value,
-                time_limit=TIME_LIMIT,
+                solver=settings.solver.value,
+                seed=settings.seed.value,
+                time_limit=settings.time_limit.value,
                 report=self._report,
                 stop=self._stop.is_set,
             )

@@ -32,7 +32,7 @@ class Player:
         self.button = server.gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY)
         self.slider = server.gui.add_slider("path", 0.0, 1.0, STEP, 0.0, hint=PATH_HINT)
         self.slider.on_update(lambda _: self.draw())
-        self.button.on_click(lambda _: self.pause() if self._playing.is_set() else self.play())
+        self.button.on_click(lambda _: self.toggle())
         self._thread = threading.Thread(target=self._run, name="hdplan-play", daemon=True)
         self._thread.start()
 
@@ -79,6 +79,20 @@ class Player:
         """Move the slider, which draws."""
         self.slider.value = when
         self.draw()
+
+    def step(self, share: float) -> None:
+        """Stop, a share of the whole timeline on from here, or at its beginning or end."""
+        self.pause()
+        begin, end = self.timeline.begin, self.timeline.end
+        if not self.slider.disabled:
+            self.go_to(min(max(self.time + share * (end - begin), begin), end))
+
+    def toggle(self) -> None:
+        """Play on, or stop."""
+        if self.playing:
+            self.pause()
+        elif not self.slider.disabled:
+            self.play()
 
     def play(self) -> None:
         """Play on from here, or from the start if this is the end."""

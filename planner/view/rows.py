@@ -54,7 +54,11 @@ class Rows:
         motions, motion, number = self._viewer.motions, shown.motion, shown.number
         holds, certificate, name = motions.holds(shown), shown.motion.certificate, html.escape(shown.motion.name)
         tint = ("hd-good" if certificate.certified else "hd-bad") if holds else ""
-        said = figures(certificate, motion.trajectory) if holds else "not checked in this scene yet"
+        said = (
+            figures(certificate, motion.trajectory)
+            if holds
+            else html.escape(shown.misfit) or "not checked in this scene yet"
+        )
         if holds and not certificate.certified and shown.origin is not self._viewer.scene:
             said = f"of an older scene: {said}"
         links = (

@@ -20,7 +20,8 @@ from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.view.words import small
 from hdplan.scenes.errors import HdplanError
-from hdplan.scenes.scene import Scene
+from hdplan.scenes.scene import SCENE_FILES, Scene
+from hdplan.scenes.shapes import Mesh
 from hdplan.scenes.targets import JointTarget
 from hdplan.scenes.yaml_format.writer import scene_text
 
@@ -44,9 +45,16 @@ class Saving:
     def scene_file(self) -> bytes:
         """The scene as it is shown, as a file that any command takes. Raises InputError if none would."""
         scene, _ = self.standing_alone()
-        data = scene_text(scene).encode()
-        self._say("saved: the scene as it is shown")
-        return data
+        text = scene_text(scene).replace(f"{self._viewer.uploads.folder}/", "")
+        names = ", ".join(file.name for file in self._sent())
+        self._say("saved: the scene as it is shown" + (f"; keep {names} beside it" if names else ""))
+        return text.encode()
+
+    def _sent(self) -> tuple[Path, ...]:
+        """The mesh files of the scene that a browser sent: they are gone when the viewer ends."""
+        scene = self._viewer.scene
+        shapes = [each.shape for each in scene.obstacles] + [each.shape for each in scene.attached]
+        return self._viewer.uploads.of([shape.file for shape in shapes if isinstance(shape, Mesh)])
 
     def motion_file(self) -> bytes:
         """The active motion as JSON, with verdict and steps if it was planned here: certified now, in the scene that
@@ -99,3 +107,5 @@ class Saving:
             return
         if event.client is not None:
             event.client.send_file_download(name, data, save_immediately=True)
+            for mesh in self._sent() if name.endswith(SCENE_FILES) else ():
+                event.client.send_file_download(mesh.name, mesh.read_bytes(), save_immediately=True)

@@ -16,6 +16,7 @@ from hdplan.planner.kinematics.inverse import Aim
 from hdplan.planner.view.drawing.motion import Tip
 from hdplan.planner.view.drawing.reaching import follow_pose, follow_tip
 from hdplan.planner.view.edited import Edited
+from hdplan.planner.view.ends import jogged, with_target
 from hdplan.scenes.obstacles import Obstacle, TimedPoses
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.shapes import Sphere
@@ -87,13 +88,7 @@ def dragged(edited: Edited, thing: Thing, pose: Pose, tip: Tip, begin: Edited | 
     postures = [edited.start, begin.start] if thing.kind == "start" else [edited.goal, begin.goal]
     q, off = follow_tip(tip, postures, pin.SE3(pose.matrix))
     words = MEETS.format(link="the tip", short=1e3 * off) if off > REACHED else ""
-    if thing.kind == "start":
-        return edited.starting_at(q), words
-    goal = edited.scene.goal
-    if isinstance(goal, JointTarget):
-        return edited.ending_at(q), words
-    new = JointTarget(edited.target.field, tuple(q.tolist()))
-    return edited.ending_at(q, _with_target(goal, edited.target, new)), words
+    return jogged(edited, thing.kind, q), words
 
 
 def _goal_pose_dragged(edited: Edited, old: PoseTarget, pose: Pose, begin: Edited) -> tuple[Edited, str]:
@@ -106,11 +101,7 @@ def _goal_pose_dragged(edited: Edited, old: PoseTarget, pose: Pose, begin: Edite
     whole = new if target is old else AllOf([new if pose is old else pose for pose in target.poses], target.field)
     q, reached, off = follow_pose(Aim.at(edited.robot, whole), [edited.goal, begin.goal])
     words = "" if reached else MEETS.format(link=old.link, short=1e3 * off) + " (of its posture; Plan tries all)"
-    return edited.ending_at(q, _with_target(goal, target, whole)), words
-
-
-def _with_target(goal: Goals, old: object, new: object) -> Goals:
-    return replace(goal, targets=tuple(new if target is old else target for target in goal.targets))  # type: ignore[arg-type]
+    return edited.ending_at(q, with_target(goal, target, whole)), words
 
 
 def _pose(edited: Edited, thing: Thing) -> PoseTarget | None:

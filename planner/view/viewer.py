@@ -30,6 +30,7 @@ from hdplan.planner.view.motions import Motions
 from hdplan.planner.view.panel import Panel
 from hdplan.planner.view.quiet import quiet
 from hdplan.planner.view.stage import Stage
+from hdplan.planner.view.uploads import Uploads
 from hdplan.planner.view.worker import Worker
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError, InputError, naming
@@ -59,7 +60,7 @@ class Viewer:
                 motions.append(ShownMotion.of(name, trajectory, self.certifier))
         skins, note = _skins(self.scene, self.robot)
         skins = told_apart(self.robot, skins)
-        self.worker = Worker(self._failed)
+        self.worker, self.uploads = Worker(self._failed), Uploads()
         self.stage = Stage(server, self.edited, skins)
         self.motions = Motions(self, collision_skins(self.robot) or skins)
         self.panel = Panel(self, note)
@@ -123,6 +124,7 @@ class Viewer:
         """End the threads and the server."""
         self.panel.end()
         self.worker.end()
+        self.uploads.close()
         with quiet():
             self.server.stop()
 
@@ -148,6 +150,13 @@ class Viewer:
         """Go one step forward again, and say what holds there."""
         before = self.scene
         self.history.redone()
+        self._take(before)
+        self.measure()
+
+    def reset(self) -> None:
+        """Take the scene as it was at first, a step that can be undone, and say what holds there."""
+        before = self.scene
+        self.history.reset()
         self._take(before)
         self.measure()
 
@@ -186,11 +195,9 @@ class Viewer:
 
     def redraw(self) -> None:
         """Draw all that does not follow from the time alone."""
-        player, motions = self.panel.player, self.motions
-        timeline = Timeline.of(self.scene, [shown.motion.curve for shown in motions.shown])
-        player.run_over(timeline)
-        player.enable(bool(motions.shown) or timeline.timed)
-        self.panel.plot(timeline)
+        player = self.panel.player
+        self._time()
+        self.panel.plot(player.timeline)
         self._say()
         self.draw(player.time)
 
@@ -220,8 +227,15 @@ class Viewer:
             self.motions.add(motion)
         if motions:
             self.motions.active = self.motions.shown[0]
+        self.panel.update()
         self.redraw()
         self.panel.looking.begin()
+
+    def _time(self) -> None:
+        """Let the slider run over what moves."""
+        timeline = Timeline.of(self.scene, [shown.motion.curve for shown in self.motions.shown])
+        self.panel.player.run_over(timeline)
+        self.panel.player.enable(bool(self.motions.shown) or timeline.timed)
 
     def _take(self, before: Scene, check: bool = False) -> None:
         """Show the scene as it is now in place of an earlier one."""
@@ -231,6 +245,8 @@ class Viewer:
                 self.motions.check()
             self.motions.outdate(before)
             self.panel.outdate()
+            self._time()
+        self.panel.update()
         self._say()
         self.draw(self.panel.player.time)
         self.panel.looking.fade()

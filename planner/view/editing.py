@@ -1,0 +1,176 @@
+"""Edits from the panel: each is a step that can be undone, or refused in one line, with nothing changed.
+
+The same field edited again at once (a slider dragged, a number typed) belongs to the same step. Motions are checked and
+planned live after each edit, and measured when edits pause.
+"""
+
+from __future__ import annotations
+
+import html
+import itertools
+import threading
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from hdplan.planner.view.edited import Edited
+from hdplan.planner.view.words import small
+from hdplan.scenes.errors import HdplanError, InputError
+
+if TYPE_CHECKING:
+    from hdplan.planner.view.viewer import Viewer
+
+PAUSE = 1.0  # [s] after which an edit of the same field is another step
+REST = 0.3  # [s] without edits after which motions are measured
+DIGITS = 4  # after the point, of numbers in fields
+
+Edit = Callable[[Edited], Edited]
+
+
+class Editing:
+    """The way back and forth, and what was refused."""
+
+    def __init__(self, viewer: Viewer) -> None:
+        """Build it in the container at hand."""
+        self._viewer = viewer
+        gui = viewer.server.gui
+        self.buttons = gui.add_button_group("history", ("undo", "redo", "reset"), hint="of all that changes the scene")
+        self._said = gui.add_html("")
+        self.buttons.on_click(lambda event: self.ask(str(event.target.value)))
+        self._numbers = itertools.count()
+        self.doing = ""  # the field that is edited at this moment
+        self._last: tuple[str, float, Edited | None] = ("", 0.0, None)  # field, when, and what came of it
+        self._rest: threading.Timer | None = None
+
+    @property
+    def said(self) -> str:
+        """What was refused, as HTML."""
+        return str(self._said.content)
+
+    def ask(self, way: str) -> None:
+        """Have "undo", "redo" or "reset" done; each press counts. By any thread."""
+        self.do(lambda: self._back(way))
+
+    def do(self, job: Callable[[], object]) -> None:
+        """Have something done that counts each time; what is refused is said. By any thread."""
+        self._viewer.worker.ask(f"do {next(self._numbers)}", lambda: self.guarded(job))
+
+    def edit(self, field: str, edit: Edit) -> None:
+        """Have a field edited; of several values that wait, only the newest counts. By any thread."""
+        asked = time.monotonic()
+        self._viewer.worker.ask(f"edit {field}", lambda: self.guarded(lambda: self.apply(field, edit, asked)))
+
+    def end(self) -> None:
+        """Drop what is still to be measured."""
+        if self._rest is not None:
+            self._rest.cancel()
+
+    # --- by the worker's thread -----------------------------------------------------------------------------------
+
+    def apply(self, field: str, edit: Edit, asked: float | None = None) -> None:
+        """Show what an edit makes of the scene that was `asked` for at a moment [s]; without one, it is a step of its
+        own. Raises InputError, and changes nothing, for what it does not allow."""
+        viewer, (last, when, mine) = self._viewer, self._last
+        edited = edit(viewer.edited)
+        together = field == last and viewer.edited is mine and asked is not None and asked < when + PAUSE
+        self.doing = field
+        try:
+            viewer.change(edited, step=not together, check=True)
+        finally:
+            self.doing = ""
+        self._last = field, time.monotonic(), edited
+        viewer.panel.live.follow()
+        self.end()
+        self._rest = threading.Timer(REST, lambda: viewer.worker.ask("measure", viewer.measure))
+        self._rest.daemon = True
+        self._rest.start()
+
+    def say(self, text: str) -> None:
+        """Say something that was done, or nothing."""
+        self._said.content = small(html.escape(text))
+
+    def _back(self, way: str) -> None:
+        viewer, history = self._viewer, self._viewer.history
+        possible = {
+            "undo": history.can_undo,
+            "redo": history.can_redo,
+            "reset": history.now is not history.first,
+        }
+        if not possible[way]:
+            raise InputError(f"there is nothing to {way}")
+        {"undo": viewer.undo, "redo": viewer.redo, "reset": viewer.reset}[way]()
+        viewer.panel.live.follow()
+
+    def guarded(self, job: Callable[[], object]) -> None:
+        """Do it, or say in a line why not."""
+        source, folder = f"{self._viewer.scene.source}: ", f"{self._viewer.uploads.folder}/"
+        self.say("")
+        try:
+            job()
+        except HdplanError as error:
+            words = str(error).removeprefix(source).replace(folder, "")
+            self._said.content = small(f'<span class="hd-bad">not done: {html.escape(words)}</span>')
+
+
+class Fields:
+    """Inputs of the panel that show a value of the scene and edit it."""
+
+    def __init__(self, editing: Editing) -> None:
+        """Start without any."""
+        self._editing = editing
+        self._fields: list[tuple[Any, str, Callable[[], Any]]] = []
+
+    def add(self, field: str, handle: Any, value: Callable[[], Any], edit: Callable[[Edited, Any], Edited]) -> None:
+        """Let an input of viser show a value, and edit the scene when a browser changes it; `field` names it."""
+        self._fields.append((handle, field, value))
+        handle.value = rounded(value())
+        if hasattr(handle, "precision"):
+            handle.precision = DIGITS if isinstance(handle.value, float | tuple) else 0
+
+        def changed(event: Any) -> None:
+            if event.client is not None:
+                self._editing.edit(field, lambda edited: edit(edited, exactly(handle.value, value())))
+
+        handle.on_update(changed)
+
+    def update(self) -> None:
+        """Show the values of the scene as it is now, but for the one that is being edited. By the worker's thread."""
+        for handle, field, value in self._fields:
+            if field != self._editing.doing:
+                handle.value = rounded(value())
+
+    def clear(self) -> None:
+        """Remove them."""
+        for handle, _, _ in self._fields:
+            handle.remove()
+        self._fields.clear()
+
+
+def rounded(value: Any) -> Any:
+    """Return what a field shows of a value: fewer digits of a number, or of several."""
+    if isinstance(value, tuple):
+        return tuple(map(rounded, value))
+    return round(value, DIGITS) if isinstance(value, float) else value
+
+
+def exactly(found: Any, value: Any) -> Any:
+    """Return what a field holds, with all digits of those numbers of `value` that it still shows."""
+    if isinstance(value, tuple):
+        return tuple(map(exactly, found, value))
+    return value if found == rounded(value) else found
+
+
+def optional(value: float | None) -> str:
+    """Return what a field shows of a number that may be missing."""
+    return "" if value is None else f"{value:g}"
+
+
+def number_in(text: str, kind: type[float] | type[int] = float) -> Any:
+    """Return the number that a field holds, None for an empty one. Raises InputError for any other text."""
+    if not text.strip():
+        return None
+    try:
+        return kind(text)
+    except ValueError:
+        whole = "whole " * (kind is int)
+        raise InputError(f"must be a {whole}number, or empty, found {text!r}") from None

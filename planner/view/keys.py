@@ -1,0 +1,104 @@
+"""Keys: play and step, plan, undo, layers, and a look at what is selected. viser hands them on from the page, except
+while somebody types in a field.
+
+viser turns its camera with the arrows, and what was clicked keeps them and the space bar to itself: a script on the
+page ends both. Who goes from field to field with the tab key moves sliders and tabs with the arrows, and nothing else.
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import viser
+
+from hdplan.planner.view.layers import LAYERS
+
+if TYPE_CHECKING:
+    from hdplan.planner.view.viewer import Viewer
+
+STEP = 0.02  # of the whole motion, of ← and →
+# A picture of one pixel: its arrival runs the script.
+NOTHING = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7"
+SCRIPT = """
+if (!window.hdplanKeys) {
+  window.hdplanKeys = true;
+  const moves = (event) => /^(Arrow|Home|End)/.test(event.key);
+  document.body.addEventListener('keydown', (event) => {
+    if (moves(event) && event.target.closest('[role=slider],[role=tab]')) event.stopPropagation();
+  });
+  document.documentElement.addEventListener('keydown', (event) => {
+    if (moves(event)) event.stopPropagation();
+  });
+  document.addEventListener('pointerup', () => setTimeout(() => {
+    if (document.activeElement.matches('button,[role=slider],[role=tab]')) document.activeElement.blur();
+  }));
+}
+"""
+
+
+class Key(NamedTuple):
+    """A key and what it does."""
+
+    shown: str  # in the list
+    key: str  # as viser names it
+    does: str
+    act: Callable[[Any], object]  # called with viser's client
+    shift: bool = False
+
+
+class Keys:
+    """The keys, the button that lists them, and the list."""
+
+    def __init__(self, viewer: Viewer) -> None:
+        """Register them, and build the button in the container at hand."""
+        self._viewer = viewer
+        self._lists: dict[int, Any] = {}  # by the browsers that see it
+        gui = viewer.server.gui
+        gui.add_html(f'<img src="{NOTHING}" hidden alt="" onload="{html.escape(SCRIPT)}">')
+        button = gui.add_button("Keys (?)", icon=viser.Icon.KEYBOARD)
+        self._keys = self._all()
+        button.on_click(lambda event: self._list(event.client))
+        for each in self._keys:
+            modifier: Any = "shift" if each.shift else None
+            hotkey: Any = each.key  # viser's list lacks the question mark
+            command = gui.add_command(each.does, hotkey=hotkey, modifier=modifier)
+            command.on_trigger(lambda event, act=each.act: act(event.client))
+
+    def _list(self, client: Any) -> None:
+        """Show the list to one browser, or close it there."""
+        if client is None:
+            return
+        if (shown := self._lists.pop(client.client_id, None)) is not None:
+            shown.close()
+            return
+        rows = "\n".join(dict.fromkeys(f"| `{each.shown}` | {each.does} |" for each in self._keys))
+        with client.gui.add_modal("Keys") as modal:
+            client.gui.add_markdown(f"| key | |\n|---|---|\n{rows}")
+            client.gui.add_button("Close").on_click(lambda _: self._list(client))
+        self._lists[client.client_id] = modal
+
+    def _all(self) -> tuple[Key, ...]:
+        viewer = self._viewer  # its panel is still being built
+        layers = [
+            Key(str(i), str(i), f"Show or hide: {name}", partial(self._toggle, name))
+            for i, name in enumerate(LAYERS, start=1)
+        ]
+        return (
+            Key("space", "space", "Play or pause", lambda _: viewer.panel.player.toggle()),
+            Key("←", "arrowleft", "Step back", lambda _: viewer.panel.player.step(-STEP)),
+            Key("→", "arrowright", "Step on", lambda _: viewer.panel.player.step(STEP)),
+            Key("home", "home", "Go to the start", lambda _: viewer.panel.player.step(-1.0)),
+            Key("end", "end", "Go to the goal", lambda _: viewer.panel.player.step(1.0)),
+            Key("P", "P", "Plan, or stop", lambda _: viewer.panel.planning.toggle()),
+            Key("Z", "Z", "Undo", lambda _: viewer.panel.editing.ask("undo")),
+            Key("shift Z", "Z", "Redo", lambda _: viewer.panel.editing.ask("redo"), shift=True),
+            Key("F", "F", "Look at what is selected", lambda client: viewer.panel.looking.frame(client)),
+            *layers,
+            *(Key("?", "?", "List the keys", self._list, shift) for shift in (True, False)),  # not so on all keyboards
+        )
+
+    def _toggle(self, layer: str, _: Any) -> None:
+        self._viewer.panel.layers.toggle(layer)

@@ -1,0 +1,190 @@
+"""Obstacles in the panel: added by a button or a mesh file, and the selected one's name, place, size, clearance and
+speed."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import viser
+
+from hdplan.planner.view import edits
+from hdplan.planner.view.edited import Edited
+from hdplan.planner.view.editing import Editing, Fields, number_in, optional
+from hdplan.planner.view.things import Thing, obstacle_of
+from hdplan.planner.view.uploads import MESHES
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
+from hdplan.scenes.shapes import Mesh, Shape
+from hdplan.scenes.yaml_format.shapes import SHAPE_KEYS
+
+if TYPE_CHECKING:
+    from hdplan.planner.view.viewer import Viewer
+
+STEP = 0.01  # [m], [m/s] or [rad/s] of a press on a field's arrow
+NO_CHOICE = "no obstacle is selected: click on one, or choose it in the list"
+
+
+class ObstacleFields:
+    """The buttons, and the fields of the selected obstacle."""
+
+    def __init__(self, viewer: Viewer, editing: Editing) -> None:
+        """Build them in the container at hand."""
+        self._viewer, self._editing = viewer, editing
+        gui = viewer.server.gui
+        new = gui.add_button_group("add", tuple(edits.NEW), hint="an obstacle, where there is room within reach")
+        mesh = gui.add_upload_button("Add a mesh", icon=viser.Icon.UPLOAD, mime_type=",".join(MESHES))
+        self._buttons = gui.add_button_group("obstacle", ("duplicate", "delete"), visible=False)
+        self._folder = gui.add_folder("obstacle", visible=False)
+        new.on_click(lambda event: self._editing.do(partial(self.add, str(event.target.value))))
+        mesh.on_upload(lambda event: self._editing.do(partial(self.add_mesh, event.target.value)))
+        self._buttons.on_click(lambda event: self._editing.do(getattr(self, str(event.target.value))))
+        self._fields = Fields(self._editing)
+        self._kind: object = None  # of obstacle whose fields there are
+
+    # --- by the worker's thread -----------------------------------------------------------------------------------
+
+    def add(self, word: str) -> None:
+        """Add an obstacle of a kind of shape, and select it."""
+        self._put(word, edits.NEW[word], word)
+
+    def add_mesh(self, file: Any) -> None:
+        """Add an obstacle of a mesh file that a browser sent, and select it. Raises InputError for a file that is no
+        mesh."""
+        path = self._viewer.uploads.take_mesh(file.name, file.content)
+        self._put("mesh", Mesh(path), path.stem)
+
+    def duplicate(self) -> None:
+        """Put a second one beside the selected obstacle, and select it."""
+        edited, thing = edits.duplicated(self._viewer.edited, self._selected.name)
+        self._editing.apply("duplicate", lambda _: edited)
+        self._viewer.panel.handles.select(thing)
+
+    def delete(self) -> None:
+        """Delete the selected obstacle."""
+        name = self._selected.name
+        self._editing.apply("delete", lambda edited: edits.deleted(edited, name))
+
+    def update(self) -> None:
+        """Show the selected obstacle."""
+        thing = self._viewer.panel.handles.selected
+        shown = thing is not None and thing.kind == "obstacle"
+        if self._folder.visible != shown:
+            self._folder.visible = self._buttons.visible = shown
+        if not shown:
+            return
+        obstacle = self._selected
+        kind = type(obstacle.shape), type(obstacle.motion) is TimedPoses
+        if kind != self._kind:
+            self._kind = kind
+            self._fields.clear()
+            with self._folder:
+                self._build(obstacle)
+        self._fields.update()
+
+    @property
+    def _selected(self) -> Obstacle:
+        thing = self._viewer.panel.handles.selected
+        if thing is None or thing.kind != "obstacle":
+            raise InputError(NO_CHOICE)
+        return obstacle_of(self._viewer.edited, thing)
+
+    def _put(self, field: str, shape: Shape, stem: str) -> None:
+        edited, thing = edits.added(self._viewer.edited, shape, stem)
+        self._editing.apply(field, lambda _: edited)
+        self._viewer.panel.handles.select(thing)
+
+    def _build(self, obstacle: Obstacle) -> None:
+        """Build the fields of an obstacle of such a shape and such a motion."""
+        gui = self._viewer.server.gui
+        vector = (0.0, 0.0, 0.0)
+        named = gui.add_text("name", "")
+        self._fields.add("name", named, lambda: self._selected.name, self._renamed)
+        self._vector("position [m]", lambda: self._selected.pose.position, edits.placed)
+        word = type(obstacle.shape).__name__.lower()
+        for key in SHAPE_KEYS[word]:
+            if key == "file":
+                continue
+            value = getattr(obstacle.shape, key)
+            if key == "points":
+                points = gui.add_text("points [m]", "", multiline=True, hint="x y z, one point a line")
+                self._fields.add(key, points, lambda: _lines(self._selected.shape), self._with_points)
+                continue
+            label = key if key == "scale" else f"{key} [m]"
+            handle: Any = (
+                gui.add_vector3(label, vector, step=STEP)
+                if isinstance(value, tuple)
+                else gui.add_number(label, 0.0, step=STEP)
+            )
+            self._fields.add(
+                key,
+                handle,
+                partial(self._size, key),
+                partial(self._resized, key),
+            )
+        clearance = gui.add_text("clearance [m]", "", hint="to be proven around it; empty: the planner's")
+        self._fields.add(
+            "clearance",
+            clearance,
+            lambda: optional(self._selected.clearance),
+            lambda edited, text: edits.kept_clear(edited, self._selected.name, number_in(text)),
+        )
+        if isinstance(obstacle.motion, TimedPoses):
+            passes = gui.add_number(
+                "passes in [s]", 0.0, step=0.1, hint="from the first of its timed poses to the last"
+            )
+            self._fields.add(
+                "passes in",
+                passes,
+                lambda: _duration(self._selected),
+                lambda edited, new: edits.passing(edited, self._selected.name, new),
+            )
+            return
+        self._vector(
+            "velocity [m/s]",
+            lambda: _rates(self._selected)[0],
+            lambda edited, name, new: edits.moving(edited, name, new, _rates(self._selected)[1]),
+        )
+        self._vector(
+            "spin [rad/s]",
+            lambda: _rates(self._selected)[1],
+            lambda edited, name, new: edits.moving(edited, name, _rates(self._selected)[0], new),
+        )
+
+    def _vector(self, label: str, shown: Any, edit: Any) -> None:
+        """Add a field of three numbers: `edit` takes the scene, the obstacle's name and the new value."""
+        handle = self._viewer.server.gui.add_vector3(label, (0.0, 0.0, 0.0), step=STEP)
+        self._fields.add(label, handle, shown, lambda edited, new: edit(edited, self._selected.name, new))
+
+    def _renamed(self, edited: Edited, new: str) -> Edited:
+        renamed = edits.renamed(edited, self._selected.name, new)
+        _ = renamed.contacts  # refused before another one is selected
+        self._viewer.panel.handles.selected = Thing("obstacle", new)
+        return renamed
+
+    def _size(self, key: str) -> Any:
+        return getattr(self._selected.shape, key)
+
+    def _resized(self, key: str, edited: Edited, new: Any) -> Edited:
+        return edits.resized(edited, self._selected.name, **{key: new})
+
+    def _with_points(self, edited: Edited, text: str) -> Edited:
+        rows = [
+            [number_in(word) for word in line.replace(",", " ").split()] for line in text.splitlines() if line.strip()
+        ]
+        return edits.resized(edited, self._selected.name, points=rows)
+
+
+def _lines(shape: Any) -> str:
+    return "\n".join(" ".join(f"{number:g}" for number in point) for point in shape.points)
+
+
+def _duration(obstacle: Obstacle) -> float:
+    assert isinstance(obstacle.motion, TimedPoses)
+    return obstacle.motion.times[-1] - obstacle.motion.times[0]
+
+
+def _rates(obstacle: Obstacle) -> tuple[Any, Any]:
+    """Velocity [m/s] and spin [rad/s] of an obstacle that moves steadily, or not at all."""
+    motion = obstacle.motion if isinstance(obstacle.motion, SteadyMotion) else SteadyMotion()
+    return motion.velocity, motion.spin

@@ -1,0 +1,60 @@
+"""Files that browsers send: kept in a folder of their own while the viewer runs, beside each other, so that a scene
+finds the meshes that were sent before it. Nothing else on the server's machine is written."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Collection
+from pathlib import Path
+
+from hdplan.planner.geometry.mesh_files import FORMATS
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.files import MOST_BYTES
+
+MESHES = tuple(f".{ending}" for ending in FORMATS)
+LONGEST = 100  # characters of a name
+_UNSAFE = re.compile(r"[^\w .()+-]")
+
+
+class Uploads:
+    """The folder, and what is in it."""
+
+    def __init__(self) -> None:
+        """Make a folder that is deleted with this object."""
+        self._folder = tempfile.TemporaryDirectory(prefix="hdplan-view-")
+
+    @property
+    def folder(self) -> Path:
+        """Where they are."""
+        return Path(self._folder.name)
+
+    def take(self, name: str, content: bytes, endings: Collection[str]) -> Path:
+        """Write a file under its own name, in place of an earlier one, and return where. Raises InputError for a name
+        without one of the endings, and for a file that is empty or too large."""
+        bare = _UNSAFE.sub("_", Path(name.replace("\\", "/")).name)[-LONGEST:].lstrip(".")
+        if not bare.lower().endswith(tuple(endings)):
+            raise InputError(f"{name}: a file that ends with one of {', '.join(endings)} is needed")
+        if not content:
+            raise InputError(f"{name}: is empty")
+        if len(content) > MOST_BYTES:
+            size, most = len(content) / 1e6, MOST_BYTES / 1e6
+            raise InputError(f"{name}: is {size:.0f} MB large; files of at most {most:.0f} MB are read")
+        path = self.folder / bare
+        path.write_bytes(content)
+        return path
+
+    def take_mesh(self, name: str, content: bytes) -> Path:
+        """Write a mesh file, as `take`; numbered if another one has its name, as obstacles may be made of that."""
+        bare, number = Path(name), 2
+        while (there := self.folder / bare.name).exists() and there.read_bytes() != content:
+            bare, number = Path(f"{Path(name).stem}_{number}{Path(name).suffix}"), number + 1
+        return self.take(bare.name, content, MESHES)
+
+    def of(self, paths: Collection[Path]) -> tuple[Path, ...]:
+        """Return those of some files that were sent by browsers, each once."""
+        return tuple(dict.fromkeys(path for path in paths if path.parent == self.folder))
+
+    def close(self) -> None:
+        """Delete them."""
+        self._folder.cleanup()

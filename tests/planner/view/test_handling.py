@@ -1,0 +1,398 @@
+"""What the panel does to the scene, without a browser: each value that a browser may send is taken or refused in one
+line, and nothing is half applied."""
+
+from __future__ import annotations
+
+import dataclasses
+import html
+import re
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.view import edits
+from hdplan.planner.view.planning import NAME
+from hdplan.planner.view.things import GOAL, START, Thing
+from hdplan.planner.view.uploads import Uploads
+from hdplan.planner.view.viewer import Viewer
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.timing import Timing
+from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
+from hdplan.scenes.yaml_format.writer import scene_text
+
+Opener = Callable[..., Viewer]
+HOOK = shipped_scenes()["panda_vase"].parent / "hook.obj"
+LONG_AGO = -1e3  # [s]
+
+
+@pytest.fixture
+def viewer(opened: Opener, scene: Scene, trajectory: Trajectory) -> Viewer:
+    return opened(scene, found=trajectory)
+
+
+def field(viewer: Viewer, label: str) -> Any:
+    """The input that stands in the panel with a label."""
+    inputs = viewer.server.gui._gui_input_handle_from_uuid.values()
+    return [each for each in inputs if getattr(each, "label", "") == label][-1]
+
+
+def sent(viewer: Viewer, handle: Any, value: object, wait: bool = True) -> None:
+    """Have a browser send a value."""
+    handle._impl.value = value
+    for heard in handle._impl.update_cb:
+        heard(SimpleNamespace(client=object(), client_id=1, target=handle))
+    if wait:
+        assert viewer.worker.settle(20)
+
+
+def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
+    viewer.worker.ask("test", lambda: (job(), None)[1])
+    assert viewer.worker.settle(20)
+
+
+def said(viewer: Viewer) -> str:
+    """What the panel says of the last edit."""
+    return html.unescape(re.sub("<[^>]*>", "", viewer.panel.editing.said))
+
+
+def selected(viewer: Viewer) -> Obstacle:
+    thing = viewer.panel.handles.selected
+    return next(each for each in viewer.scene.obstacles if thing is not None and each.name == thing.name)
+
+
+def file(path: Path, name: str | None = None) -> SimpleNamespace:
+    return SimpleNamespace(name=name or path.name, content=path.read_bytes())
+
+
+@pytest.mark.parametrize("word", edits.NEW)
+def test_an_obstacle_is_added_named_resized_duplicated_and_deleted(viewer: Viewer, word: str) -> None:
+    first = viewer.scene
+    sent(viewer, field(viewer, "add"), word)
+    assert selected(viewer).shape == edits.NEW[word]
+    sent(viewer, field(viewer, "name"), "thing")
+    assert selected(viewer).name == "thing"
+    assert viewer.panel.handles.choice.value == "obstacle thing"
+    sent(viewer, field(viewer, "position [m]"), (-0.3, -0.3, 0.2))
+    sizes: dict[str, object] = {
+        "size": (0.1, 0.2, 0.1),
+        "radius": 0.03,
+        "radii": (0.1, 0.2, 0.1),
+        "length": 0.3,
+        "points": "0 0 0\n0.1, 0 0\n0 0.1 0\n\n0 0 0.1\n",
+    }
+    for key in (each.name for each in dataclasses.fields(selected(viewer).shape) if not each.kw_only):
+        sent(viewer, field(viewer, f"{key} [m]"), sizes[key])
+        if key != "points":
+            assert getattr(selected(viewer).shape, key) == sizes[key]
+        else:
+            assert selected(viewer).shape.points[1] == (0.1, 0.0, 0.0)  # type: ignore[union-attr]
+    sent(viewer, field(viewer, "clearance [m]"), "0.002")
+    sent(viewer, field(viewer, "obstacle"), "duplicate")
+    names = [obstacle.name for obstacle in viewer.scene.obstacles]
+    assert names[-2:] == ["thing", "thing2"]
+    assert selected(viewer).clearance == 0.002
+    assert len(viewer.stage.obstacles) == len(names)
+    sent(viewer, field(viewer, "obstacle"), "delete")
+    assert [obstacle.name for obstacle in viewer.scene.obstacles] == names[:-1]
+    assert viewer.panel.handles.selected is None
+    assert not viewer.panel.obstacles._folder.visible
+    assert said(viewer) == ""
+    sent(viewer, field(viewer, "history"), "reset")
+    assert viewer.scene is first
+
+
+def test_what_a_browser_may_send_is_taken_whole_or_refused_in_a_line(viewer: Viewer) -> None:
+    """At random, over all fields: a scene that cannot be saved and read again is never shown."""
+    rng = np.random.default_rng(4)
+    numbers = [0.0, -1.0, 0.05, 1e-9, 1e7, float("nan"), float("inf"), 0.1234567]
+    texts = ["", "0.01", "-3", "nan", "1e400", "abc", "ball", "ä\u2028b", "0 0 0", "\x00"]
+    by_worker(viewer, lambda: viewer.panel.obstacles.add("points"))
+    by_worker(viewer, lambda: viewer.panel.obstacles.add("capsule"))
+    things = [Thing("obstacle", "ball"), Thing("obstacle", "points"), Thing("obstacle", "capsule"), GOAL]
+    refused = taken = 0
+    for _ in range(150):
+        if rng.random() < 0.2:
+            thing = things[rng.integers(len(things))]
+            by_worker(viewer, lambda thing=thing: viewer.panel.handles.select(thing))
+        fields = [*viewer.panel.obstacles._fields._fields, *viewer.panel.settings._fields._fields]
+        handle = fields[rng.integers(len(fields))][0]
+        if isinstance(handle.value, tuple):
+            value: Any = tuple(numbers[i] for i in rng.integers(len(numbers), size=3))
+        elif isinstance(handle.value, str):
+            value = texts[rng.integers(len(texts))]
+        else:
+            value = type(handle.value)(rng.choice([0, -1, 5, 1000, 10**9]))
+        before = viewer.edited
+        sent(viewer, handle, value)
+        if viewer.edited is before:
+            refused += "not done: " in said(viewer)
+            assert "\n" not in said(viewer)
+            assert scene_text(viewer.scene) == scene_text(before.scene)
+        else:
+            taken += 1
+            assert said(viewer) == ""
+            scene_text(viewer.scene)
+        assert "Error" not in viewer.panel.verdict
+    assert refused > 20
+    assert taken > 10
+
+
+def test_a_field_keeps_the_digits_that_it_does_not_show(viewer: Viewer) -> None:
+    exact = (0.123456789, -0.3, 0.111111111)
+    by_worker(viewer, lambda: viewer.panel.obstacles.add("box"))
+    by_worker(viewer, lambda: viewer.panel.editing.apply("", lambda now: edits.placed(now, "box", exact)))
+    handle = field(viewer, "position [m]")
+    assert handle.value == (0.1235, -0.3, 0.1111)
+    sent(viewer, handle, (0.1235, -0.4, 0.1111))
+    assert selected(viewer).pose.position == (0.123456789, -0.4, 0.111111111)
+    joint = viewer.panel.jogging.sliders
+    q = viewer.edited.goal
+    sent(viewer, joint[0], round(float(q[0]), 3) + 0.2)
+    assert viewer.edited.goal[1] == q[1]
+
+
+def test_a_moving_obstacle_gets_another_speed(opened: Opener, scene: Scene) -> None:
+    viewer = opened(dataclasses.replace(scene, timing=Timing(duration=2.0)))
+    by_worker(viewer, lambda: viewer.panel.handles.select(Thing("obstacle", "ball")))
+    sent(viewer, field(viewer, "velocity [m/s]"), (0.1, 0.0, 0.0))
+    sent(viewer, field(viewer, "spin [rad/s]"), (0.0, 0.0, 1.0))
+    assert selected(viewer).motion == SteadyMotion((0.1, 0.0, 0.0), (0.0, 0.0, 1.0))
+    sent(viewer, field(viewer, "duration [s]"), "")
+    assert "timing.duration is missing" in said(viewer)
+    sent(viewer, field(viewer, "duration [s]"), "3")
+    assert viewer.panel.player.timeline.end == 3.0
+
+
+def test_values_of_one_field_that_come_at_once_are_one_step(viewer: Viewer) -> None:
+    slider, first = viewer.panel.jogging.sliders[0], viewer.edited
+    for value in np.linspace(0.5, 0.9, 9).tolist():
+        sent(viewer, slider, value)
+    assert viewer.edited.goal[0] == 0.9
+    sent(viewer, field(viewer, "history"), "undo")
+    assert viewer.edited is first
+    assert slider.value == pytest.approx(first.goal[0])
+    sent(viewer, field(viewer, "history"), "undo")
+    assert said(viewer) == "not done: there is nothing to undo"
+    sent(viewer, field(viewer, "history"), "redo")
+    assert viewer.edited.goal[0] == 0.9
+    viewer.panel.editing._last = ("joints", LONG_AGO, viewer.edited)  # the hand rested
+    sent(viewer, slider, 0.3)
+    sent(viewer, field(viewer, "history"), "undo")
+    assert viewer.edited.goal[0] == 0.9
+
+
+def test_presses_count_each(viewer: Viewer) -> None:
+    for _ in range(3):
+        sent(viewer, field(viewer, "add"), "sphere", wait=False)
+    assert viewer.worker.settle(20)
+    assert [obstacle.name for obstacle in viewer.scene.obstacles][-3:] == ["sphere", "sphere2", "sphere3"]
+    sent(viewer, field(viewer, "history"), "undo", wait=False)
+    sent(viewer, field(viewer, "history"), "undo")
+    assert viewer.scene.obstacles[-1].name == "sphere"
+    assert len(viewer.stage.obstacles) == len(viewer.scene.obstacles)
+
+
+def test_motions_are_measured_once_edits_pause(viewer: Viewer) -> None:
+    sent(viewer, field(viewer, "add"), "box")
+    shown = viewer.motions.shown[0]
+    deadline = time.monotonic() + 20
+    while not (viewer.motions.holds(shown) and shown.motion.measured):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    assert viewer.worker.settle(20)
+    assert "certified" in viewer.panel.verdict
+
+
+def test_the_ends_go_to_states_and_random_places_and_the_selected_one_is_jogged(viewer: Viewer) -> None:
+    by_worker(viewer, lambda: viewer.panel.handles.select(START))
+    assert viewer.panel.jogging.end.value == "start"
+    sent(viewer, field(viewer, "go to"), "folded")
+    np.testing.assert_array_equal(viewer.edited.start, [0.0, 2.5])
+    assert [slider.value for slider in viewer.panel.jogging.sliders] == [0.0, 2.5]
+    by_worker(viewer, lambda: viewer.panel.handles.select(GOAL))
+    sent(viewer, field(viewer, "go to"), "random")
+    assert viewer.edited.contacts[1] == ()
+    np.testing.assert_array_equal(viewer.edited.start, [0.0, 2.5])
+
+
+def test_postures_of_a_goal_pose_are_gone_through_and_kept(opened: Opener) -> None:
+    viewer = opened(load_scene("pr2_shelf"))
+    goal = viewer.scene.goal
+    begin = viewer.edited.goal
+    seen = [begin]
+    for _ in range(2):
+        sent(viewer, field(viewer, "posture"), "another")
+        assert viewer.scene.goal is goal
+        assert viewer.edited.missed is None
+        seen.append(viewer.edited.goal)
+    assert not np.array_equal(seen[1], seen[2])
+    assert "posture 3 of" in str(viewer.panel.jogging._said.content)
+    sent(viewer, field(viewer, "posture"), "keep as joint values")
+    np.testing.assert_array_equal(viewer.scene.goal.positions, seen[2])  # type: ignore[union-attr]
+    for q in reversed(seen):
+        sent(viewer, field(viewer, "history"), "undo")
+        np.testing.assert_array_equal(viewer.edited.goal, q)
+        assert viewer.scene.goal is goal
+        if q is begin:
+            break
+
+
+def test_the_planner_s_settings_are_those_of_the_plan(opened: Opener, scene: Scene) -> None:
+    viewer = opened(scene)
+    for label, value in (("waypoints", 17), ("distance", "fcl"), ("clearance [m]", 0.01), ("polish", "2")):
+        sent(viewer, field(viewer, label), value)
+    settings = viewer.panel.settings
+    settings.solver.value, settings.seed.value, settings.time_limit.value = "chomp", 3, 1.0
+    planner = viewer.scene.planner
+    assert (planner.waypoints, planner.distance, planner.clearance, planner.polish) == (17, "fcl", 0.01, 2)
+    viewer.panel.planning.toggle()
+    while viewer.panel.planning.running:
+        time.sleep(0.02)
+    assert viewer.worker.settle(20)
+    shown = viewer.motions.named(NAME)
+    assert shown is not None
+    assert shown.result is not None
+    assert (shown.result.solver, shown.result.seed, len(shown.result.trajectory)) == ("chomp", 3, 17)
+    settings.seed.value = -1
+    viewer.panel.planning.toggle()
+    while viewer.panel.planning.running:
+        time.sleep(0.02)
+    assert viewer.worker.settle(20)
+    assert "seed" in viewer.panel.planning.said
+
+
+def test_a_mesh_is_sent_and_saved_beside_the_scene(viewer: Viewer, tmp_path: Path) -> None:
+    by_worker(viewer, lambda: viewer.panel.obstacles.add_mesh(file(HOOK)))
+    by_worker(
+        viewer,
+        lambda: viewer.panel.obstacles.add_mesh(SimpleNamespace(name="hook.obj", content=HOOK.read_bytes() + b"\n#")),
+    )
+    sent(viewer, field(viewer, "scale"), (0.5, 0.5, 0.5))
+    assert [each.name for each in viewer.scene.obstacles][-2:] == ["hook", "hook_2"]
+    folder = viewer.uploads.folder
+    (tmp_path / "scene.yaml").write_bytes(viewer.panel.saving.scene_file())
+    for mesh in viewer.panel.saving._sent():
+        (tmp_path / mesh.name).write_bytes(mesh.read_bytes())
+    saved = load_scene(tmp_path / "scene.yaml")
+    assert str(folder) not in scene_text(saved)
+    assert scene_text(saved).replace(str(tmp_path), str(folder)) == scene_text(viewer.panel.saving.standing_alone()[0])
+    viewer.close()
+    assert not folder.exists()
+
+
+def test_scenes_and_motions_are_opened(viewer: Viewer, trajectory: Trajectory, tmp_path: Path) -> None:
+    first = viewer.scene
+    by_worker(viewer, lambda: viewer.panel.obstacles.add("box"))
+    (tmp_path / "other.yaml").write_bytes(viewer.panel.saving.scene_file())
+    changed = scene_text(viewer.scene)
+    sent(viewer, field(viewer, "history"), "reset")
+    by_worker(viewer, lambda: viewer.panel.opening.open(file(tmp_path / "other.yaml")))
+    assert viewer.scene.name == "other"
+    assert viewer.scene.obstacles[-1].name == "box"
+    assert changed.count("box") == scene_text(viewer.scene).count("box")
+    assert "opened: the scene other" in said(viewer)
+    for name in ("way.json", "way.npz", "way.csv", "way.joint_trajectory.yaml", "way.robot_trajectory.yaml"):
+        trajectory.save(tmp_path / name)
+        by_worker(viewer, lambda name=name: viewer.panel.opening.open(file(tmp_path / name)))
+        assert "opened: way" in said(viewer)
+        assert "certified" in said(viewer)
+    assert [shown.motion.name for shown in viewer.motions.shown] == ["found", "way"]
+    sent(viewer, field(viewer, "history"), "undo")
+    assert viewer.scene is first
+
+
+def test_files_that_cannot_be_opened_change_nothing(viewer: Viewer, trajectory: Trajectory, tmp_path: Path) -> None:
+    trajectory.save(tmp_path / "way.json")
+    whole = (tmp_path / "way.json").read_bytes()
+    text = shipped_scenes()["planar_arm"].read_bytes()
+    panda = shipped_scenes()["panda_cage"].read_bytes()
+    opened = viewer.panel.opening.open
+    meshes = viewer.panel.obstacles.add_mesh
+    cases: list[tuple[Callable[[Any], None], str, bytes, str]] = [
+        (opened, "way.json", whole[: len(whole) // 2], "way.json: "),
+        (opened, "way.exe", whole, "ends with one of"),
+        (opened, "empty.yaml", b"", "is empty"),
+        (opened, "bad.yaml", b"\xff\xfe", "bad.yaml: "),
+        (opened, "half.yaml", text[: len(text) // 2], "half.yaml: "),
+        (opened, "panda.yaml", panda, "another robot"),
+        (opened, "rviz.scene", b"(noname)+++\n.\n", "rviz.scene"),
+        (opened, "../../../etc/motion.json", b"{}", "motion.json: "),
+        (meshes, "hook.obj", HOOK.read_bytes()[:40], "hook.obj"),
+        (meshes, "flat.stl", b"solid a\nendsolid a\n", "flat"),
+        (meshes, "scene.yaml", text, "ends with one of"),
+    ]
+    before, motions = viewer.edited, list(viewer.motions.shown)
+    for job, name, content, words in cases:
+        given = SimpleNamespace(name=name, content=content)
+        viewer.panel.editing.do(lambda job=job, given=given: job(given))
+        assert viewer.worker.settle(20)
+        assert words in said(viewer), name
+        assert str(viewer.uploads.folder) not in said(viewer)
+        assert "\n" not in said(viewer)
+        assert viewer.edited is before
+        assert viewer.motions.shown == motions
+
+
+def test_uploads_stay_in_their_folder() -> None:
+    uploads = Uploads()
+    try:
+        for name in ("../up.obj", "/etc/up.obj", "a\\b\\up.obj", "..obj", "\n.obj", "ü" * 300 + ".obj", "a b(1).OBJ"):
+            try:
+                path = uploads.take(name, b"o", (".obj",))
+            except InputError:
+                continue
+            assert path.parent == uploads.folder
+            assert path.exists()
+        assert uploads.take_mesh("up.obj", b"o") == uploads.folder / "up.obj"
+        assert uploads.take_mesh("up.obj", b"p") == uploads.folder / "up_2.obj"
+        assert uploads.take_mesh("up.obj", b"p") == uploads.folder / "up_2.obj"
+    finally:
+        uploads.close()
+
+
+def test_keys_act(viewer: Viewer) -> None:
+    keys = {each.shown: each for each in viewer.panel.keys._keys}
+    client: Any = None
+    keys["end"].act(client)
+    assert viewer.panel.player.time == 1.0
+    keys["←"].act(client)
+    assert viewer.panel.player.time == pytest.approx(0.98)
+    keys["home"].act(client)
+    assert viewer.panel.player.time == 0.0
+    keys["space"].act(client)
+    assert viewer.panel.player.playing
+    keys["space"].act(client)
+    assert not viewer.panel.player.playing
+    keys["2"].act(client)
+    assert not viewer.panel.layers.on("obstacles")
+    first = viewer.edited
+    by_worker(viewer, lambda: viewer.panel.obstacles.add("box"))
+    keys["Z"].act(client)
+    assert viewer.worker.settle(20)
+    assert viewer.edited is first
+    keys["shift Z"].act(client)
+    assert viewer.worker.settle(20)
+    assert viewer.scene.obstacles[-1].name == "box"
+
+
+def test_a_motion_that_does_not_fit_the_edited_scene_is_said_to_and_fits_again(viewer: Viewer) -> None:
+    """One without times, where the motion is to last so long: the edit is taken, and nothing is said to be proven."""
+    viewer.panel.live.set(False)
+    sent(viewer, field(viewer, "duration [s]"), "2")
+    assert said(viewer) == ""
+    assert viewer.scene.end_time == 2.0
+    by_worker(viewer, viewer.measure)
+    assert not viewer.motions.holds(viewer.motions.shown[0])
+    assert "has no times" in viewer.panel.verdict
+    assert "certified" not in viewer.panel.verdict
+    sent(viewer, field(viewer, "history"), "undo")
+    assert viewer.motions.holds(viewer.motions.shown[0])
+    assert "certified" in viewer.panel.verdict
