@@ -26,6 +26,7 @@ Examples:
   hdplan follow panda_cage motion.json -o executed.json
   hdplan view panda_cage motion.json
   hdplan batch problems/ -o run
+  hdplan sample panda_cage -n 1000 -o problems.csv
   hdplan explain my_scene.yaml
   hdplan robots panda
   hdplan study distance --quick

@@ -12,10 +12,10 @@ import json
 import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from hdplan import __version__
 from hdplan.planner.batch.crew import cores, crew, outcomes
 from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.journal import Journal
@@ -45,7 +45,7 @@ def run_into(
     with what is there. Returns whether all problems are done. Raises InputError if the folder holds another run, or
     cannot be written.
     """
-    said = {"hdplan": __version__, "problems": len(jobs), "sha256": _identity(jobs), **asdict(options)}
+    said = {"hdplan": metadata.version("hdplan"), "problems": len(jobs), "sha256": _identity(jobs), **asdict(options)}
     with claimed(folder, said) as journal:
         left = [(i, each) for i, each in enumerate(jobs) if i not in journal.places]
         try:

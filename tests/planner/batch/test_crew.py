@@ -76,7 +76,7 @@ def test_what_hangs_is_ended_from_outside(two_workers: Any, monkeypatch: pytest.
     jobs = [Hanging("hang", "g", ARM), *arms(2)]
     found = dict(outcomes(two_workers, enumerate(jobs), Options(time_limit=0.5)))
     assert (found[0].problem, found[0].status, found[0].cause) == ("hang", "failed", "hung")
-    assert {found[1].status, found[2].status} <= {"certified", "refused"}
+    assert "failed" not in {found[1].status, found[2].status}
 
 
 def test_problems_are_taken_as_workers_get_free(two_workers: Any) -> None:
