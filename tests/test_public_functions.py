@@ -88,7 +88,6 @@ def test_planning_and_certifying(scene: Scene, robot: hdplan.Robot, problem: hdp
     refused(lambda value: hdplan.plan_many([scene], solver=value), *STRANGE)
     refused(lambda value: hdplan.plan_many([scene], workers=value), "a", 0, 1.5, NAN)
     refused(lambda value: hdplan.plan_many([scene], scheduler=value), 3, "", ["a"])
-    refused(lambda value: next(hdplan.plan_many(iter([value]), workers=1)), 3)
     refused(lambda value: hdplan.build(scene, value), "panda", 3)
     refused(lambda value: hdplan.solve(problem, solver=value), *STRANGE)
     refused(lambda value: hdplan.solve(problem, budget=value), 3, "a")
