@@ -34,7 +34,8 @@ def draw(attempts: dict[str, Attempts], certified: dict[str, list[bool]], tilted
     import matplotlib.pyplot as plt
 
     with plt.rc_context(RC):
-        figure, (left, middle, right) = plt.subplots(1, 3, figsize=(10.5, 3.4), layout="constrained")
+        figure, (left, middle, right) = plt.subplots(1, 3, figsize=(10.5, 3.8), layout="constrained")
+        figure.suptitle("The HD-SDF and the exact distance as the planner's penalty", fontsize=12, weight="bold")
         iterations = np.arange(1, SHOWN + 1)
         for name, (label, colour, dash) in STYLES.items():
             costs = np.array([_cost(problem[0]) for problem in attempts[name] if problem and problem[0]])

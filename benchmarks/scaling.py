@@ -189,19 +189,23 @@ def draw(by_waypoints: list[Point], by_boxes: list[Point], file: Path) -> None:
             above.loglog(x, [1e3 * getattr(p, name) for p in points], color=colour, marker=marker, label=name)
         above.loglog(x, [1e3 * p.solve / p.iterations for p in points], "o--", color="#0072b2", label="per iteration")
         reference = 1e3 * points[0].solve / points[0].iterations
-        above.loglog(x, [reference * value / x[0] for value in x], ":", color="0.5", label="linear")
+        above.loglog(x, [reference * value / x[0] for value in x], ":", color="0.5", label="linear growth")
         above.set_ylabel("time [ms]")
         above.grid(alpha=0.3, which="both")
         below.semilogx(x, [p.peak for p in points], "o-", color="#444444")
-        below.axhline(500, color="#cc79a7", linestyle="--", label="500 MB")
-        below.set_ylim(0, 600)
+        below.axhline(500, color="#cc79a7", linestyle="--")
+        below.text(x[0], 510, "500 MB", color="#cc79a7", fontsize=8, va="bottom")
+        below.set_ylim(0, 650)
         below.set_ylabel("peak [MB]")
         below.set_xlabel(words)
         below.set_xticks(x, [str(value) for value in x])
         below.minorticks_off()
         below.grid(alpha=0.3)
-    axes[0, 0].legend(frameon=False, fontsize=8)
-    axes[1, 0].legend(frameon=False, fontsize=8)
+        above.set_title(f"More {size}", loc="left", fontsize=10, weight="bold")
+    figure.suptitle("How time and memory grow with the problem", fontsize=12, weight="bold")
+    figure.legend(
+        *axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False, fontsize=8
+    )
     figure.savefig(file, dpi=130)
 
 

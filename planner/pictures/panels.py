@@ -37,6 +37,7 @@ Index = NDArray[np.int64]
 CLEARANCE_STEPS = 128  # intervals of the motion at whose ends distances are computed
 LANE = 0.84  # height of a joint's lane over the distance between two lanes
 WIDE = 30.0  # ratio of costs above which their axis is logarithmic
+BELOW_ZERO = "planner’s below 0: its outer bodies overlap, not the robot"
 LEGEND = 0.62  # [in] for the legend above the clearance curves
 DISTANCE_WORDS = {"hdsdf": "HD-SDF’s D̃", "fcl": "FCL"}  # of the planner's bodies
 
@@ -112,6 +113,11 @@ def draw_clearance(axis: Any, subject: Subject) -> None:
     axis.axhline(0.0, color=INK, linewidth=0.8)
     axis.set(ylim=(bottom, top), ylabel="distance [mm]", title="clearance")
     _unproven(axis, subject, (highest - bottom) / (top - bottom))
+    if found.outer.min(initial=0.0) < 0.0:
+        axis.text(
+            0.005, 0.01, BELOW_ZERO, transform=axis.transAxes, color=OUTER, fontsize=6.5, ha="left", va="bottom",
+            path_effects=[withStroke(linewidth=2.6, foreground="white")],
+        )  # fmt: skip
     axis.text(
         0.995, 0.01, "contact", transform=axis.transAxes, color=CONTACT, fontsize=7, ha="right", va="bottom",
         path_effects=[withStroke(linewidth=2.6, foreground="white")],

@@ -26,7 +26,7 @@ from hdplan.planner.pictures.scene import DRIFTING, STANDING, Picture, draw_scen
 from hdplan.planner.pictures.style import BETWEEN, CONTACT, FIXED, GOAL, GOOD, INK, OBSTACLE, RC, START, plain
 
 WIDTH, HEIGHT, RATE = 11.7, 8.3, 1.35  # [in] A4 landscape, plus the extra height for each panel of a rate or torque
-HEAD, FOOT = 1.2, 0.5  # [in] above and below the panels
+HEAD, LINE, FOOT = 0.93, 0.17, 0.5  # [in] above the panels, and more for each line of the verdict; below them
 GAP = 0.75  # [in] between two panels: the upper one's axis, the lower one's title
 TITLE_WIDTH = 132  # characters
 SIDES = ((0.0, 18.0), (62.0, 48.0))  # azimuth relative to the best side, and elevation, of the two views [deg]
@@ -42,11 +42,13 @@ def sheet(subject: Subject) -> Figure:
     panels += [(1.1, draw_clearance)]
     panels += [(0.9, draw_convergence)] if subject.steps else []
     height = HEIGHT + RATE * len(found)
-    band = {"bottom": FOOT / height, "top": 1.0 - HEAD / height}
+    verdict = textwrap.wrap(plain(subject.certificate.text, 3 * TITLE_WIDTH - 30), TITLE_WIDTH)
+    head = HEAD + LINE * len(verdict)
+    band = {"bottom": FOOT / height, "top": 1.0 - head / height}
     with rc_context(RC):
         figure = Figure(figsize=(WIDTH, height), facecolor="white")
-        room = (height - HEAD - FOOT + GAP) / len(panels)  # [in] for a panel and what is below it
-        _title(figure, subject, height)
+        room = (height - head - FOOT + GAP) / len(panels)  # [in] for a panel and what is below it
+        _title(figure, subject, verdict, height)
         shares = [share for share, _ in panels]
         left = figure.add_gridspec(
             len(panels), 1, height_ratios=shares, left=0.085, right=0.425, **band, hspace=GAP / (room - GAP)
@@ -62,14 +64,13 @@ def sheet(subject: Subject) -> Figure:
         return figure
 
 
-def _title(figure: Figure, subject: Subject, height: float) -> None:
+def _title(figure: Figure, subject: Subject, verdict: list[str], height: float) -> None:
     certificate, scene, robot = subject.certificate, subject.certifier.scene, subject.certifier.robot
     top = 1.0 - 0.29 / height
     figure.text(0.02, top, plain(f"{scene.name} · {robot.name}", 44), fontsize=15, weight="bold", va="center")
     figure.text(0.985, top, plain(subject.origin, 80), ha="right", va="center")
     color = GOOD if certificate.certified else CONTACT
-    text = textwrap.fill(plain(certificate.text, 3 * TITLE_WIDTH - 30), TITLE_WIDTH)
-    figure.text(0.02, 1.0 - 0.47 / height, text, color=color, fontsize=10, weight="bold", va="top")
+    figure.text(0.02, 1.0 - 0.47 / height, "\n".join(verdict), color=color, fontsize=10, weight="bold", va="top")
 
 
 def _key(axis: Any, picture: Picture) -> None:

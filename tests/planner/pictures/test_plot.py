@@ -76,6 +76,48 @@ def test_certified_result_in_every_format(planned: Planned, tmp_path: Path) -> N
     assert len(list(tmp_path.iterdir())) == 3
 
 
+@pytest.mark.parametrize("lines", [1, 3])
+def test_nothing_lies_on_something_else(planned: Planned, lines: int) -> None:
+    """The verdict ends above the panels, however long it is, and no legend lies on a curve."""
+    from hdplan.planner.pictures.sheet import TITLE_WIDTH, sheet
+
+    subject = planned_subject(planned)
+    words = ("certified " * 100)[: (lines - 1) * TITLE_WIDTH + 40]
+    figure = sheet(replace(subject, certificate=replace(subject.certificate, text=words)))
+    figure.draw_without_rendering()
+    panels = [axis for axis in figure.axes if axis.lines or axis.collections]
+    verdict = figure.texts[-1]
+    assert verdict.get_text().count("\n") == lines - 1
+    titles = [axis.title.get_window_extent().y1 for axis in panels] + [axis.get_window_extent().y1 for axis in panels]
+    assert verdict.get_window_extent().y0 > max(titles) + 5.0
+    for axis in panels:
+        if (legend := axis.get_legend()) is None:
+            continue
+        box = legend.get_window_extent()
+        for curve in axis.lines:
+            places = curve.get_transform().transform(curve.get_xydata())
+            fine = np.linspace(0, len(places) - 1, 40 * len(places))
+            x, y = (np.interp(fine, np.arange(len(places)), column) for column in places.T)
+            assert not ((x > box.x0) & (x < box.x1) & (y > box.y0) & (y < box.y1)).any(), curve.get_label()
+
+
+def test_what_the_planners_distance_below_zero_means_is_said(planned: Planned, monkeypatch: pytest.MonkeyPatch) -> None:
+    from hdplan.planner.pictures import panels
+    from hdplan.planner.pictures.sheet import sheet
+
+    found = Clearances.along
+    for lowered in (0.0, 10.0):
+
+        def along(*arguments: object, lowered: float = lowered) -> Clearances:
+            real = found(*arguments)  # type: ignore[arg-type]
+            return replace(real, outer=real.outer - lowered)
+
+        monkeypatch.setattr(panels.Clearances, "along", along)
+        figure = sheet(planned_subject(planned))
+        said = [text.get_text() for axis in figure.axes for text in axis.texts]
+        assert (panels.BELOW_ZERO in said) == (lowered > 0.0)
+
+
 def test_without_obstacles_and_iterations(planned: Planned, tmp_path: Path) -> None:
     scene, robot, result = planned
     scene = replace(scene, obstacles=())
