@@ -13,7 +13,6 @@ import viser
 from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.view.drawing.colors import legend
 from hdplan.planner.view.drawing.plots import MotionPlots, joint_table
-from hdplan.planner.view.drawing.skins import Color
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.planner.view.editing import Editing
 from hdplan.planner.view.handles import Handles
@@ -58,7 +57,8 @@ class Panel:
         self._legend = gui.add_html(legend())
         self.editing = Editing(viewer)
         self.tabs = gui.add_tab_group()
-        self._plot_tab = self.tabs.add_tab("Plots", viser.Icon.CHART_LINE)
+        with self.tabs.add_tab("Plots", viser.Icon.CHART_LINE):
+            self._plots = MotionPlots(viewer.server, viewer.robot.joint_names)
         with self.tabs.add_tab("Joints", viser.Icon.ROBOT):
             self._table = gui.add_html("")
             self.jogging = Jogging(viewer, self.editing)
@@ -75,8 +75,6 @@ class Panel:
             self.layers = Layers(viewer)
             gui.add_html(small(html.escape(note)))
         self.keys = Keys(viewer)
-        self._plots: MotionPlots | None = None
-        self._plotted: tuple[tuple[str, Color], ...] = ()  # the motions that it has
         self._followed = 0.0
         self.page.on("seek", lambda _, told: self._seek(told.get("share")))
 
@@ -116,25 +114,16 @@ class Panel:
     def plot(self, timeline: Timeline) -> None:
         """Draw the curves of the motions that are shown, and those of the active one."""
         viewer, active = self._viewer, self._viewer.motions.active
-        motions = [shown for shown in viewer.motions.shown if shown.visible or shown is active]
-        plotted = tuple((shown.motion.name, shown.color) for shown in motions)
-        if self._plotted != plotted:
-            if self._plots is not None:
-                self._plots.remove()
-                self._plots = None
-            if plotted:
-                with self._plot_tab:
-                    self._plots = MotionPlots(viewer.server, viewer.robot.joint_names, plotted)
-            self._plotted = plotted
-        if active is not None and self._plots is not None:
-            required, _ = viewer.certifier.asked(active.motion.curve)
-            curves = [shown.motion for shown in motions]
-            self._plots.set(active.motion, curves, required, timeline, self.player.time)
+        if active is None:
+            self._plots.clear()
+            return
+        required, _ = viewer.certifier.asked(active.motion.curve)
+        seen = [(shown.motion, shown.color) for shown in viewer.motions.shown if shown.visible or shown is active]
+        self._plots.set(active.motion, seen, required, timeline, self.player.time)
 
     def outdate(self) -> None:
         """Withdraw what was said of a scene that has changed."""
-        if self._plots is not None:
-            self._plots.outdate()
+        self._plots.outdate()
         self.planning.outdate()
 
     def follow(self, now: float, q: Array, pairs: tuple[Closest | None, Closest | None]) -> None:
@@ -142,7 +131,7 @@ class Panel:
         robot = self._viewer.robot
         self._clearance.content = clearance_words(self.player.timeline.words(now), pairs)
         self._table.content = joint_table(robot.joint_names, q, robot.lower, robot.upper)
-        if self._plots is not None and (time.perf_counter() - self._followed > PLOT_EVERY or not self.player.playing):
+        if time.perf_counter() - self._followed > PLOT_EVERY or not self.player.playing:
             self._plots.follow(now)
             self._followed = time.perf_counter()
 

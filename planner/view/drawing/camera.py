@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.once import read_only
 
 FOV = np.deg2rad(45.0)  # [rad] of the picture's height: less distorted than the browser's own 75°
 ROOM = 1.12  # size of the picture by that of what is framed
-AZIMUTHS = np.deg2rad(np.arange(0.0, 360.0, 15.0))
-ELEVATIONS = np.deg2rad([18.0, 28.0, 40.0, 55.0])
+AZIMUTHS = read_only(np.deg2rad(np.arange(0.0, 360.0, 15.0)))
+ELEVATIONS = read_only(np.deg2rad([18.0, 28.0, 40.0, 55.0]))
 USUAL = (np.deg2rad(-40.0), np.deg2rad(28.0))  # from the front and the side, a little from above
 FORESHORTENED, UNUSUAL = 0.4, 0.15  # cost of a path seen end-on, and of looking from behind, as a share hidden
 IN_THE_WAY = 0.04  # share of the points of interest that an obstacle hides before it fades

@@ -46,17 +46,13 @@ class Plot:
     """Curves over the timeline, and the bar."""
 
     def __init__(self, server: viser.ViserServer, title: str, names: Sequence[str], colors: Sequence[Color]) -> None:
-        """Set an empty plot up."""
+        """Set an empty plot up, which is not seen before it has curves."""
+        self._server = server
         self._times: Array = np.array([0.0, 1.0])
-        self._curves: Rows = tuple(np.zeros(2) for _ in names)
         self._title, self._timeline = title, Timeline()
         self._low, self._high = 0.0, 1.0
         self._remark = ""
-        lines = [
-            {"label": name, "stroke": hex_of(color), "width": 1.5} for name, color in zip(names, colors, strict=True)
-        ]
-        bar = {"label": "now", "stroke": hex_of(BAR), "width": 1, "points": {"show": False}}
-        self._lines = (*lines, bar)
+        self._name(names, colors)
         self.handle = server.gui.add_uplot(
             self._rows(0.0),
             ({"label": self._timeline.name}, *self._lines),
@@ -66,8 +62,27 @@ class Plot:
             legend={"show": False},  # uPlot's own takes three lines
             cursor={"drag": {"x": False, "y": False, "setScale": False}},  # a click seeks
             height=HEIGHT,
+            visible=False,
         )
-        self.legend = server.gui.add_html(_legend(names, colors))
+        self.legend = server.gui.add_html(_legend(names, colors), visible=False)
+
+    def name(self, names: Sequence[str], colors: Sequence[Color]) -> None:
+        """Have curves of other names and colours, without values before they are set."""
+        if self._named != (tuple(names), tuple(colors)):
+            self._name(names, colors)
+            with self._server.atomic():
+                self.handle.series = ({"label": self._timeline.name}, *self._lines)
+                self.handle.data = self._rows(0.0)
+                self.legend.content = _legend(names, colors)
+
+    def _name(self, names: Sequence[str], colors: Sequence[Color]) -> None:
+        self._named = tuple(names), tuple(colors)
+        self._curves: Rows = tuple(np.zeros(len(self._times)) for _ in names)
+        lines = [
+            {"label": name, "stroke": hex_of(color), "width": 1.5} for name, color in zip(names, colors, strict=True)
+        ]
+        bar = {"label": "now", "stroke": hex_of(BAR), "width": 1, "points": {"show": False}}
+        self._lines = (*lines, bar)
 
     @property
     def visible(self) -> bool:
@@ -78,11 +93,6 @@ class Plot:
     def visible(self, value: bool) -> None:
         if self.handle.visible != value:
             self.handle.visible = self.legend.visible = value
-
-    def remove(self) -> None:
-        """Take it out of the panel."""
-        self.handle.remove()
-        self.legend.remove()
 
     def set(
         self, timeline: Timeline, times: Array, curves: Sequence[Array], low: float, high: float, now: float
@@ -95,6 +105,7 @@ class Plot:
         self.handle.title = self._words
         self.handle.scales = self._scales()
         self.follow(now)
+        self.visible = True
 
     def remark(self, words: str) -> None:
         """Add a remark to the title, until other curves are set."""
@@ -131,33 +142,33 @@ def with_bar(times: Array, curves: Sequence[Array], now: float, low: float, high
 class MotionPlots:
     """Joints of one motion, clearances of several, and how much of its limits the one uses."""
 
-    def __init__(
-        self, server: viser.ViserServer, joint_names: Sequence[str], motions: Sequence[tuple[str, Color]]
-    ) -> None:
-        """Set the plots up for motions of these names and colours."""
+    def __init__(self, server: viser.ViserServer, joint_names: Sequence[str]) -> None:
+        """Set the plots up."""
         lines = [LINES[i % len(LINES)] for i in range(len(joint_names))]
-        names, colors = [name for name, _ in motions], [color for _, color in motions]
-        self.clearance = Plot(
-            server,
-            "clearance [mm]",
-            [*names, "own links", "required", "proven"],
-            [*colors, LINKS, LIMIT, START],
-        )
+        self.clearance = Plot(server, "clearance [mm]", *_of_clearance(()))
         self.joints = Plot(server, "joints [rad or m]", joint_names, lines)
         self.shares = Plot(server, "share of the limits [%]", [*SHARES, "limit"], [*SHARES.values(), LIMIT])
+        self._all = (self.clearance, self.joints, self.shares)
 
     def set(
-        self, active: ShownMotion, motions: Sequence[ShownMotion], required: float, timeline: Timeline, now: float
+        self,
+        active: ShownMotion,
+        motions: Sequence[tuple[ShownMotion, Color]],
+        required: float,
+        timeline: Timeline,
+        now: float,
     ) -> None:
-        """Show the joints of the active motion, the clearance of all, each from its start to its goal, the clearance
-        `required` [m] and the one proven of the active motion, and its shares of limits, if it has any."""
+        """Show the joints of the active motion, the clearance of all in their colours, each from its start to its goal,
+        the clearance `required` [m] and the one proven of the active motion, and its shares of limits, if it has
+        any."""
+        self.clearance.name(*_of_clearance([(motion.name, color) for motion, color in motions]))
         spread = float(np.ptp(active.joints)) or 1.0
         low, high = float(active.joints.min()) - 0.05 * spread, float(active.joints.max()) + 0.05 * spread
-        when = {motion.name: timeline.moments(motion.curve, motion.parameter) for motion in motions}
+        when = [timeline.moments(motion.curve, motion.parameter) for motion, _ in motions]
         own = timeline.moments(active.curve, active.parameter)
-        times = np.unique(np.concatenate([own, *when.values(), [timeline.begin, timeline.end]]))
+        times = np.unique(np.concatenate([own, *when, [timeline.begin, timeline.end]]))
         self.joints.set(timeline, times, [_within(times, own, values) for values in active.joints.T], low, high, now)
-        curves = [_within(times, when[motion.name], _shown(motion.clearance)) for motion in motions]
+        curves = [_within(times, at, _shown(motion.clearance)) for at, (motion, _) in zip(when, motions, strict=True)]
         curves.append(_within(times, own, _shown(active.self_clearance)))
         proven = active.certificate.clearance
         for bound in (required, np.nan if proven is None else proven):
@@ -175,8 +186,9 @@ class MotionPlots:
         if active.shares is None:
             return
         shares = {share.quantity: share for share in active.shares}
-        self.shares.visible = bool(shares)
-        if shares:
+        if not shares:
+            self.shares.visible = False
+        else:
             times = np.unique(np.concatenate([share.times for share in shares.values()]))
             nothing = np.full(len(times), np.nan)
             curves = [100.0 * shares[name].over(times) if name in shares else nothing for name in SHARES]
@@ -187,15 +199,22 @@ class MotionPlots:
         """Say that the clearances are of an earlier scene."""
         self.clearance.remark(", of an earlier scene")
 
-    def remove(self) -> None:
-        """Take them out of the panel."""
-        for plot in (self.clearance, self.joints, self.shares):
-            plot.remove()
+    def clear(self) -> None:
+        """Show nothing, as there is no motion."""
+        for plot in self._all:
+            plot.visible = False
 
     def follow(self, now: float) -> None:
         """Move the bars."""
-        for plot in (self.clearance, self.joints, self.shares):
-            plot.follow(now)
+        for plot in self._all:
+            if plot.visible:
+                plot.follow(now)
+
+
+def _of_clearance(motions: Sequence[tuple[str, Color]]) -> tuple[list[str], list[Color]]:
+    """Return the names and colours of the clearance plot's curves for motions of these."""
+    names, colors = [name for name, _ in motions], [color for _, color in motions]
+    return [*names, "own links", "required", "proven"], [*colors, LINKS, LIMIT, START]
 
 
 def _legend(names: Sequence[str], colors: Sequence[Color]) -> str:

@@ -18,6 +18,7 @@ from hdplan.planner.view.viewer import Viewer
 from hdplan.planner.view.words import OUTDATED
 from hdplan.scenes.scene import Scene
 from tests.planner.view.in_browser import (
+    SIZE,
     Tabs,
     address,
     changed,
@@ -152,3 +153,41 @@ def test_what_is_dragged_by_the_mouse_takes_the_verdict_with_it(tab: Tabs, scene
 def _named(download: Any, name: str) -> Path:
     path = Path(download.path())
     return path.rename(path.with_name(name))
+
+
+def test_the_page_has_the_scenes_name_and_is_dark_where_the_browser_is(page: Any, scene: Scene) -> None:
+    until(lambda: page.title() == scene.name, "the page keeps viser's title")
+    page.emulate_media(color_scheme="dark")
+    page.locator('[data-mantine-color-scheme="dark"]').wait_for(state="attached")
+    page.emulate_media(color_scheme="light")
+    page.locator('[data-mantine-color-scheme="light"]').wait_for(state="attached")
+
+
+def test_a_click_in_a_plot_and_on_a_line_does_what_it_says(page: Any, viewer: Viewer) -> None:
+    page.get_by_role("tab", name="Plots").click()
+    plot = page.locator(".u-over").first
+    plot.wait_for()
+    box = plot.bounding_box()
+    for share in (0.25, 0.75):
+        plot.click(position={"x": share * box["width"], "y": 5}, force=True)
+        until(lambda share=share: abs(viewer.panel.player.time - share) < 0.02, "the plot does not seek")
+    shown = viewer.motions.shown[-1]
+    line = page.locator("summary").last
+    line.locator('[title="hide or show"]').dispatch_event("click")
+    until(lambda: not shown.visible, "the motion stays in sight")
+    line.locator('[title="hide or show"]').dispatch_event("click")
+    until(lambda: shown.visible, "the motion stays hidden")
+    page.once("dialog", lambda dialog: dialog.accept("seen"))
+    line.locator('[title="rename"]').dispatch_event("click")
+    until(lambda: shown.motion.name == "seen", "the motion keeps its name")
+    page.get_by_text("seen").first.wait_for()
+
+
+def test_plan_and_play_stay_in_sight_when_the_panel_is_scrolled(page: Any) -> None:
+    page.get_by_role("tab", name="Plots").click()
+    page.locator(".u-over").last.scroll_into_view_if_needed()
+    scrolled = "[...document.querySelectorAll('.mantine-ScrollArea-viewport')].some((each) => each.scrollTop > 50)"
+    until(lambda: bool(page.evaluate(scrolled)), "nothing is scrolled")
+    for name in ("Plan", "Play"):
+        box = page.get_by_role("button", name=name, exact=True).bounding_box()
+        assert 0 <= box["y"] <= 0.4 * SIZE["height"]

@@ -31,7 +31,7 @@ def viewer(scene: Scene, trajectory: Trajectory) -> Iterator[Viewer]:
 def page(tab: Tabs, viewer: Viewer) -> Any:
     """The viewer's page, with the whole scene in the picture."""
     page = tab(address(viewer))
-    page.get_by_text("certified: at least").wait_for()
+    page.get_by_text("certified: at least").first.wait_for()
     viewer.worker.settle(20)
     look(viewer, (0.4, -2.2, 2.6), (0.4, 0.3, 0.0))
     page.wait_for_timeout(1000)
@@ -78,7 +78,7 @@ def test_the_certified_motion_follows_the_mouse(page: Any, viewer: Viewer) -> No
     assert np.linalg.norm(moved[:3, 3] - place[:3, 3]) > 0.02
     assert not np.array_equal(viewer.motions.active.motion.trajectory.positions, first.positions)
     text = certify(viewer.scene, viewer.motions.active.motion.trajectory, viewer.robot).text
-    page.get_by_text(text).wait_for()
+    page.get_by_text(text).first.wait_for()
     page.mouse.up()
     until(lambda: not viewer.panel.handles.dragging, "it is not let go")
 
@@ -129,7 +129,9 @@ def test_a_tab_that_is_closed_while_it_drags_lets_go(tab: Tabs, page: Any, viewe
     until(lambda: viewer.panel.live.settle(0.1) and viewer.worker.settle(0.1), "it plans on for ever")
     other = tab(address(viewer))
     assert viewer.motions.active is not None
-    other.get_by_text(certify(viewer.scene, viewer.motions.active.motion.trajectory, viewer.robot).text).wait_for()
+    other.get_by_text(
+        certify(viewer.scene, viewer.motions.active.motion.trajectory, viewer.robot).text
+    ).first.wait_for()
     assert viewer.motions.active.motion.measured
 
 
