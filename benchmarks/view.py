@@ -91,26 +91,26 @@ class Shown:
         self.frames, self.waits, self.moves = 0, [], 0
         handles, live, player = viewer.panel.handles, viewer.panel.live, viewer.panel.player
         ask, drag, take, draw = viewer.worker.ask, handles.drag, live._take, viewer.draw
-        came: dict[int, float] = {}  # when the move to a scene came
+        came: dict[int, tuple[float, Any]] = {}  # when the move to a scene came, and the scene
         newest = 0.0
 
-        def asked(kind: str, job: Any) -> None:
+        def asked(kind: str, job: Any, urgent: bool = False) -> None:
             nonlocal newest
             if kind == "drag":
                 newest = time.perf_counter()
-            ask(kind, job)
+            ask(kind, job, urgent)
 
         def dragged(pose: Any) -> None:
             when = newest
             drag(pose)
             self.moves += 1
-            came[id(viewer.scene)] = when
+            came[id(viewer.scene)] = when, viewer.scene
 
         def taken(edited: Any, result: Any) -> None:
             count = live.count
             take(edited, result)
             if live.count > count:
-                self.waits.append(time.perf_counter() - came[id(edited.scene)])
+                self.waits.append(time.perf_counter() - came[id(edited.scene)][0])
 
         def drawn(now: float) -> None:
             self.frames += 1
