@@ -126,5 +126,7 @@ def test_nothing_is_tried_where_nothing_is_left_to_gain() -> None:
     """A straight line in free space is as quick as it gets."""
     certified: list[object] = []
     scene = dataclasses.replace(timed("panda_cage"), obstacles=())
-    plan(polished(scene, ROUNDS), report=lambda event: certified.append(event.certificate) if event.certificate else None)
+    plan(
+        polished(scene, ROUNDS), report=lambda event: certified.append(event.certificate) if event.certificate else None
+    )
     assert len(certified) == 1
