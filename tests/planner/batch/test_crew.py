@@ -150,16 +150,12 @@ for outcome in hdplan.plan_many(["planar_arm"] * 1000, workers=1):
 @pytest.mark.parametrize("killed", [False, True])
 def test_no_process_outlives_a_program_that_ends(killed: bool, tmp_path: Path) -> None:
     """A program without `if __name__ == "__main__"`, given on the command line: workers import nothing of it."""
-    program = subprocess.Popen(
-        [sys.executable, "-c", SCRIPT], cwd=tmp_path, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
-    assert program.stdout is not None
-    assert program.stdin is not None
-    assert program.stdout.readline() == "certified\n"
-    (cluster,) = children(program.pid)
-    workers = children(cluster)
-    program.kill() if killed else program.terminate()
-    program.wait()
+    command, pipes = [sys.executable, "-c", SCRIPT], {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen(command, cwd=tmp_path, text=True, **pipes) as program:  # type: ignore[call-overload]
+        assert program.stdout.readline() == "certified\n"
+        (cluster,) = children(program.pid)
+        workers = children(cluster)
+        program.kill() if killed else program.terminate()
     assert gone({cluster, *workers})
 
 

@@ -300,10 +300,15 @@ def test_workers_that_are_killed_cost_no_result() -> None:
     driver = subprocess.Popen([*arguments, "killed"], stdout=subprocess.DEVNULL)
     drawn = random.Random(5)
     while driver.poll() is None:
-        time.sleep(drawn.uniform(2.0, 4.0))
-        with contextlib.suppress(psutil.NoSuchProcess):
-            (cluster,) = psutil.Process(driver.pid).children()
-            drawn.choice(cluster.children()).kill()
+        time.sleep(drawn.uniform(0.5, 2.0))
+        with contextlib.suppress(psutil.NoSuchProcess, OSError):
+            workers = [
+                each
+                for each in psutil.Process(driver.pid).children(recursive=True)
+                if "spawn_main" in str(each.cmdline())
+            ]
+            if workers and Path("killed/journal").stat().st_size:
+                drawn.choice(workers).kill()
     mine, whole = content("killed"), content("whole")
     unlike = [row for row, other in zip(mine[0], whole[0], strict=True) if row != other]
     assert all(row["cause"] == "ended" for row in unlike), "only one that was killed twice may be lost"
