@@ -16,7 +16,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from hdplan.planner.batch.crew import cores, crew, outcomes
+from hdplan.planner.batch.crew import Workers, crew, outcomes
 from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.journal import Journal
 from hdplan.planner.batch.outcome import Options, Outcome
@@ -34,8 +34,7 @@ def run_into(
     jobs: Sequence[Job],
     options: Options,
     *,
-    workers: int | None = None,
-    scheduler: str | None = None,
+    workers: Workers,
     report: Callable[[int, int, Outcome], None] = lambda done, of, outcome: None,
     stop: Callable[[], bool] = lambda: False,
 ) -> bool:
@@ -50,7 +49,7 @@ def run_into(
         left = [(i, each) for i, each in enumerate(jobs) if i not in journal.places]
         try:
             if left and not stop():
-                with crew(min(workers or cores(), len(left)), scheduler) as client:
+                with crew(min(workers, len(left)) if isinstance(workers, int) else workers) as client:
                     for number, outcome in outcomes(client, left, options):
                         journal.add(number, outcome)
                         report(len(journal.places), len(jobs), outcome)

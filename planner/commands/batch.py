@@ -10,6 +10,8 @@ from typing import Any
 
 from rich.text import Text
 
+from hdplan.planner.batch.cluster_file import ClusterFile
+from hdplan.planner.batch.crew import Workers, cores
 from hdplan.planner.batch.installed import check_installed
 from hdplan.planner.batch.journal import read_journal
 from hdplan.planner.batch.outcome import Options, Outcome
@@ -21,6 +23,7 @@ from hdplan.planner.batch.tables import MOTIONS, RESULTS, row_of, table_bytes
 from hdplan.planner.solvers import solver_named
 from hdplan.planner.terminal.console import counting, printing
 from hdplan.planner.terminal.tables import columns, table
+from hdplan.scenes.errors import InputError
 from hdplan.scenes.output import check_writable, ending_of, write_output
 
 
@@ -31,6 +34,7 @@ def run_batch(
     scene: str | None,
     workers: int | None,
     scheduler: str | None,
+    cluster: Path | None,
     solver: str,
     seed: int,
     time_limit: float,
@@ -42,6 +46,9 @@ def run_batch(
     """
     check_installed()
     solver_named(solver)
+    if [workers, scheduler, cluster].count(None) < 2:
+        raise InputError("--workers, --scheduler and --cluster each say where the workers are: give one of them")
+    crew: Workers = ClusterFile.read(cluster) if cluster is not None else scheduler or workers or cores()
     jobs = jobs_of(sources, scene, seed)
     with counting("certified") as (count, stop):
 
@@ -49,7 +56,7 @@ def run_batch(
             count(done, of, outcome.certified, "" if outcome.certified else f"{outcome.problem}: {outcome.text}")
 
         options = Options(solver, time_limit)
-        run_into(output, jobs, options, workers=workers, scheduler=scheduler, report=report, stop=stop)
+        run_into(output, jobs, options, workers=crew, report=report, stop=stop)
     return show_report(output)
 
 

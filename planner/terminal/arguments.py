@@ -197,6 +197,10 @@ Scheduler = Annotated[
         metavar="ADDRESS", help="Use the workers of this dask scheduler instead, such as tcp://10.0.0.1:8786."
     ),
 ]
+Cluster = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Start the workers of a cluster by one of dask's cluster classes, as FILE says."),
+]
 EachTimeLimit = Annotated[
     float, typer.Option("--time-limit", metavar="SECONDS", help="For all that one problem needs.", parser=_seconds)
 ]

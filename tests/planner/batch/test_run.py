@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import json
 import os
 import random
@@ -59,7 +60,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def run_here(two_workers: Any, monkeypatch: pytest.MonkeyPatch) -> Callable[..., bool]:
     """Do runs with the two workers that are there."""
     monkeypatch.setattr(run, "crew", lambda *_: contextlib.nullcontext(two_workers))
-    return run.run_into
+    return functools.partial(run.run_into, workers=2)
 
 
 def outcome(i: int, motion: Trajectory | None = None) -> Outcome:
@@ -241,6 +242,11 @@ def test_the_command_plans_and_reports(command: Callable[..., tuple[int, str, st
         (["--report", "nowhere"], ["nowhere", "no folder of a run"]),
         (["no/*.yaml", "-o", "r"], ["no/*.yaml", "no such file"]),
         (["planar_arm", "-o", "r", "--workers", "0"], ["--workers", "at least 1", "'0'"]),
+        (
+            ["planar_arm", "-o", "r", "--workers", "1", "--scheduler", "tcp://x:1"],
+            ["--workers, --scheduler", "one of them"],
+        ),
+        (["planar_arm", "-o", "r", "--cluster", "no.yaml"], ["no.yaml: no such file"]),
         (["planar_arm", "-o", "r", "--solver", "ipop"], ["'ipop'", "'ipopt'"]),
         (["planar_arm", "-o", "r", "--time-limit", "nan"], ["--time-limit", "finite"]),
         (["planar_arm", "-o", "r", "--scene", "planar_arm"], ["--scene", "no source is a table"]),
