@@ -301,6 +301,8 @@ def batch(
     solver: given.Solver = "gauss_newton",
     seed: given.Seed = 0,
     time_limit: given.EachTimeLimit = 60.0,
+    motions: given.MotionsAs = "parquet",
+    proof: given.Proofs = False,
     report: given.Report = None,
 ) -> None:
     """Plan many problems on every core, or on a cluster.
@@ -332,6 +334,8 @@ def batch(
         solver=solver,
         seed=seed,
         time_limit=time_limit,
+        motions=motions,
+        proofs=proof,
     )
     raise typer.Exit(code)
 

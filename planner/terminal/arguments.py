@@ -204,6 +204,14 @@ Cluster = Annotated[
 EachTimeLimit = Annotated[
     float, typer.Option("--time-limit", metavar="SECONDS", help="For all that one problem needs.", parser=_seconds)
 ]
+MotionsAs = Annotated[
+    str,
+    typer.Option(metavar="HOW", help="parquet: one table; files: each problem's scene and motion as files, too."),
+]
+Proofs = Annotated[
+    bool,
+    typer.Option("--proof", help="Write these files, and the proof of every certified motion."),
+]
 Report = Annotated[
     Path | None, typer.Option(metavar="RUN", help="Only print the report of a run, which may be going on.")
 ]
