@@ -297,9 +297,12 @@ def batch(
     scene: given.TableScene = None,
     workers: given.Workers = None,
     scheduler: given.Scheduler = None,
+    cluster: given.Cluster = None,
     solver: given.Solver = "gauss_newton",
     seed: given.Seed = 0,
     time_limit: given.EachTimeLimit = 60.0,
+    motions: given.MotionsAs = "parquet",
+    proof: given.Proofs = False,
     report: given.Report = None,
 ) -> None:
     """Plan many problems on every core, or on a cluster.
@@ -327,9 +330,12 @@ def batch(
         scene=scene,
         workers=workers,
         scheduler=scheduler,
+        cluster=cluster,
         solver=solver,
         seed=seed,
         time_limit=time_limit,
+        motions=motions,
+        proofs=proof,
     )
     raise typer.Exit(code)
 

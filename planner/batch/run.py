@@ -2,6 +2,7 @@
 
 The folder holds `run.json` (what the run is), `journal` (outcomes as they come) and, once the run ends or is
 interrupted, `results.parquet` (a row a problem) and `motions.parquet` (a row for each joint of each row of a motion).
+Where files are asked for, `motions` holds each problem's scene, motion and proof.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from hdplan.planner.batch.crew import cores, crew, outcomes
+from hdplan.planner.batch.crew import Workers, crew, outcomes
+from hdplan.planner.batch.files import write_files
 from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.journal import Journal
 from hdplan.planner.batch.outcome import Options, Outcome
@@ -26,7 +28,7 @@ from hdplan.scenes.files import read_file
 from hdplan.scenes.output import write_output
 from hdplan.scenes.values import FilePath
 
-RUN, JOURNAL = "run.json", "journal"
+RUN, JOURNAL, FILES = "run.json", "journal", "motions"
 
 
 def run_into(
@@ -34,8 +36,7 @@ def run_into(
     jobs: Sequence[Job],
     options: Options,
     *,
-    workers: int | None = None,
-    scheduler: str | None = None,
+    workers: Workers,
     report: Callable[[int, int, Outcome], None] = lambda done, of, outcome: None,
     stop: Callable[[], bool] = lambda: False,
 ) -> bool:
@@ -50,8 +51,9 @@ def run_into(
         left = [(i, each) for i, each in enumerate(jobs) if i not in journal.places]
         try:
             if left and not stop():
-                with crew(min(workers or cores(), len(left)), scheduler) as client:
+                with crew(min(workers, len(left)) if isinstance(workers, int) else workers) as client:
                     for number, outcome in outcomes(client, left, options):
+                        write_files(folder / FILES, outcome.problem, outcome.files)
                         journal.add(number, outcome)
                         report(len(journal.places), len(jobs), outcome)
                         if stop():

@@ -197,8 +197,20 @@ Scheduler = Annotated[
         metavar="ADDRESS", help="Use the workers of this dask scheduler instead, such as tcp://10.0.0.1:8786."
     ),
 ]
+Cluster = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Start the workers of a cluster by one of dask's cluster classes, as FILE says."),
+]
 EachTimeLimit = Annotated[
     float, typer.Option("--time-limit", metavar="SECONDS", help="For all that one problem needs.", parser=_seconds)
+]
+MotionsAs = Annotated[
+    str,
+    typer.Option(metavar="HOW", help="parquet: one table; files: each problem's scene and motion as files, too."),
+]
+Proofs = Annotated[
+    bool,
+    typer.Option("--proof", help="Write these files, and the proof of every certified motion."),
 ]
 Report = Annotated[
     Path | None, typer.Option(metavar="RUN", help="Only print the report of a run, which may be going on.")
