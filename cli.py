@@ -5,6 +5,7 @@ The work of each is a module of `planner.commands`, loaded when the command runs
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -24,6 +25,8 @@ Examples:
   hdplan plot panda_cage motion.json -o motion.pdf
   hdplan follow panda_cage motion.json -o executed.json
   hdplan view panda_cage motion.json
+  hdplan batch problems/ -o run
+  hdplan sample panda_cage -n 1000 -o problems.csv
   hdplan explain my_scene.yaml
   hdplan robots panda
   hdplan study distance --quick
@@ -285,6 +288,77 @@ def robots(
     from hdplan.planner.commands.robots import run_robots
 
     raise typer.Exit(run_robots(name, srdf=srdf, as_json=as_json))
+
+
+@app.command()
+def batch(
+    sources: given.Sources = None,
+    output: given.Run = None,
+    scene: given.TableScene = None,
+    workers: given.Workers = None,
+    scheduler: given.Scheduler = None,
+    cluster: given.Cluster = None,
+    solver: given.Solver = "gauss_newton",
+    seed: given.Seed = 0,
+    time_limit: given.EachTimeLimit = 60.0,
+    motions: given.MotionsAs = "parquet",
+    proof: given.Proofs = False,
+    report: given.Report = None,
+) -> None:
+    """Plan many problems on every core, or on a cluster.
+
+    A source is a scene file or a pattern of them, a folder (with MoveIt's pairs scene*.yaml and request*.yaml, and
+    robot.yaml beside or above), or a table whose rows vary one scene (--scene; `hdplan sample` writes one). Results
+    are written as they come; the same command goes on where a run stopped. What crashes or hangs costs itself only.
+
+    Writes results.parquet (a row a problem) and motions.parquet into the folder, and prints a report. Exit code 1 if
+    some problem is not certified.
+
+    Ctrl-C stops with what is there.
+    """
+    from hdplan.planner.commands.batch import run_batch, show_report
+
+    if report is not None:
+        if sources or output is not None:
+            raise typer.BadParameter("--report RUN takes no SOURCE and no --output")
+        raise typer.Exit(show_report(report))
+    if not sources or output is None:
+        raise typer.BadParameter("needs SOURCE and --output RUN, or --report RUN")
+    code = run_batch(
+        sources,
+        output,
+        scene=scene,
+        workers=workers,
+        scheduler=scheduler,
+        cluster=cluster,
+        solver=solver,
+        seed=seed,
+        time_limit=time_limit,
+        motions=motions,
+        proofs=proof,
+    )
+    raise typer.Exit(code)
+
+
+@app.command()
+def sample(
+    scene: given.SceneFile,
+    output: given.TableFile,
+    count: given.Count = 100,
+    seed: given.Seed = 0,
+    goal: given.GoalKind = "joints",
+    jitter: given.Jitter = 0.0,
+    resize: given.Resize = 0.0,
+) -> None:
+    """Draw random problems in a scene.
+
+    Starts and goals are free, with the scene's clearance, and keep its path constraints. Writes a table with a row for
+    each problem and a column for each field in which they differ from the scene; `hdplan batch` plans them.
+    """
+    from hdplan.planner.commands.batch import run_sample
+
+    code = run_sample(Path(scene), output, count=count, seed=seed, goal=goal, jitter=jitter, resize=resize)
+    raise typer.Exit(code)
 
 
 @app.command()

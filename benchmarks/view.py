@@ -1,57 +1,169 @@
-"""How fast `hdplan view` follows its slider, measured on the server.
+"""How fast `hdplan view` follows its slider and a mouse that drags an obstacle, measured on the server.
 
-    python benchmarks/view.py [SCENE ...] [--picture FILE.png]
+    python benchmarks/view.py [SCENE ...] [--picture FILE.png] [--drag SECONDS]
 
 For each scene: the time until it is served (meshes read and smoothed, the first time in a process), the time of one
 frame (kinematics, closest pair, panels, all messages; no browser is connected), and frames a second. The picture is the
-first scene's page half-way, as chromium draws it (it needs chromium and playwright).
+first scene's page half-way, as chromium draws it.
+
+With --drag, a scripted mouse in chromium drags the post of a Panda's scene of 20 obstacles to and fro, through pixels,
+while the motion plays: certified motions a second; the time from a move's arrival to the certified motion shown for it;
+and the slider's frames a second. The page does all it does but fill triangles, which a graphics card does elsewhere and
+here would take the processor that is measured. Pictures and dragging need chromium and playwright.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import shutil
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from scaling import scene_of
+from scipy.spatial.transform import Rotation
 
 from hdplan.planner.plan import plan
 from hdplan.planner.studies.report import markdown_text
+from hdplan.planner.view.handles import SIZE as SIZE_OF_HANDLE
+from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.server import open_viewer
+from hdplan.planner.view.things import Thing, place_of
+from hdplan.planner.view.viewer import Viewer
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.yaml_format.reader import load_scene
 
 FRAMES = 200
 MOMENT = 0.5  # of the picture
 SIZE = {"width": 1400, "height": 820}  # [px]
+WAYPOINTS, OBSTACLES = 32, 20  # of the scene in which the post is dragged
+POST, WAY = Thing("obstacle", "post"), 0.25  # [m] to and fro along y
+PERIOD = 4.0  # [s]
+SMALL = {"width": 760, "height": 360}  # [px] while it is dragged
+UNFILLED = """for (const name of ["drawElements", "drawArrays", "drawElementsInstanced", "drawArraysInstanced"])
+    WebGL2RenderingContext.prototype[name] = () => {}"""
 SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+
+
+@contextlib.contextmanager
+def opened(viewer: Viewer, size: dict[str, int], script: str = "") -> Iterator[Any]:
+    """A viewer's page in chromium."""
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        sys.exit("pictures and dragging need playwright: pip install playwright")
+    chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if chromium is None:
+        sys.exit("pictures and dragging need chromium")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=SOFTWARE)
+        page = browser.new_page(viewport=size)
+        page.add_init_script(script)
+        page.goto(f"http://127.0.0.1:{viewer.port}")
+        page.get_by_text("certified: at least").first.wait_for()
+        yield page
+        browser.close()
 
 
 def photograph(name: str, file: Path) -> None:
     """Draw a scene's page into a file."""
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        sys.exit("a picture needs playwright: pip install playwright")
-    chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    if chromium is None:
-        sys.exit("a picture needs chromium")
     scene = load_scene(name)
     viewer = open_viewer(scene, [(name, plan(scene).trajectory)], port=8380)
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=SOFTWARE)
-        page = browser.new_page(viewport=SIZE)
-        page.goto(f"http://127.0.0.1:{viewer.port}")
-        page.get_by_text("certified: at least").first.wait_for()
+    with opened(viewer, SIZE) as page:
         viewer.show(MOMENT)
         page.locator(f'[data-moment="{MOMENT:.3f}"]').wait_for()
         for button in page.locator(".mantine-Notification-closeButton").all():  # "Software WebGL rendering detected"
             button.click()
         page.wait_for_timeout(10_000)  # until all meshes are drawn
         page.screenshot(path=file)
-        browser.close()
     viewer.close()
+
+
+class Shown:
+    """When the moves arrive, and when a certified motion is shown for each; and how often the slider's moment is."""
+
+    def __init__(self, viewer: Viewer) -> None:
+        """Listen to a viewer."""
+        self.frames, self.waits, self.moves = 0, [], 0
+        handles, live, player = viewer.panel.handles, viewer.panel.live, viewer.panel.player
+        ask, drag, take, draw = viewer.worker.ask, handles.drag, live._take, viewer.draw
+        came: dict[int, tuple[float, Any]] = {}  # when the move to a scene came, and the scene
+        newest = 0.0
+
+        def asked(kind: str, job: Any, urgent: bool = False) -> None:
+            nonlocal newest
+            if kind == "drag":
+                newest = time.perf_counter()
+            ask(kind, job, urgent)
+
+        def dragged(pose: Any) -> None:
+            when = newest
+            drag(pose)
+            self.moves += 1
+            came[id(viewer.scene)] = when, viewer.scene
+
+        def taken(edited: Any, result: Any) -> None:
+            count = live.count
+            take(edited, result)
+            if live.count > count:
+                self.waits.append(time.perf_counter() - came[id(edited.scene)][0])
+
+        def drawn(now: float) -> None:
+            self.frames += 1
+            draw(now)
+
+        viewer.worker.ask, handles.drag, live._take, player._show = asked, dragged, taken, drawn  # type: ignore[method-assign]
+
+
+def drag(seconds: float) -> dict[str, str]:
+    """Drag the post by the mouse while the motion plays; return a row of the table."""
+    scene = scene_of(WAYPOINTS, OBSTACLES)
+    viewer = open_viewer(scene, [(NAME, plan(scene).trajectory)], port=8380)
+    with opened(viewer, SMALL, UNFILLED) as page:
+        page.wait_for_timeout(3000)
+        viewer.worker.ask("select", lambda: viewer.panel.handles.select(POST))
+        page.wait_for_timeout(1000)
+        middle = place_of(viewer.edited, POST, viewer.stage.tip).matrix[:3, 3]
+        along = [_seen(page, viewer, middle + step * np.array([0.0, 1.0, 0.0])) for step in (0.0, 1e-3, WAY)]
+        arrow = (along[1] - along[0]) / np.linalg.norm(along[1] - along[0])
+        begin = along[0] + 0.7 * SIZE_OF_HANDLE * arrow
+        page.mouse.move(*begin)
+        page.wait_for_timeout(500)
+        page.mouse.down()
+        viewer.panel.player.speed.value = "0.25"
+        viewer.panel.player.play()
+        shown, began = Shown(viewer), time.perf_counter()
+        while (spent := time.perf_counter() - began) < seconds:
+            share = 0.5 - 0.5 * np.cos(2 * np.pi * spent / PERIOD)
+            page.mouse.move(*(begin + share * (along[2] - along[0])))
+            if not viewer.panel.player.playing:
+                viewer.panel.player.play()
+        page.mouse.up()
+    viewer.close()
+    median, p95 = np.percentile(shown.waits, [50, 95])
+    return {
+        "obstacles": str(OBSTACLES),
+        "moves a second": f"{shown.moves / spent:.1f}",
+        "certified motions a second": f"{len(shown.waits) / spent:.1f}",
+        "latency median / p95 [ms]": f"{1e3 * median:.0f} / {1e3 * p95:.0f}",
+        "the slider's frames a second": f"{shown.frames / spent:.0f}",
+    }
+
+
+def _seen(page: Any, viewer: Viewer, point: Array) -> Array:
+    """Where on the page a point (3,) of the scene is seen [px]."""
+    (client,) = viewer.server.get_clients().values()
+    camera, canvas = client.camera, page.locator("canvas").first.bounding_box()
+    w, x, y, z = camera.wxyz
+    right, down, ahead = Rotation.from_quat([x, y, z, w]).as_matrix().T @ (point - camera.position)
+    scale = 0.5 * canvas["height"] / np.tan(0.5 * camera.fov) / ahead
+    return np.array([canvas["x"] + 0.5 * canvas["width"], canvas["y"] + 0.5 * canvas["height"]]) + scale * np.array(
+        [right, down]
+    )
 
 
 def main() -> None:
@@ -59,9 +171,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="*", default=["panda_cage", "panda_table_pick", "ur5_table"])
     parser.add_argument("--picture", type=Path)
+    parser.add_argument("--drag", type=float, metavar="SECONDS", help="drag an obstacle by the mouse for so long")
     options, rows = parser.parse_args(), []
     if options.picture:
         photograph(options.scenes[0], options.picture)
+    if options.drag:
+        print(markdown_text([drag(options.drag)]))
+        return
     for name in options.scenes:
         scene = load_scene(name)
         trajectory = plan(scene).trajectory

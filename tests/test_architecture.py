@@ -28,7 +28,7 @@ ROOMS = [  # from the ground up: a room imports rooms before it, so that nothing
     "planner.solvers.methods",
     "planner.proof",
     *("planner.search", "planner", "planner.control", "planner.pictures", "planner.terminal", "planner.studies"),
-    *("planner.view.drawing", "planner.page", "planner.view", "planner.commands"),
+    *("planner.batch", "planner.view.drawing", "planner.page", "planner.view", "planner.commands"),
 ]
 
 DOORS = ("distance.__init__", "planner.__init__", "scenes.__init__")  # give names of rooms behind them, when asked
@@ -47,6 +47,7 @@ HOMES = {  # of each heavy library
     "yaml": {"scenes"},
     "mcap": {"planner.motion"},
     "mcap_ros2": {"planner.motion"},
+    **{name: {"planner.batch"} for name in ("dask", "distributed", "pyarrow")},
 }
 
 

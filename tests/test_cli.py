@@ -650,14 +650,29 @@ def test_bad_moveit_input(
 
 @pytest.mark.parametrize(
     "command",
-    [[], ["plan"], ["check"], ["prove"], ["verify"], ["simulate"], ["plot"], ["view"], ["explain"], ["robots"]],
+    [
+        [],
+        ["plan"],
+        ["check"],
+        ["prove"],
+        ["verify"],
+        ["simulate"],
+        ["plot"],
+        ["view"],
+        ["explain"],
+        ["robots"],
+        ["batch"],
+        ["sample"],
+    ],
 )
 def test_help_fits_a_terminal(hdplan: Callable[..., Done], command: list[str]) -> None:
     done = hdplan(*command, "--help")
     assert (done.code, done.err) == (0, "")
     assert done.out.startswith("Usage: hdplan")
     assert max(map(len, done.out.splitlines())) <= 80
-    assert "..." not in done.out.replace("[ARGS]...", "").replace("[TRAJECTORY]...", "")  # nothing is cut off
+    assert "..." not in done.out.replace("[ARGS]...", "").replace("[TRAJECTORY]...", "").replace(
+        "[SOURCE]...", ""
+    )  # nothing is cut off
 
 
 def test_version_is_one_line_whatever_comes_after(hdplan: Callable[..., Done]) -> None:

@@ -42,6 +42,7 @@ SURFACE: dict[ModuleType, set[str]] = {
             "NotProvenError",
             "Obstacle",
             "OutOfTime",
+            "Outcome",
             "PathConstraints",
             "Payload",
             "PlanResult",
@@ -60,7 +61,8 @@ SURFACE: dict[ModuleType, set[str]] = {
         ),
         *("SelfCollision", "Solution", "Sphere", "SteadyMotion", "TimedPoses", "Timing", "Trajectory", "Upright"),
         *("Within", "__version__", "build", "certify", "check_configuration", "control", "distance"),
-        *("inverse_kinematics", "load_robot", "load_scene", "plan", "prove", "solve"),
+        *("inverse_kinematics", "load_robot", "load_scene", "plan", "plan_many", "prove"),
+        "solve",
     },
     distance: {
         *("RUNGS", "ConvexBody", "Proximity", "fcl_distances", "hdsdf", "hdsdf_batch", "hdsdf_compiled"),

@@ -20,6 +20,12 @@ def _whole_number(text: str) -> int:
     raise typer.BadParameter(f"must be a whole number of at least 0, found '{text}'")
 
 
+def _above_zero(text: str) -> int:
+    if (number := _whole_number(text)) > 0:
+        return number
+    raise typer.BadParameter(f"must be a whole number of at least 1, found '{text}'")
+
+
 def _port(text: str) -> int:
     with contextlib.suppress(ValueError):
         if 1 <= (number := int(text)) <= 65535:
@@ -175,6 +181,55 @@ SrdfFile = Annotated[
         help="Write an SRDF for a robot that has none: the link pairs that always or never touch, or are neighbours.",
     ),
 ]
+
+# batch, sample
+Sources = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="SOURCE", help="Scenes, a pattern of files in quotes, a folder, or a table (CSV, Parquet)."),
+]
+Run = Annotated[
+    Path | None, typer.Option("--output", "-o", metavar="RUN", help="Folder of the results; an earlier run goes on.")
+]
+TableScene = Annotated[
+    str | None, typer.Option("--scene", metavar="SCENE", help="The scene that the rows of a table vary.")
+]
+Workers = Annotated[
+    int | None,
+    typer.Option(metavar="N", help="Processes on this machine; by default one for each core.", parser=_above_zero),
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS", help="Use the workers of this dask scheduler instead, such as tcp://10.0.0.1:8786."
+    ),
+]
+Cluster = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Start the workers of a cluster by one of dask's cluster classes, as FILE says."),
+]
+EachTimeLimit = Annotated[
+    float, typer.Option("--time-limit", metavar="SECONDS", help="For all that one problem needs.", parser=_seconds)
+]
+MotionsAs = Annotated[
+    str,
+    typer.Option(metavar="HOW", help="parquet: one table; files: each problem's scene and motion as files, too."),
+]
+Proofs = Annotated[
+    bool,
+    typer.Option("--proof", help="Write these files, and the proof of every certified motion."),
+]
+Report = Annotated[
+    Path | None, typer.Option(metavar="RUN", help="Only print the report of a run, which may be going on.")
+]
+TableFile = Annotated[
+    Path, typer.Option("--output", "-o", metavar="FILE", help="Where the table goes: .csv or .parquet.")
+]
+Count = Annotated[int, typer.Option("--count", "-n", metavar="N", help="How many problems.", parser=_above_zero)]
+GoalKind = Annotated[
+    str, typer.Option(metavar="KIND", help="joints: goals are configurations; pose: of the end effector.")
+]
+Jitter = Annotated[float, typer.Option(metavar="METRES", help="Move each obstacle by at most this along each axis.")]
+Resize = Annotated[float, typer.Option(metavar="SHARE", help="Change each size of an obstacle by at most this share.")]
 
 # study, reproduce
 Folder = Annotated[

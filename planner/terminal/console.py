@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from hdplan.planner.search.search import Event
     from hdplan.scenes.planner_settings import PlannerSettings
 
+EVERY = 10.0  # [s] between lines of a long run
 LONG = 1.0  # [s] after which a command says what it is doing
 
 
@@ -157,6 +158,58 @@ def measuring() -> Iterator[Any]:
             show(done, of, what)
 
         yield report, note.pressed
+
+
+@contextlib.contextmanager
+def counting(word: str) -> Iterator[Any]:
+    """Show how many of many are done: a bar on a terminal, with the rate and the last failure; else a line every EVERY
+    seconds. Yields the function that takes the number done, of all, whether the last one is good, and what it says; and
+    one that tells whether to stop. Ctrl-C is noted as in `progress`."""
+    good, first, began = 0, -1, time.monotonic()
+
+    with noting() as note, _counts() if sys.stderr.isatty() else _lines_between() as show:
+
+        def report(done: int, of: int, well: bool, words: str) -> None:
+            nonlocal good, first
+            note()
+            first = done - 1 if first < 0 else first  # of an earlier run that goes on
+            good += well
+            rate = (done - first) / max(time.monotonic() - began, 1e-9)
+            left = (of - done) / rate
+            said = f"{good} {word}, {done - first - good} not, {rate:.3g} a second, {left:.0f} s left"
+            show(done, of, said, words)
+
+        yield report, note.pressed
+
+
+@contextlib.contextmanager
+def _counts() -> Iterator[Callable[[int, int, str, str], None]]:
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}", markup=False))
+    last = ""
+    with Progress(*columns, console=PlainConsole(sys.stderr), transient=True) as bar:
+        task = bar.add_task("starting", total=None)
+
+        def show(done: int, of: int, said: str, words: str) -> None:
+            nonlocal last
+            last = words or last
+            bar.update(task, completed=done, total=of, description=one_line(f"{said}  {last}"))
+
+        yield show
+
+
+@contextlib.contextmanager
+def _lines_between() -> Iterator[Callable[[int, int, str, str], None]]:
+    last = time.monotonic()
+
+    def show(done: int, of: int, said: str, words: str) -> None:
+        nonlocal last
+        if time.monotonic() - last >= EVERY:
+            last = time.monotonic()
+            say(f"{done} of {of}: {said}", "dim")
+
+    yield show
 
 
 @contextlib.contextmanager

@@ -73,7 +73,7 @@ class Player:
 
     def draw(self) -> None:
         """Request a drawing of the slider's moment."""
-        self._worker.ask("time", lambda: self._show(self.time))
+        self._worker.ask("time", lambda: self._show(self.time), urgent=True)
 
     def go_to(self, when: float) -> None:
         """Move the slider, which draws."""
@@ -116,7 +116,7 @@ class Player:
         while True:
             self._playing.wait()
             before = time.perf_counter()
-            self._worker.settle(1.0)
+            self._worker.done("time", 1.0)
             time.sleep(max(0.0, FRAME - (time.perf_counter() - before)))
             if self._ended:
                 return

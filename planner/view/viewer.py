@@ -199,7 +199,7 @@ class Viewer:
         self._time()
         self.panel.plot(player.timeline)
         self._say()
-        self.draw(player.time)
+        player.draw()
 
     def draw(self, now: float) -> None:
         """Draw the moment `now` of the timeline."""
@@ -248,7 +248,7 @@ class Viewer:
             self._time()
         self.panel.update()
         self._say()
-        self.draw(self.panel.player.time)
+        self.panel.player.draw()
         self.panel.looking.fade()
 
     def _failed(self, error: Exception) -> None:

@@ -1,7 +1,8 @@
 """One thread that does what the browsers request, so that no two threads touch the viewer at once.
 
 Requests come faster than they can be handled (a slider sends one for every pixel), so only the newest of each kind
-waits; kinds take turns in the order of their first request.
+waits; kinds take turns in the order of their first request. An urgent one goes before them, though never twice in a row
+while others wait.
 """
 
 from __future__ import annotations
@@ -19,21 +20,34 @@ class Worker:
         """Start the thread; `complain` is told of a job that failed, and the next one is done."""
         self._complain = complain
         self._waiting: dict[str, Job] = {}
+        self._urgent: set[str] = set()
+        self._was_urgent = False  # the last one
+        self._doing = ""  # the kind under way
         self._changed = threading.Condition()
-        self._busy = self._ended = False
+        self._ended = False
         self._thread = threading.Thread(target=self._run, name="hdplan-view", daemon=True)
         self._thread.start()
 
-    def ask(self, kind: str, job: Job) -> None:
-        """Have a job done; one of the same kind that still waits is dropped."""
+    def ask(self, kind: str, job: Job, urgent: bool = False) -> None:
+        """Have a job done; one of the same kind that still waits is dropped. An `urgent` kind goes before others: for
+        short jobs that come steadily, as the frames of a motion do."""
         with self._changed:
             self._waiting[kind] = job
+            if urgent:
+                self._urgent.add(kind)
             self._changed.notify_all()
+
+    def done(self, kind: str, timeout: float) -> bool:
+        """Wait until nothing of a kind is left to do; False if that takes longer than `timeout` [s]."""
+        with self._changed:
+            return self._changed.wait_for(
+                lambda: self._ended or not (kind in self._waiting or kind == self._doing), timeout
+            )
 
     def settle(self, timeout: float | None = None) -> bool:
         """Wait until nothing is left to do; False if that takes longer than `timeout` [s]. Not from within a job."""
         with self._changed:
-            return self._changed.wait_for(lambda: self._ended or not (self._waiting or self._busy), timeout)
+            return self._changed.wait_for(lambda: self._ended or not (self._waiting or self._doing), timeout)
 
     def end(self) -> None:
         """Drop what waits and end the thread once the job under way is done."""
@@ -49,13 +63,19 @@ class Worker:
                 self._changed.wait_for(lambda: bool(self._waiting) or self._ended)
                 if self._ended:
                     return
-                job = self._waiting.pop(next(iter(self._waiting)))
-                self._busy = True
+                self._doing = self._next()
+                job = self._waiting.pop(self._doing)
             try:
                 job()
             except Exception as error:  # one bad request must not end the viewer
                 self._complain(error)
             finally:
                 with self._changed:
-                    self._busy = False
+                    self._doing = ""
                     self._changed.notify_all()
+
+    def _next(self) -> str:
+        """Return the kind whose turn it is: the first urgent one, or after such a one the first of the others."""
+        kind = min(self._waiting, key=lambda kind: (kind in self._urgent) == self._was_urgent)
+        self._was_urgent = kind in self._urgent
+        return kind

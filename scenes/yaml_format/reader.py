@@ -144,6 +144,11 @@ def _with_notes(scene: Scene, notes: tuple[str, ...]) -> Scene:
     return dataclasses.replace(scene, notes=(*notes, *scene.notes))
 
 
+def read_scene(top: Field, name: str) -> Scene:
+    """Read a hdplan scene from its document. Raises InputError as `load_scene`."""
+    return dataclasses.replace(_read_hdplan(top, None), name=name)
+
+
 def _read_hdplan(top: Field, robot: RobotSpec | None) -> Scene:
     keys = top.mapping(SECTIONS)
     if "hdplan" not in keys:

@@ -29,6 +29,8 @@ from hdplan.scenes.lazy_imports import lazy_imports
 if TYPE_CHECKING:
     from hdplan import control, distance
     from hdplan.distance.bodies import ConvexBody
+    from hdplan.planner.batch.many import plan_many
+    from hdplan.planner.batch.outcome import Outcome
     from hdplan.planner.build import build
     from hdplan.planner.certificate.certifier import certify, check_configuration
     from hdplan.planner.certificate.verdict import Certificate
@@ -76,6 +78,7 @@ _HOMES = {  # of names, below hdplan
     "NotProvenError": "planner.proof.proof",
     "Obstacle": "scenes.obstacles",
     "OutOfTime": "scenes.errors",
+    "Outcome": "planner.batch.outcome",
     "PathConstraints": "scenes.path_constraints",
     "Payload": "scenes.attached",
     "PlanResult": "planner.result",
@@ -105,6 +108,7 @@ _HOMES = {  # of names, below hdplan
     "load_robot": "planner.robot.robot",
     "load_scene": "scenes.yaml_format.reader",
     "plan": "planner.plan",
+    "plan_many": "planner.batch.many",
     "prove": "planner.proof.proof",
     "solve": "planner.solvers",
 }
@@ -127,6 +131,7 @@ __all__ = [
     "NotProvenError",
     "Obstacle",
     "OutOfTime",
+    "Outcome",
     "PathConstraints",
     "Payload",
     "PlanResult",
@@ -159,6 +164,7 @@ __all__ = [
     "load_robot",
     "load_scene",
     "plan",
+    "plan_many",
     "prove",
     "solve",
 ]

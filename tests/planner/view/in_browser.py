@@ -73,7 +73,7 @@ class Tabs:
     def close(self) -> None:
         for page in self.pages:
             page.close()
-        assert not self.complaints
+        assert not self.complaints, self.complaints
 
 
 def address(viewer: Viewer) -> str:

@@ -58,3 +58,44 @@ def test_settling_gives_up_in_time(worker: Worker) -> None:
     assert not worker.settle(0.05)
     gate.set()
     assert worker.settle(5)
+
+
+def held(worker: Worker) -> threading.Event:
+    """Keep the worker busy until the event that is returned is set."""
+    began, gate = threading.Event(), threading.Event()
+    worker.ask("held", lambda: (began.set(), gate.wait(5), None)[2])
+    assert began.wait(5)
+    return gate
+
+
+def test_urgent_jobs_go_first_and_are_waited_for_alone(worker: Worker) -> None:
+    done: list[str] = []
+    slow = threading.Event()
+    gate = held(worker)
+    worker.ask("slow", lambda: (slow.wait(5), done.append("slow"))[1])
+    worker.ask("frame", lambda: done.append("frame"), urgent=True)
+    gate.set()
+    assert worker.done("frame", 5)
+    assert done == ["frame"]
+    assert not worker.done("slow", 0.05)
+    slow.set()
+    assert worker.settle(5)
+    assert done == ["frame", "slow"]
+
+
+def test_urgent_jobs_keep_no_others_waiting(worker: Worker) -> None:
+    """Not even those that are requested again at once."""
+    done: list[str] = []
+
+    def frame() -> None:
+        done.append("frame")
+        if "last" not in done:
+            worker.ask("frame", frame, urgent=True)
+
+    gate = held(worker)
+    worker.ask("frame", frame, urgent=True)
+    for kind in ("a", "b", "last"):
+        worker.ask(kind, lambda kind=kind: done.append(kind))
+    gate.set()
+    assert worker.settle(5)
+    assert done == ["frame", "a", "frame", "b", "frame", "last", "frame"]

@@ -1,0 +1,61 @@
+"""Why a problem has no certified motion: a code for sorting, and a sentence for a person."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from hdplan.planner.certificate.verdict import Certificate, Status
+from hdplan.scenes.errors import HdplanError, OutOfTime
+
+CAUSES = {
+    "end_in_contact": "start or goal is in contact, or too close",
+    "end_beyond_limits": "start or goal is beyond a joint limit",
+    "end_off_path": "start or goal is off a path constraint",
+    "goal_not_reached": "no inverse kinematics reaches the goal",
+    "too_hurried": "the duration or the limits allow no such motion",
+    "time": "the time limit passed",
+    "bad_input": "a file or a value is not as it should be",
+    "local_minimum": "no free motion was found from all guesses",
+    "clearance": "a motion was found, closer than is asked",
+    "grazing": "a motion grazes a body: neither proven nor refuted",
+    "path_constraint": "a path constraint is not kept",
+    "rates": "a limit of velocity, acceleration or jerk is not kept",
+    "torque": "a limit of torque is not kept",
+    "ended": "its process ended twice: a crash, or too much memory",
+    "hung": "it did not return long after its time limit",
+    "internal": "an internal error",
+}
+"""Every code, and what it means."""
+
+_OF_STATUS = {
+    Status.WRONG_ENDS: "internal",
+    Status.OUTSIDE_LIMITS: "internal",
+    Status.IN_CONTACT: "local_minimum",
+    Status.TOO_CLOSE: "clearance",
+    Status.OFF_PATH: "path_constraint",
+    Status.TOO_FAST: "rates",
+    Status.OVERLOADED: "torque",
+    Status.NOT_PROVEN: "grazing",
+}
+_IN_WORDS = {  # what a refusal says, in the order in which it is looked for
+    "in collision": "end_in_contact",
+    "outside its limits": "end_beyond_limits",
+    "path constraint": "end_off_path",
+    "cannot be reached": "goal_not_reached",
+    "no configuration": "goal_not_reached",
+    "too short": "too_hurried",
+}
+
+
+def cause_of_refusal(error: HdplanError) -> str:
+    """Return the code of a refused problem."""
+    if isinstance(error, OutOfTime):
+        return "time"
+    return next((code for words, code in _IN_WORDS.items() if words in str(error)), "bad_input")
+
+
+def cause_of_verdict(certificate: Certificate, notes: Sequence[str]) -> str:
+    """Return the code of a motion that is not certified."""
+    if any("the time limit passed" in note for note in notes):
+        return "time"
+    return _OF_STATUS[certificate.status]

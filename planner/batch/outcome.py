@@ -1,0 +1,134 @@
+"""One problem solved: a row of results, and the motion. This is what a worker does, whatever problem it is given."""
+
+from __future__ import annotations
+
+import faulthandler
+import os
+import platform
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import metadata
+from typing import Any
+
+import numpy as np
+
+from hdplan.planner.batch.causes import cause_of_refusal, cause_of_verdict
+from hdplan.planner.batch.files import motion_file, proven, scene_file
+from hdplan.planner.batch.job import Job
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.plan import plan
+from hdplan.planner.result import PlanResult
+from hdplan.scenes.deadline import time_limit as limited
+from hdplan.scenes.errors import HdplanError
+
+PATIENCE = 2.0, 10.0  # times the limit, and [s] more, after which a process that does not return is ended
+
+
+@dataclass(frozen=True)
+class Options:
+    """What holds for all problems of a run."""
+
+    solver: str = "gauss_newton"
+    time_limit: float = 60.0  # [s] for everything that a problem needs
+    files: bool = False  # also scene and motion as files
+    proofs: bool = False  # and the proof of it, if there is one
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What became of one problem."""
+
+    problem: str
+    status: str  # of the certificate; "refused" for bad input, "failed" for a process that ended, "error"
+    cause: str  # a code of `causes`; empty if certified
+    text: str  # the certificate's sentence, or the error's
+    trajectory: Trajectory | None = None
+    figures: dict[str, Any] = field(default_factory=dict)  # the other columns of its row (COLUMNS)
+    files: dict[str, bytes] = field(default_factory=dict)  # by ending, where they are asked for
+
+    @property
+    def certified(self) -> bool:
+        """Whether the motion is proven free."""
+        return self.status == "certified"
+
+
+def solve(job: Job, options: Options) -> Outcome:
+    """Plan one problem. Whatever happens becomes an outcome, but for what ends the process: a crash, too much memory,
+    and a problem that does not return long after its time limit."""
+    began = time.perf_counter()
+    files: dict[str, bytes] = {}
+    with _ended_from_outside(options.time_limit):
+        try:
+            with limited(options.time_limit):
+                scene = job.load()
+                read = time.perf_counter() - began
+                if options.files:
+                    files |= scene_file(scene)
+                result = plan(scene, solver=options.solver, seed=job.seed, time_limit=options.time_limit)
+                if options.files:
+                    files |= motion_file(result.trajectory)
+                proof = proven(files) if options.proofs and result.certified else None
+        except HdplanError as error:
+            return _without_motion(job, "refused", cause_of_refusal(error), str(error), began, files)
+        except Exception as error:
+            words = " ".join(f"{type(error).__name__}: {error}".split())
+            said = f"internal error, please report it: {words}"
+            return _without_motion(job, "error", "internal", said, began, files)
+    return _of_result(job, result, read, proof, files)
+
+
+def failed(job: Job, cause: str, text: str) -> Outcome:
+    """Return the outcome of a problem whose process ended."""
+    return Outcome(job.name, "failed", cause, text, figures=_common(job))
+
+
+def _of_result(job: Job, result: PlanResult, read: float, proof: str | None, files: dict[str, bytes]) -> Outcome:
+    certificate, motion = result.certificate, result.trajectory
+    worst = certificate.worst
+    times = vars(result.times)
+    figures = {
+        **_common(job),
+        "robot": result.robot,
+        "clearance": certificate.clearance,
+        "self_clearance": certificate.self_clearance,
+        "worst_link": worst and worst.link,
+        "worst_other": worst and worst.other,
+        "worst_parameter": worst and worst.parameter,
+        "motion_time": motion.duration,
+        "length": float(np.linalg.norm(np.diff(motion.positions, axis=0), axis=1).sum()),
+        "attempts": result.attempts,
+        "iterations": result.iterations,
+        "proof": proof,
+        **{f"time_{name}": seconds + (read if name == "load" else 0.0) for name, seconds in times.items()},
+    }
+    cause = "" if result.certified else cause_of_verdict(certificate, result.notes)
+    return Outcome(job.name, certificate.status.value, cause, certificate.text, motion, figures, files)
+
+
+def _without_motion(job: Job, status: str, cause: str, text: str, began: float, files: dict[str, bytes]) -> Outcome:
+    figures = {**_common(job), "time_load": time.perf_counter() - began}
+    return Outcome(job.name, status, cause, text, None, figures, files)
+
+
+def _common(job: Job) -> dict[str, Any]:
+    return {"group": job.group, "seed": job.seed, "sha256": job.hashed, "versions": _versions()}
+
+
+@cache
+def _versions() -> str:
+    packages = ("hdplan", "numpy", "casadi", "pin", "coal")
+    return f"python {platform.python_version()} " + " ".join(f"{x} {metadata.version(x)}" for x in packages)
+
+
+@contextmanager
+def _ended_from_outside(seconds: float) -> Iterator[None]:
+    """End this process if the block takes far longer than it may: by a thread of C, which waits for no interpreter."""
+    with open(os.devnull, "w") as nowhere:
+        faulthandler.dump_traceback_later(seconds * PATIENCE[0] + PATIENCE[1], exit=True, file=nowhere)
+        try:
+            yield
+        finally:
+            faulthandler.cancel_dump_traceback_later()

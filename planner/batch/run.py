@@ -1,0 +1,107 @@
+"""A run: many problems solved into a folder, where nothing that was found is lost.
+
+The folder holds `run.json` (what the run is), `journal` (outcomes as they come) and, once the run ends or is
+interrupted, `results.parquet` (a row a problem) and `motions.parquet` (a row for each joint of each row of a motion).
+Where files are asked for, `motions` holds each problem's scene, motion and proof.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from hdplan.planner.batch.crew import Workers, crew, outcomes
+from hdplan.planner.batch.files import write_files
+from hdplan.planner.batch.job import Job
+from hdplan.planner.batch.journal import Journal
+from hdplan.planner.batch.outcome import Options, Outcome
+from hdplan.planner.batch.tables import write_tables
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.files import read_file
+from hdplan.scenes.output import write_output
+from hdplan.scenes.values import FilePath
+
+RUN, JOURNAL, FILES = "run.json", "journal", "motions"
+
+
+def run_into(
+    folder: Path,
+    jobs: Sequence[Job],
+    options: Options,
+    *,
+    workers: Workers,
+    report: Callable[[int, int, Outcome], None] = lambda done, of, outcome: None,
+    stop: Callable[[], bool] = lambda: False,
+) -> bool:
+    """Solve problems into a folder, going on where an earlier run of the same problems stopped.
+
+    `report` is called with the number of problems done, of all, and each outcome; once `stop` returns True the run ends
+    with what is there. Returns whether all problems are done. Raises InputError if the folder holds another run, or
+    cannot be written.
+    """
+    said = {"hdplan": metadata.version("hdplan"), "problems": len(jobs), "sha256": _identity(jobs), **asdict(options)}
+    with claimed(folder, said) as journal:
+        left = [(i, each) for i, each in enumerate(jobs) if i not in journal.places]
+        try:
+            if left and not stop():
+                with crew(min(workers, len(left)) if isinstance(workers, int) else workers) as client:
+                    for number, outcome in outcomes(client, left, options):
+                        write_files(folder / FILES, outcome.problem, outcome.files)
+                        journal.add(number, outcome)
+                        report(len(journal.places), len(jobs), outcome)
+                        if stop():
+                            break
+        finally:
+            write_tables(folder, journal)
+        return len(journal.places) == len(jobs)
+
+
+@contextlib.contextmanager
+def claimed(folder: Path, said: dict[str, object]) -> Iterator[Journal]:
+    """Yield the journal of a run, which no other process has at the same time. Raises InputError."""
+    about = folder / RUN
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        strange = not about.exists() and any(file.name != JOURNAL for file in folder.iterdir())
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({error.strerror})") from None
+    if strange:
+        raise InputError(f"{folder}: holds files that are no run; name a folder that is empty or new")
+    with contextlib.closing(Journal(folder / JOURNAL)) as journal:
+        if not about.exists():
+            write_output(about, json.dumps(said, indent=1).encode())
+        before = read_run(folder)
+        if unlike := [key for key in said if before.get(key) != said[key]]:
+            key = unlike[0]
+            words = "other problems, or in another order" if key == "sha256" else f"{key}: {before.get(key)}"
+            raise InputError(f"{folder}: holds a run with {words}; name another folder")
+        yield journal
+
+
+def read_run(folder: FilePath) -> dict[str, Any]:
+    """Return what a run is. Raises InputError if the folder holds none."""
+    about = Path(folder) / RUN
+    if not os.path.isfile(about):
+        raise InputError(f"{folder}: is no folder of a run ({RUN} is missing)")
+    try:
+        said = json.loads(read_file(about))
+    except ValueError:
+        said = None
+    if not isinstance(said, dict) or not isinstance(said.get("problems"), int):
+        raise InputError(f"{about}: is no run's description")
+    return said
+
+
+def _identity(jobs: Sequence[Job]) -> str:
+    """SHA-256 of the problems, whose files must not change while a run goes on."""
+    digest = hashlib.sha256()
+    for each in jobs:
+        digest.update(f"{each.name}\0{each.hashed}\0{each.seed}\n".encode())
+    return digest.hexdigest()

@@ -1,0 +1,119 @@
+"""`hdplan batch`: plan many problems into a folder, and say what became of them. `hdplan sample`: draw them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.text import Text
+
+from hdplan.planner.batch.cluster_file import ClusterFile
+from hdplan.planner.batch.crew import Workers, cores
+from hdplan.planner.batch.files import MOTION, SCENE, place_of
+from hdplan.planner.batch.installed import check_installed
+from hdplan.planner.batch.journal import read_journal
+from hdplan.planner.batch.outcome import Options, Outcome
+from hdplan.planner.batch.report import Failures, failures_of, groups_of
+from hdplan.planner.batch.run import FILES, JOURNAL, read_run, run_into
+from hdplan.planner.batch.sample import sample
+from hdplan.planner.batch.sources import TABLES, jobs_of
+from hdplan.planner.batch.tables import MOTIONS, RESULTS, row_of, table_bytes
+from hdplan.planner.solvers import solver_named
+from hdplan.planner.terminal.console import counting, printing
+from hdplan.planner.terminal.tables import columns, table
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.output import check_writable, ending_of, write_output
+from hdplan.scenes.values import Choice, checked
+
+
+def run_batch(
+    sources: Sequence[str],
+    output: Path,
+    *,
+    scene: str | None,
+    workers: int | None,
+    scheduler: str | None,
+    cluster: Path | None,
+    solver: str,
+    seed: int,
+    time_limit: float,
+    motions: str,
+    proofs: bool,
+) -> int:
+    """Plan all problems of the sources into the folder `output`; `time_limit` [s] holds for everything that one of them
+    needs.
+
+    Returns the exit code: 0 if all are certified, 1 if some are not or it was interrupted.
+    """
+    check_installed()
+    solver_named(solver)
+    checked(Choice(("parquet", "files")), motions, "motions")
+    if [workers, scheduler, cluster].count(None) < 2:
+        raise InputError("--workers, --scheduler and --cluster each say where the workers are: give one of them")
+    crew: Workers = ClusterFile.read(cluster) if cluster is not None else scheduler or workers or cores()
+    jobs = jobs_of(sources, scene, seed)
+    with counting("certified") as (count, stop):
+
+        def report(done: int, of: int, outcome: Outcome) -> None:
+            count(done, of, outcome.certified, "" if outcome.certified else f"{outcome.problem}: {outcome.text}")
+
+        options = Options(solver, time_limit, files=proofs or motions == "files", proofs=proofs)
+        run_into(output, jobs, options, workers=crew, report=report, stop=stop)
+    return show_report(output)
+
+
+def show_report(folder: Path) -> int:
+    """Print the report of a run. Returns the exit code: 0 if all of its problems are certified, else 1."""
+    of, found = read_run(folder)["problems"], read_journal(folder / JOURNAL)
+    rows = [row_of(outcome) for outcome in found]
+    certified = sum(outcome.certified for outcome in found)
+    missing = f"; {of - len(rows)} of {of} are not planned yet" if len(rows) < of else ""
+    with printing() as show:
+        show(Text(f"{certified} of {len(rows)} problems certified{missing}", style="bold"))
+        if rows:
+            show(columns(groups_of(rows)))
+        said = [row for failures in failures_of(rows) for row in _told(failures, folder)]
+        said += [("written", str(folder / name)) for name in (RESULTS, MOTIONS, FILES) if (folder / name).exists()]
+        if said:
+            show(table(said))
+    return 0 if certified == of else 1
+
+
+def _told(failures: Failures, folder: Path) -> list[tuple[str, str]]:
+    """Return rows on failures of one cause, with the command that shows one of them if its files are there."""
+    told = [(f"{failures.count} failed", f"{failures.cause}, such as {failures.problem}: {failures.text}")]
+    place = str(place_of(folder / FILES, failures.problem))
+    there = [place + ending for ending in (SCENE, MOTION) if os.path.isfile(place + ending)]
+    return [*told, ("look", shlex.join(["hdplan", "view", *there]))] if there else told
+
+
+def run_sample(scene: Path, output: Path, *, count: int, seed: int, goal: str, jitter: float, resize: float) -> int:
+    """Draw problems and write their table. Returns the exit code: 1 if it was interrupted before all were drawn."""
+    check_writable(output, TABLES)
+    check_installed()
+    with counting("drawn") as (note, stop):
+
+        def report(done: int, of: int, what: str) -> None:
+            note(done, of, True, "")
+
+        drawn = sample(scene, count, seed=seed, goal=goal, jitter=jitter, resize=resize, report=report, stop=stop)
+    write_output(output, _table(drawn.rows, output))
+    with printing() as show:
+        show(drawn.text)
+    return 0 if len(drawn.rows) == count else 1
+
+
+def _table(rows: list[dict[str, Any]], output: Path) -> bytes:
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    if ending_of(output, TABLES) == ".csv":
+        text = io.StringIO()
+        writer = csv.DictWriter(text, columns, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+        return text.getvalue().encode()
+    return table_bytes(rows)
