@@ -303,6 +303,8 @@ def batch(
     time_limit: given.EachTimeLimit = 60.0,
     motions: given.MotionsAs = "parquet",
     proof: given.Proofs = False,
+    export: given.Export = None,
+    fps: given.Rate = 30,
     report: given.Report = None,
 ) -> None:
     """Plan many problems on every core, or on a cluster.
@@ -336,6 +338,8 @@ def batch(
         time_limit=time_limit,
         motions=motions,
         proofs=proof,
+        export=export,
+        fps=fps,
     )
     raise typer.Exit(code)
 

@@ -212,6 +212,11 @@ Proofs = Annotated[
     bool,
     typer.Option("--proof", help="Write these files, and the proof of every certified motion."),
 ]
+Export = Annotated[
+    str | None,
+    typer.Option(metavar="FORMAT", help="lerobot: the certified motions as a data set for imitation learning, too."),
+]
+Rate = Annotated[int, typer.Option("--fps", metavar="N", help="Its samples a second.", parser=_above_zero)]
 Report = Annotated[
     Path | None, typer.Option(metavar="RUN", help="Only print the report of a run, which may be going on.")
 ]

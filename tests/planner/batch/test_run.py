@@ -276,6 +276,19 @@ def test_the_command_plans_and_reports(command: Callable[..., tuple[int, str, st
     assert Path("files/motions/planar_arm.json").is_file()
 
 
+def test_a_run_is_exported_as_a_data_set(command: Callable[..., tuple[int, str, str]]) -> None:
+    limits = hdplan.Limits(velocity=2.0, acceleration=8.0)
+    timed = dataclasses.replace(ARM, timing=hdplan.Timing(), limits=limits)
+    timed.save("timed.yaml")
+    code, out, err = command("batch", "timed.yaml", "-o", "r", "--export", "lerobot", "--fps", "20")
+    assert (code, err) == (0, "")
+    assert "r/lerobot\n" in out
+    rows = read_rows(Path("r/results.parquet"))
+    frames = read_rows(Path("r/lerobot/data/chunk-000/file-000.parquet"))
+    assert len(frames) == int(np.ceil(rows[0]["motion_time"] * 20)) + 1
+    assert json.loads(Path("r/lerobot/meta/info.json").read_text())["robot_type"] == rows[0]["robot"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -291,6 +304,8 @@ def test_the_command_plans_and_reports(command: Callable[..., tuple[int, str, st
         ),
         (["planar_arm", "-o", "r", "--cluster", "no.yaml"], ["no.yaml: no such file"]),
         (["planar_arm", "-o", "r", "--motions", "file"], ["motions", "'file'", "'files'"]),
+        (["planar_arm", "-o", "r", "--export", "lerobt"], ["export", "'lerobt'", "'lerobot'"]),
+        (["planar_arm", "-o", "r", "--export", "lerobot"], ["planar_arm", "no times", "`timing`"]),
         (["planar_arm", "-o", "r", "--solver", "ipop"], ["'ipop'", "'ipopt'"]),
         (["planar_arm", "-o", "r", "--time-limit", "nan"], ["--time-limit", "finite"]),
         (["planar_arm", "-o", "r", "--scene", "planar_arm"], ["--scene", "no source is a table"]),
