@@ -233,8 +233,8 @@ def view(
     proof: given.ProofToShow = None,
     record: given.Page = None,
     video: given.Film = None,
-    host: given.Host = "127.0.0.1",
-    port: given.Port = 8080,
+    host: given.Host = None,
+    port: given.Port = None,
 ) -> None:
     """Show a scene and motions in the browser, and plan there.
 

@@ -157,8 +157,14 @@ ProofToShow = Annotated[
         "--proof", metavar="FILE.proof", help="Show the planes of this proof of the motion, as plan --proof writes it."
     ),
 ]
-Host = Annotated[str, typer.Option(metavar="ADDRESS", help="Address to serve on; 0.0.0.0 lets other machines in.")]
-Port = Annotated[int, typer.Option(metavar="N", help="Port to serve on, or the next free one.", parser=_port)]
+Host = Annotated[
+    str | None,
+    typer.Option(metavar="ADDRESS", help="Address to serve on, 127.0.0.1 unless given; 0.0.0.0 lets others in."),
+]
+Port = Annotated[
+    int | None,
+    typer.Option(metavar="N", help="Port to serve on, or the next free one; 8080 unless given.", parser=_port),
+]
 
 # robots
 RobotName = Annotated[
