@@ -53,7 +53,8 @@ import numpy as np
 import yaml
 
 MAGIC, VERSION = b"hdplan proof\n", 1
-MOST_BYTES, MOST_LEAVES, MOST_PAIRS, DEEPEST = 1 << 27, 200_000, 1_000_000, 50  # of a proof: of its content, trees
+MOST_BYTES, MOST_HEAD, MOST_LEAVES, MOST_PAIRS = 1 << 27, 1 << 20, 200_000, 1_000_000  # of a proof's content
+DEEPEST = 50  # of a proof's trees
 MOST_MEMORY, MOST_TIME = 1 << 31, 30  # bytes, and seconds of a processor, that a check may take beside Python itself
 NARROWEST, INSTANT = 2.0**-30, 2.0**-36  # of an interval between two rows; of one that stands for a row
 AT_ONCE, MOST_PARTS = 20_000, 50_000  # leaves checked together, and parts of rows within them
@@ -61,6 +62,7 @@ EPS = 2.0**-53  # of rounding to nearest
 SAME, ROUNDED = 1e-6, 1e-9  # [rad or m] between the motion's end and the scene's; by which it may be beyond a limit
 
 RATES, TARGETS = ("velocity", "acceleration", "jerk"), "joints state pose poses all"
+CLAIMS = {"clearance", "limits", "start", "goal", "torque", "path", *RATES}
 
 ASSUMES = """the URDF, SRDF and meshes are the robot: links are rigid, joints have no play
 the robot follows the curve of the trajectory's file, without rounding its corners
@@ -75,13 +77,21 @@ the files read are those whose hashes are in the proof"""
 
 
 class RejectedError(Exception):
-    """Why a proof is not accepted."""
+    """Why a proof is not accepted, in one line."""
+
+    def __init__(self, words: str) -> None:
+        super().__init__(shown(" ".join(words.split())))
+
+
+def shown(line: str) -> str:
+    """A line without characters by which a name in a file could look like several."""
+    return "".join(x if x.isprintable() else "?" for x in line)
 
 
 def need(condition: Any, words: str) -> None:
     """Reject unless a condition holds."""
     if not condition:
-        raise RejectedError(" ".join(words.split()))
+        raise RejectedError(words)
 
 
 # --- real numbers up to a radius --------------------------------------------------------------------------------------
@@ -431,8 +441,8 @@ def collada(root: Any) -> Ball:
     """Return the triangles of a COLLADA file in metres, whichever of its axes is up (as ROS reads it)."""
     for x in root.iter():
         x.tag = x.tag.rpartition("}")[2]
-    unit_, named = root.find("asset/unit"), unique([(x.get("id"), x) for x in root.iter() if "id" in x.attrib])
-    need(unit_ is None or float(unit_.get("meter", 1)) == 1, "COLLADA: its unit is not the metre")
+    named = unique([(x.get("id"), x) for x in root.iter() if "id" in x.attrib])
+    need(all(float(x.get("meter", 1)) == 1 for x in root.iter("unit")), "COLLADA: its unit is not the metre")
 
     def there(element: Any, key: str = "source") -> Any:
         need(element is not None and element.get(key, "")[:1] == "#", "COLLADA: a reference is not within the file")
@@ -769,6 +779,9 @@ class World:
             folders = [here / str(x) for x in listing(spec.get("package_dirs"), "package_dirs")]
             self.folders = [*folders, *urdf.parents, *self.folders]
         self.urdf, root = urdf, tree(self.file("urdf", urdf))
+        recipe = urdf.suffix.lower() == ".xacro" or any("xacro" in x.tag for x in root.iter())
+        plain = root.tag == "robot" and not recipe
+        need(plain, f"{urdf}: robots that are no URDF, such as xacro and MJCF, cannot be checked")
         words_ = tree(self.file("srdf", srdf) if srdf else b"<robot/>")
         self.excused, self.states = excused(words_), dict[str, dict[str, float]]()
         for state in words_.findall("group_state"):  # a joint that two states of one name have elsewhere is at neither
@@ -887,8 +900,8 @@ class World:
             need(mimic.get("joint") not in self.names, f"joint '{name}': follows a joint that moves: cannot be checked")
             scale, add = (float(mimic.get(key, x)) for key, x in (("multiplier", 1.0), ("offset", 0.0)))
             self.followed[name] = mimic.get("joint", ""), scale, add
-        sources = (self.spec.get("locked"), start, self.locked, self.said["held"])
-        values = [numbers(x[name], 1, name)[0] for x in sources if isinstance(x, dict) and name in x]
+        said = (self.spec.get("locked"), start, self.locked, self.said["held"])
+        values = [numbers(x[name], 1, name)[0] for x in said if isinstance(x, dict) and name in x]
         need(values, f"joint '{name}': nothing says where it is held")
         value = self.held[name] = float(values[0])
         need(np.ptp(values) <= SAME, f"joint '{name}': is held at {value:g}, and said to be elsewhere too")
@@ -1154,7 +1167,8 @@ def unpack(data: bytes) -> tuple[dict[str, Any], dict[str, Any], Trees]:
     need(data.startswith(MAGIC), "the file is not a proof")
     inflate = zlib.decompressobj()
     line, _, rest = inflate.decompress(data[len(MAGIC) :], MOST_BYTES).partition(b"\n")
-    need(inflate.eof and not inflate.unused_data, "the proof is cut short, too large, or goes on after its end")
+    good = inflate.eof and not inflate.unused_data and len(line) <= MOST_HEAD
+    need(good, "the proof is cut short, too large, or goes on after its end")
     keys = "version files clearance self_clearance held cuts pairs leaves once claims"
     head, at, arrays = mapping(json.loads(line, object_pairs_hook=unique), "the proof's head", keys), 0, []
     good = all(isinstance(head[x], dict) for x in ("files", "held", "cuts"))
@@ -1188,8 +1202,7 @@ def verify(scene: Path, motion: Path, proof: Path | bytes) -> str:
     except MemoryError:
         raise RejectedError("needs more memory than it may take") from None
     except Exception as error:  # whatever is not as it should be: it is no proof
-        words_ = " ".join(f"{type(error).__name__}: {error}".split())
-        raise RejectedError(f"a file is not as it should be ({words_})") from None
+        raise RejectedError(f"a file is not as it should be ({type(error).__name__}: {error})") from None
 
 
 def check_apart(world: World, head: dict[str, Any], trees: Trees) -> None:
@@ -1473,7 +1486,7 @@ def statement(world: World, head: dict[str, Any]) -> str:
     """Check limits and ends, as far as the proof claims them, and say what is proven and what is not."""
     claims, top = [str(x) for x in listing(head["claims"], "claims")], world.top
     joints = world.joints[: world.rows.shape[1]]  # the others follow the time
-    need({*claims} <= {"clearance", "limits", "start", "goal", "torque", "path", *RATES}, "the proof claims what cannot be checked")
+    need({*claims} <= CLAIMS, "the proof claims what cannot be checked")
     for name in RATES:
         if name in claims:
             check_rates(world, name, RATES.index(name) + 1)
@@ -1501,12 +1514,15 @@ def statement(world: World, head: dict[str, Any]) -> str:
             if end == "goal" and {*asked} & {"pose", "poses", "all"}:
                 need(len(asked) == 1 and at_goal(world, asked), "goal: the motion's end does not reach it")
                 continue
-            target = asked.get("joints")
-            if "state" in asked:
-                target = [world.states.get(str(asked["state"]), {}).get(x.name) for x in joints]
-            several = isinstance(target, list) and any(isinstance(x, (list, dict)) for x in target)
-            there = any(is_at(world, x, row, end == "goal") for x in (target if several else [target]))
-            need(there, f"{end}: the motion's end is elsewhere, or is not one that can be checked")
+            state = world.states.get(str(asked.get("state")), {})
+            target = [state.get(x.name) for x in joints] if "state" in asked else asked.get("joints")
+            several = (
+                target if isinstance(target, list) and any(isinstance(x, (list, dict)) for x in target) else [target]
+            )
+            need(
+                any(is_at(world, x, row, end == "goal") for x in several),
+                f"{end}: the motion's end is elsewhere, or is not one that can be checked",
+            )
     open_ = [x for x in ("limits", "start", "goal") if x not in claims]
     rated = {x: None for x in world.limits if x != "position"}
     rated |= {"velocity": None} if rated or top.get("timing") else {}
@@ -1529,7 +1545,7 @@ def statement(world: World, head: dict[str, Any]) -> str:
         pairs = sorted("-".join(sorted(x)) for x, why in world.left_out.items() if why == reason)
         said.append(f"  not compared, {reason}: {', '.join(pairs)}")
     said += [f"  held: {', '.join(f'{name} at {at:g}' for name, at in world.held.items())}"] * bool(world.held)
-    return "\n".join([*said, "  if:", *(f"    {line}" for line in ASSUMES.splitlines())])
+    return "\n".join([*map(shown, said), "  if:", *(f"    {line}" for line in ASSUMES.splitlines())])
 
 
 def limit() -> None:
