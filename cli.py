@@ -233,8 +233,8 @@ def view(
     proof: given.ProofToShow = None,
     record: given.Page = None,
     video: given.Film = None,
-    host: given.Host = "127.0.0.1",
-    port: given.Port = 8080,
+    host: given.Host = None,
+    port: given.Port = None,
 ) -> None:
     """Show a scene and motions in the browser, and plan there.
 
@@ -297,9 +297,14 @@ def batch(
     scene: given.TableScene = None,
     workers: given.Workers = None,
     scheduler: given.Scheduler = None,
+    cluster: given.Cluster = None,
     solver: given.Solver = "gauss_newton",
     seed: given.Seed = 0,
     time_limit: given.EachTimeLimit = 60.0,
+    motions: given.MotionsAs = "parquet",
+    proof: given.Proofs = False,
+    export: given.Export = None,
+    fps: given.Rate = 30,
     report: given.Report = None,
 ) -> None:
     """Plan many problems on every core, or on a cluster.
@@ -327,9 +332,14 @@ def batch(
         scene=scene,
         workers=workers,
         scheduler=scheduler,
+        cluster=cluster,
         solver=solver,
         seed=seed,
         time_limit=time_limit,
+        motions=motions,
+        proofs=proof,
+        export=export,
+        fps=fps,
     )
     raise typer.Exit(code)
 

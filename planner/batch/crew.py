@@ -12,7 +12,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hdplan.planner.batch.cluster_file import ClusterFile
 from hdplan.planner.batch.job import Job
+from hdplan.planner.batch.local_cluster import SETTINGS
 from hdplan.planner.batch.outcome import PATIENCE, Options, Outcome, failed, solve
 from hdplan.scenes.errors import InputError
 
@@ -25,6 +27,10 @@ RECOUNT = 1.0  # [s] after which workers are counted again: those of a cluster c
 ENDING = 10.0  # [s] in which workers may end by themselves
 
 
+Workers = int | str | ClusterFile
+"""So many on this machine; those of the scheduler at an address; those of a cluster that is started."""
+
+
 def cores() -> int:
     """Return how many cores this process may use."""
     from dask.system import CPU_COUNT
@@ -33,22 +39,26 @@ def cores() -> int:
 
 
 @contextlib.contextmanager
-def crew(workers: int, scheduler: str | None = None) -> Iterator[Client]:
-    """Yield a client of `workers` processes on this machine, or of the cluster whose scheduler is at the address
-    `scheduler`. Raises InputError if no scheduler answers there."""
+def crew(workers: Workers) -> Iterator[Client]:
+    """Yield a client of workers. Raises InputError if their scheduler does not answer."""
     import logging
 
+    import dask
     from distributed import Client
 
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    with contextlib.nullcontext(scheduler) if scheduler is not None else _local(workers) as address:
+    with contextlib.ExitStack() as stack:
+        if isinstance(workers, ClusterFile):
+            stack.enter_context(dask.config.set(SETTINGS))
+            address = stack.enter_context(workers.started())
+        else:
+            address = stack.enter_context(_local(workers)) if isinstance(workers, int) else workers
         try:
             client = Client(address, timeout="20s", set_as_default=False)
         except (OSError, ValueError) as error:
             words = str(error).splitlines()[0] or type(error).__name__
-            raise InputError(f"--scheduler {address}: no scheduler answers there ({words})") from None
-        with client:
-            yield client
+            raise InputError(f"scheduler {address}: does not answer ({words})") from None
+        yield stack.enter_context(client)
 
 
 @contextlib.contextmanager

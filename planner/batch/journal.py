@@ -88,7 +88,7 @@ def _whole_lines(path: Path) -> Iterator[tuple[int, bytes]]:
 
 
 def _plain(outcome: Outcome) -> dict[str, Any]:
-    said = {key: value for key, value in vars(outcome).items() if key != "trajectory"}
+    said = {key: value for key, value in vars(outcome).items() if key not in ("trajectory", "files")}
     motion = outcome.trajectory
     if motion is None:
         return said

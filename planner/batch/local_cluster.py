@@ -9,8 +9,6 @@ from __future__ import annotations
 import logging
 import sys
 
-import dask
-
 SETTINGS = {
     "distributed.scheduler.allowed-failures": 1,  # a problem whose worker dies is tried once more
     "distributed.scheduler.worker-saturation": 1.0,  # a worker is given one problem, the scheduler keeps the others
@@ -21,6 +19,7 @@ SETTINGS = {
 
 def main(workers: int) -> None:
     """Serve until standard input ends."""
+    import dask
     from distributed import LocalCluster
 
     dask.config.set(SETTINGS)

@@ -6,11 +6,12 @@ import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from hdplan.planner.batch.crew import cores, crew, outcomes
+from hdplan.planner.batch.crew import Workers, cores, crew, outcomes
 from hdplan.planner.batch.installed import check_installed
 from hdplan.planner.batch.job import Job, located, seed_of
 from hdplan.planner.batch.outcome import Options, Outcome
 from hdplan.planner.solvers import solver_named
+from hdplan.scenes.errors import InputError
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import FilePath, Number, Whole, checked, instance, text, wrong
 
@@ -59,16 +60,18 @@ def plan_many(
         workers = checked(Whole(1, MOST_WORKERS), workers, "workers")
     if scheduler is not None:
         scheduler = checked(text, scheduler, "scheduler")
+        if workers is not None:
+            raise InputError("workers: the scheduler has workers of its own")
     if isinstance(problems, str) or not isinstance(problems, Iterable):
         raise wrong("scenes, or files of scenes", problems).within("problems")
     numbered = ((i, _job(each, i, seed)) for i, each in enumerate(problems))
-    return _planned(numbered, workers, scheduler, options, in_order)
+    return _planned(numbered, scheduler or workers or cores(), options, in_order)
 
 
 def _planned(
-    numbered: Iterator[tuple[int, Job]], workers: int | None, scheduler: str | None, options: Options, in_order: bool
+    numbered: Iterator[tuple[int, Job]], workers: Workers, options: Options, in_order: bool
 ) -> Iterator[Outcome]:
-    with crew(workers or cores(), scheduler) as client:
+    with crew(workers) as client:
         waiting: dict[int, Outcome] = {}
         following = 0
         for number, outcome in outcomes(client, numbered, options):

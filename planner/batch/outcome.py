@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from hdplan.planner.batch.causes import cause_of_refusal, cause_of_verdict
+from hdplan.planner.batch.files import motion_file, proven, scene_file
 from hdplan.planner.batch.job import Job
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
@@ -32,6 +33,8 @@ class Options:
 
     solver: str = "gauss_newton"
     time_limit: float = 60.0  # [s] for everything that a problem needs
+    files: bool = False  # also scene and motion as files
+    proofs: bool = False  # and the proof of it, if there is one
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +47,7 @@ class Outcome:
     text: str  # the certificate's sentence, or the error's
     trajectory: Trajectory | None = None
     figures: dict[str, Any] = field(default_factory=dict)  # the other columns of its row (COLUMNS)
+    files: dict[str, bytes] = field(default_factory=dict)  # by ending, where they are asked for
 
     @property
     def certified(self) -> bool:
@@ -51,35 +55,42 @@ class Outcome:
         return self.status == "certified"
 
 
-def solve(problem: Job, options: Options) -> Outcome:
+def solve(job: Job, options: Options) -> Outcome:
     """Plan one problem. Whatever happens becomes an outcome, but for what ends the process: a crash, too much memory,
     and a problem that does not return long after its time limit."""
     began = time.perf_counter()
+    files: dict[str, bytes] = {}
     with _ended_from_outside(options.time_limit):
         try:
             with limited(options.time_limit):
-                scene = problem.load()
+                scene = job.load()
                 read = time.perf_counter() - began
-                result = plan(scene, solver=options.solver, seed=problem.seed, time_limit=options.time_limit)
+                if options.files:
+                    files |= scene_file(scene)
+                result = plan(scene, solver=options.solver, seed=job.seed, time_limit=options.time_limit)
+                if options.files:
+                    files |= motion_file(result.trajectory)
+                proof = proven(files) if options.proofs and result.certified else None
         except HdplanError as error:
-            return _without_motion(problem, "refused", cause_of_refusal(error), str(error), began)
+            return _without_motion(job, "refused", cause_of_refusal(error), str(error), began, files)
         except Exception as error:
             words = " ".join(f"{type(error).__name__}: {error}".split())
-            return _without_motion(problem, "error", "internal", f"internal error, please report it: {words}", began)
-    return _of_result(problem, result, read)
+            said = f"internal error, please report it: {words}"
+            return _without_motion(job, "error", "internal", said, began, files)
+    return _of_result(job, result, read, proof, files)
 
 
-def failed(problem: Job, cause: str, text: str) -> Outcome:
+def failed(job: Job, cause: str, text: str) -> Outcome:
     """Return the outcome of a problem whose process ended."""
-    return Outcome(problem.name, "failed", cause, text, figures=_common(problem))
+    return Outcome(job.name, "failed", cause, text, figures=_common(job))
 
 
-def _of_result(problem: Job, result: PlanResult, read: float) -> Outcome:
+def _of_result(job: Job, result: PlanResult, read: float, proof: str | None, files: dict[str, bytes]) -> Outcome:
     certificate, motion = result.certificate, result.trajectory
     worst = certificate.worst
     times = vars(result.times)
     figures = {
-        **_common(problem),
+        **_common(job),
         "robot": result.robot,
         "clearance": certificate.clearance,
         "self_clearance": certificate.self_clearance,
@@ -90,19 +101,20 @@ def _of_result(problem: Job, result: PlanResult, read: float) -> Outcome:
         "length": float(np.linalg.norm(np.diff(motion.positions, axis=0), axis=1).sum()),
         "attempts": result.attempts,
         "iterations": result.iterations,
+        "proof": proof,
         **{f"time_{name}": seconds + (read if name == "load" else 0.0) for name, seconds in times.items()},
     }
     cause = "" if result.certified else cause_of_verdict(certificate, result.notes)
-    return Outcome(problem.name, certificate.status.value, cause, certificate.text, motion, figures)
+    return Outcome(job.name, certificate.status.value, cause, certificate.text, motion, figures, files)
 
 
-def _without_motion(problem: Job, status: str, cause: str, text: str, began: float) -> Outcome:
-    figures = {**_common(problem), "time_load": time.perf_counter() - began}
-    return Outcome(problem.name, status, cause, text, figures=figures)
+def _without_motion(job: Job, status: str, cause: str, text: str, began: float, files: dict[str, bytes]) -> Outcome:
+    figures = {**_common(job), "time_load": time.perf_counter() - began}
+    return Outcome(job.name, status, cause, text, None, figures, files)
 
 
-def _common(problem: Job) -> dict[str, Any]:
-    return {"group": problem.group, "seed": problem.seed, "sha256": problem.hashed, "versions": _versions()}
+def _common(job: Job) -> dict[str, Any]:
+    return {"group": job.group, "seed": job.seed, "sha256": job.hashed, "versions": _versions()}
 
 
 @cache

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -42,17 +43,24 @@ def groups_of(rows: Rows) -> list[dict[str, Cell]]:
     return found
 
 
-def failures_of(rows: Rows) -> list[tuple[str, str]]:
-    """Return how many failed of each cause, the most frequent first, and in words: the cause, a problem to look at, and
-    what it says."""
+@dataclass(frozen=True)
+class Failures:
+    """Problems that failed of one cause."""
+
+    cause: str  # in words
+    count: int
+    problem: str  # one of them, to look at
+    text: str  # what it says
+
+
+def failures_of(rows: Rows) -> list[Failures]:
+    """Return the failures by cause, the most frequent first."""
     causes = defaultdict[str, list[dict[str, Any]]](list)
     for row in rows:
         if row["status"] != "certified":
             causes[row["cause"]].append(row)
-    return [
-        (f"{len(some)} failed", f"{CAUSES[code]}, such as {some[0]['problem']}: {some[0]['text']}")
-        for code, some in sorted(causes.items(), key=lambda each: -len(each[1]))
-    ]
+    ordered = sorted(causes.items(), key=lambda each: -len(each[1]))
+    return [Failures(CAUSES[code], len(some), some[0]["problem"], some[0]["text"]) for code, some in ordered]
 
 
 def _quantile(values: Sequence[float], share: float = 0.5) -> float | str:

@@ -4,24 +4,33 @@ from __future__ import annotations
 
 import csv
 import io
+import os
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from rich.text import Text
 
+from hdplan.planner.batch.cluster_file import ClusterFile
+from hdplan.planner.batch.crew import Workers, cores
+from hdplan.planner.batch.files import MOTION, SCENE, place_of
 from hdplan.planner.batch.installed import check_installed
+from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.journal import read_journal
+from hdplan.planner.batch.lerobot import WITHOUT_TIMES
 from hdplan.planner.batch.outcome import Options, Outcome
-from hdplan.planner.batch.report import failures_of, groups_of
-from hdplan.planner.batch.run import JOURNAL, read_run, run_into
+from hdplan.planner.batch.report import Failures, failures_of, groups_of
+from hdplan.planner.batch.run import FILES, JOURNAL, LEROBOT, export_lerobot, read_run, run_into
 from hdplan.planner.batch.sample import sample
 from hdplan.planner.batch.sources import TABLES, jobs_of
 from hdplan.planner.batch.tables import MOTIONS, RESULTS, row_of, table_bytes
 from hdplan.planner.solvers import solver_named
 from hdplan.planner.terminal.console import counting, printing
 from hdplan.planner.terminal.tables import columns, table
+from hdplan.scenes.errors import InputError
 from hdplan.scenes.output import check_writable, ending_of, write_output
+from hdplan.scenes.values import Choice, checked
 
 
 def run_batch(
@@ -31,9 +40,14 @@ def run_batch(
     scene: str | None,
     workers: int | None,
     scheduler: str | None,
+    cluster: Path | None,
     solver: str,
     seed: int,
     time_limit: float,
+    motions: str,
+    proofs: bool,
+    export: str | None,
+    fps: int,
 ) -> int:
     """Plan all problems of the sources into the folder `output`; `time_limit` [s] holds for everything that one of them
     needs.
@@ -42,15 +56,38 @@ def run_batch(
     """
     check_installed()
     solver_named(solver)
+    checked(Choice(("parquet", "files")), motions, "motions")
+    if export is not None:
+        checked(Choice(("lerobot",)), export, "export")
+    if [workers, scheduler, cluster].count(None) < 2:
+        raise InputError("--workers, --scheduler and --cluster each say where the workers are: give one of them")
+    crew: Workers = ClusterFile.read(cluster) if cluster is not None else scheduler or workers or cores()
     jobs = jobs_of(sources, scene, seed)
+    if export is not None:
+        _check_times(jobs[0])
     with counting("certified") as (count, stop):
 
         def report(done: int, of: int, outcome: Outcome) -> None:
             count(done, of, outcome.certified, "" if outcome.certified else f"{outcome.problem}: {outcome.text}")
 
-        options = Options(solver, time_limit)
-        run_into(output, jobs, options, workers=workers, scheduler=scheduler, report=report, stop=stop)
-    return show_report(output)
+        options = Options(solver, time_limit, files=proofs or motions == "files", proofs=proofs)
+        complete = run_into(output, jobs, options, workers=crew, report=report, stop=stop)
+    try:
+        if export is not None and complete:
+            export_lerobot(output, jobs, options, fps)
+    finally:
+        code = show_report(output)
+    return code
+
+
+def _check_times(job: Job) -> None:
+    """Raise InputError, before anything is planned, if motions as a problem's have no times."""
+    try:
+        timed = job.load().timed
+    except InputError:  # a row of its own, later
+        return
+    if not timed:
+        raise InputError(f"--export lerobot: {job.name} and the like: {WITHOUT_TIMES}")
 
 
 def show_report(folder: Path) -> int:
@@ -63,10 +100,20 @@ def show_report(folder: Path) -> int:
         show(Text(f"{certified} of {len(rows)} problems certified{missing}", style="bold"))
         if rows:
             show(columns(groups_of(rows)))
-        files = [("written", str(folder / name)) for name in (RESULTS, MOTIONS) if (folder / name).is_file()]
-        if said := [*failures_of(rows), *files]:
+        said = [row for failures in failures_of(rows) for row in _told(failures, folder)]
+        files = [folder / name for name in (RESULTS, MOTIONS, FILES, LEROBOT)]
+        said += [("written", str(file)) for file in files if file.exists()]
+        if said:
             show(table(said))
     return 0 if certified == of else 1
+
+
+def _told(failures: Failures, folder: Path) -> list[tuple[str, str]]:
+    """Return rows on failures of one cause, with the command that shows one of them if its files are there."""
+    told = [(f"{failures.count} failed", f"{failures.cause}, such as {failures.problem}: {failures.text}")]
+    place = str(place_of(folder / FILES, failures.problem))
+    there = [place + ending for ending in (SCENE, MOTION) if os.path.isfile(place + ending)]
+    return [*told, ("look", shlex.join(["hdplan", "view", *there]))] if there else told
 
 
 def run_sample(scene: Path, output: Path, *, count: int, seed: int, goal: str, jitter: float, resize: float) -> int:

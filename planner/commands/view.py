@@ -25,6 +25,8 @@ from hdplan.scenes.errors import naming
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.yaml_format.reader import find_scene, load_scene
 
+HOST, PORT = "127.0.0.1", 8080  # unless others are given: this machine alone
+
 
 def run_view(
     scene: str,
@@ -35,14 +37,16 @@ def run_view(
     proof: Path | None,
     record: Path | None,
     video: Path | None,
-    host: str,
-    port: int,
+    host: str | None,
+    port: int | None,
 ) -> int:
     """Serve until Ctrl-C, or write the page `record` and the film `video`. Returns the exit code: 0."""
     if record is not None or video is not None:
-        check_files(record, video, trajectories, proof)
+        served = {"--host": host, "--port": port, "--proof": proof}
+        check_files(record, video, trajectories, [option for option, value in served.items() if value is not None])
         return _write(load_scene(scene, request=request, robot=robot), trajectories, record, video)
     check_installed()
+    host, port = HOST if host is None else host, PORT if port is None else port
     if proof is not None:
         check_proof(proof, trajectories, request, robot)
     problem = load_scene(scene, request=request, robot=robot)
@@ -72,7 +76,7 @@ def _loaded(trajectories: Sequence[Path]) -> list[tuple[str, Trajectory]]:
 def _write(scene: Scene, trajectories: Sequence[Path], record: Path | None, video: Path | None) -> int:
     """Write the motions as files. Returns the exit code: 0."""
     loaded = _loaded(trajectories)
-    with until_ctrl_c(), printing() as show:
+    with printing() as show:
         with waiting("loading the robot's meshes"):
             setup = Setup.of(scene)
         certifier = Certifier(setup)

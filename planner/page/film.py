@@ -57,7 +57,6 @@ def film(setup: Setup, motions: Sequence[ShownMotion], path: Path) -> str:
     rate = RATES[path.suffix.lower()]
     count = max(round(rate * timeline.duration), 1) + 1
     moments = np.linspace(timeline.begin, timeline.end, count).tolist()
-    moments += moments[-1:] * round(REST * rate)
     program, why = find_browser(), "there is no Chromium or Chrome"
     if program is not None:
         try:
@@ -96,7 +95,17 @@ def _drawings(setup: Setup, motion: ShownMotion, timeline: Timeline, moments: Se
 
 
 def _encoded(frames: Iterable[Frame], path: Path, rate: int) -> bytes:
-    return _mp4(frames, rate) if path.suffix.lower() == ".mp4" else _gif(frames, rate)
+    rested = _rested(frames, round(REST * rate))
+    return _mp4(rested, rate) if path.suffix.lower() == ".mp4" else _gif(rested, rate)
+
+
+def _rested(frames: Iterable[Frame], count: int) -> Iterator[Frame]:
+    """Yield frames, and the last one `count` times more."""
+    last = None
+    for last in frames:
+        yield last
+    if last is not None:
+        yield from [last] * count
 
 
 def _mp4(frames: Iterable[Frame], rate: int) -> bytes:
@@ -120,7 +129,8 @@ def _gif(frames: Iterable[Frame], rate: int) -> bytes:
 
     half = (SIZE[0] // 2, SIZE[1] // 2)
     pictures = [Image.fromarray(frame).resize(half, Image.Resampling.LANCZOS) for frame in frames]
-    palette = pictures[len(pictures) // 2].quantize(255)
+    some = pictures[len(pictures) // 2]
+    palette = some.quantize(255, method=Image.Quantize.MAXCOVERAGE)  # in which words and lines keep their colours
     small = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
     found = io.BytesIO()
     small[0].save(found, format="gif", save_all=True, append_images=small[1:], duration=1000 // rate, loop=0)

@@ -30,6 +30,11 @@ function place(when, now) { // where a moment is among increasing ones
   return low + (now - when[low]) / (when[high] - when[low]);
 }
 
+function haloed(context, text, x, y, color) { // text that is read on anything
+  Object.assign(context, { lineWidth: 4, lineJoin: "round", strokeStyle: ground(), fillStyle: color });
+  context.strokeText(text, x, y); context.fillText(text, x, y);
+}
+
 function curves(context, width, height, { title, unit, when, series, levels, now }) { // a small plot
   const left = 34, right = 6, top = 18, bottom = 16, values = series.flatMap((s) => s.values).concat(levels.map((l) => l.at), 0);
   const low = Math.min(...values), high = Math.max(...values) * 1.06 || 1, begin = when[0], end = when[when.length - 1];
@@ -47,19 +52,27 @@ function curves(context, width, height, { title, unit, when, series, levels, now
     context.strokeStyle = dark() ? "#3a3a3a" : "#e5e5e5"; context.beginPath(); context.moveTo(left, y(v)); context.lineTo(width - right, y(v)); context.stroke();
     context.fillStyle = ink(); context.fillText(v, left - 4, y(v));
   }
-  context.textAlign = "left"; context.fillText(begin.toPrecision(2), left, height - 7);
+  context.textAlign = "left"; context.fillText(`${+begin.toPrecision(3)}`, left, height - 7);
   context.textAlign = "right"; context.fillText(`${+end.toPrecision(3)}${unit}`, width - right, height - 7);
   const line = (points, color, dash) => {
     context.strokeStyle = color; context.setLineDash(dash); context.beginPath();
     points.forEach(([a, b], i) => (i ? context.lineTo(a, b) : context.moveTo(a, b))); context.stroke(); context.setLineDash([]);
   };
-  for (const l of levels) {
-    line([[left, y(l.at)], [width - right, y(l.at)]], l.color, l.dash);
-    context.font = "9px system-ui, sans-serif"; context.textAlign = "right"; context.fillStyle = l.color;
-    context.fillText(l.name, width - right - 2, y(l.at) - 5);
-  }
+  for (const l of levels) line([[left, y(l.at)], [width - right, y(l.at)]], l.color, l.dash);
   context.lineWidth = 1.6;
-  for (const s of series) line(s.when.map((t, i) => [x(t), y(s.values[i])]), s.color, s.dash);
+  const drawn = series.map((s) => s.when.map((t, i) => [x(t), y(s.values[i])]));
+  series.forEach((s, i) => line(drawn[i], s.color, s.dash));
+  context.font = "9px system-ui, sans-serif"; context.textAlign = "left";
+  for (const l of levels) { // above or below its line, where the curves leave most room
+    const wide = context.measureText(l.name).width, spots = [];
+    for (const from of [0, 0.25, 0.5, 0.75, 1]) for (const off of [-7, 7]) {
+      const a = left + 2 + from * (width - left - right - wide - 4), b = y(l.at) + off;
+      const near = drawn.flat().filter(([u]) => u > a - 4 && u < a + wide + 4).map(([, v]) => Math.abs(v - b));
+      if (b > top + 4 && b < height - bottom - 4) spots.push([Math.min(...near, 40), a, b]);
+    }
+    const best = spots.sort((one, two) => two[0] - one[0])[0];
+    if (best) haloed(context, l.name, best[1], best[2], l.color);
+  }
   context.lineWidth = 1; line([[x(now), top], [x(now), height - bottom]], ink(), []);
   return (at) => begin + (end - begin) * Math.min(Math.max((at - left) / (width - left - right), 0), 1);
 }
@@ -232,9 +245,7 @@ class Page {
     for (const { text, at, color, above } of both) {
       const spot = this.stage.onScreen(at);
       if (!spot) continue;
-      const x = spot[0] * width, y = spot[1] * height - above;
-      context.lineWidth = 4; context.lineJoin = "round"; context.strokeStyle = ground(); context.strokeText(text, x, y);
-      context.fillStyle = color ? css(color) : ink(); context.fillText(text, x, y);
+      haloed(context, text, spot[0] * width, spot[1] * height - above, color ? css(dark() ? color.map((x) => (x + 255) / 2) : color) : ink());
     }
   }
 

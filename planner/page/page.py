@@ -61,7 +61,7 @@ def page_of(setup: Setup, motions: Sequence[ShownMotion]) -> HtmlPage:
     scene, robot, packed = setup.scene, setup.robot, _Packed()
     timeline = Timeline.of(scene, [motion.curve for motion in motions])
     when = np.linspace(timeline.begin, timeline.end, MOMENTS)
-    first, certifier = motions[0], Certifier(setup)
+    first, certifier, boxes = motions[0], Certifier(setup), _boxes(scene, timeline)
     try:
         seen, left_out = visual_skins(robot, scene.robot)
     except InputError as error:
@@ -86,8 +86,8 @@ def page_of(setup: Setup, motions: Sequence[ShownMotion]) -> HtmlPage:
         "closest": [_closest(certifier, first, timeline, now) for now in when.tolist()],
         "levels": _levels(scene, motions),
         "joints": _joints(robot),
-        "floor": scene.robot.base.position,
-        "camera": _camera(robot, motions, scene),
+        "floor": (*scene.robot.base.position[:2], min([scene.robot.base.position[2], *boxes.lowest()])),
+        "camera": _camera(robot, motions, boxes),
         "between": LINKS,
         "bad": CONTACT,
         "meshes": packed.meshes,
@@ -235,7 +235,19 @@ def _obstacles(scene: Scene, timeline: Timeline, when: Array, packed: _Packed) -
     return found
 
 
-def _camera(robot: Robot, motions: Sequence[ShownMotion], scene: Scene) -> tuple[Any, ...]:
+def _boxes(scene: Scene, timeline: Timeline) -> Boxes:
+    """Return the boxes around the obstacles, of moving ones at some moments."""
+    times = [timeline.seconds(now) for now in np.linspace(timeline.begin, timeline.end, POSTURES).tolist()]
+    bounds, poses = [], []
+    for obstacle in scene.obstacles:
+        moves = obstacle.motion is not None
+        places = list(ObstacleMotion.of(obstacle).at(np.array(times))) if moves else [obstacle.pose.matrix]
+        bounds += [np.asarray(obstacle_mesh(obstacle).bounds)] * len(places)
+        poses += places
+    return Boxes.around(bounds, poses)
+
+
+def _camera(robot: Robot, motions: Sequence[ShownMotion], boxes: Boxes) -> tuple[Any, ...]:
     """Return eye, target, opening [rad] and width by height of the picture, from where obstacles hide least."""
     rows = [motion.joints[np.linspace(0, len(motion.joints) - 1, POSTURES).astype(int)] for motion in motions]
     poses = _poses(robot, np.concatenate(rows))
@@ -247,8 +259,6 @@ def _camera(robot: Robot, motions: Sequence[ShownMotion], scene: Scene) -> tuple
             place = pin.XYZQUATToSE3(pose)
             outlines.append(corners @ place.rotation.T + place.translation)
     path = np.concatenate([motion.tip for motion in motions])
-    shapes = [np.asarray(obstacle_mesh(obstacle).bounds) for obstacle in scene.obstacles]
-    boxes = Boxes.around(shapes, [obstacle.pose.matrix for obstacle in scene.obstacles])
     interest = np.concatenate([np.array([corners.mean(axis=0) for corners in outlines]), path[::10]])
     view = best_view(np.concatenate(outlines), interest, path, boxes, ASPECT)
     return view.eye, view.target, float(FOV), ASPECT

@@ -33,7 +33,11 @@ void main() {
 const LINE = [`#version 300 es
 uniform mat4 view; uniform vec2 size; uniform float width; in vec3 a, b, tint; in vec2 corner; out vec3 c;
 void main() {
-  vec4 p = view * vec4(a, 1.0), q = view * vec4(b, 1.0), at = corner.x < 0.5 ? p : q;
+  vec4 p = view * vec4(a, 1.0), q = view * vec4(b, 1.0);
+  float before = p.z + p.w, after = q.z + q.w; // below zero in front of the nearest plane, where a line ends
+  if (before < 0.0 && after > 0.0) p = mix(p, q, before / (before - after));
+  if (after < 0.0 && before > 0.0) q = mix(q, p, after / (after - before));
+  vec4 at = corner.x < 0.5 ? p : q;
   vec2 along = (q.xy / max(q.w, 1e-3) - p.xy / max(p.w, 1e-3)) * size; along /= max(length(along), 1e-6);
   gl_Position = at + vec4(vec2(-along.y, along.x) * corner.y * width / size * at.w, -2e-4 * at.w, 0.0); c = tint; }`,
 `#version 300 es

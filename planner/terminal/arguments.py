@@ -157,8 +157,14 @@ ProofToShow = Annotated[
         "--proof", metavar="FILE.proof", help="Show the planes of this proof of the motion, as plan --proof writes it."
     ),
 ]
-Host = Annotated[str, typer.Option(metavar="ADDRESS", help="Address to serve on; 0.0.0.0 lets other machines in.")]
-Port = Annotated[int, typer.Option(metavar="N", help="Port to serve on, or the next free one.", parser=_port)]
+Host = Annotated[
+    str | None,
+    typer.Option(metavar="ADDRESS", help="Address to serve on, 127.0.0.1 unless given; 0.0.0.0 lets others in."),
+]
+Port = Annotated[
+    int | None,
+    typer.Option(metavar="N", help="Port to serve on, or the next free one; 8080 unless given.", parser=_port),
+]
 
 # robots
 RobotName = Annotated[
@@ -197,9 +203,26 @@ Scheduler = Annotated[
         metavar="ADDRESS", help="Use the workers of this dask scheduler instead, such as tcp://10.0.0.1:8786."
     ),
 ]
+Cluster = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Start the workers of a cluster by one of dask's cluster classes, as FILE says."),
+]
 EachTimeLimit = Annotated[
     float, typer.Option("--time-limit", metavar="SECONDS", help="For all that one problem needs.", parser=_seconds)
 ]
+MotionsAs = Annotated[
+    str,
+    typer.Option(metavar="HOW", help="parquet: one table; files: each problem's scene and motion as files, too."),
+]
+Proofs = Annotated[
+    bool,
+    typer.Option("--proof", help="Write these files, and the proof of every certified motion."),
+]
+Export = Annotated[
+    str | None,
+    typer.Option(metavar="FORMAT", help="lerobot: the certified motions as a data set for imitation learning, too."),
+]
+Rate = Annotated[int, typer.Option("--fps", metavar="N", help="Its samples a second.", parser=_above_zero)]
 Report = Annotated[
     Path | None, typer.Option(metavar="RUN", help="Only print the report of a run, which may be going on.")
 ]

@@ -18,17 +18,17 @@ def check_installed() -> None:
         raise InputError("the viewer needs viser, which is not installed: pip install viser")
 
 
-def check_files(page: Path | None, video: Path | None, trajectories: Sequence[Path], proof: Path | None) -> None:
+def check_files(page: Path | None, video: Path | None, trajectories: Sequence[Path], served: Sequence[str]) -> None:
     """Check early that the files can be written. Raises InputError for a bad path, a missing library, if there is no
-    motion to show, and for a proof, which they do not show."""
+    motion to show, and for options that only a page that is `served` has."""
     if page is not None:
         check_writable(page, PAGES)
     if video is not None:
         check_film(video)
     if not trajectories:
         raise InputError(f"{page or video}: no trajectory was given, so there is no motion to record")
-    if proof is not None:
-        raise InputError(f"--proof: {page or video} does not show proofs, which the viewer does: leave one out")
+    if served:
+        raise InputError(f"{served[0]}: is for the viewer, which is not opened to write {page or video}: leave one out")
 
 
 def check_proof(proof: Path, trajectories: Sequence[Path], request: Path | None, robot: str | None) -> None:

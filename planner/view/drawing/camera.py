@@ -54,6 +54,10 @@ class Boxes:
         middle = np.einsum("bij,bj->bi", frames[:, :3, :3], corners.mean(axis=1))
         return cls(frames[:, :3, :3], middle + frames[:, :3, 3], 0.5 * (corners[:, 1] - corners[:, 0]))
 
+    def lowest(self) -> Array:
+        """Return the heights (B,) of their lowest points."""
+        return np.asarray(self.center[:, 2] - np.einsum("bj,bj->b", np.abs(self.rotation[:, 2]), self.half))
+
     def hide(self, eye: Array, points: Array) -> NDArray[np.bool_]:
         """Return (k, B) whether a box is crossed on the way from `eye` (3,) to points (k, 3) behind it."""
         begin = np.einsum("bi,bij->bj", eye - self.center, self.rotation)

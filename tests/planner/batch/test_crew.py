@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import itertools
 import os
@@ -18,6 +19,7 @@ import pytest
 
 import hdplan
 from hdplan.planner.batch import crew as crew_module
+from hdplan.planner.batch.cluster_file import ClusterFile
 from hdplan.planner.batch.crew import crew, outcomes
 from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.outcome import Options, Outcome, solve
@@ -127,7 +129,7 @@ def test_plan_many_keeps_the_order_and_leaves_nothing_behind() -> None:
 
 
 def test_bad_arguments_are_refused_before_anything_starts() -> None:
-    with pytest.raises(InputError, match="scheduler nonsense: no scheduler answers there"):
+    with pytest.raises(InputError, match="scheduler nonsense: does not answer"):
         next(hdplan.plan_many([ARM], scheduler="nonsense"))
 
 
@@ -150,16 +152,12 @@ for outcome in hdplan.plan_many(["planar_arm"] * 1000, workers=1):
 @pytest.mark.parametrize("killed", [False, True])
 def test_no_process_outlives_a_program_that_ends(killed: bool, tmp_path: Path) -> None:
     """A program without `if __name__ == "__main__"`, given on the command line: workers import nothing of it."""
-    program = subprocess.Popen(
-        [sys.executable, "-c", SCRIPT], cwd=tmp_path, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
-    assert program.stdout is not None
-    assert program.stdin is not None
-    assert program.stdout.readline() == "certified\n"
-    (cluster,) = children(program.pid)
-    workers = children(cluster)
-    program.kill() if killed else program.terminate()
-    program.wait()
+    command, pipes = [sys.executable, "-c", SCRIPT], {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen(command, cwd=tmp_path, text=True, **pipes) as program:  # type: ignore[call-overload]
+        assert program.stdout.readline() == "certified\n"
+        (cluster,) = children(program.pid)
+        workers = children(cluster)
+        program.kill() if killed else program.terminate()
     assert gone({cluster, *workers})
 
 
@@ -171,3 +169,55 @@ def test_the_same_with_one_two_and_four_workers() -> None:
         with crew(workers) as client:
             runs.append(dict(outcomes(client, enumerate(jobs), Options())))
     assert all(same(run[i], runs[0][i]) for run in runs for i in range(40))
+
+
+# --- clusters ---------------------------------------------------------------------------------------------------
+
+BAD_FILES = {
+    "": ["cluster.yaml"],
+    "workers: 2": ["'class' is missing"],
+    "class: distributed.LocalCluster": ["'workers' is missing"],
+    "{class: distributed.LocalCluster, workers: 0}": ["workers", "1 to 100000"],
+    "{class: distributed.LocalCluster, workers: 1, option: {}}": ["'option'", "'options'"],
+    "{class: distributed.LocalCluster, workers: 1, options: [1]}": ["options", "mapping"],
+    "{class: dask_nowhere.SLURMCluster, workers: 1}": ["class: cannot be imported", "dask_nowhere"],
+    "{class: distributed.NoCluster, workers: 1}": ["class: cannot be imported", "NoCluster"],
+    "{class: SLURMCluster, workers: 1}": ["class: cannot be imported"],
+    "{class: os.path, workers: 1}": ["class", "none of dask's cluster classes"],
+    "{class: distributed.SpecCluster, workers: 1, options: {cors: 3}}": ["does not start", "cors"],
+}
+
+
+@pytest.mark.parametrize("text", BAD_FILES)
+def test_a_bad_cluster_file_is_one_line(text: str, tmp_path: Path) -> None:
+    file = tmp_path / "cluster.yaml"
+    file.write_text(text)
+    with pytest.raises(InputError) as caught, ClusterFile.read(file).started():
+        pass
+    assert all(word in str(caught.value) for word in ("cluster.yaml", *BAD_FILES[text])), str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.slow
+def test_a_cluster_is_started_and_ended(tmp_path: Path) -> None:
+    file = tmp_path / "cluster.yaml"
+    options = "{threads_per_worker: 1, dashboard_address: null}"
+    file.write_text(f"{{class: distributed.LocalCluster, workers: 2, options: {options}}}")
+    command = [sys.executable, "-m", "hdplan.cli", "batch", "planar_arm", "-o", str(tmp_path / "r")]
+    done = subprocess.run([*command, "--cluster", str(file)], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("1 of 1 problems certified")
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_goes_away_is_one_line(tmp_path: Path) -> None:
+    with contextlib.ExitStack() as stack:
+        command = [sys.executable, "-P", str(Path(crew_module.__file__).with_name("local_cluster.py")), "1"]
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+        server = stack.enter_context(subprocess.Popen(command, text=True, **pipes))  # type: ignore[call-overload]
+        client = stack.enter_context(crew(server.stdout.readline().strip()))
+        found = outcomes(client, enumerate(itertools.cycle(arms(1))), Options())
+        next(found)
+        server.kill()
+        with pytest.raises(InputError, match="the scheduler went away; what was found by then is kept"):
+            list(found)

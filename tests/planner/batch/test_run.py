@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import json
 import os
 import random
@@ -23,6 +24,7 @@ import pytest
 import hdplan
 from hdplan import cli
 from hdplan.planner.batch import run
+from hdplan.planner.batch.files import place_of
 from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.journal import Journal, read_journal
 from hdplan.planner.batch.outcome import Options, Outcome, solve
@@ -30,6 +32,8 @@ from hdplan.planner.batch.sources import jobs_of
 from hdplan.planner.batch.tables import COLUMNS, OF_MOTIONS, read_rows
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.yaml_format.writer import scene_text
+from hdplan.verify import verify
 
 ARM = hdplan.load_scene("planar_arm")
 COMMAND = [sys.executable, "-m", "hdplan.cli", "batch"]
@@ -39,7 +43,7 @@ def table(count: int, seed: int = 0) -> list[Job]:
     """Write a table of the planar arm with other goals, some of them in collision, as its problems."""
     rows = np.random.default_rng(seed).uniform(-2.0, 2.0, (count, 2))
     text = "".join(f"{x!r},{y!r}\n" for x, y in rows.tolist())
-    Path("t.csv").write_text(f"goal.joints.joint1,goal.joints.joint2\n{text}")
+    Path("t.csv").write_text(f"goal.joints.shoulder,goal.joints.elbow\n{text}")
     return jobs_of(["t.csv"], "planar_arm")
 
 
@@ -59,7 +63,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def run_here(two_workers: Any, monkeypatch: pytest.MonkeyPatch) -> Callable[..., bool]:
     """Do runs with the two workers that are there."""
     monkeypatch.setattr(run, "crew", lambda *_: contextlib.nullcontext(two_workers))
-    return run.run_into
+    return functools.partial(run.run_into, workers=2)
 
 
 def outcome(i: int, motion: Trajectory | None = None) -> Outcome:
@@ -147,6 +151,7 @@ def test_a_run_that_stops_goes_on_where_it_was(run_here: Callable[..., bool]) ->
     assert run_here(Path("cut"), jobs, options, report=lambda done, of, each: seen.append(each.problem))
     assert len(seen) == 5 + 8
     assert content("cut") == content("whole")
+    assert {row["status"] for row in content("whole")[0]} >= {"certified", "refused"}
     before = {file: file.read_bytes() for file in Path("whole").iterdir()}
     assert run_here(Path("whole"), jobs, options, report=lambda *_: pytest.fail("planned again"))
     assert {file: file.read_bytes() for file in Path("whole").iterdir()} == before
@@ -168,6 +173,7 @@ def test_tables_hold_what_a_loop_finds(run_here: Callable[..., bool]) -> None:
         (each.status, each.cause, each.text) for each in alone
     ]
     assert all(row["clearance"] == each.figures.get("clearance") for row, each in zip(rows, alone, strict=True))
+    assert sum(each.certified for each in alone) >= 2
     motions = pyarrow.parquet.read_table("r/motions.parquet")
     assert motions.column_names == list(OF_MOTIONS)
     for each in alone:
@@ -204,6 +210,40 @@ def test_a_folder_holds_one_run(run_here: Callable[..., bool]) -> None:
         run_here(Path("file"), jobs, Options())
 
 
+def test_files_are_those_of_the_problem_and_the_same_again(run_here: Callable[..., bool]) -> None:
+    jobs = [*table(3), Job("../up", "", ARM), Job("bad", "", Path("no/such.yaml"))]
+    options = Options(files=True, proofs=True)
+    run_here(Path("r"), jobs, options)
+    run_here(Path("again"), jobs, options)
+    made, again = (
+        {str(file.relative_to(run)): file.read_bytes() for file in Path(run, "motions").rglob("*") if file.is_file()}
+        for run in ("r", "again")
+    )
+    assert made == again
+    for row, job in zip(read_rows(Path("r/results.parquet")), jobs, strict=True):
+        place = str(place_of(Path("motions"), job.name))
+        assert (f"{place}.yaml" in made) == (job.name != "bad")
+        assert (f"{place}.json" in made) == (row["status"] == "certified")
+        assert row["proof"] == ("written" if row["status"] == "certified" else None)
+        if row["status"] == "certified":
+            scene, motion, proof = (Path("r", place + ending) for ending in (".yaml", ".json", ".proof"))
+            assert hdplan.certify(hdplan.load_scene(scene), Trajectory.load(motion)).text == row["text"]
+            assert verify(scene, motion, proof).startswith("accepted")
+    assert Path("r/motions/%2E%2E/up.proof").is_file()
+
+
+def test_no_name_leads_out_of_the_folder_and_no_two_meet() -> None:
+    drawn, names = (
+        random.Random(6),
+        {"", ".", "..", "/", "//", "/a", "a", "a/", "%2E", "a\0b", "ü/ ", "a b", "..a", "con:x"},
+    )
+    names |= {"".join(drawn.choices("./a%", k=drawn.randrange(1, 6))) for _ in range(300)}
+    places = [place_of(Path("/run"), name) for name in names]
+    assert len({*map(str, places)}) == len(names)
+    assert all(os.path.normpath(place) == str(place) and place.is_relative_to("/run") for place in places)
+    assert all("\0" not in str(place) for place in places)
+
+
 # --- the command ------------------------------------------------------------------------------------------------
 
 
@@ -230,6 +270,23 @@ def test_the_command_plans_and_reports(command: Callable[..., tuple[int, str, st
     assert "bad.yaml:thekey'start'ismissing" in said
     assert command("batch", "--report", "r") == (1, out, "")
     assert command("batch", "planar_arm", "-o", "good")[0] == 0
+    Path("far.yaml").write_text(scene_text(ARM.with_goal([1.0, 9.0])))
+    code, out, err = command("batch", "far.yaml", "planar_arm", "-o", "files", "--motions", "files")
+    assert "hdplan view files/motions/far.yaml\n" in out
+    assert Path("files/motions/planar_arm.json").is_file()
+
+
+def test_a_run_is_exported_as_a_data_set(command: Callable[..., tuple[int, str, str]]) -> None:
+    limits = hdplan.Limits(velocity=2.0, acceleration=8.0)
+    timed = dataclasses.replace(ARM, timing=hdplan.Timing(), limits=limits)
+    timed.save("timed.yaml")
+    code, out, err = command("batch", "timed.yaml", "-o", "r", "--export", "lerobot", "--fps", "20")
+    assert (code, err) == (0, "")
+    assert "r/lerobot\n" in out
+    rows = read_rows(Path("r/results.parquet"))
+    frames = read_rows(Path("r/lerobot/data/chunk-000/file-000.parquet"))
+    assert len(frames) == int(np.ceil(rows[0]["motion_time"] * 20)) + 1
+    assert json.loads(Path("r/lerobot/meta/info.json").read_text())["robot_type"] == rows[0]["robot"]
 
 
 @pytest.mark.parametrize(
@@ -241,6 +298,14 @@ def test_the_command_plans_and_reports(command: Callable[..., tuple[int, str, st
         (["--report", "nowhere"], ["nowhere", "no folder of a run"]),
         (["no/*.yaml", "-o", "r"], ["no/*.yaml", "no such file"]),
         (["planar_arm", "-o", "r", "--workers", "0"], ["--workers", "at least 1", "'0'"]),
+        (
+            ["planar_arm", "-o", "r", "--workers", "1", "--scheduler", "tcp://x:1"],
+            ["--workers, --scheduler", "one of them"],
+        ),
+        (["planar_arm", "-o", "r", "--cluster", "no.yaml"], ["no.yaml: no such file"]),
+        (["planar_arm", "-o", "r", "--motions", "file"], ["motions", "'file'", "'files'"]),
+        (["planar_arm", "-o", "r", "--export", "lerobt"], ["export", "'lerobt'", "'lerobot'"]),
+        (["planar_arm", "-o", "r", "--export", "lerobot"], ["planar_arm", "no times", "`timing`"]),
         (["planar_arm", "-o", "r", "--solver", "ipop"], ["'ipop'", "'ipopt'"]),
         (["planar_arm", "-o", "r", "--time-limit", "nan"], ["--time-limit", "finite"]),
         (["planar_arm", "-o", "r", "--scene", "planar_arm"], ["--scene", "no source is a table"]),
@@ -300,10 +365,15 @@ def test_workers_that_are_killed_cost_no_result() -> None:
     driver = subprocess.Popen([*arguments, "killed"], stdout=subprocess.DEVNULL)
     drawn = random.Random(5)
     while driver.poll() is None:
-        time.sleep(drawn.uniform(2.0, 4.0))
-        with contextlib.suppress(psutil.NoSuchProcess):
-            (cluster,) = psutil.Process(driver.pid).children()
-            drawn.choice(cluster.children()).kill()
+        time.sleep(drawn.uniform(0.5, 2.0))
+        with contextlib.suppress(psutil.NoSuchProcess, OSError):
+            workers = [
+                each
+                for each in psutil.Process(driver.pid).children(recursive=True)
+                if "spawn_main" in str(each.cmdline())
+            ]
+            if workers and Path("killed/journal").stat().st_size:
+                drawn.choice(workers).kill()
     mine, whole = content("killed"), content("whole")
     unlike = [row for row, other in zip(mine[0], whole[0], strict=True) if row != other]
     assert all(row["cause"] == "ended" for row in unlike), "only one that was killed twice may be lost"

@@ -15,7 +15,7 @@ from hdplan.scenes.errors import InputError
 from hdplan.scenes.yaml_format.reader import load_scene
 from hdplan.scenes.yaml_format.writer import scene_text
 
-HEAD = "name,group,seed,start.joints.joint1,start.joints.joint2,goal.joints.joint1,goal.joints.joint2"
+HEAD = "name,group,seed,start.joints.shoulder,start.joints.elbow,goal.joints.shoulder,goal.joints.elbow"
 
 
 @pytest.fixture(autouse=True)
@@ -65,19 +65,19 @@ def test_seeds_are_each_problems_own_whatever_the_others_are() -> None:
 @pytest.mark.parametrize("ending", [".csv", ".parquet"])
 def test_tables_vary_a_scene(ending: str) -> None:
     rows = [
-        {"name": "one", "group": "g", "seed": 5, "start.joints.joint1": 0.25, "planner.waypoints": 16},
-        {"start.joints.joint1": -1, "start.joints.joint2": 0.5},
+        {"name": "one", "group": "g", "seed": 5, "start.joints.shoulder": 0.25, "planner.waypoints": 16},
+        {"start.joints.shoulder": -1, "start.joints.elbow": 0.5},
     ]
     if ending == ".parquet":
         Path("t.parquet").write_bytes(table_bytes(rows))
     else:
-        write("t.csv", "name,group,seed,start.joints.joint1,start.joints.joint2,planner.waypoints\n"
+        write("t.csv", "name,group,seed,start.joints.shoulder,start.joints.elbow,planner.waypoints\n"
               "one,g,5,0.25,,16\n,,,-1,0.5,\n")  # fmt: skip
     one, two = jobs_of(["t" + ending], "planar_arm")
     assert (one.name, one.group, one.seed) == ("one", "g", 5)
-    assert dict(one.fields) == {"start.joints.joint1": 0.25, "planner.waypoints": 16}
+    assert dict(one.fields) == {"start.joints.shoulder": 0.25, "planner.waypoints": 16}
     assert (two.name, two.group, two.seed) == ("t/000001", "planar_arm", 0)
-    assert dict(two.fields) == {"start.joints.joint1": -1, "start.joints.joint2": 0.5}
+    assert dict(two.fields) == {"start.joints.shoulder": -1, "start.joints.elbow": 0.5}
     assert one.load().planner.waypoints == 16
 
 

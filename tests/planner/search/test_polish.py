@@ -46,7 +46,7 @@ def smoothness(result: PlanResult) -> float:
         (load_scene("panda_cage"), smoothness),
         (load_scene("panda_grasp"), smoothness),  # several goals
         (timed("panda_bookshelf"), duration),
-        (load_scene("panda_conveyor"), duration),  # obstacles that move
+        pytest.param(load_scene("panda_conveyor"), smoothness, marks=pytest.mark.slow),  # obstacles that move
     ],
     ids=lambda value: getattr(value, "name", None),
 )
@@ -126,5 +126,7 @@ def test_nothing_is_tried_where_nothing_is_left_to_gain() -> None:
     """A straight line in free space is as quick as it gets."""
     certified: list[object] = []
     scene = dataclasses.replace(timed("panda_cage"), obstacles=())
-    plan(polished(scene, 50), report=lambda event: certified.append(event.certificate) if event.certificate else None)
+    plan(
+        polished(scene, ROUNDS), report=lambda event: certified.append(event.certificate) if event.certificate else None
+    )
     assert len(certified) == 1

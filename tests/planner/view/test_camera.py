@@ -64,6 +64,8 @@ def test_a_box_hides_what_the_way_to_it_crosses(seed: int) -> None:
         said = boxes.hide(eye, points)[:, index]
         grazes = inside.sum(axis=0) <= 2  # shorter than a step: either is right
         assert np.all((said == crossed) | grazes)
+        corners = np.array(np.meshgrid(*np.transpose([low, high]))).reshape(3, 8).T @ pose[:3, :3].T + pose[:3, 3]
+        np.testing.assert_allclose(boxes.lowest()[index], corners[:, 2].min())
 
 
 def test_it_looks_past_a_wall() -> None:

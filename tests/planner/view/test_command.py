@@ -55,7 +55,8 @@ def test_a_missing_viser_is_said_in_one_line(
         "no film": (["planar_arm", "--video", "film.gif"], "no motion to record"),
         "ending of a film": (["planar_arm", "m.json", "--video", "film.avi"], "allowed are .mp4, .gif"),
         "folder": (["planar_arm", "m.json", "--video", "none/film.gif"], "none"),
-        "both": (["planar_arm", "m.json", "--proof", "p.proof", "--record", "p.html"], "does not show proofs"),
+        "both": (["planar_arm", "m.json", "--proof", "p.proof", "--record", "p.html"], "--proof: is for the viewer"),
+        "no server": (["planar_arm", "m.json", "--video", "f.gif", "--port", "8081"], "--port: is for the viewer"),
     }.values(),
 )
 def test_bad_input_is_one_line(
@@ -79,13 +80,29 @@ def test_a_page_and_a_film_are_written_without_viser(
     page, film = tmp_path / "page.html", tmp_path / "film.gif"
     monkeypatch.setattr(importlib.util, "find_spec", without("viser"))
     monkeypatch.setattr("hdplan.planner.page.film.find_browser", lambda: None)
-    monkeypatch.setattr("hdplan.planner.page.film.RATES", {".gif": 2})
+    monkeypatch.setattr("hdplan.planner.page.film.RATES", {".gif": 1})
+    monkeypatch.setattr("hdplan.planner.page.film.SIZE", (320, 180))
     assert run(monkeypatch, "planar_arm", tmp_path / "motion.json", "--record", page, "--video", film) == 0
     said = "".join(capsys.readouterr().out.split())  # long names may be broken over lines
     assert f"written{page}" in said
     assert f"written{film},drawnbymatplotlib,asthereisnoChromiumorChrome" in said
     assert page.read_bytes().startswith(b"<!doctype html>")
     assert film.read_bytes().startswith(b"GIF89a")
+
+
+def test_a_film_that_is_interrupted_is_no_film(
+    trajectory: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It ends with the exit code of Ctrl-C, not with that of a film that was written, and leaves nothing."""
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    trajectory.save(tmp_path / "motion.json")
+    monkeypatch.setattr("hdplan.planner.page.film.find_browser", lambda: None)
+    monkeypatch.setattr("hdplan.planner.page.film._drawings", interrupted)
+    assert run(monkeypatch, "planar_arm", tmp_path / "motion.json", "--video", tmp_path / "film.gif") == 130
+    assert [path.name for path in tmp_path.iterdir()] == ["motion.json"]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no Ctrl-C for a child there")
