@@ -904,7 +904,7 @@ class World:
             at = self.control[:, :, self.names.index(name)]
             held = all(((at - numbers(x[name], 1, name)).size <= SAME).all() for x in sources)
             need(held, f"joint '{name}': moves, and is to be held")
-            low, high = (float(limit.get(x, 0)) for x in ("lower", "upper")) if limit is not None else (-np.inf, np.inf)
+            low, high = (float(limit.get(x, 0)) for x in ("lower", "upper")) if limit is not None else (np.nan, np.nan)
             ends = (-np.inf, np.inf) if kind == "continuous" else (low, high)
             kinds = (("velocity", "velocity"), ("torque", "effort")) if limit is not None else ()
             most = {key: float(limit.get(word, "nan")) for key, word in kinds}
@@ -1429,6 +1429,7 @@ def bonds_of_path(world: World) -> list[Bond]:
         one, other = world.link(keys["link"]), world.link(keys["to"])
         there = pose_of(keys["pose"], "path.relative") if "pose" in keys else None
         if there is None:
+            need(reached(world, "start"), "path.relative: the motion does not begin at the start")
             begin = Motion(world, np.array([[0.0, INSTANT]]))
             a, b = (compose((begin.turn[0, j], begin.at[0, j]), pose) for j, pose in (one, other))
             there = dot("ji,jk->ik", b[0], a[0]), dot("ji,j->i", b[0], a[1] - b[1])
@@ -1464,7 +1465,10 @@ def check_path(world: World) -> None:
         everywhere(bond.what, ["the link"], len(world.control.mid), off)
 
 
-def at_goal(world: World, goal: dict[str, Any]) -> bool:
+POSE = "link position quaternion_xyzw rpy position_tolerance orientation_tolerance free_rotation"
+
+
+def at_poses(world: World, goal: dict[str, Any]) -> bool:
     """Whether the motion ends at one of the poses of a goal, or at all of them."""
     every = [x["pose"] for x in listing(goal.get("all"), "goal.all")]
     some = [goal["pose"]] if "pose" in goal else listing(goal.get("poses"), "goal.poses")
@@ -1472,34 +1476,45 @@ def at_goal(world: World, goal: dict[str, Any]) -> bool:
     end = Motion(world, np.array([[count - INSTANT, count]]))
     met = []
     for i, each in enumerate(every or some):
-        keys = mapping(
-            each,
-            f"goal[{i}]",
-            "link position quaternion_xyzw rpy position_tolerance orientation_tolerance free_rotation",
-        )
-        need("link" in keys, "goal: names no link: cannot be checked")
+        keys = mapping(each, f"goal[{i}]", POSE)
         turned = {*keys} & {"rpy", "quaternion_xyzw"} or keys.get("free_rotation") == "all"
-        need(turned, "goal: has no orientation")
+        need("link" in keys and turned, "goal: names no link, or has no orientation: cannot be checked")
         pose = pose_of({x: keys[x] for x in ("position", "rpy", "quaternion_xyzw") if x in keys}, "goal")
         bonds = bonds_of_pose("goal", world.link(keys["link"]), (-1, pose), keys)
         met.append(all((end.apart(x) <= x.most).all() for x in bonds))
     return all(met) if every else any(met)
 
 
-def is_at(world: World, target: Any, row: Any, turned: bool) -> bool:
-    """Whether all joints are at a target; those that turn without limits may be whole turns away from it."""
-    joints = {x.name: x for x in world.joints[: len(row)]}
+def at_values(world: World, target: Any, end: str) -> bool:
+    """Whether the motion's end is at joint values, by name or in order; at a goal, joints that turn without limits may
+    be whole turns away from theirs."""
+    joints, row = world.joints[: world.rows.shape[1]], world.rows[0 if end == "start" else -1]
+    names = [x.name for x in joints]
     if not isinstance(target, dict):
-        target = dict(zip(joints, numbers(listing(target, "joints"), len(row), "joints").tolist(), strict=True))
-    here = {**world.held, **dict(zip(joints, row.tolist(), strict=True))}
-    need({*target} <= {*here} or world.top.get("from_request"), "start or goal: names a joint that is none")
+        target = dict(zip(names, numbers(listing(target, end), len(row), end).tolist(), strict=True))
+    here = {**world.held, **dict(zip(names, row.tolist(), strict=True))}
+    need({*target} <= {*here} or world.top.get("from_request"), f"{end}: names a joint that is none")
+    free = {x.name for x in joints if end == "goal" and x.turns and x.low == -np.inf == -x.high}
     for name, at in here.items():
-        off = at - float(numbers(target.get(name, world.held.get(name)), 1, f"joint '{name}'")[0])
-        if turned and name in joints and joints[name].turns and joints[name].low == -np.inf == -joints[name].high:
-            off -= 2 * np.pi * np.rint(off / (2 * np.pi))
+        off = at - float(numbers(target.get(name, world.held.get(name)), 1, f"{end}: joint '{name}'")[0])
+        off -= 2 * np.pi * np.rint(off / (2 * np.pi)) * (name in free)
         if abs(off) > SAME:
             return False
     return True
+
+
+def reached(world: World, end: str) -> bool:
+    """Whether the motion begins at the scene's start, or ends at its goal: one of several."""
+    asked = mapping(world.top.get(end), end, TARGETS)
+    need(len(asked) == 1, f"{end}: one of {TARGETS} is expected")
+    if end == "goal" and {*asked} & {"pose", "poses", "all"}:
+        return at_poses(world, asked)
+    state = world.states.get(str(asked.get("state")), {})
+    values: Any = asked.get("joints")
+    if "state" in asked:
+        values = [state.get(x.name) for x in world.joints[: world.rows.shape[1]]]
+    several = isinstance(values, list) and any(isinstance(x, (list, dict)) for x in values)
+    return any(at_values(world, x, end) for x in (values if several else [values]))
 
 
 def statement(world: World, head: dict[str, Any]) -> str:
@@ -1528,21 +1543,9 @@ def statement(world: World, head: dict[str, Any]) -> str:
             return ~((-above(-q.mid, reach) >= low) & (above(q.mid, reach) <= high))
 
         everywhere("limits.position", [f"joint '{x.name}'" for x in joints], len(world.curve.mid), outside)
-    for end, row in (("start", world.rows[0]), ("goal", world.rows[-1])):
+    for end in ("start", "goal"):
         if end in claims:
-            asked = mapping(top.get(end), end, TARGETS)
-            if end == "goal" and {*asked} & {"pose", "poses", "all"}:
-                need(len(asked) == 1 and at_goal(world, asked), "goal: the motion's end does not reach it")
-                continue
-            state = world.states.get(str(asked.get("state")), {})
-            target = [state.get(x.name) for x in joints] if "state" in asked else asked.get("joints")
-            several = (
-                target if isinstance(target, list) and any(isinstance(x, (list, dict)) for x in target) else [target]
-            )
-            need(
-                any(is_at(world, x, row, end == "goal") for x in several),
-                f"{end}: the motion's end is elsewhere, or is not one that can be checked",
-            )
+            need(reached(world, end), f"{end}: the motion's end is elsewhere")
     open_ = [x for x in ("limits", "start", "goal") if x not in claims]
     rated = {x: None for x in world.limits if x != "position"}
     rated |= {"velocity": None} if rated or top.get("timing") else {}

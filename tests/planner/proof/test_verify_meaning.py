@@ -237,3 +237,26 @@ def test_what_a_scene_asks_in_a_word_that_is_not_known_is_not_left_out(words: st
 
 def test_the_planner_s_keys_are_those_of_the_planner() -> None:
     assert checker.ASKING["planner"].split() == [each.name for each in dataclasses.fields(PlannerSettings)]
+
+
+def test_a_pose_at_the_start_is_one_at_the_scene_s_start(tmp_path: Path) -> None:
+    """What a link is to keep, where no pose is given."""
+    path = {"path": {"relative": {"link": "fore", "to": "base", "position_tolerance": 1, "orientation_tolerance": 3}}}
+    for start, good in (([0, 0.1], True), ([0, 0.2], False)):
+        two = files(tmp_path, {**path, "start": {"joints": start}})
+        if good:
+            assert "path" in claimed(*two, {}, "path")
+        else:
+            with pytest.raises(RejectedError, match="does not begin at the start"):
+                claimed(*two, {}, "path")
+
+
+def test_a_joint_without_the_limits_that_it_needs_is_within_none(tmp_path: Path) -> None:
+    for kind, good in (("continuous", True), ("revolute", False)):
+        urdf = URDF.replace('name="a" type="revolute"', f'name="a" type="{kind}"').replace(LIMIT.format(-2, 2), "")
+        two = files(tmp_path, {}, MOTION, urdf)
+        if good:
+            assert "limits" in claimed(*two, {}, "limits")
+        else:
+            with pytest.raises(RejectedError, match="'a' is beyond it"):
+                claimed(*two, {}, "limits")
