@@ -102,7 +102,7 @@ def write(rng: Random, folder: Path) -> bool:
     links = [f"l{i}" for i in range(count + 1)]
     (folder / "m.obj").write_text(TETRAHEDRON)
     (folder / "r.urdf").write_text(description)
-    pairs = [(rng.choice(links), rng.choice([*links, "tool", "none"])) for _ in range(3)]
+    pairs = [(rng.choice(links), rng.choice([links[1], "tool", "tool", "none"])) for _ in range(3)]
     words = "".join(f'<disable_collisions link1="{a}" link2="{b}"/>' for a, b in pairs)
     (folder / "r.srdf").write_text(f'<robot name="r">{words}</robot>')
     robot: dict[str, Any] = {"urdf": "r.urdf", "base": pose(rng), "ignore_pairs": [["l0", "l2"]][: rng.integers(2)]}
