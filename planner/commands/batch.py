@@ -25,6 +25,7 @@ from hdplan.planner.batch.run import FILES, JOURNAL, LEROBOT, export_lerobot, re
 from hdplan.planner.batch.sample import sample
 from hdplan.planner.batch.sources import TABLES, jobs_of
 from hdplan.planner.batch.tables import MOTIONS, RESULTS, row_of, table_bytes
+from hdplan.planner.pictures.plot import check_picture, write_picture
 from hdplan.planner.solvers import solver_named
 from hdplan.planner.terminal.console import counting, printing
 from hdplan.planner.terminal.tables import columns, table
@@ -46,6 +47,8 @@ def run_batch(
     time_limit: float,
     motions: str,
     proofs: bool,
+    diagnosed: bool,
+    plot: Path | None,
     export: str | None,
     fps: int,
 ) -> int:
@@ -57,6 +60,8 @@ def run_batch(
     check_installed()
     solver_named(solver)
     checked(Choice(("parquet", "files")), motions, "motions")
+    if plot is not None:
+        check_picture(plot)
     if export is not None:
         checked(Choice(("lerobot",)), export, "export")
     if [workers, scheduler, cluster].count(None) < 2:
@@ -70,13 +75,14 @@ def run_batch(
         def report(done: int, of: int, outcome: Outcome) -> None:
             count(done, of, outcome.certified, "" if outcome.certified else f"{outcome.problem}: {outcome.text}")
 
-        options = Options(solver, time_limit, files=proofs or motions == "files", proofs=proofs)
+        files = proofs or motions == "files"
+        options = Options(solver, time_limit, files=files, proofs=proofs, diagnose=diagnosed)
         complete = run_into(output, jobs, options, workers=crew, report=report, stop=stop)
     try:
         if export is not None and complete:
             export_lerobot(output, jobs, options, fps)
     finally:
-        code = show_report(output)
+        code = show_report(output, plot)
     return code
 
 
@@ -90,18 +96,24 @@ def _check_times(job: Job) -> None:
         raise InputError(f"--export lerobot: {job.name} and the like: {WITHOUT_TIMES}")
 
 
-def show_report(folder: Path) -> int:
-    """Print the report of a run. Returns the exit code: 0 if all of its problems are certified, else 1."""
+def show_report(folder: Path, plot: Path | None) -> int:
+    """Print the report of a run, and draw it. Returns the exit code: 0 if all of its problems are certified, else 1."""
+    if plot is not None:
+        check_picture(plot)
     of, found = read_run(folder)["problems"], read_journal(folder / JOURNAL)
     rows = [row_of(outcome) for outcome in found]
     certified = sum(outcome.certified for outcome in found)
     missing = f"; {of - len(rows)} of {of} are not planned yet" if len(rows) < of else ""
+    if plot is not None and rows:
+        from hdplan.planner.batch.sheet import run_sheet
+
+        write_picture(run_sheet(rows, folder.absolute().name), plot)
     with printing() as show:
         show(Text(f"{certified} of {len(rows)} problems certified{missing}", style="bold"))
         if rows:
             show(columns(groups_of(rows)))
         said = [row for failures in failures_of(rows) for row in _told(failures, folder)]
-        files = [folder / name for name in (RESULTS, MOTIONS, FILES, LEROBOT)]
+        files = [folder / name for name in (RESULTS, MOTIONS, FILES, LEROBOT)] + ([plot] if plot and rows else [])
         said += [("written", str(file)) for file in files if file.exists()]
         if said:
             show(table(said))
@@ -111,6 +123,7 @@ def show_report(folder: Path) -> int:
 def _told(failures: Failures, folder: Path) -> list[tuple[str, str]]:
     """Return rows on failures of one cause, with the command that shows one of them if its files are there."""
     told = [(f"{failures.count} failed", f"{failures.cause}, such as {failures.problem}: {failures.text}")]
+    told += [("helps", failures.advice)] if failures.advice else []
     place = str(place_of(folder / FILES, failures.problem))
     there = [place + ending for ending in (SCENE, MOTION) if os.path.isfile(place + ending)]
     return [*told, ("look", shlex.join(["hdplan", "view", *there]))] if there else told

@@ -19,6 +19,7 @@ import pytest
 
 import hdplan
 from hdplan.planner.batch import crew as crew_module
+from hdplan.planner.batch import outcome as outcome_module
 from hdplan.planner.batch.cluster_file import ClusterFile
 from hdplan.planner.batch.crew import crew, outcomes
 from hdplan.planner.batch.job import Job
@@ -74,7 +75,7 @@ def test_what_fails_costs_only_itself(two_workers: Any) -> None:
 def test_what_hangs_is_ended_from_outside(two_workers: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     from planted import PATIENCE, Hanging
 
-    monkeypatch.setattr(crew_module, "PATIENCE", PATIENCE)
+    monkeypatch.setattr(outcome_module, "PATIENCE", PATIENCE)
     jobs = [Hanging("hang", "g", ARM), *arms(2)]
     found = dict(outcomes(two_workers, enumerate(jobs), Options(time_limit=0.5)))
     assert (found[0].problem, found[0].status, found[0].cause) == ("hang", "failed", "hung")

@@ -184,6 +184,15 @@ def test_tables_hold_what_a_loop_finds(run_here: Callable[..., bool]) -> None:
             assert mine["joint"].to_pylist()[:2] == list(each.trajectory.joint_names)
 
 
+def test_a_diagnosis_is_part_of_the_row(run_here: Callable[..., bool]) -> None:
+    inside = ARM.with_goal([0.06, 0.0])  # the ball
+    run_here(Path("r"), [Job("in", "", inside), Job("free", "", ARM)], Options(diagnose=True))
+    blocked, free = read_rows(Path("r/results.parquet"))
+    assert (blocked["status"], blocked["cause"]) == ("refused", "end_in_contact")
+    assert blocked["advice"].startswith("within ")
+    assert (free["cause"], free["advice"]) == ("", None)
+
+
 def test_a_folder_holds_one_run(run_here: Callable[..., bool]) -> None:
     jobs = table(2)
     run_here(Path("r"), jobs, Options())
@@ -269,6 +278,9 @@ def test_the_command_plans_and_reports(command: Callable[..., tuple[int, str, st
     assert "1failedafileoravalueisnotasitshouldbe,suchasbad:" in said
     assert "bad.yaml:thekey'start'ismissing" in said
     assert command("batch", "--report", "r") == (1, out, "")
+    code, drawn, err = command("batch", "--report", "r", "--plot", "r.png")
+    assert (code, drawn, err) == (1, out + "  written   r.png\n", "")
+    assert Path("r.png").read_bytes().startswith(b"\x89PNG")
     assert command("batch", "planar_arm", "-o", "good")[0] == 0
     Path("far.yaml").write_text(scene_text(ARM.with_goal([1.0, 9.0])))
     code, out, err = command("batch", "far.yaml", "planar_arm", "-o", "files", "--motions", "files")
@@ -303,6 +315,7 @@ def test_a_run_is_exported_as_a_data_set(command: Callable[..., tuple[int, str, 
             ["--workers, --scheduler", "one of them"],
         ),
         (["planar_arm", "-o", "r", "--cluster", "no.yaml"], ["no.yaml: no such file"]),
+        (["planar_arm", "-o", "r", "--plot", "r.jpg"], ["r.jpg", "'.jpg'", ".png"]),
         (["planar_arm", "-o", "r", "--motions", "file"], ["motions", "'file'", "'files'"]),
         (["planar_arm", "-o", "r", "--export", "lerobt"], ["export", "'lerobt'", "'lerobot'"]),
         (["planar_arm", "-o", "r", "--export", "lerobot"], ["planar_arm", "no times", "`timing`"]),
