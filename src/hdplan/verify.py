@@ -62,9 +62,15 @@ EPS = 2.0**-53  # of rounding to nearest
 SAME, ROUNDED = 1e-6, 1e-9  # [rad or m] between the motion's end and the scene's; by which it may be beyond a limit
 
 RATES, TARGETS = ("velocity", "acceleration", "jerk"), "joints state pose poses all"
+ASKING = {  # sections that ask for clearances, and their keys
+    "self_collision": "clearance",
+    "planner": (
+        "waypoints clearance activation gamma shaping_length distance link_bodies swept normals polish objective"
+    ),
+}
 CLAIMS = {"clearance", "limits", "start", "goal", "torque", "path", *RATES}
 
-ASSUMES = """the URDF, SRDF and meshes are the robot: links are rigid, joints have no play
+ASSUMES = """URDF, SRDF and meshes are the robot: links are rigid, and their collision geometry; joints have no play
 the robot follows the curve of the trajectory's file, without rounding its corners
 obstacles are what and where the scene says, and move as it says; what a link holds is fixed to it
 joints that do not move stay where scene or trajectory hold them, or else where the proof says
@@ -646,9 +652,9 @@ class World:
 
     def wanted(self, section: str) -> float:
         """The clearance that a section of the scene asks for."""
-        said = self.top.get(section)
-        given = said.get("clearance") if isinstance(said, dict) else None
-        return float(numbers(given or 0.0, 1, f"{section}.clearance")[0])
+        said = self.top.get(section, {})
+        keys = {} if isinstance(said, bool) else mapping(said, section, ASKING[section])
+        return float(numbers(keys.get("clearance", 0.0), 1, f"{section}.clearance")[0])
 
     def file(self, key: str, path: Path) -> bytes:
         """Read a file and note its hash, which must be the proof's."""
@@ -679,6 +685,7 @@ class World:
             for rate, end in zip(rates, ends, strict=True):
                 if any(x.endswith(end) for x in columns):
                     said[rate] = np.transpose([columns[x + end] for x in self.names])
+        need(said.get("hdplan_trajectory", 1) == 1, f"{path}: not a hdplan trajectory, version 1")
         given = [np.array(said[key], dtype=np.float64) for key in rates if key in said]
         rule = ("", "linear", "cubic", "quintic")[len(given)]
         need(said.get("interpolation", rule) == rule, f"{path}: its interpolation is not that of its rows")
@@ -810,6 +817,8 @@ class World:
             self.at[child] = self.place(joint, *self.at[parent])
             waiting += below.get(child, [])
         need(len(self.at) == len(root.findall("link")), f"{urdf}: its links make no tree")
+        moved = {*self.held, *(x.name for x in self.joints)}
+        need({*(spec.get("locked") or {}), *self.locked} <= moved, "locked: names a joint that is none")
         for name, (other, scale, add) in self.followed.items():
             off = abs(self.held[name] - (scale * self.held[other] + add)) if other in self.held else 0.0
             need(off <= ROUNDED, f"joint '{name}': is held where it does not follow '{other}'")
@@ -849,6 +858,11 @@ class World:
                 self.carry(mass, link, at, solid_inertia(held["shape"], mass))
             touching = [str(x) for x in listing(held.get("touch_links"), "touch_links")]
             self.excused |= {frozenset((name, x)): "touch_links" for x in touching}
+
+    def link(self, name: Any) -> tuple[int, Pose]:
+        """Return the joint that carries a link, and where the link is in its frame."""
+        need(name in self.links, f"'{name}' is no link of the robot")
+        return self.at[name]
 
     def carry(self, mass: float, link: str, at: Pose, about: Ball | None) -> None:
         """Note a body on a link: where its centre is in the link's frame, its inertia about it along its axes."""
@@ -890,7 +904,7 @@ class World:
             at = self.control[:, :, self.names.index(name)]
             held = all(((at - numbers(x[name], 1, name)).size <= SAME).all() for x in sources)
             need(held, f"joint '{name}': moves, and is to be held")
-            low, high = (float(limit.get(x, 0)) for x in ("lower", "upper")) if limit is not None else (-np.inf, np.inf)
+            low, high = (float(limit.get(x, 0)) for x in ("lower", "upper")) if limit is not None else (np.nan, np.nan)
             ends = (-np.inf, np.inf) if kind == "continuous" else (low, high)
             kinds = (("velocity", "velocity"), ("torque", "effort")) if limit is not None else ()
             most = {key: float(limit.get(word, "nan")) for key, word in kinds}
@@ -1251,6 +1265,7 @@ def limits_of(world: World, name: str, joints: list[Joint]) -> Any:
     need(world.clock is not None, f"limits.{name}: the motion has no times")
     values = asked if isinstance(asked, dict) else {x.name: asked for x in joints}
     values = dict(zip([x.name for x in joints], asked, strict=True)) if isinstance(asked, list) else values
+    need({*values} <= {x.name for x in joints}, f"limits.{name}: names a joint that does not move")
     most = [values.get(x.name, "urdf") for x in joints]
     most = [x.most.get(name) if y == "urdf" else y for x, y in zip(joints, most, strict=True)]
     return numbers(most, len(joints), f"limits.{name}")
@@ -1393,26 +1408,28 @@ def bonds_of_path(world: World) -> list[Bond]:
             if isinstance(axis, str)
             else numbers(axis, 3, "axis")
         )
-        joint, pose = world.at[str(keys["link"])]
+        joint, pose = world.link(keys["link"])
         most = chord(float(numbers(keys.get("tolerance", 0.1), 1, "path.upright")[0]))
         local = dot("ij,j->i", pose[0], unit(axis))[None]
         found.append(Bond("path.upright", joint, local, -1, Ball(np.eye(3)[2:]), most, True))
     if "position" in path:
         keys = mapping(path["position"], "path.position", "link size position rpy quaternion_xyzw point")
-        joint, pose = world.at[str(keys["link"])]
+        joint, pose = world.link(keys["link"])
         turn, centre = pose_of(
             {x: keys[x] for x in ("position", "rpy", "quaternion_xyzw") if x in keys}, "path.position"
         )
         local = (dot("ij,j->i", pose[0], numbers(keys.get("point", 0.0), 3, "path.position")) + pose[1])[None]
+        need(len(keys["size"]) == 3, "path.position.size: three numbers are expected")
         for i, size in enumerate(keys["size"]):
             if size != np.inf:
                 most = float(numbers(size, 1, "path.position")[0]) / 2 + ROUNDED
                 found.append(Bond("path.position", joint, local, -1, centre[None], most, along=turn[:, i]))
     if "relative" in path:
         keys = mapping(path["relative"], "path.relative", "link to pose position_tolerance orientation_tolerance")
-        one, other = world.at[str(keys["link"])], world.at[str(keys["to"])]
+        one, other = world.link(keys["link"]), world.link(keys["to"])
         there = pose_of(keys["pose"], "path.relative") if "pose" in keys else None
         if there is None:
+            need(reached(world, "start"), "path.relative: the motion does not begin at the start")
             begin = Motion(world, np.array([[0.0, INSTANT]]))
             a, b = (compose((begin.turn[0, j], begin.at[0, j]), pose) for j, pose in (one, other))
             there = dot("ji,jk->ik", b[0], a[0]), dot("ji,j->i", b[0], a[1] - b[1])
@@ -1448,7 +1465,10 @@ def check_path(world: World) -> None:
         everywhere(bond.what, ["the link"], len(world.control.mid), off)
 
 
-def at_goal(world: World, goal: dict[str, Any]) -> bool:
+POSE = "link position quaternion_xyzw rpy position_tolerance orientation_tolerance free_rotation"
+
+
+def at_poses(world: World, goal: dict[str, Any]) -> bool:
     """Whether the motion ends at one of the poses of a goal, or at all of them."""
     every = [x["pose"] for x in listing(goal.get("all"), "goal.all")]
     some = [goal["pose"]] if "pose" in goal else listing(goal.get("poses"), "goal.poses")
@@ -1456,30 +1476,45 @@ def at_goal(world: World, goal: dict[str, Any]) -> bool:
     end = Motion(world, np.array([[count - INSTANT, count]]))
     met = []
     for i, each in enumerate(every or some):
-        keys = mapping(
-            each,
-            f"goal[{i}]",
-            "link position quaternion_xyzw rpy position_tolerance orientation_tolerance free_rotation",
-        )
-        need("link" in keys, "goal: names no link: cannot be checked")
+        keys = mapping(each, f"goal[{i}]", POSE)
+        turned = {*keys} & {"rpy", "quaternion_xyzw"} or keys.get("free_rotation") == "all"
+        need("link" in keys and turned, "goal: names no link, or has no orientation: cannot be checked")
         pose = pose_of({x: keys[x] for x in ("position", "rpy", "quaternion_xyzw") if x in keys}, "goal")
-        bonds = bonds_of_pose("goal", world.at[str(keys["link"])], (-1, pose), keys)
+        bonds = bonds_of_pose("goal", world.link(keys["link"]), (-1, pose), keys)
         met.append(all((end.apart(x) <= x.most).all() for x in bonds))
     return all(met) if every else any(met)
 
 
-def is_at(world: World, target: Any, row: Any, turned: bool) -> bool:
-    """Whether all joints are at a target; those that turn without limits may be whole turns away from it."""
-    joints = {x.name: x for x in world.joints[: len(row)]}
+def at_values(world: World, target: Any, end: str) -> bool:
+    """Whether the motion's end is at joint values, by name or in order; at a goal, joints that turn without limits may
+    be whole turns away from theirs."""
+    joints, row = world.joints[: world.rows.shape[1]], world.rows[0 if end == "start" else -1]
+    names = [x.name for x in joints]
     if not isinstance(target, dict):
-        target = dict(zip(joints, numbers(listing(target, "joints"), len(row), "joints").tolist(), strict=True))
-    for name, at in {**world.held, **dict(zip(joints, row.tolist(), strict=True))}.items():
-        off = at - float(numbers(target.get(name, world.held.get(name)), 1, f"joint '{name}'")[0])
-        if turned and name in joints and joints[name].turns and joints[name].low == -np.inf == -joints[name].high:
-            off -= 2 * np.pi * np.rint(off / (2 * np.pi))
+        target = dict(zip(names, numbers(listing(target, end), len(row), end).tolist(), strict=True))
+    here = {**world.held, **dict(zip(names, row.tolist(), strict=True))}
+    need({*target} <= {*here} or world.top.get("from_request"), f"{end}: names a joint that is none")
+    free = {x.name for x in joints if end == "goal" and x.turns and x.low == -np.inf == -x.high}
+    for name, at in here.items():
+        off = at - float(numbers(target.get(name, world.held.get(name)), 1, f"{end}: joint '{name}'")[0])
+        off -= 2 * np.pi * np.rint(off / (2 * np.pi)) * (name in free)
         if abs(off) > SAME:
             return False
     return True
+
+
+def reached(world: World, end: str) -> bool:
+    """Whether the motion begins at the scene's start, or ends at its goal: one of several."""
+    asked = mapping(world.top.get(end), end, TARGETS)
+    need(len(asked) == 1, f"{end}: one of {TARGETS} is expected")
+    if end == "goal" and {*asked} & {"pose", "poses", "all"}:
+        return at_poses(world, asked)
+    state = world.states.get(str(asked.get("state")), {})
+    values: Any = asked.get("joints")
+    if "state" in asked:
+        values = [state.get(x.name) for x in world.joints[: world.rows.shape[1]]]
+    several = isinstance(values, list) and any(isinstance(x, (list, dict)) for x in values)
+    return any(at_values(world, x, end) for x in (values if several else [values]))
 
 
 def statement(world: World, head: dict[str, Any]) -> str:
@@ -1508,21 +1543,9 @@ def statement(world: World, head: dict[str, Any]) -> str:
             return ~((-above(-q.mid, reach) >= low) & (above(q.mid, reach) <= high))
 
         everywhere("limits.position", [f"joint '{x.name}'" for x in joints], len(world.curve.mid), outside)
-    for end, row in (("start", world.rows[0]), ("goal", world.rows[-1])):
+    for end in ("start", "goal"):
         if end in claims:
-            asked = mapping(top.get(end), end, TARGETS)
-            if end == "goal" and {*asked} & {"pose", "poses", "all"}:
-                need(len(asked) == 1 and at_goal(world, asked), "goal: the motion's end does not reach it")
-                continue
-            state = world.states.get(str(asked.get("state")), {})
-            target = [state.get(x.name) for x in joints] if "state" in asked else asked.get("joints")
-            several = (
-                target if isinstance(target, list) and any(isinstance(x, (list, dict)) for x in target) else [target]
-            )
-            need(
-                any(is_at(world, x, row, end == "goal") for x in several),
-                f"{end}: the motion's end is elsewhere, or is not one that can be checked",
-            )
+            need(reached(world, end), f"{end}: the motion's end is elsewhere")
     open_ = [x for x in ("limits", "start", "goal") if x not in claims]
     rated = {x: None for x in world.limits if x != "position"}
     rated |= {"velocity": None} if rated or top.get("timing") else {}

@@ -4,6 +4,7 @@ hdplan certifies is accepted whole."""
 from __future__ import annotations
 
 import copy
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import pytest
 
 import hdplan
 from hdplan import verify as checker
+from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.verify import RejectedError, World
 
 LINK = """<link name="{0}">
@@ -63,6 +65,7 @@ ELSEWHERE = {
         {"joint_names": ["a", "b", "grip"], "positions": [[0, 0.1, 0.02], [0.5, 0.5, 0.05]]},
     ),
     "a moving joint that the motion locks": ({}, {"locked": {"b": 0.1}}),
+    "a joint of the motion that is none": ({}, {"locked": {"grip": 0.02, "gripp": 0.05}}),
     "a joint that does not get to its goal": (
         {"start": {"joints": {"a": 0, "b": 0.1}}, "goal": {"joints": {"a": 0.5, "b": 0.5}}},
         {"joint_names": ["a"], "positions": [[0], [0.5]]},
@@ -75,7 +78,7 @@ def test_a_joint_is_not_at_two_places(kind: str, tmp_path: Path) -> None:
     scene, motion = files(tmp_path, ELSEWHERE[kind][0], {**MOTION, **ELSEWHERE[kind][1]})
     with pytest.raises(hdplan.InputError):
         hdplan.certify(hdplan.load_scene(scene), hdplan.Trajectory.load(motion))
-    with pytest.raises(RejectedError, match=r"joint '(grip|b)'|goal"):
+    with pytest.raises(RejectedError, match=r"joint '(grip|b)'|goal|a joint that is none"):
         claimed(scene, motion, {}, "start", "goal")
 
 
@@ -206,3 +209,55 @@ def test_a_name_does_not_look_like_a_line_of_the_statement(tmp_path: Path) -> No
     two = files(tmp_path, {}, MOTION, URDF.replace('"finger"', '"finger&#10;  also proven: torque"'))
     assert "also proven" not in [line.strip()[:11] for line in claimed(*two).splitlines()]
     assert str(RejectedError("a\u2028b\x1b[2K\nc")) == "a b?[2K c"
+
+
+MISSPELT: dict[str, dict[str, Any]] = {
+    "planner": {"planner": {"clearence": 0.1}},
+    "self_collision": {"self_collision": {"clearence": 0.1}},
+    "limits": {"limits": {"velocity": {"aa": 0.1}}},
+    "goal": {"goal": {"joints": {"a": 0.5, "b": 0.5, "gripp": 0.05}}},
+    "start": {"start": {"joints": {"a": 0, "b": 0.1, "gripp": 0.05}}},
+    "locked": {"robot": {**SCENE["robot"], "locked": {"grip": 0.02, "gripp": 0.02}}},
+    "path.position": {"path": {"position": {"link": "fore", "size": [9, 9]}}},
+    "'tool' is no link": {
+        "attached": [{"name": "tool", "link": "fore", "shape": {"type": "sphere", "radius": 0.01}}],
+        "path": {"upright": {"link": "tool", "tolerance": 3}},
+    },
+}
+
+
+@pytest.mark.parametrize("words", MISSPELT)
+def test_what_a_scene_asks_in_a_word_that_is_not_known_is_not_left_out(words: str, tmp_path: Path) -> None:
+    timed = {**MOTION, "times": [0, 2], "velocities": [[0, 0], [0, 0]]}
+    two = files(tmp_path, {"timing": {"duration": 2}, **MISSPELT[words]}, timed)
+    with pytest.raises(hdplan.InputError):
+        hdplan.certify(hdplan.load_scene(two[0]), hdplan.Trajectory.load(two[1]))
+    with pytest.raises(RejectedError, match=words):
+        claimed(*two, {}, "start", "goal", "velocity", "path")
+
+
+def test_the_planner_s_keys_are_those_of_the_planner() -> None:
+    assert checker.ASKING["planner"].split() == [each.name for each in dataclasses.fields(PlannerSettings)]
+
+
+def test_a_pose_at_the_start_is_one_at_the_scene_s_start(tmp_path: Path) -> None:
+    """What a link is to keep, where no pose is given."""
+    path = {"path": {"relative": {"link": "fore", "to": "base", "position_tolerance": 1, "orientation_tolerance": 3}}}
+    for start, good in (([0, 0.1], True), ([0, 0.2], False)):
+        two = files(tmp_path, {**path, "start": {"joints": start}})
+        if good:
+            assert "path" in claimed(*two, {}, "path")
+        else:
+            with pytest.raises(RejectedError, match="does not begin at the start"):
+                claimed(*two, {}, "path")
+
+
+def test_a_joint_without_the_limits_that_it_needs_is_within_none(tmp_path: Path) -> None:
+    for kind, good in (("continuous", True), ("revolute", False)):
+        urdf = URDF.replace('name="a" type="revolute"', f'name="a" type="{kind}"').replace(LIMIT.format(-2, 2), "")
+        two = files(tmp_path, {}, MOTION, urdf)
+        if good:
+            assert "limits" in claimed(*two, {}, "limits")
+        else:
+            with pytest.raises(RejectedError, match="'a' is beyond it"):
+                claimed(*two, {}, "limits")
