@@ -818,7 +818,7 @@ class World:
             waiting += below.get(child, [])
         need(len(self.at) == len(root.findall("link")), f"{urdf}: its links make no tree")
         moved = {*self.held, *(x.name for x in self.joints)}
-        need({*(spec.get("locked") or {})} <= moved, "robot.locked: names a joint that is none")
+        need({*(spec.get("locked") or {}), *self.locked} <= moved, "locked: names a joint that is none")
         for name, (other, scale, add) in self.followed.items():
             off = abs(self.held[name] - (scale * self.held[other] + add)) if other in self.held else 0.0
             need(off <= ROUNDED, f"joint '{name}': is held where it does not follow '{other}'")

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import dask
 import numpy as np
 import psutil
 import pytest
@@ -70,6 +71,11 @@ def test_what_fails_costs_only_itself(two_workers: Any) -> None:
     assert "no/such.yaml: no such file" in found[7].text
     assert all(found[i].problem == job.name and "\n" not in found[i].text for i, job in enumerate(jobs))
     assert all(same(found[i], solve(jobs[i], Options())) for i in range(8) if i not in planted)
+
+
+def test_workers_keep_no_samples_of_themselves(two_workers: Any) -> None:
+    """By default dask's profiler takes a quarter of a megabyte each second, for hours."""
+    assert set(two_workers.run(dask.config.get, "distributed.worker.profile.enabled").values()) == {False}
 
 
 def test_what_hangs_is_ended_from_outside(two_workers: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -65,6 +65,7 @@ ELSEWHERE = {
         {"joint_names": ["a", "b", "grip"], "positions": [[0, 0.1, 0.02], [0.5, 0.5, 0.05]]},
     ),
     "a moving joint that the motion locks": ({}, {"locked": {"b": 0.1}}),
+    "a joint of the motion that is none": ({}, {"locked": {"grip": 0.02, "gripp": 0.05}}),
     "a joint that does not get to its goal": (
         {"start": {"joints": {"a": 0, "b": 0.1}}, "goal": {"joints": {"a": 0.5, "b": 0.5}}},
         {"joint_names": ["a"], "positions": [[0], [0.5]]},
@@ -77,7 +78,7 @@ def test_a_joint_is_not_at_two_places(kind: str, tmp_path: Path) -> None:
     scene, motion = files(tmp_path, ELSEWHERE[kind][0], {**MOTION, **ELSEWHERE[kind][1]})
     with pytest.raises(hdplan.InputError):
         hdplan.certify(hdplan.load_scene(scene), hdplan.Trajectory.load(motion))
-    with pytest.raises(RejectedError, match=r"joint '(grip|b)'|goal"):
+    with pytest.raises(RejectedError, match=r"joint '(grip|b)'|goal|a joint that is none"):
         claimed(scene, motion, {}, "start", "goal")
 
 
@@ -216,7 +217,7 @@ MISSPELT: dict[str, dict[str, Any]] = {
     "limits": {"limits": {"velocity": {"aa": 0.1}}},
     "goal": {"goal": {"joints": {"a": 0.5, "b": 0.5, "gripp": 0.05}}},
     "start": {"start": {"joints": {"a": 0, "b": 0.1, "gripp": 0.05}}},
-    "robot.locked": {"robot": {**SCENE["robot"], "locked": {"grip": 0.02, "gripp": 0.02}}},
+    "locked": {"robot": {**SCENE["robot"], "locked": {"grip": 0.02, "gripp": 0.02}}},
     "path.position": {"path": {"position": {"link": "fore", "size": [9, 9]}}},
     "'tool' is no link": {
         "attached": [{"name": "tool", "link": "fore", "shape": {"type": "sphere", "radius": 0.01}}],
