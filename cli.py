@@ -83,6 +83,7 @@ def plan(
     time_limit: given.TimeLimit = None,
     plot: given.Sheet = None,
     proof: given.ProofToWrite = None,
+    diagnose: given.Diagnose = False,
     as_json: given.AsJson = False,
     quiet: given.Quiet = False,
 ) -> None:
@@ -104,6 +105,7 @@ def plan(
         output=output,
         plot=plot,
         proof=proof,
+        diagnosed=diagnose,
         solver=solver,
         distance=distance,
         seed=seed,
@@ -303,6 +305,10 @@ def batch(
     time_limit: given.EachTimeLimit = 60.0,
     motions: given.MotionsAs = "parquet",
     proof: given.Proofs = False,
+    diagnose: given.Diagnose = False,
+    export: given.Export = None,
+    fps: given.Rate = 30,
+    plot: given.RunSheet = None,
     report: given.Report = None,
 ) -> None:
     """Plan many problems on every core, or on a cluster.
@@ -321,7 +327,7 @@ def batch(
     if report is not None:
         if sources or output is not None:
             raise typer.BadParameter("--report RUN takes no SOURCE and no --output")
-        raise typer.Exit(show_report(report))
+        raise typer.Exit(show_report(report, plot))
     if not sources or output is None:
         raise typer.BadParameter("needs SOURCE and --output RUN, or --report RUN")
     code = run_batch(
@@ -336,6 +342,10 @@ def batch(
         time_limit=time_limit,
         motions=motions,
         proofs=proof,
+        diagnosed=diagnose,
+        plot=plot,
+        export=export,
+        fps=fps,
     )
     raise typer.Exit(code)
 

@@ -8,8 +8,9 @@ first scene's page half-way, as chromium draws it.
 
 With --drag, a scripted mouse in chromium drags the post of a Panda's scene of 20 obstacles to and fro, through pixels,
 while the motion plays: certified motions a second; the time from a move's arrival to the certified motion shown for it;
-and the slider's frames a second. The page does all it does but fill triangles, which a graphics card does elsewhere and
-here would take the processor that is measured. Pictures and dragging need chromium and playwright.
+the slider's frames a second; and how much of the processor the server gets. The page does all it does but fill
+triangles, which a graphics card does elsewhere and here would take the processor that is measured. Pictures and
+dragging need chromium and playwright.
 """
 
 from __future__ import annotations
@@ -136,12 +137,13 @@ def drag(seconds: float) -> dict[str, str]:
         page.mouse.down()
         viewer.panel.player.speed.value = "0.25"
         viewer.panel.player.play()
-        shown, began = Shown(viewer), time.perf_counter()
+        shown, began, processor = Shown(viewer), time.perf_counter(), time.process_time()
         while (spent := time.perf_counter() - began) < seconds:
             share = 0.5 - 0.5 * np.cos(2 * np.pi * spent / PERIOD)
             page.mouse.move(*(begin + share * (along[2] - along[0])))
             if not viewer.panel.player.playing:
                 viewer.panel.player.play()
+        processor = time.process_time() - processor
         page.mouse.up()
     viewer.close()
     median, p95 = np.percentile(shown.waits, [50, 95])
@@ -151,6 +153,7 @@ def drag(seconds: float) -> dict[str, str]:
         "certified motions a second": f"{len(shown.waits) / spent:.1f}",
         "latency median / p95 [ms]": f"{1e3 * median:.0f} / {1e3 * p95:.0f}",
         "the slider's frames a second": f"{shown.frames / spent:.0f}",
+        "processor of the server [s/s]": f"{processor / spent:.2f}",
     }
 
 

@@ -23,7 +23,7 @@ from hdplan.planner.search.warm_start import MOVED, rows_of, warm_start
 from hdplan.planner.solvers import solver_named
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.deadline import check_time, seconds_left
-from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.errors import UnsolvableError, naming
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import Goals, JointTarget
 from hdplan.scenes.values import Number, Whole, checked, instance
@@ -94,7 +94,7 @@ def plan(
     if retimer is not None:
         hurried = [retimer.too_short(problem.start, problem.goal) for problem in problems]
         if all(hurried):
-            raise InputError(f"{scene.source}: {hurried[0]}")
+            raise UnsolvableError(f"{scene.source}: {hurried[0]}", "too_hurried")
     built = time.perf_counter()
 
     check_time("building the problem")

@@ -26,6 +26,20 @@ class InputError(HdplanError):
     """Bad input: a file, a field, a name or a number. The command line ends with exit code 2."""
 
 
+class UnsolvableError(InputError):
+    """A problem that is well written and cannot be solved as it stands: `cause` is a word for why, such as
+    "end_in_contact"."""
+
+    def __init__(self, text: str, cause: str) -> None:
+        """Take the message and the cause."""
+        super().__init__(text)
+        self.cause = cause
+
+    def __reduce__(self) -> tuple[type, tuple[str, str]]:
+        """Pickle both."""
+        return type(self), (self.args[0], self.cause)
+
+
 class OutOfTime(HdplanError):
     """The time limit passed before anything was found. The command line ends with exit code 1."""
 
@@ -78,5 +92,7 @@ def naming(where: object) -> Iterator[None]:
     """Prefix every InputError of the block with the file being read: ``where: error``."""
     try:
         yield
+    except UnsolvableError as error:
+        raise UnsolvableError(f"{where}: {error}", error.cause) from None
     except InputError as error:
         raise InputError(f"{where}: {error}") from None

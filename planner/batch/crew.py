@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from hdplan.planner.batch.cluster_file import ClusterFile
 from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.local_cluster import SETTINGS
-from hdplan.planner.batch.outcome import PATIENCE, Options, Outcome, failed, solve
+from hdplan.planner.batch.outcome import Options, Outcome, failed, solve
 from hdplan.scenes.errors import InputError
 
 if TYPE_CHECKING:
@@ -119,8 +119,8 @@ def _lost(job: Job, result: Any, seconds: float, options: Options) -> Outcome:
     """Return the outcome of a problem that came back as an error of dask's."""
     error = result[1] if isinstance(result, tuple) and len(result) > 1 else result
     if type(error).__name__ == "KilledWorker":
-        if seconds > 2 * (options.time_limit * PATIENCE[0] + PATIENCE[1]):
-            return failed(job, "hung", f"it did not return within {PATIENCE[0]:g} times its time limit, tried twice")
+        if seconds > 2 * options.longest:
+            return failed(job, "hung", f"it did not return within {options.longest:g} s, tried twice")
         return failed(job, "ended", "its process ended twice: a crash, or more memory than the worker has")
     words = " ".join(f"{type(error).__name__}: {error}".split())
     return failed(job, "internal", f"the cluster could not run it ({words})")

@@ -13,6 +13,7 @@ SETTINGS = {
     "distributed.scheduler.allowed-failures": 1,  # a problem whose worker dies is tried once more
     "distributed.scheduler.worker-saturation": 1.0,  # a worker is given one problem, the scheduler keeps the others
     "distributed.worker.daemon": False,  # a compiler is a process of its own
+    "distributed.worker.profile.enabled": False,  # its samples take a quarter of a megabyte each second
     "distributed.admin.tick.limit": "1h",  # no warnings of a busy machine
 }
 

@@ -8,21 +8,23 @@ import platform
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import metadata
 from typing import Any
 
 import numpy as np
 
-from hdplan.planner.batch.causes import cause_of_refusal, cause_of_verdict
 from hdplan.planner.batch.files import motion_file, proven, scene_file
 from hdplan.planner.batch.job import Job
+from hdplan.planner.causes import cause_of_refusal, cause_of_verdict
+from hdplan.planner.diagnosis import MOST_TOGETHER, diagnose
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
 from hdplan.scenes.deadline import time_limit as limited
 from hdplan.scenes.errors import HdplanError
+from hdplan.scenes.scene import Scene
 
 PATIENCE = 2.0, 10.0  # times the limit, and [s] more, after which a process that does not return is ended
 
@@ -35,6 +37,12 @@ class Options:
     time_limit: float = 60.0  # [s] for everything that a problem needs
     files: bool = False  # also scene and motion as files
     proofs: bool = False  # and the proof of it, if there is one
+    diagnose: bool = False  # and what would help, where there is no certified motion
+
+    @property
+    def longest(self) -> float:
+        """Time after which a process that does not return is ended [s]."""
+        return PATIENCE[0] * self.time_limit + PATIENCE[1] + (MOST_TOGETHER if self.diagnose else 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +68,8 @@ def solve(job: Job, options: Options) -> Outcome:
     and a problem that does not return long after its time limit."""
     began = time.perf_counter()
     files: dict[str, bytes] = {}
-    with _ended_from_outside(options.time_limit):
+    scene = None
+    with _ended_from_outside(options.longest):
         try:
             with limited(options.time_limit):
                 scene = job.load()
@@ -71,13 +80,25 @@ def solve(job: Job, options: Options) -> Outcome:
                 if options.files:
                     files |= motion_file(result.trajectory)
                 proof = proven(files) if options.proofs and result.certified else None
+            outcome = _of_result(job, result, read, proof, files)
+            return outcome if outcome.certified else _diagnosed(outcome, scene, result, job, options)
         except HdplanError as error:
-            return _without_motion(job, "refused", cause_of_refusal(error), str(error), began, files)
+            outcome = _without_motion(job, "refused", cause_of_refusal(error), str(error), began, files)
+            return outcome if scene is None else _diagnosed(outcome, scene, error, job, options)
         except Exception as error:
             words = " ".join(f"{type(error).__name__}: {error}".split())
             said = f"internal error, please report it: {words}"
             return _without_motion(job, "error", "internal", said, began, files)
-    return _of_result(job, result, read, proof, files)
+
+
+def _diagnosed(
+    outcome: Outcome, scene: Scene, failure: PlanResult | HdplanError, job: Job, options: Options
+) -> Outcome:
+    """Return an outcome with its cause found out and what would help, where that is asked for."""
+    if not options.diagnose:
+        return outcome
+    found = diagnose(scene, failure, solver=options.solver, seed=job.seed, time_limit=options.time_limit)
+    return replace(outcome, cause=found.cause, figures={**outcome.figures, "advice": found.advice})
 
 
 def failed(job: Job, cause: str, text: str) -> Outcome:
@@ -125,9 +146,9 @@ def _versions() -> str:
 
 @contextmanager
 def _ended_from_outside(seconds: float) -> Iterator[None]:
-    """End this process if the block takes far longer than it may: by a thread of C, which waits for no interpreter."""
+    """End this process if the block takes longer: by a thread of C, which waits for no interpreter."""
     with open(os.devnull, "w") as nowhere:
-        faulthandler.dump_traceback_later(seconds * PATIENCE[0] + PATIENCE[1], exit=True, file=nowhere)
+        faulthandler.dump_traceback_later(seconds, exit=True, file=nowhere)
         try:
             yield
         finally:

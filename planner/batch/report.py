@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hdplan.planner.batch.causes import CAUSES
+from hdplan.planner.causes import CAUSES
 from hdplan.planner.studies.report import Cell
 
 PHASES = ("load", "build", "compile", "solve", "certify")
@@ -51,6 +51,7 @@ class Failures:
     count: int
     problem: str  # one of them, to look at
     text: str  # what it says
+    advice: str  # what would help it, where that was tried
 
 
 def failures_of(rows: Rows) -> list[Failures]:
@@ -60,7 +61,10 @@ def failures_of(rows: Rows) -> list[Failures]:
         if row["status"] != "certified":
             causes[row["cause"]].append(row)
     ordered = sorted(causes.items(), key=lambda each: -len(each[1]))
-    return [Failures(CAUSES[code], len(some), some[0]["problem"], some[0]["text"]) for code, some in ordered]
+    return [
+        Failures(CAUSES[code], len(some), some[0]["problem"], some[0]["text"], some[0]["advice"] or "")
+        for code, some in ordered
+    ]
 
 
 def _quantile(values: Sequence[float], share: float = 0.5) -> float | str:

@@ -21,6 +21,7 @@ from hdplan.planner.batch.crew import Workers, crew, outcomes
 from hdplan.planner.batch.files import write_files
 from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.journal import Journal
+from hdplan.planner.batch.lerobot import write_lerobot
 from hdplan.planner.batch.outcome import Options, Outcome
 from hdplan.planner.batch.tables import write_tables
 from hdplan.scenes.errors import InputError
@@ -28,7 +29,7 @@ from hdplan.scenes.files import read_file
 from hdplan.scenes.output import write_output
 from hdplan.scenes.values import FilePath
 
-RUN, JOURNAL, FILES = "run.json", "journal", "motions"
+RUN, JOURNAL, FILES, LEROBOT = "run.json", "journal", "motions", "lerobot"
 
 
 def run_into(
@@ -46,8 +47,7 @@ def run_into(
     with what is there. Returns whether all problems are done. Raises InputError if the folder holds another run, or
     cannot be written.
     """
-    said = {"hdplan": metadata.version("hdplan"), "problems": len(jobs), "sha256": _identity(jobs), **asdict(options)}
-    with claimed(folder, said) as journal:
+    with claimed(folder, jobs, options) as journal:
         left = [(i, each) for i, each in enumerate(jobs) if i not in journal.places]
         try:
             if left and not stop():
@@ -63,9 +63,19 @@ def run_into(
         return len(journal.places) == len(jobs)
 
 
+def export_lerobot(folder: Path, jobs: Sequence[Job], options: Options, fps: int) -> int:
+    """Make a data set of a run's certified motions, in its folder `lerobot`. Returns the number of episodes, and raises
+    InputError as `write_lerobot`."""
+    with claimed(folder, jobs, options) as journal:
+        groups = ((outcome, jobs[number].group) for number, outcome in journal)
+        told = ((outcome, f"move from start to goal{group and f' in {group}'}") for outcome, group in groups)
+        return write_lerobot(folder / LEROBOT, told, fps)
+
+
 @contextlib.contextmanager
-def claimed(folder: Path, said: dict[str, object]) -> Iterator[Journal]:
+def claimed(folder: Path, jobs: Sequence[Job], options: Options) -> Iterator[Journal]:
     """Yield the journal of a run, which no other process has at the same time. Raises InputError."""
+    said = {"hdplan": metadata.version("hdplan"), "problems": len(jobs), "sha256": _identity(jobs), **asdict(options)}
     about = folder / RUN
     try:
         folder.mkdir(parents=True, exist_ok=True)

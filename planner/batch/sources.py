@@ -49,7 +49,7 @@ def jobs_of(sources: Sequence[str], scene: str | None = None, seed: int = 0) -> 
             found.append(_of_file(path, path.stem, "", seed))
         else:
             files = sorted(Path(file) for file in glob.glob(source, recursive=True) if os.path.isfile(file))
-            found += [_of_file(file, str(file.with_suffix("")), str(file.parent), seed) for file in files]
+            found += [_of_file(file, str(file.with_suffix("")), _group(file), seed) for file in files]
             if not files:
                 raise InputError(f"{source}: no such file, folder, pattern of files or shipped scene")
     name, count = Counter(each.name for each in found).most_common(1)[0]
@@ -77,6 +77,10 @@ def _folder(folder: Path, begin: str, seed: int) -> list[Job]:
     inner = [(file, file.relative_to(folder)) for file in files]
     named = [(file, begin + x.with_suffix("").as_posix()) for file, x in inner]
     return [_of_file(file, name, name.rpartition("/")[0], seed) for file, name in named]
+
+
+def _group(file: Path) -> str:
+    return "" if file.parent == Path() else str(file.parent)
 
 
 def _rows(path: Path, scene: str | None, seed: int) -> Iterator[Job]:

@@ -16,13 +16,16 @@ from hdplan.planner.batch.cluster_file import ClusterFile
 from hdplan.planner.batch.crew import Workers, cores
 from hdplan.planner.batch.files import MOTION, SCENE, place_of
 from hdplan.planner.batch.installed import check_installed
+from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.journal import read_journal
+from hdplan.planner.batch.lerobot import WITHOUT_TIMES
 from hdplan.planner.batch.outcome import Options, Outcome
 from hdplan.planner.batch.report import Failures, failures_of, groups_of
-from hdplan.planner.batch.run import FILES, JOURNAL, read_run, run_into
+from hdplan.planner.batch.run import FILES, JOURNAL, LEROBOT, export_lerobot, read_run, run_into
 from hdplan.planner.batch.sample import sample
 from hdplan.planner.batch.sources import TABLES, jobs_of
 from hdplan.planner.batch.tables import MOTIONS, RESULTS, row_of, table_bytes
+from hdplan.planner.pictures.plot import check_picture, write_picture
 from hdplan.planner.solvers import solver_named
 from hdplan.planner.terminal.console import counting, printing
 from hdplan.planner.terminal.tables import columns, table
@@ -44,6 +47,10 @@ def run_batch(
     time_limit: float,
     motions: str,
     proofs: bool,
+    diagnosed: bool,
+    plot: Path | None,
+    export: str | None,
+    fps: int,
 ) -> int:
     """Plan all problems of the sources into the folder `output`; `time_limit` [s] holds for everything that one of them
     needs.
@@ -53,32 +60,61 @@ def run_batch(
     check_installed()
     solver_named(solver)
     checked(Choice(("parquet", "files")), motions, "motions")
+    if plot is not None:
+        check_picture(plot)
+    if export is not None:
+        checked(Choice(("lerobot",)), export, "export")
     if [workers, scheduler, cluster].count(None) < 2:
         raise InputError("--workers, --scheduler and --cluster each say where the workers are: give one of them")
     crew: Workers = ClusterFile.read(cluster) if cluster is not None else scheduler or workers or cores()
     jobs = jobs_of(sources, scene, seed)
+    if export is not None:
+        _check_times(jobs[0])
     with counting("certified") as (count, stop):
 
         def report(done: int, of: int, outcome: Outcome) -> None:
             count(done, of, outcome.certified, "" if outcome.certified else f"{outcome.problem}: {outcome.text}")
 
-        options = Options(solver, time_limit, files=proofs or motions == "files", proofs=proofs)
-        run_into(output, jobs, options, workers=crew, report=report, stop=stop)
-    return show_report(output)
+        files = proofs or motions == "files"
+        options = Options(solver, time_limit, files=files, proofs=proofs, diagnose=diagnosed)
+        complete = run_into(output, jobs, options, workers=crew, report=report, stop=stop)
+    try:
+        if export is not None and complete:
+            export_lerobot(output, jobs, options, fps)
+    finally:
+        code = show_report(output, plot)
+    return code
 
 
-def show_report(folder: Path) -> int:
-    """Print the report of a run. Returns the exit code: 0 if all of its problems are certified, else 1."""
+def _check_times(job: Job) -> None:
+    """Raise InputError, before anything is planned, if motions as a problem's have no times."""
+    try:
+        timed = job.load().timed
+    except InputError:  # a row of its own, later
+        return
+    if not timed:
+        raise InputError(f"--export lerobot: {job.name} and the like: {WITHOUT_TIMES}")
+
+
+def show_report(folder: Path, plot: Path | None) -> int:
+    """Print the report of a run, and draw it. Returns the exit code: 0 if all of its problems are certified, else 1."""
+    if plot is not None:
+        check_picture(plot)
     of, found = read_run(folder)["problems"], read_journal(folder / JOURNAL)
     rows = [row_of(outcome) for outcome in found]
     certified = sum(outcome.certified for outcome in found)
     missing = f"; {of - len(rows)} of {of} are not planned yet" if len(rows) < of else ""
+    if plot is not None and rows:
+        from hdplan.planner.batch.sheet import run_sheet
+
+        write_picture(run_sheet(rows, folder.absolute().name), plot)
     with printing() as show:
         show(Text(f"{certified} of {len(rows)} problems certified{missing}", style="bold"))
         if rows:
             show(columns(groups_of(rows)))
         said = [row for failures in failures_of(rows) for row in _told(failures, folder)]
-        said += [("written", str(folder / name)) for name in (RESULTS, MOTIONS, FILES) if (folder / name).exists()]
+        files = [folder / name for name in (RESULTS, MOTIONS, FILES, LEROBOT)] + ([plot] if plot and rows else [])
+        said += [("written", str(file)) for file in files if file.exists()]
         if said:
             show(table(said))
     return 0 if certified == of else 1
@@ -87,6 +123,7 @@ def show_report(folder: Path) -> int:
 def _told(failures: Failures, folder: Path) -> list[tuple[str, str]]:
     """Return rows on failures of one cause, with the command that shows one of them if its files are there."""
     told = [(f"{failures.count} failed", f"{failures.cause}, such as {failures.problem}: {failures.text}")]
+    told += [("helps", failures.advice)] if failures.advice else []
     place = str(place_of(folder / FILES, failures.problem))
     there = [place + ending for ending in (SCENE, MOTION) if os.path.isfile(place + ending)]
     return [*told, ("look", shlex.join(["hdplan", "view", *there]))] if there else told

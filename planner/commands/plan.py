@@ -5,19 +5,27 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from hdplan.planner.causes import CAUSES
 from hdplan.planner.motion.curve import row_count
 from hdplan.planner.plan import plan
 from hdplan.planner.robot.scene_robot import load_scene_robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.solvers import solver_named
 from hdplan.planner.terminal.arguments import SEARCH
-from hdplan.planner.terminal.console import printing, progress
+from hdplan.planner.terminal.console import printing, progress, waiting
 from hdplan.planner.terminal.tables import result_rows, table, verdict_text
 from hdplan.scenes.deadline import time_limit as limited
+from hdplan.scenes.errors import HdplanError, InputError, OutOfTime
 from hdplan.scenes.planner_settings import DISTANCES
 from hdplan.scenes.values import Choice, checked
 from hdplan.scenes.yaml_format.reader import load_scene
+
+if TYPE_CHECKING:
+    from hdplan.planner.diagnosis import Diagnosis
+    from hdplan.planner.result import PlanResult
+    from hdplan.scenes.scene import Scene
 
 
 def run_plan(
@@ -28,6 +36,7 @@ def run_plan(
     output: Path | None,
     plot: Path | None,
     proof: Path | None,
+    diagnosed: bool,
     solver: str,
     distance: str | None,
     seed: int,
@@ -54,16 +63,27 @@ def run_plan(
         from hdplan.planner.commands.prove import check_proof_of_plan
 
         check_proof_of_plan(proof, output, request, robot)
-    with limited(time_limit):
-        problem = load_scene(scene, request=request, robot=robot)
-        if distance is not None:
-            problem = replace(problem, planner=replace(problem.planner, distance=distance))
-        timing = problem.timing
-        if output is not None and timing is not None and timing.duration is not None:
-            check_length(output, row_count(timing.duration, timing.rate), load_scene_robot(problem).n)
-        with progress(problem.planner, shown=not quiet and not as_json) as (report, stop):
-            longest = SEARCH if time_limit is None else time_limit
-            result = plan(problem, solver=solver, seed=seed, time_limit=longest, report=report, stop=stop)
+    longest = SEARCH if time_limit is None else time_limit
+    told = {"solver": solver, "seed": seed, "time_limit": longest}
+    problem, found = None, None
+    try:
+        with limited(time_limit):
+            problem = load_scene(scene, request=request, robot=robot)
+            if distance is not None:
+                problem = replace(problem, planner=replace(problem.planner, distance=distance))
+            timing = problem.timing
+            if output is not None and timing is not None and timing.duration is not None:
+                check_length(output, row_count(timing.duration, timing.rate), load_scene_robot(problem).n)
+            with progress(problem.planner, shown=not quiet and not as_json) as (report, stop):
+                result = plan(problem, solver=solver, seed=seed, time_limit=longest, report=report, stop=stop)
+    except HdplanError as error:
+        if not diagnosed or problem is None:
+            raise
+        kind = OutOfTime if isinstance(error, OutOfTime) else InputError
+        raise kind(f"{error}; what helps: {_diagnosis(problem, error, told).advice}") from None
+    if diagnosed and not result.certified:
+        with waiting("finding out why", shown=not quiet and not as_json):
+            found = _diagnosis(problem, result, told)
     if output is not None:
         result.save(output)
     if plot is not None:
@@ -79,9 +99,17 @@ def run_plan(
     if not quiet:
         with printing() as show:
             if as_json:
-                show(json.dumps(result.summary()))
+                why = {"diagnosis": {"cause": found.cause, "advice": found.advice}} if found else {}
+                show(json.dumps({**result.summary(), **why}))
             else:
                 files = [output, plot, proof if proven else None]
                 show(verdict_text(result.certificate))
-                show(table(result_rows(result, [str(file) for file in files if file is not None])))
+                rows = result_rows(result, [str(file) for file in files if file is not None])
+                show(table([*rows, *([("cause", CAUSES[found.cause]), ("helps", found.advice)] if found else [])]))
     return 0 if proven else 1
+
+
+def _diagnosis(scene: Scene, failure: PlanResult | HdplanError, told: dict[str, Any]) -> Diagnosis:
+    from hdplan.planner.diagnosis import diagnose
+
+    return diagnose(scene, failure, **told)

@@ -81,7 +81,7 @@ def plot(subject: Subject, path: str | Path) -> None:
     check_picture(path)
     from hdplan.planner.pictures.sheet import sheet
 
-    _write(sheet(subject), Path(path))
+    write_picture(sheet(subject), Path(path))
 
 
 def plot_simulation(simulation: Simulation, title: str, path: str | Path) -> None:
@@ -90,10 +90,11 @@ def plot_simulation(simulation: Simulation, title: str, path: str | Path) -> Non
     check_picture(path)
     from hdplan.planner.pictures.replay import simulation_sheet
 
-    _write(simulation_sheet(simulation, title), Path(path))
+    write_picture(simulation_sheet(simulation, title), Path(path))
 
 
-def _write(figure: Any, path: Path) -> None:
+def write_picture(figure: Any, path: Path) -> None:
+    """Write a figure to a path of a picture, whole or not at all. Raises InputError."""
     picture, kind = io.BytesIO(), path.suffix.lower().removeprefix(".")
     figure.savefig(picture, format=kind, dpi=PIXELS if kind == "png" else FINE)
     write_output(path, picture.getvalue())

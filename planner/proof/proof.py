@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -84,7 +85,7 @@ def prove(scene: FilePath, trajectory: FilePath) -> Proof:
 def _refuse_unproven_pairs(setup: Setup) -> None:
     """Refuse pairs of links that are left out because they were found to touch: that is no proof."""
     for pair, reason in setup.robot.unchecked.items():
-        if reason == ALWAYS_TOUCHING:
+        if reason == ALWAYS_TOUCHING and setup.scene.self_collision.checked:
             raise InputError(
                 f"{setup.scene.source}: links {pair[0]} and {pair[1]} touch at every sampled configuration, which "
                 "proves nothing: if they may touch, name them in robot.ignore_pairs"
@@ -101,10 +102,13 @@ class _Writer:
         self.shapes: dict[bytes, tuple[Any, float]] = {}
 
     def write(self, certificate: Certificate, asked: float) -> Proof:
-        least = self.setup.scene.self_collision.clearance
-        clearance, own = _less(certificate.clearance, asked), _less(certificate.self_clearance, least)
+        least, bound = self.setup.scene.self_collision.clearance, certificate.clearance
+        lower = bound is not None and bound < asked == self.setup.scene.planner.clearance  # to who asks for less itself
+        self.claims = ["clearance"] * lower
+        clearance = _less(bound, 0.0 if lower else asked)
+        own = _less(certificate.self_clearance, least)
         for _ in range(MOST_ROUNDS):
-            world = world_of(self.setup, self.scene, self.motion, self.cuts)
+            world = world_of(self.setup, self.scene, self.motion, self.cuts, self.claims)
             lost = self._separate(world, clearance, own)
             if not lost:
                 return self._pack(world, clearance, own, certificate)
@@ -176,7 +180,7 @@ class _Writer:
             "pairs": len(depths),
             "leaves": sum(map(len, depths)),
             "once": len(once),
-            "claims": [],
+            "claims": self.claims[:],
         }
         asked = [name for name in (*DERIVATIVES, "torque") if name in self.setup.limits]
         path = ["path"] if self.setup.scene.path != PathConstraints() else []
@@ -203,12 +207,15 @@ class _Writer:
         return Proof(data, statement(world, read), certificate, head["leaves"])
 
 
-def world_of(setup: Setup, scene: Path, motion: Path, cuts: dict[str, Any] | None = None) -> World:
+def world_of(
+    setup: Setup, scene: Path, motion: Path, cuts: dict[str, Any] | None = None, claims: Sequence[str] = ()
+) -> World:
     """Return scene, robot and motion as the checker reads them, the robot from the files that hdplan reads. Raises
     RejectedError."""
     _, urdf, srdf, _ = description_of(setup.scene.robot)
     files = {key: _hash(file) for key, file in (("urdf", urdf), ("srdf", srdf)) if file is not None}
-    return World(scene, motion, {"files": files, "held": dict(setup.robot.locked)}, cuts or {})
+    said = {"files": files, "held": dict(setup.robot.locked), "claims": [*claims]}
+    return World(scene, motion, said, cuts or {})
 
 
 def _less(clearance: float | None, asked: float) -> float:

@@ -27,7 +27,7 @@ from hdplan.planner.robot.self_pairs import (
     never_in_contact,
 )
 from hdplan.scenes.attached import Attached
-from hdplan.scenes.errors import FEW, InputError, listed, naming, nearest
+from hdplan.scenes.errors import FEW, InputError, UnsolvableError, listed, naming, nearest
 from hdplan.scenes.files import Stamps, stamps_of
 from hdplan.scenes.once import freeze, read_only
 from hdplan.scenes.poses import Pose
@@ -181,7 +181,8 @@ class Robot:
         slack = LIMIT_ROUNDING if from_request else 1e-9
         for joint, value, low, high in zip(self.joint_names, q.tolist(), self.lower, self.upper, strict=True):
             if not low - slack <= value <= high + slack:
-                raise InputError(f"{where}: joint '{joint}' is {value:g}, outside its limits [{low:g}, {high:g}]")
+                beyond = f"{where}: joint '{joint}' is {value:g}, outside its limits [{low:g}, {high:g}]"
+                raise UnsolvableError(beyond, "end_beyond_limits")
         return q
 
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 
 from hdplan.planner.certificate.certifier import Certifier
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.errors import InputError
+from hdplan.scenes.errors import UnsolvableError
 
 
 def reachable_clearance(setup: Setup, certifier: Certifier) -> tuple[float, tuple[str, ...]]:
     """The clearance that can be required [m]: the scene's, or less, with a note, where its own ends are closer than
     that.
 
-    Raises InputError if an end is in collision, or breaks a path constraint.
+    Raises UnsolvableError if an end is in collision, or breaks a path constraint.
     """
     scene, query = setup.scene, setup.query
     required, words = scene.planner.clearance, []
@@ -24,17 +24,18 @@ def reachable_clearance(setup: Setup, certifier: Certifier) -> tuple[float, tupl
                 f"{c.link} and {c.other} " + (f"overlap by {c.depth * 1e3:.3g} mm" if c.depth else "touch")
                 for c in certifier.contacts(q, time_)[:3]
             )
-            raise InputError(f"{scene.source}: {field}: in collision: {said}")
+            raise UnsolvableError(f"{scene.source}: {field}: in collision: {said}", "end_in_contact")
         if departures := certifier.off_path(q):
             broken = "; ".join(each.words for each in departures)
-            raise InputError(f"{scene.source}: {field}: breaks a path constraint: {broken}")
+            raise UnsolvableError(f"{scene.source}: {field}: breaks a path constraint: {broken}", "end_off_path")
         if overload := certifier.overload(q):
-            raise InputError(f"{scene.source}: {field}: {overload}")
+            raise UnsolvableError(f"{scene.source}: {field}: {overload}", "end_overloaded")
         for place, asked in close:
             if place.other not in lenient:
-                raise InputError(
+                raise UnsolvableError(
                     f"{scene.source}: {field}: {place.link} is {place.distance * 1e3:.3g} mm from {place.other}, "
-                    f"{asked * 1e3:g} mm are asked for (obstacles[].clearance, self_collision.clearance)"
+                    f"{asked * 1e3:g} mm are asked for (obstacles[].clearance, self_collision.clearance)",
+                    "end_too_close",
                 )
         required, word = certifier.allowed(field, close, required)
         words += [word] if word else []

@@ -22,7 +22,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.setup import Setup
 from hdplan.planner.search.inverse_kinematics import STARTS, reaching
 from hdplan.scenes.array_types import Array
-from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.errors import UnsolvableError, naming
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.targets import AllOf, JointTarget, PoseTarget
 
@@ -56,7 +56,7 @@ def goal_choice(certifier: Certifier, seed: int = 0) -> Choice:
     rng = np.random.default_rng(seed)
     most = max(1, TRIED // len(scene.goal.targets))
     found: list[tuple[float, JointTarget]] = []
-    refused, words = [], []
+    refused, words, causes = [], [], []
     with naming(scene.source):
         start = robot.configuration(scene.start, scene.from_request)
         path = _path(certifier.setup)
@@ -65,10 +65,12 @@ def goal_choice(certifier: Certifier, seed: int = 0) -> Choice:
             if free and nearest is not None:
                 words.append(f"{target.field}: {_configurations(len(reached))} found; free and compared: {len(free)}")
             elif not free:
-                refused.append(f"{target.field}: {_refusal(target, certifier, reached, nearest)}")
+                cause, why = _refusal(target, certifier, reached, nearest)
+                refused.append(f"{target.field}: {why}")
+                causes.append(cause)
             found += [(score, JointTarget(target.field, tuple(q.tolist()))) for score, q in free[:most]]
         if not found:
-            raise InputError("; ".join(refused))
+            raise UnsolvableError("; ".join(refused), causes[0])
     return Choice(tuple(goal for _, goal in sorted(found, key=lambda each: each[0])), (*words, *refused))
 
 
@@ -153,7 +155,8 @@ def _length(setup: Setup, way: Array) -> float:
 
 def _refusal(
     target: JointTarget | PoseTarget | AllOf, certifier: Certifier, reached: Array, nearest: tuple[Miss, ...] | None
-) -> str:
+) -> tuple[str, str]:
+    """Say why no motion may end in a target: the cause, and a sentence."""
     if not isinstance(target, JointTarget) and nearest is not None and not len(reached):
         names = " and ".join(f"'{pose.link}'" for pose in target.poses)
         cannot = (
@@ -162,9 +165,10 @@ def _refusal(
             else f"links {names} cannot be brought there together"
         )
         off, allowed = _listed(nearest), _listed(_tolerances(target))
-        return f"{cannot}: the best of {STARTS} tries is off by {off}, allowed are {allowed}"
-    fault = _fault(certifier, reached[0])
-    return fault if nearest is None else f"none of {_configurations(len(reached))} found is valid; the nearest: {fault}"
+        return "goal_not_reached", f"{cannot}: the best of {STARTS} tries is off by {off}, allowed are {allowed}"
+    cause, fault = _fault(certifier, reached[0])
+    found = "" if nearest is None else f"none of {_configurations(len(reached))} found is valid; the nearest: "
+    return cause, found + fault
 
 
 def _tolerances(target: PoseTarget | AllOf) -> tuple[Miss, ...]:
@@ -178,18 +182,18 @@ def _listed(misses: tuple[Miss, ...]) -> str:
     return "; ".join(str(miss) for miss in misses)
 
 
-def _fault(certifier: Certifier, q: Array) -> str:
-    """Say why a motion may not end in a configuration."""
+def _fault(certifier: Certifier, q: Array) -> tuple[str, str]:
+    """Say why a motion may not end in a configuration: the cause, and a sentence."""
     if departures := certifier.off_path(q):
-        return f"breaks a path constraint: {departures[0].words}"
+        return "end_off_path", f"breaks a path constraint: {departures[0].words}"
     if overload := certifier.overload(q):
-        return f"overloads a joint: {overload}"
+        return "end_overloaded", f"overloads a joint: {overload}"
     place, asked = certifier.too_close(q, 0.0, certifier.scene.end_time)[0]
     if place.distance > 0.0:
         found = f"{place.distance * 1e3:.3g} mm, {asked * 1e3:g} mm are asked for"
-        return f"too close: from {place.link} to {place.other} {found}"
+        return "end_too_close", f"too close: from {place.link} to {place.other} {found}"
     depth = f"overlap by {-place.distance * 1e3:.3g} mm" if place.distance else "touch"
-    return f"in collision: {place.link} and {place.other} {depth}"
+    return "end_in_contact", f"in collision: {place.link} and {place.other} {depth}"
 
 
 def _configurations(count: int) -> str:

@@ -115,6 +115,10 @@ ProofToWrite = Annotated[
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 
+Diagnose = Annotated[
+    bool, typer.Option("--diagnose", help="Find out why there is no certified motion, by trying what would help.")
+]
+
 # prove, verify
 Proof = Annotated[Path, typer.Option("--output", "-o", metavar="FILE.proof", help="Where the proof goes.")]
 ProofToCheck = Annotated[
@@ -218,8 +222,16 @@ Proofs = Annotated[
     bool,
     typer.Option("--proof", help="Write these files, and the proof of every certified motion."),
 ]
+Export = Annotated[
+    str | None,
+    typer.Option(metavar="FORMAT", help="lerobot: the certified motions as a data set for imitation learning, too."),
+]
+Rate = Annotated[int, typer.Option("--fps", metavar="N", help="Its samples a second.", parser=_above_zero)]
 Report = Annotated[
     Path | None, typer.Option(metavar="RUN", help="Only print the report of a run, which may be going on.")
+]
+RunSheet = Annotated[
+    Path | None, typer.Option("--plot", metavar="FILE", help="Draw the report, as .png, .pdf or .svg.")
 ]
 TableFile = Annotated[
     Path, typer.Option("--output", "-o", metavar="FILE", help="Where the table goes: .csv or .parquet.")

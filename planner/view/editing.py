@@ -38,7 +38,8 @@ class Editing:
         self._said = gui.add_html("")
         self.buttons.on_click(lambda event: self.ask(str(event.target.value)))
         self._numbers = itertools.count()
-        self.doing = ""  # the field that is edited at this moment
+        self._typed: set[str] = set()  # the fields whose new values wait
+        self._doing = ""  # the field that is edited at this moment
         self._last: tuple[str, float, Edited | None] = ("", 0.0, None)  # field, when, and what came of it
         self._rest: threading.Timer | None = None
 
@@ -58,7 +59,17 @@ class Editing:
     def edit(self, field: str, edit: Edit) -> None:
         """Have a field edited; of several values that wait, only the newest counts. By any thread."""
         asked = time.monotonic()
-        self._viewer.worker.ask(f"edit {field}", lambda: self.guarded(lambda: self.apply(field, edit, asked)))
+
+        def job() -> None:
+            self._typed.discard(field)
+            self.guarded(lambda: self.apply(field, edit, asked))
+
+        self._typed.add(field)
+        self._viewer.worker.ask(f"edit {field}", job)
+
+    def is_edited(self, field: str) -> bool:
+        """Whether a field holds what somebody has just typed, which nothing else may replace."""
+        return field == self._doing or field in self._typed
 
     def end(self) -> None:
         """Drop what is still to be measured."""
@@ -73,11 +84,11 @@ class Editing:
         viewer, (last, when, mine) = self._viewer, self._last
         edited = edit(viewer.edited)
         together = field == last and viewer.edited is mine and asked is not None and asked < when + PAUSE
-        self.doing = field
+        self._doing = field
         try:
             viewer.change(edited, step=not together, check=True)
         finally:
-            self.doing = ""
+            self._doing = ""
         self._last = field, time.monotonic(), edited
         viewer.panel.live.follow()
         self.end()
@@ -129,14 +140,15 @@ class Fields:
 
         def changed(event: Any) -> None:
             if event.client is not None:
-                self._editing.edit(field, lambda edited: edit(edited, exactly(handle.value, value())))
+                found = handle.value
+                self._editing.edit(field, lambda edited: edit(edited, exactly(found, value())))
 
         handle.on_update(changed)
 
     def update(self) -> None:
-        """Show the values of the scene as it is now, but for the one that is being edited. By the worker's thread."""
+        """Show the values of the scene as it is now, but for those that are being edited. By the worker's thread."""
         for handle, field, value in self._fields:
-            if field != self._editing.doing:
+            if not self._editing.is_edited(field):
                 handle.value = rounded(value())
 
     def clear(self) -> None:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 STEP = 0.001  # [rad] or [m] of a slider
 WAY = 2 * np.pi  # [rad] or [m] to both sides of a joint without limits
+JOINTS = "joints"  # the field that they are
 RANDOM, OTHER, KEEP = "random", "another", "keep as joint values"
 
 
@@ -80,14 +81,11 @@ class Jogging:
         """Make the goal the joint values that are shown, in place of a pose."""
         self._editing.apply("keep", lambda edited: edited.ending_at(edited.goal))
 
-    def jogged(self, edited: Edited) -> Edited:
-        """Return the scene with the end where the sliders are."""
-        robot, shown = self._viewer.robot, edited.start if self.end.value == "start" else edited.goal
-        found = np.array([slider.value for slider in self.sliders])
+    def jogged(self, end: str, found: Array, edited: Edited) -> Edited:
+        """Return the scene with its "start" or "goal" where the sliders were found (n,)."""
+        robot, shown = self._viewer.robot, edited.start if end == "start" else edited.goal
         moved = np.abs(found - shown) > 0.5 * STEP  # the others stay to the last digit
-        return ends.jogged(
-            edited, str(self.end.value), np.where(moved, np.clip(found, robot.lower, robot.upper), shown)
-        )
+        return ends.jogged(edited, end, np.where(moved, np.clip(found, robot.lower, robot.upper), shown))
 
     def follow(self, thing: Thing | None) -> None:
         """Jog the end that is selected."""
@@ -100,7 +98,7 @@ class Jogging:
         edited = self._viewer.edited
         if self._postures[0] is not edited:
             self._say("")
-        if self._editing.doing == "joints":
+        if self._editing.is_edited(JOINTS):
             return
         q = edited.start if self.end.value == "start" else edited.goal
         for slider, value in zip(self.sliders, q.tolist(), strict=True):
@@ -111,7 +109,8 @@ class Jogging:
     def _moved(self, event: Any) -> None:
         """Handle a browser's event."""
         if event.client is not None:
-            self._editing.edit("joints", self.jogged)
+            found = np.array([slider.value for slider in self.sliders])
+            self._editing.edit(JOINTS, partial(self.jogged, str(self.end.value), found))
 
     def _say(self, text: str) -> None:
         self._said.content = small(text)

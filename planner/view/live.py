@@ -120,7 +120,7 @@ class Live:
 
     def _say_rate(self) -> None:
         rate = len(self._shown) / WINDOW
-        self._say(f"{rate:.0f} certified motions a second")
+        self._say(f"{rate:.1f} certified motions a second")
 
     def _say(self, text: str) -> None:
         words = small(html.escape(text))

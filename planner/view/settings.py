@@ -70,4 +70,4 @@ class Settings:
         def edit(edited: Edited, value: Any) -> Edited:
             return edits.planned_by(edited, **{name: value})
 
-        self._fields.add(name, handle, shown, edit)
+        self._fields.add(f"planner's {name}", handle, shown, edit)  # obstacles have a clearance, too

@@ -53,16 +53,24 @@ import numpy as np
 import yaml
 
 MAGIC, VERSION = b"hdplan proof\n", 1
-MOST_BYTES, MOST_LEAVES, MOST_PAIRS, DEEPEST = 1 << 27, 200_000, 1_000_000, 50  # of a proof: of its content, trees
+MOST_BYTES, MOST_HEAD, MOST_LEAVES, MOST_PAIRS = 1 << 27, 1 << 20, 200_000, 1_000_000  # of a proof's content
+DEEPEST = 50  # of a proof's trees
 MOST_MEMORY, MOST_TIME = 1 << 31, 30  # bytes, and seconds of a processor, that a check may take beside Python itself
 NARROWEST, INSTANT = 2.0**-30, 2.0**-36  # of an interval between two rows; of one that stands for a row
 AT_ONCE, MOST_PARTS = 20_000, 50_000  # leaves checked together, and parts of rows within them
 EPS = 2.0**-53  # of rounding to nearest
 SAME, ROUNDED = 1e-6, 1e-9  # [rad or m] between the motion's end and the scene's; by which it may be beyond a limit
 
-RATES = ("velocity", "acceleration", "jerk")
+RATES, TARGETS = ("velocity", "acceleration", "jerk"), "joints state pose poses all"
+ASKING = {  # sections that ask for clearances, and their keys
+    "self_collision": "clearance",
+    "planner": (
+        "waypoints clearance activation gamma shaping_length distance link_bodies swept normals polish objective"
+    ),
+}
+CLAIMS = {"clearance", "limits", "start", "goal", "torque", "path", *RATES}
 
-ASSUMES = """the URDF, SRDF and meshes are the robot: links are rigid, joints have no play
+ASSUMES = """URDF, SRDF and meshes are the robot: links are rigid, and their collision geometry; joints have no play
 the robot follows the curve of the trajectory's file, without rounding its corners
 obstacles are what and where the scene says, and move as it says; what a link holds is fixed to it
 joints that do not move stay where scene or trajectory hold them, or else where the proof says
@@ -75,13 +83,21 @@ the files read are those whose hashes are in the proof"""
 
 
 class RejectedError(Exception):
-    """Why a proof is not accepted."""
+    """Why a proof is not accepted, in one line."""
+
+    def __init__(self, words: str) -> None:
+        super().__init__(shown(" ".join(words.split())))
+
+
+def shown(line: str) -> str:
+    """A line without characters by which a name in a file could look like several."""
+    return "".join(x if x.isprintable() else "?" for x in line)
 
 
 def need(condition: Any, words: str) -> None:
     """Reject unless a condition holds."""
     if not condition:
-        raise RejectedError(" ".join(words.split()))
+        raise RejectedError(words)
 
 
 # --- real numbers up to a radius --------------------------------------------------------------------------------------
@@ -287,7 +303,7 @@ def line_of(control: Ball) -> Line:
     and a curve is no farther from it than its control points are from these."""
     slope = (control.mid[:, -1] - control.mid[:, 0]) / 2
     degree = control.mid.shape[1] - 1
-    line = Ball(2 * np.arange(degree + 1) / degree - 1, 4 * EPS)[None, :, None] * slope[:, None]
+    line = Ball(2 * np.arange(degree + 1) / max(degree, 1) - 1, 4 * EPS)[None, :, None] * slope[:, None]
     over = control - line
     mid = (over.mid.max(axis=1) + over.mid.min(axis=1)) / 2
     return Line(mid, slope, (over - mid[:, None]).size.max(axis=1))
@@ -398,7 +414,7 @@ def stl(data: bytes) -> Any:
     words = np.array(b" ".join(lines).split()).reshape(-1, 21)
     rule = b"facet normal outer loop vertex vertex vertex endloop endfacet".split()
     same = words[:, [0, 1, 5, 6, 7, 11, 15, 19, 20]] == rule
-    good = first.startswith(b"solid") and last.startswith(b"endsolid") and same.all()
+    good = first.startswith(b"solid") and last.startswith(b"endsolid") and same.all() and b"vertex" not in first + last
     need(good, "STL: its lines are not those of triangles")
     return words[:, [8, 9, 10, 12, 13, 14, 16, 17, 18]].astype(np.float64).reshape(-1, 3, 3)
 
@@ -409,11 +425,14 @@ def fans(faces: Iterable[Sequence[int]]) -> Any:
     return np.array(corners, dtype=np.int64).reshape(-1, 3)
 
 
+OBJ_WORDS = b"v f vn vt vp g o s l p usemtl mtllib".split()
+
+
 def obj(data: bytes) -> Any:
     """Return the triangles of an OBJ file: vertices count from 1, or backwards from the last before the face."""
     points, faces = list[list[float]](), list[list[int]]()
     for key, *rest in filter(None, (line.split() for line in data.replace(b"\r", b"\n").split(b"\n"))):
-        good = key not in (b"V", b"F") and not [key, *rest][-1].endswith(b"\\")
+        good = (key in OBJ_WORDS or key[:1] == b"#") and not [key, *rest][-1].endswith(b"\\")
         need(good, "OBJ: a line that may be read in two ways")
         if key == b"v":
             points.append([float(x) for x in rest[:3]])
@@ -428,8 +447,8 @@ def collada(root: Any) -> Ball:
     """Return the triangles of a COLLADA file in metres, whichever of its axes is up (as ROS reads it)."""
     for x in root.iter():
         x.tag = x.tag.rpartition("}")[2]
-    unit_, named = root.find("asset/unit"), unique([(x.get("id"), x) for x in root.iter() if "id" in x.attrib])
-    need(unit_ is None or float(unit_.get("meter", 1)) == 1, "COLLADA: its unit is not the metre")
+    named = unique([(x.get("id"), x) for x in root.iter() if "id" in x.attrib])
+    need(all(float(x.get("meter", 1)) == 1 for x in root.iter("unit")), "COLLADA: its unit is not the metre")
 
     def there(element: Any, key: str = "source") -> Any:
         need(element is not None and element.get(key, "")[:1] == "#", "COLLADA: a reference is not within the file")
@@ -567,11 +586,12 @@ def turn_of(matrix: Ball) -> tuple[Ball, Ball]:
     m = float(np.sqrt((v.mid * v.mid).sum()))
     cos = (dot("ij,ij->", np.eye(3), matrix) - 1.0) * 0.5
     r = norm(v.rad)
-    need(m > 1e-3 > 1e6 * r, "an obstacle turns by too little, or by half a turn, from one pose to the next")
     w = float(np.arctan2(m, cos.mid))
     one, two = cos_sin(w)
-    e = (Ball(m, r) * one - cos * two).size
-    axis = unit(v.mid)
+    e, near = (Ball(m, r) * one - cos * two).size, (cos * one + Ball(m, r) * two).mid > 0.9
+    good = m > 1e-6 > 1e6 * r and e < 0.1 and near
+    need(good, "an obstacle turns by too little, or by half a turn, from one pose to the next")
+    axis = unit(v.mid * 2.0**10)
     return Ball(axis.mid, up(axis.rad + 2 * r / m)), Ball(w, up(1.01 * e))
 
 
@@ -615,7 +635,8 @@ class World:
             name = str(keys.get("name", f"obstacle{i}"))
             need(name not in taken, f"obstacle '{name}': its name is taken")
             taken.add(name)
-            self.clearances[name] = float(numbers(keys.get("clearance", 0.0), 1, name)[0])
+            usual = self.wanted("planner") if "clearance" in listing(said.get("claims"), "claims") else 0.0
+            self.clearances[name] = float(numbers(keys.get("clearance", usual), 1, name)[0])
             joint, pose = -1, pose_of(keys.get("pose"), name)
             need("pose" not in keys or "times" not in (keys.get("motion") or {}), f"obstacle '{name}': has two poses")
             if "motion" in keys:
@@ -624,12 +645,25 @@ class World:
         self.lay_tracks()
         self.pair_up()
 
+    @property
+    def limits(self) -> dict[str, Any]:
+        """The scene's limits."""
+        return mapping(self.top.get("limits", {}), "limits", f"position torque {' '.join(RATES)}")
+
+    def wanted(self, section: str) -> float:
+        """The clearance that a section of the scene asks for."""
+        said = self.top.get(section, {})
+        keys = {} if isinstance(said, bool) else mapping(said, section, ASKING[section])
+        return float(numbers(keys.get("clearance", 0.0), 1, f"{section}.clearance")[0])
+
     def file(self, key: str, path: Path) -> bytes:
         """Read a file and note its hash, which must be the proof's."""
         need(path.is_file(), f"{path}: no such file")
         data = path.read_bytes()
-        self.files[key] = hashlib.sha256(data).hexdigest()
-        same = self.said["files"].get(key, self.files[key]) == self.files[key]
+        digest = hashlib.sha256(data).hexdigest()
+        while self.files.setdefault(key, digest) != digest:  # two meshes of one name
+            key += "'"
+        same = self.said["files"].get(key, digest) == digest
         need(same, f"{key}: {path} is not the file that was proven: its SHA-256 differs")
         return data
 
@@ -651,6 +685,7 @@ class World:
             for rate, end in zip(rates, ends, strict=True):
                 if any(x.endswith(end) for x in columns):
                     said[rate] = np.transpose([columns[x + end] for x in self.names])
+        need(said.get("hdplan_trajectory", 1) == 1, f"{path}: not a hdplan trajectory, version 1")
         given = [np.array(said[key], dtype=np.float64) for key in rates if key in said]
         rule = ("", "linear", "cubic", "quintic")[len(given)]
         need(said.get("interpolation", rule) == rule, f"{path}: its interpolation is not that of its rows")
@@ -736,7 +771,7 @@ class World:
     def read_robot(self) -> None:
         """Read the tree of links, where each is in the frame of the joint that carries it, and the pieces of all."""
         keys = "name urdf srdf package_dirs group base base_joints locked ignore_pairs"
-        spec, here = mapping(self.top.get("robot"), "robot", keys), self.scene.resolve().parent
+        spec, here = mapping(self.top.get("robot"), "robot", keys), self.scene.absolute().parent
         self.spec, self.folders = spec, [Path(x) for x in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if x]
         if "name" in spec:
             need(not {"urdf", "srdf", "package_dirs"} & {*spec}, "robot: either a name or files are expected")
@@ -751,6 +786,9 @@ class World:
             folders = [here / str(x) for x in listing(spec.get("package_dirs"), "package_dirs")]
             self.folders = [*folders, *urdf.parents, *self.folders]
         self.urdf, root = urdf, tree(self.file("urdf", urdf))
+        recipe = urdf.suffix.lower() == ".xacro" or any("xacro" in x.tag for x in root.iter())
+        plain = root.tag == "robot" and not recipe
+        need(plain, f"{urdf}: robots that are no URDF, such as xacro and MJCF, cannot be checked")
         words_ = tree(self.file("srdf", srdf) if srdf else b"<robot/>")
         self.excused, self.states = excused(words_), dict[str, dict[str, float]]()
         for state in words_.findall("group_state"):  # a joint that two states of one name have elsewhere is at neither
@@ -761,6 +799,7 @@ class World:
         ignored = listing(spec.get("ignore_pairs"), "ignore_pairs")
         self.excused |= {frozenset(map(str, listing(x, "ignore_pairs"))): "robot.ignore_pairs" for x in ignored}
         links = {x.get("name", ""): x for x in root.findall("link")}
+        self.excused = {pair: why for pair, why in self.excused.items() if pair <= {*links}}  # not of what links hold
         if "base_joints" in spec:
             links |= self.add_base(root, {*links} - {x.get("link", "") for x in root.findall("joint/child")})
         self.above, below = dict[str, str](), dict[str, list[tuple[str, str, Any]]]()
@@ -778,6 +817,8 @@ class World:
             self.at[child] = self.place(joint, *self.at[parent])
             waiting += below.get(child, [])
         need(len(self.at) == len(root.findall("link")), f"{urdf}: its links make no tree")
+        moved = {*self.held, *(x.name for x in self.joints)}
+        need({*(spec.get("locked") or {}), *self.locked} <= moved, "locked: names a joint that is none")
         for name, (other, scale, add) in self.followed.items():
             off = abs(self.held[name] - (scale * self.held[other] + add)) if other in self.held else 0.0
             need(off <= ROUNDED, f"joint '{name}': is held where it does not follow '{other}'")
@@ -818,6 +859,11 @@ class World:
             touching = [str(x) for x in listing(held.get("touch_links"), "touch_links")]
             self.excused |= {frozenset((name, x)): "touch_links" for x in touching}
 
+    def link(self, name: Any) -> tuple[int, Pose]:
+        """Return the joint that carries a link, and where the link is in its frame."""
+        need(name in self.links, f"'{name}' is no link of the robot")
+        return self.at[name]
+
     def carry(self, mass: float, link: str, at: Pose, about: Ball | None) -> None:
         """Note a body on a link: where its centre is in the link's frame, its inertia about it along its axes."""
         number, pose = self.at[link]
@@ -850,10 +896,15 @@ class World:
         if kind == "fixed":
             return parent, pose
         need(kind in ("revolute", "continuous", "prismatic"), f"joint '{name}': type '{kind}' cannot be checked")
-        axis, mimic, start = unit(words(joint.find("axis"), "xyz", "1 0 0")), joint.find("mimic"), self.top.get("start")
+        axis, mimic = unit(words(joint.find("axis"), "xyz", "1 0 0")), joint.find("mimic")
+        start = mapping(self.top.get("start"), "start", TARGETS).get("joints")
+        sources = [x for x in (self.spec.get("locked"), self.locked) if isinstance(x, dict) and name in x]
         if name in self.names:
             need(mimic is None, f"joint '{name}': follows another joint and cannot be moved")
-            low, high = (float(limit.get(x, 0)) for x in ("lower", "upper")) if limit is not None else (-np.inf, np.inf)
+            at = self.control[:, :, self.names.index(name)]
+            held = all(((at - numbers(x[name], 1, name)).size <= SAME).all() for x in sources)
+            need(held, f"joint '{name}': moves, and is to be held")
+            low, high = (float(limit.get(x, 0)) for x in ("lower", "upper")) if limit is not None else (np.nan, np.nan)
             ends = (-np.inf, np.inf) if kind == "continuous" else (low, high)
             kinds = (("velocity", "velocity"), ("torque", "effort")) if limit is not None else ()
             most = {key: float(limit.get(word, "nan")) for key, word in kinds}
@@ -863,13 +914,11 @@ class World:
             need(mimic.get("joint") not in self.names, f"joint '{name}': follows a joint that moves: cannot be checked")
             scale, add = (float(mimic.get(key, x)) for key, x in (("multiplier", 1.0), ("offset", 0.0)))
             self.followed[name] = mimic.get("joint", ""), scale, add
-        given = start.get("joints") if isinstance(start, dict) else None
-        sources = (self.spec.get("locked"), given, self.locked, self.said["held"])
-        values = [x[name] for x in sources if isinstance(x, dict) and name in x]
+        said = (self.spec.get("locked"), start, self.locked, self.said["held"])
+        values = [numbers(x[name], 1, name)[0] for x in said if isinstance(x, dict) and name in x]
         need(values, f"joint '{name}': nothing says where it is held")
-        value = self.held[name] = float(numbers(values[0], 1, f"joint '{name}'")[0])
-        same = self.said["held"].get(name, value) == value
-        need(same, f"joint '{name}': is held at {value:g}, not where the proof says")
+        value = self.held[name] = float(values[0])
+        need(np.ptp(values) <= SAME, f"joint '{name}': is held at {value:g}, and said to be elsewhere too")
         step = (rotation(axis, value), HERE[1]) if kind != "prismatic" else (HERE[0], axis * value)
         return parent, compose(pose, step)
 
@@ -896,7 +945,7 @@ class World:
         needed = {**round_, "box": "size", "points": "points", "mesh": "file"}.get(kind, "?").split()
         need({*keys} - {*(["scale"] * (kind == "mesh"))} == {*needed}, f"{where}: a shape '{kind}' with other keys")
         if kind == "mesh":
-            return self.mesh(self.scene.resolve().parent / str(keys["file"]), numbers(keys.get("scale", 1), 3, where))
+            return self.mesh(self.scene.absolute().parent / str(keys["file"]), numbers(keys.get("scale", 1), 3, where))
         if kind == "points":
             return np.array([numbers(x, 3, where) for x in listing(keys["points"], where)]), none, none
         three = numbers(keys.get("size", keys.get("radii", 1)), 3, where)
@@ -1132,7 +1181,8 @@ def unpack(data: bytes) -> tuple[dict[str, Any], dict[str, Any], Trees]:
     need(data.startswith(MAGIC), "the file is not a proof")
     inflate = zlib.decompressobj()
     line, _, rest = inflate.decompress(data[len(MAGIC) :], MOST_BYTES).partition(b"\n")
-    need(inflate.eof and not inflate.unused_data, "the proof is cut short, too large, or goes on after its end")
+    good = inflate.eof and not inflate.unused_data and len(line) <= MOST_HEAD
+    need(good, "the proof is cut short, too large, or goes on after its end")
     keys = "version files clearance self_clearance held cuts pairs leaves once claims"
     head, at, arrays = mapping(json.loads(line, object_pairs_hook=unique), "the proof's head", keys), 0, []
     good = all(isinstance(head[x], dict) for x in ("files", "held", "cuts"))
@@ -1166,8 +1216,7 @@ def verify(scene: Path, motion: Path, proof: Path | bytes) -> str:
     except MemoryError:
         raise RejectedError("needs more memory than it may take") from None
     except Exception as error:  # whatever is not as it should be: it is no proof
-        words_ = " ".join(f"{type(error).__name__}: {error}".split())
-        raise RejectedError(f"a file is not as it should be ({words_})") from None
+        raise RejectedError(f"a file is not as it should be ({type(error).__name__}: {error})") from None
 
 
 def check_apart(world: World, head: dict[str, Any], trees: Trees) -> None:
@@ -1212,11 +1261,11 @@ def check_apart(world: World, head: dict[str, Any], trees: Trees) -> None:
 
 def limits_of(world: World, name: str, joints: list[Joint]) -> Any:
     """Return the scene's limits (n,) of a rate, or of torques."""
-    limits = world.top.get("limits") or {}
-    asked = limits.get(name, "urdf" if name == "velocity" else None)
+    asked = world.limits.get(name, "urdf" if name == "velocity" else None)
     need(world.clock is not None, f"limits.{name}: the motion has no times")
     values = asked if isinstance(asked, dict) else {x.name: asked for x in joints}
     values = dict(zip([x.name for x in joints], asked, strict=True)) if isinstance(asked, list) else values
+    need({*values} <= {x.name for x in joints}, f"limits.{name}: names a joint that does not move")
     most = [values.get(x.name, "urdf") for x in joints]
     most = [x.most.get(name) if y == "urdf" else y for x, y in zip(joints, most, strict=True)]
     return numbers(most, len(joints), f"limits.{name}")
@@ -1359,26 +1408,28 @@ def bonds_of_path(world: World) -> list[Bond]:
             if isinstance(axis, str)
             else numbers(axis, 3, "axis")
         )
-        joint, pose = world.at[str(keys["link"])]
+        joint, pose = world.link(keys["link"])
         most = chord(float(numbers(keys.get("tolerance", 0.1), 1, "path.upright")[0]))
         local = dot("ij,j->i", pose[0], unit(axis))[None]
         found.append(Bond("path.upright", joint, local, -1, Ball(np.eye(3)[2:]), most, True))
     if "position" in path:
         keys = mapping(path["position"], "path.position", "link size position rpy quaternion_xyzw point")
-        joint, pose = world.at[str(keys["link"])]
+        joint, pose = world.link(keys["link"])
         turn, centre = pose_of(
             {x: keys[x] for x in ("position", "rpy", "quaternion_xyzw") if x in keys}, "path.position"
         )
         local = (dot("ij,j->i", pose[0], numbers(keys.get("point", 0.0), 3, "path.position")) + pose[1])[None]
+        need(len(keys["size"]) == 3, "path.position.size: three numbers are expected")
         for i, size in enumerate(keys["size"]):
             if size != np.inf:
                 most = float(numbers(size, 1, "path.position")[0]) / 2 + ROUNDED
                 found.append(Bond("path.position", joint, local, -1, centre[None], most, along=turn[:, i]))
     if "relative" in path:
         keys = mapping(path["relative"], "path.relative", "link to pose position_tolerance orientation_tolerance")
-        one, other = world.at[str(keys["link"])], world.at[str(keys["to"])]
+        one, other = world.link(keys["link"]), world.link(keys["to"])
         there = pose_of(keys["pose"], "path.relative") if "pose" in keys else None
         if there is None:
+            need(reached(world, "start"), "path.relative: the motion does not begin at the start")
             begin = Motion(world, np.array([[0.0, INSTANT]]))
             a, b = (compose((begin.turn[0, j], begin.at[0, j]), pose) for j, pose in (one, other))
             there = dot("ji,jk->ik", b[0], a[0]), dot("ji,j->i", b[0], a[1] - b[1])
@@ -1414,7 +1465,10 @@ def check_path(world: World) -> None:
         everywhere(bond.what, ["the link"], len(world.control.mid), off)
 
 
-def at_goal(world: World, goal: dict[str, Any]) -> bool:
+POSE = "link position quaternion_xyzw rpy position_tolerance orientation_tolerance free_rotation"
+
+
+def at_poses(world: World, goal: dict[str, Any]) -> bool:
     """Whether the motion ends at one of the poses of a goal, or at all of them."""
     every = [x["pose"] for x in listing(goal.get("all"), "goal.all")]
     some = [goal["pose"]] if "pose" in goal else listing(goal.get("poses"), "goal.poses")
@@ -1422,23 +1476,52 @@ def at_goal(world: World, goal: dict[str, Any]) -> bool:
     end = Motion(world, np.array([[count - INSTANT, count]]))
     met = []
     for i, each in enumerate(every or some):
-        keys = mapping(
-            each,
-            f"goal[{i}]",
-            "link position quaternion_xyzw rpy position_tolerance orientation_tolerance free_rotation",
-        )
-        need("link" in keys, "goal: names no link: cannot be checked")
+        keys = mapping(each, f"goal[{i}]", POSE)
+        turned = {*keys} & {"rpy", "quaternion_xyzw"} or keys.get("free_rotation") == "all"
+        need("link" in keys and turned, "goal: names no link, or has no orientation: cannot be checked")
         pose = pose_of({x: keys[x] for x in ("position", "rpy", "quaternion_xyzw") if x in keys}, "goal")
-        bonds = bonds_of_pose("goal", world.at[str(keys["link"])], (-1, pose), keys)
+        bonds = bonds_of_pose("goal", world.link(keys["link"]), (-1, pose), keys)
         met.append(all((end.apart(x) <= x.most).all() for x in bonds))
     return all(met) if every else any(met)
+
+
+def at_values(world: World, target: Any, end: str) -> bool:
+    """Whether the motion's end is at joint values, by name or in order; at a goal, joints that turn without limits may
+    be whole turns away from theirs."""
+    joints, row = world.joints[: world.rows.shape[1]], world.rows[0 if end == "start" else -1]
+    names = [x.name for x in joints]
+    if not isinstance(target, dict):
+        target = dict(zip(names, numbers(listing(target, end), len(row), end).tolist(), strict=True))
+    here = {**world.held, **dict(zip(names, row.tolist(), strict=True))}
+    need({*target} <= {*here} or world.top.get("from_request"), f"{end}: names a joint that is none")
+    free = {x.name for x in joints if end == "goal" and x.turns and x.low == -np.inf == -x.high}
+    for name, at in here.items():
+        off = at - float(numbers(target.get(name, world.held.get(name)), 1, f"{end}: joint '{name}'")[0])
+        off -= 2 * np.pi * np.rint(off / (2 * np.pi)) * (name in free)
+        if abs(off) > SAME:
+            return False
+    return True
+
+
+def reached(world: World, end: str) -> bool:
+    """Whether the motion begins at the scene's start, or ends at its goal: one of several."""
+    asked = mapping(world.top.get(end), end, TARGETS)
+    need(len(asked) == 1, f"{end}: one of {TARGETS} is expected")
+    if end == "goal" and {*asked} & {"pose", "poses", "all"}:
+        return at_poses(world, asked)
+    state = world.states.get(str(asked.get("state")), {})
+    values: Any = asked.get("joints")
+    if "state" in asked:
+        values = [state.get(x.name) for x in world.joints[: world.rows.shape[1]]]
+    several = isinstance(values, list) and any(isinstance(x, (list, dict)) for x in values)
+    return any(at_values(world, x, end) for x in (values if several else [values]))
 
 
 def statement(world: World, head: dict[str, Any]) -> str:
     """Check limits and ends, as far as the proof claims them, and say what is proven and what is not."""
     claims, top = [str(x) for x in listing(head["claims"], "claims")], world.top
     joints = world.joints[: world.rows.shape[1]]  # the others follow the time
-    need({*claims} <= {"limits", "start", "goal", "torque", "path", *RATES}, "the proof claims what cannot be checked")
+    need({*claims} <= CLAIMS, "the proof claims what cannot be checked")
     for name in RATES:
         if name in claims:
             check_rates(world, name, RATES.index(name) + 1)
@@ -1446,7 +1529,7 @@ def statement(world: World, head: dict[str, Any]) -> str:
         check_torques(world)
     if "path" in claims:
         check_path(world)
-    ranges = (top.get("limits") or {}).get("position") or {}
+    ranges = world.limits.get("position", {})
     need({*ranges} <= {x.name for x in joints}, "limits.position: a joint does not move")
     low, high = np.array([(x.low, x.high) for x in joints]).T
     for i, name in enumerate(x.name for x in joints):
@@ -1460,25 +1543,15 @@ def statement(world: World, head: dict[str, Any]) -> str:
             return ~((-above(-q.mid, reach) >= low) & (above(q.mid, reach) <= high))
 
         everywhere("limits.position", [f"joint '{x.name}'" for x in joints], len(world.curve.mid), outside)
-    for end, row in (("start", world.rows[0]), ("goal", world.rows[-1])):
+    for end in ("start", "goal"):
         if end in claims:
-            asked = mapping(top.get(end), end, "joints state pose poses all")
-            if end == "goal" and {*asked} & {"pose", "poses", "all"}:
-                need(len(asked) == 1 and at_goal(world, asked), "goal: the motion's end does not reach it")
-                continue
-            target = world.states.get(str(asked["state"])) if "state" in asked else asked.get("joints")
-            if isinstance(target, list):
-                target = dict(zip([x.name for x in joints], numbers(target, len(joints), end).tolist(), strict=True))
-            places = target if isinstance(target, dict) else {}
-            near = [abs(q - places.get(x.name, np.nan)) <= SAME for q, x in zip(row.tolist(), joints, strict=True)]
-            need(all(near), f"{end}: the motion's end is elsewhere, or is not one that can be checked")
+            need(reached(world, end), f"{end}: the motion's end is elsewhere")
     open_ = [x for x in ("limits", "start", "goal") if x not in claims]
-    rated = {x: None for x in top.get("limits") or {} if x != "position"}
+    rated = {x: None for x in world.limits if x != "position"}
     rated |= {"velocity": None} if rated or top.get("timing") else {}
     open_ += [x for x in [*rated, *(["path"] if "path" in top else [])] if x not in claims]
     for section, key in (("planner", "clearance"), ("self_collision", "self_clearance")):
-        given = top[section].get("clearance") if isinstance(top.get(section), dict) else None
-        wanted = float(numbers(given or 0.0, 1, f"{section}.clearance")[0])
+        wanted = 0.0 if key in claims else world.wanted(section)
         open_ += [f"{section}.clearance, {1e3 * wanted:g} mm"] * ((head.get(key) or wanted) < wanted)
     part = " in part" * bool(open_)
     said = [f"accepted{part}: over the whole motion of {len(world.rows)} rows"]
@@ -1495,7 +1568,7 @@ def statement(world: World, head: dict[str, Any]) -> str:
         pairs = sorted("-".join(sorted(x)) for x, why in world.left_out.items() if why == reason)
         said.append(f"  not compared, {reason}: {', '.join(pairs)}")
     said += [f"  held: {', '.join(f'{name} at {at:g}' for name, at in world.held.items())}"] * bool(world.held)
-    return "\n".join([*said, "  if:", *(f"    {line}" for line in ASSUMES.splitlines())])
+    return "\n".join([*map(shown, said), "  if:", *(f"    {line}" for line in ASSUMES.splitlines())])
 
 
 def limit() -> None:

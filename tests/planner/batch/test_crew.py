@@ -13,12 +13,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import dask
 import numpy as np
 import psutil
 import pytest
 
 import hdplan
 from hdplan.planner.batch import crew as crew_module
+from hdplan.planner.batch import outcome as outcome_module
 from hdplan.planner.batch.cluster_file import ClusterFile
 from hdplan.planner.batch.crew import crew, outcomes
 from hdplan.planner.batch.job import Job
@@ -71,10 +73,16 @@ def test_what_fails_costs_only_itself(two_workers: Any) -> None:
     assert all(same(found[i], solve(jobs[i], Options())) for i in range(8) if i not in planted)
 
 
+def test_workers_keep_no_samples_of_themselves(two_workers: Any) -> None:
+    """By default dask's profiler takes a quarter of a megabyte each second, for hours."""
+    assert set(two_workers.run(dask.config.get, "distributed.worker.profile.enabled").values()) == {False}
+
+
+@pytest.mark.slow  # two workers start again
 def test_what_hangs_is_ended_from_outside(two_workers: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     from planted import PATIENCE, Hanging
 
-    monkeypatch.setattr(crew_module, "PATIENCE", PATIENCE)
+    monkeypatch.setattr(outcome_module, "PATIENCE", PATIENCE)
     jobs = [Hanging("hang", "g", ARM), *arms(2)]
     found = dict(outcomes(two_workers, enumerate(jobs), Options(time_limit=0.5)))
     assert (found[0].problem, found[0].status, found[0].cause) == ("hang", "failed", "hung")

@@ -184,6 +184,15 @@ def test_tables_hold_what_a_loop_finds(run_here: Callable[..., bool]) -> None:
             assert mine["joint"].to_pylist()[:2] == list(each.trajectory.joint_names)
 
 
+def test_a_diagnosis_is_part_of_the_row(run_here: Callable[..., bool]) -> None:
+    inside = ARM.with_goal([0.06, 0.0])  # the ball
+    run_here(Path("r"), [Job("in", "", inside), Job("free", "", ARM)], Options(diagnose=True))
+    blocked, free = read_rows(Path("r/results.parquet"))
+    assert (blocked["status"], blocked["cause"]) == ("refused", "end_in_contact")
+    assert blocked["advice"].startswith("within ")
+    assert (free["cause"], free["advice"]) == ("", None)
+
+
 def test_a_folder_holds_one_run(run_here: Callable[..., bool]) -> None:
     jobs = table(2)
     run_here(Path("r"), jobs, Options())
@@ -269,11 +278,27 @@ def test_the_command_plans_and_reports(command: Callable[..., tuple[int, str, st
     assert "1failedafileoravalueisnotasitshouldbe,suchasbad:" in said
     assert "bad.yaml:thekey'start'ismissing" in said
     assert command("batch", "--report", "r") == (1, out, "")
+    code, drawn, err = command("batch", "--report", "r", "--plot", "r.png")
+    assert (code, drawn, err) == (1, out + "  written   r.png\n", "")
+    assert Path("r.png").read_bytes().startswith(b"\x89PNG")
     assert command("batch", "planar_arm", "-o", "good")[0] == 0
     Path("far.yaml").write_text(scene_text(ARM.with_goal([1.0, 9.0])))
     code, out, err = command("batch", "far.yaml", "planar_arm", "-o", "files", "--motions", "files")
     assert "hdplan view files/motions/far.yaml\n" in out
     assert Path("files/motions/planar_arm.json").is_file()
+
+
+def test_a_run_is_exported_as_a_data_set(command: Callable[..., tuple[int, str, str]]) -> None:
+    limits = hdplan.Limits(velocity=2.0, acceleration=8.0)
+    timed = dataclasses.replace(ARM, timing=hdplan.Timing(), limits=limits)
+    timed.save("timed.yaml")
+    code, out, err = command("batch", "timed.yaml", "-o", "r", "--export", "lerobot", "--fps", "20")
+    assert (code, err) == (0, "")
+    assert "r/lerobot\n" in out
+    rows = read_rows(Path("r/results.parquet"))
+    frames = read_rows(Path("r/lerobot/data/chunk-000/file-000.parquet"))
+    assert len(frames) == int(np.ceil(rows[0]["motion_time"] * 20)) + 1
+    assert json.loads(Path("r/lerobot/meta/info.json").read_text())["robot_type"] == rows[0]["robot"]
 
 
 @pytest.mark.parametrize(
@@ -290,7 +315,10 @@ def test_the_command_plans_and_reports(command: Callable[..., tuple[int, str, st
             ["--workers, --scheduler", "one of them"],
         ),
         (["planar_arm", "-o", "r", "--cluster", "no.yaml"], ["no.yaml: no such file"]),
+        (["planar_arm", "-o", "r", "--plot", "r.jpg"], ["r.jpg", "'.jpg'", ".png"]),
         (["planar_arm", "-o", "r", "--motions", "file"], ["motions", "'file'", "'files'"]),
+        (["planar_arm", "-o", "r", "--export", "lerobt"], ["export", "'lerobt'", "'lerobot'"]),
+        (["planar_arm", "-o", "r", "--export", "lerobot"], ["planar_arm", "no times", "`timing`"]),
         (["planar_arm", "-o", "r", "--solver", "ipop"], ["'ipop'", "'ipopt'"]),
         (["planar_arm", "-o", "r", "--time-limit", "nan"], ["--time-limit", "finite"]),
         (["planar_arm", "-o", "r", "--scene", "planar_arm"], ["--scene", "no source is a table"]),

@@ -79,7 +79,7 @@ def test_a_joint_that_follows_another_is_held_where_it_follows(
 def test_large_heads_and_many_groups_are_rejected_before_they_cost_memory(
     cage: tuple[Path, dict[str, Any], bytes],
 ) -> None:
-    check(cage, "the proof.s head: a mapping", {**cage[1], "more": [[]] * 1_000_000})
+    check(cage, "too large", {**cage[1], "more": [[]] * 1_000_000})
     world = verify.World(find_scene("panda_cage"), cage[0], cage[1], {})
     cuts = {key: len(x) for key, x in world.meshes.items()}
     groups = b"".join(np.arange(n, dtype="<u2").tobytes() for n in cuts.values())

@@ -137,3 +137,47 @@ def _in_the_picture(page: Any, viewer: Viewer, point: NDArray[np.float64]) -> tu
     w, x, y, z = camera.wxyz
     own = Rotation.from_quat([x, y, z, w]).as_matrix().T @ (point - camera.position)
     return own, canvas, 0.5 * canvas["height"] / np.tan(0.5 * camera.fov)
+
+
+def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
+    viewer.worker.ask("test", lambda: (job(), None)[1])
+    assert viewer.worker.settle(PATIENCE / 1e3)
+
+
+def calm(viewer: Viewer) -> None:
+    """Wait until nothing is planned or drawn any more."""
+    until(lambda: viewer.panel.live.settle(0.1) and viewer.worker.settle(0.1), "it plans on for ever")
+
+
+def tab_of(page: Any, name: str) -> None:
+    page.get_by_role("tab", name=name).click()
+
+
+def entry(page: Any, viewer: Viewer, label: str) -> Any:
+    """The input that stands in the panel with a label."""
+    inputs = viewer.server.gui._gui_input_handle_from_uuid.values()
+    uuid = [each._impl.uuid for each in inputs if getattr(each, "label", "") == label][-1]
+    beside = f'//label[@for="{uuid}"]/ancestor::*[following-sibling::*//input][1]/following-sibling::*//input'
+    return page.locator(f"xpath={beside}").first
+
+
+def typed(page: Any, viewer: Viewer, label: str, text: str) -> None:
+    """Type into a field, and leave it."""
+    field = entry(page, viewer, label)
+    field.fill(text)
+    field.blur()
+
+
+def arrow_dragged(
+    page: Any, viewer: Viewer, place: NDArray[np.float64], way: NDArray[np.float64], steps: int = 10
+) -> None:
+    """Grip the arrow along which most of a way (3,) leads from a handle at `place` (4, 4), and drag it so far (world
+    frame); the button stays down."""
+    along = place[:3, :3].T @ way
+    held = grip(page, viewer, place, int(np.abs(along).argmax()))
+    page.mouse.move(*seen(page, viewer, held))
+    page.wait_for_timeout(500)
+    page.mouse.down()
+    for share in np.linspace(1 / steps, 1.0, steps):
+        page.mouse.move(*seen(page, viewer, held + share * way))
+        page.wait_for_timeout(100)

@@ -15,7 +15,19 @@ from hdplan.planner.view.things import GOAL, START, Thing, place_of
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.scene import Scene
-from tests.planner.view.in_browser import Tabs, address, changed, grip, look, picture, plainly, seen, until
+from tests.planner.view.in_browser import (
+    Tabs,
+    address,
+    arrow_dragged,
+    calm,
+    changed,
+    grip,
+    look,
+    picture,
+    plainly,
+    seen,
+    until,
+)
 
 BALL = Thing("obstacle", "ball")
 
@@ -48,18 +60,6 @@ def selected(page: Any, viewer: Viewer, thing: Thing) -> Array:
     return place_of(viewer.edited, thing, viewer.stage.tip).matrix
 
 
-def dragged(page: Any, viewer: Viewer, place: Array, way: Array, steps: int = 10) -> None:
-    """Grip the arrow along which most of a way (3,) leads, and drag it so far (world frame); the button stays down."""
-    along = place[:3, :3].T @ way
-    held = grip(page, viewer, place, int(np.abs(along).argmax()))
-    page.mouse.move(*seen(page, viewer, held))
-    page.wait_for_timeout(500)
-    page.mouse.down()
-    for share in np.linspace(1 / steps, 1.0, steps):
-        page.mouse.move(*seen(page, viewer, held + share * way))
-        page.wait_for_timeout(100)
-
-
 def test_the_certified_motion_follows_the_mouse(page: Any, viewer: Viewer) -> None:
     """While the button is still down: what is said to be certified is, in the scene as it is then."""
     place = selected(page, viewer, BALL)
@@ -69,10 +69,10 @@ def test_the_certified_motion_follows_the_mouse(page: Any, viewer: Viewer) -> No
     way = tips[np.linalg.norm(tips - place[:3, 3], axis=1).argmin()] - place[:3, 3]
     along = np.zeros(3)
     along[np.abs(way).argmax()] = way[np.abs(way).argmax()]
-    dragged(page, viewer, place, along)
+    arrow_dragged(page, viewer, place, along)
     until(lambda: viewer.panel.live.count > 0, "no motion is planned while it is dragged")
     page.get_by_text("certified motions a second").wait_for()
-    until(lambda: viewer.panel.live.settle(0.1) and viewer.worker.settle(0.1), "it plans on for ever")
+    calm(viewer)
     assert viewer.panel.handles.dragging
     moved = place_of(viewer.edited, BALL, viewer.stage.tip).matrix
     assert np.linalg.norm(moved[:3, 3] - place[:3, 3]) > 0.02
@@ -108,11 +108,11 @@ def test_a_click_selects_and_the_handle_stands_upright(page: Any, viewer: Viewer
 def test_the_start_is_dragged_by_the_mouse(page: Any, viewer: Viewer) -> None:
     place = selected(page, viewer, START)
     before = viewer.edited.start
-    dragged(page, viewer, place, -0.15 * place[:3, 0])
+    arrow_dragged(page, viewer, place, -0.15 * place[:3, 0])
     until(lambda: bool(np.abs(viewer.edited.start - before).max() > 0.02), "the start stays where it was")
     page.mouse.up()
     until(lambda: not viewer.panel.handles.dragging, "it is not let go")
-    until(lambda: viewer.panel.live.settle(0.1) and viewer.worker.settle(0.1), "it plans on for ever")
+    calm(viewer)
     assert viewer.motions.active is not None
     motion = viewer.motions.active.motion
     assert motion.certificate.certified
@@ -122,11 +122,11 @@ def test_the_start_is_dragged_by_the_mouse(page: Any, viewer: Viewer) -> None:
 def test_a_tab_that_is_closed_while_it_drags_lets_go(tab: Tabs, page: Any, viewer: Viewer) -> None:
     """And another one says what holds."""
     place = selected(page, viewer, BALL)
-    dragged(page, viewer, place, np.array([-0.1, 0.0, 0.0]), steps=4)
+    arrow_dragged(page, viewer, place, np.array([-0.1, 0.0, 0.0]), steps=4)
     until(lambda: viewer.panel.handles.dragging, "it is not dragged")
     page.close()
     until(lambda: not viewer.panel.handles.dragging, "it is still dragged by a page that is gone")
-    until(lambda: viewer.panel.live.settle(0.1) and viewer.worker.settle(0.1), "it plans on for ever")
+    calm(viewer)
     other = tab(address(viewer))
     assert viewer.motions.active is not None
     other.get_by_text(
@@ -137,7 +137,7 @@ def test_a_tab_that_is_closed_while_it_drags_lets_go(tab: Tabs, page: Any, viewe
 
 def test_the_server_ends_while_it_plans(tab: Tabs, page: Any, viewer: Viewer) -> None:
     place = selected(page, viewer, BALL)
-    dragged(page, viewer, place, np.array([-0.1, 0.0, 0.0]), steps=4)
+    arrow_dragged(page, viewer, place, np.array([-0.1, 0.0, 0.0]), steps=4)
     viewer.close()
     assert page.get_by_text("planar_arm").count()  # as it was seen last
     tab.complaints[:] = [text for text in tab.complaints if "WebSocket" not in text and "ERR_CONNECTION" not in text]

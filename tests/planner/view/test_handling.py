@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 import html
 import re
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -396,3 +397,31 @@ def test_a_motion_that_does_not_fit_the_edited_scene_is_said_to_and_fits_again(v
     sent(viewer, field(viewer, "history"), "undo")
     assert viewer.motions.holds(viewer.motions.shown[0])
     assert "certified" in viewer.panel.verdict
+
+
+def test_what_is_typed_while_another_field_is_edited_is_not_lost(viewer: Viewer) -> None:
+    """Not in the scene, and not in the field: values that wait are those that were sent."""
+    by_worker(viewer, lambda: viewer.panel.handles.select(Thing("obstacle", "ball")))
+    began, gate = threading.Event(), threading.Event()
+    viewer.worker.ask("held", lambda: (began.set(), gate.wait(20), None)[2])
+    assert began.wait(20)
+    slider = viewer.panel.jogging.sliders[0]
+    jogged = round(float(viewer.edited.goal[0]), 3) - 0.1
+    obstacles_clearance, planners_clearance = (
+        next(each[0] for each in fields._fields if each[1].endswith("clearance"))
+        for fields in (viewer.panel.obstacles._fields, viewer.panel.settings._fields)
+    )
+    typed = [(field(viewer, "radius [m]"), 0.07), (obstacles_clearance, "0.004")]
+    typed += [(planners_clearance, 0.002), (slider, jogged)]
+    for handle, value in typed:
+        sent(viewer, handle, value, wait=False)
+    gate.set()
+    assert viewer.worker.settle(20)
+    ball = selected(viewer)
+    assert (ball.shape.radius, ball.clearance) == (0.07, 0.004)  # type: ignore[union-attr]
+    assert viewer.scene.planner.clearance == 0.002
+    assert viewer.edited.goal[0] == jogged
+    assert [handle.value for handle, _ in typed] == [value for _, value in typed]
+    for _ in typed:
+        sent(viewer, field(viewer, "history"), "undo")
+    assert not viewer.history.can_undo

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from hdplan.planner.certificate.verdict import Certificate, Status
-from hdplan.scenes.errors import HdplanError, OutOfTime
+from hdplan.scenes.errors import HdplanError, InputError, OutOfTime, UnsolvableError
 
 CAUSES = {
-    "end_in_contact": "start or goal is in contact, or too close",
+    "end_in_contact": "start or goal is in contact",
+    "end_too_close": "start or goal is closer to something than is asked",
     "end_beyond_limits": "start or goal is beyond a joint limit",
     "end_off_path": "start or goal is off a path constraint",
+    "end_overloaded": "start or goal overloads a joint",
     "goal_not_reached": "no inverse kinematics reaches the goal",
-    "too_hurried": "the duration or the limits allow no such motion",
+    "too_hurried": "the duration allows no such motion",
     "time": "the time limit passed",
     "bad_input": "a file or a value is not as it should be",
     "local_minimum": "no free motion was found from all guesses",
@@ -37,21 +39,18 @@ _OF_STATUS = {
     Status.OVERLOADED: "torque",
     Status.NOT_PROVEN: "grazing",
 }
-_IN_WORDS = {  # what a refusal says, in the order in which it is looked for
-    "in collision": "end_in_contact",
-    "outside its limits": "end_beyond_limits",
-    "path constraint": "end_off_path",
-    "cannot be reached": "goal_not_reached",
-    "no configuration": "goal_not_reached",
-    "too short": "too_hurried",
-}
 
 
 def cause_of_refusal(error: HdplanError) -> str:
     """Return the code of a refused problem."""
-    if isinstance(error, OutOfTime):
-        return "time"
-    return next((code for words, code in _IN_WORDS.items() if words in str(error)), "bad_input")
+    match error:
+        case OutOfTime():
+            return "time"
+        case UnsolvableError(cause=cause):
+            return str(cause)
+        case InputError():
+            return "bad_input"
+    return "rates"  # no time law within the limits
 
 
 def cause_of_verdict(certificate: Certificate, notes: Sequence[str]) -> str:

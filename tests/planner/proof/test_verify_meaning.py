@@ -1,0 +1,263 @@
+"""Scene, robot and motion mean to the checker what they mean to hdplan: what contradicts itself is rejected, and what
+hdplan certifies is accepted whole."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hdplan
+from hdplan import verify as checker
+from hdplan.scenes.planner_settings import PlannerSettings
+from hdplan.verify import RejectedError, World
+
+LINK = """<link name="{0}">
+<collision><origin xyz="0 0 0.3"/><geometry><box size="0.05 0.05 0.4"/></geometry></collision></link>"""
+LIMIT = '<limit lower="{0}" upper="{1}" velocity="1" effort="30"/>'
+URDF = f"""<robot name="r">
+<link name="base"><collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>
+{LINK.format("up")}{LINK.format("fore")}
+<link name="finger"><collision><origin xyz="0 0 0.15"/><geometry><sphere radius="0.02"/></geometry></collision></link>
+<joint name="a" type="revolute"><parent link="base"/><child link="up"/><axis xyz="0 1 0"/>{LIMIT.format(-2, 2)}</joint>
+<joint name="b" type="continuous"><origin xyz="0 0 0.6"/><parent link="up"/><child link="fore"/><axis xyz="0 1 0"/>
+{LIMIT.format(0, 0)}</joint>
+<joint name="grip" type="prismatic"><origin xyz="0 0 0.5"/><parent link="fore"/><child link="finger"/>
+<axis xyz="0 0 1"/>{LIMIT.format(0, 0.1)}</joint></robot>"""
+SCENE: dict[str, Any] = {
+    "hdplan": 1,
+    "robot": {"urdf": "r.urdf", "group": ["a", "b"], "locked": {"grip": 0.02}},
+    "obstacles": [{"name": "o", "shape": {"type": "sphere", "radius": 0.1}, "pose": {"position": [1.5, 0, 0.3]}}],
+    "start": {"joints": [0, 0.1]},
+    "goal": {"joints": [0.5, 0.5]},
+}
+MOTION: dict[str, Any] = {"hdplan_trajectory": 1, "joint_names": ["a", "b"], "positions": [[0, 0.1], [0.5, 0.5]]}
+
+
+def files(
+    folder: Path, scene: dict[str, Any], motion: dict[str, Any] = MOTION, urdf: str = URDF, name: str = "r.urdf"
+) -> tuple[Path, Path]:
+    """Write a scene, with some keys changed, its robot and a motion."""
+    (folder / name).write_text(urdf)
+    (folder / "s.yaml").write_text(json.dumps({**copy.deepcopy(SCENE), **scene}))
+    (folder / "m.json").write_text(json.dumps(motion))
+    return folder / "s.yaml", folder / "m.json"
+
+
+def claimed(scene: Path, motion: Path, held: dict[str, float] | None = None, *claims: str) -> str:
+    """What the checker makes of a proof that claims this, beside clearances."""
+    world = World(scene, motion, {"files": {}, "held": held or {}}, {})
+    return checker.statement(world, {"clearance": 1e-3, "self_clearance": 1e-3, "claims": [*claims]})
+
+
+ELSEWHERE = {
+    "start and locked": ({"start": {"joints": {"a": 0, "b": 0.1, "grip": 0.05}}}, {}),
+    "goal and locked": ({"goal": {"joints": {"a": 0.5, "b": 0.5, "grip": 0.05}}}, {}),
+    "one of the goals": ({"goal": {"joints": [{"a": 0.5, "b": 0.5, "grip": 0.05}]}}, {}),
+    "motion and locked": ({}, {"locked": {"grip": 0.05}}),
+    "a moving joint that is locked": (
+        {"start": {"joints": {"a": 0, "b": 0.1}}, "goal": {"joints": {"a": 0.5, "b": 0.5}}},
+        {"joint_names": ["a", "b", "grip"], "positions": [[0, 0.1, 0.02], [0.5, 0.5, 0.05]]},
+    ),
+    "a moving joint that the motion locks": ({}, {"locked": {"b": 0.1}}),
+    "a joint of the motion that is none": ({}, {"locked": {"grip": 0.02, "gripp": 0.05}}),
+    "a joint that does not get to its goal": (
+        {"start": {"joints": {"a": 0, "b": 0.1}}, "goal": {"joints": {"a": 0.5, "b": 0.5}}},
+        {"joint_names": ["a"], "positions": [[0], [0.5]]},
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", ELSEWHERE)
+def test_a_joint_is_not_at_two_places(kind: str, tmp_path: Path) -> None:
+    scene, motion = files(tmp_path, ELSEWHERE[kind][0], {**MOTION, **ELSEWHERE[kind][1]})
+    with pytest.raises(hdplan.InputError):
+        hdplan.certify(hdplan.load_scene(scene), hdplan.Trajectory.load(motion))
+    with pytest.raises(RejectedError, match=r"joint '(grip|b)'|goal|a joint that is none"):
+        claimed(scene, motion, {}, "start", "goal")
+
+
+def test_a_joint_that_is_held_may_be_named_where_it_is(tmp_path: Path) -> None:
+    named = {"joints": {"a": 0, "b": 0.1, "grip": 0.02}}, {"joints": {"a": 0.5, "b": 0.5, "grip": 0.02 + 5e-7}}
+    rows = {"joint_names": ["grip", "a", "b"], "positions": [[0.02, 0, 0.1], [0.02 + 1e-7, 0.5, 0.5]]}
+    for motion in (MOTION, {**MOTION, "locked": {"grip": 0.02}}, {**MOTION, **rows}):
+        two = files(tmp_path, {"start": named[0], "goal": named[1]}, motion)
+        assert hdplan.certify(hdplan.load_scene(two[0]), hdplan.Trajectory.load(two[1])).certified
+        assert claimed(*two, {}, "limits", "start", "goal").startswith("accepted:")
+
+
+def test_words_for_links_excuse_no_held_object_of_that_name(tmp_path: Path) -> None:
+    """Such as an SRDF with a tool that the URDF does not have."""
+    (tmp_path / "r.srdf").write_text('<robot name="r"><disable_collisions link1="base" link2="tool"/></robot>')
+    held = {"name": "tool", "link": "fore", "shape": {"type": "sphere", "radius": 0.1}, "touch_links": ["up"]}
+    robot = {**SCENE["robot"], "srdf": "r.srdf", "ignore_pairs": [["base", "tool"]]}
+    scene, motion = files(tmp_path, {"robot": robot, "attached": [held]})
+    world = World(scene, motion, {"files": {}, "held": {}}, {})
+    pairs = {frozenset(world.pieces[i].name for i in pair) for pair in world.pairs.tolist()}
+    assert frozenset(("base", "tool")) in pairs
+    assert world.left_out[frozenset(("up", "tool"))] == "touch_links"
+
+
+XACRO = '<xacro:if value="1"><link name="spear"/></xacro:if>'
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "name"),
+    [
+        ("</robot>", "</robot>", "r.urdf.xacro"),
+        ('name="r">', f'name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{XACRO}', "r.urdf"),
+        ("robot", "mujoco", "r.xml"),
+    ],
+)
+def test_recipes_for_robots_are_not_taken_for_urdfs(before: str, after: str, name: str, tmp_path: Path) -> None:
+    robot = {**SCENE["robot"], "urdf": name}
+    scene, motion = files(tmp_path, {"robot": robot}, MOTION, URDF.replace(before, after), name)
+    with pytest.raises(RejectedError, match="no URDF"):
+        World(scene, motion, {"files": {}, "held": {}}, {})
+
+
+TURN = {"joints": [0.5, 0.5 + 4 * np.pi]}
+WHOLE = {
+    "whole turns": ({"goal": TURN}, {}),
+    "several goals": ({"goal": {"joints": [[1, 1], {"a": 0.5, "b": 0.5}]}}, {}),
+    "lines in time": ({"timing": {"duration": 2}}, {"times": [0, 2]}),
+    "a limit that is none": (
+        {"limits": {"velocity": None, "acceleration": 5, "position": None}},
+        {"times": [0, 2], "velocities": [[0, 0], [0, 0]]},
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", WHOLE)
+def test_what_is_certified_is_proven_whole(kind: str, tmp_path: Path) -> None:
+    two = files(tmp_path, WHOLE[kind][0], {**MOTION, **WHOLE[kind][1]})
+    assert hdplan.prove(*two).text.startswith("accepted:")
+
+
+def test_other_goals_and_speeds_are_not_proven(tmp_path: Path) -> None:
+    """Just beyond those that are."""
+    for goal in ([0.5 + 2 * np.pi, 0.5], [0.5, 0.5 + 3.14], [0.5, 0.5 + 2 * np.pi + 2e-6], [[0.5, 0.51], [0.51, 0.5]]):
+        with pytest.raises(RejectedError, match="goal"):
+            claimed(*files(tmp_path, {"goal": {"joints": goal}}), {}, "goal")
+    with pytest.raises(RejectedError, match="start"):  # whole turns are for goals
+        claimed(*files(tmp_path, {"start": {"joints": [0, 0.1 + 2 * np.pi]}}), {}, "start")
+    for seconds, good in ((0.501, True), (0.499, False)):
+        two = files(tmp_path, {"timing": {"duration": seconds}}, {**MOTION, "times": [0, seconds]})
+        if good:
+            assert "velocity" in claimed(*two, {}, "velocity")
+        else:
+            with pytest.raises(RejectedError, match="'a' is beyond it"):
+                claimed(*two, {}, "velocity")
+
+
+@pytest.mark.parametrize(("own", "usual"), [(0.001, 0.3), (0.02, 0.01), (0.001, 0.01)])
+def test_an_obstacle_may_ask_for_less_than_the_others(own: float, usual: float, tmp_path: Path) -> None:
+    """It is 76 mm away, the other one farther than what is asked; a proof that claims so must keep it."""
+    near = {**SCENE["obstacles"][0], "name": "near", "pose": {"position": [0.85, 0, 1.15]}, "clearance": own}
+    asked = {"obstacles": [*SCENE["obstacles"], near], "planner": {"clearance": usual}}
+    two = files(tmp_path, asked)
+    proof = hdplan.prove(*two)
+    assert proof.text.startswith("accepted:")
+    assert ("300 mm from o" in proof.text) == (usual == 0.3)
+    world = World(*two, {"files": {}, "held": {}, "claims": ["clearance"]}, {})
+    assert world.clearances == {"o": usual, "near": own}
+
+
+def test_meshes_of_one_name_in_two_folders_are_two_files(tmp_path: Path) -> None:
+    for folder, size in (("one", 0.1), ("two", 0.2)):
+        (tmp_path / folder / "meshes").mkdir(parents=True)
+        corners = "".join(f"v {x} {y} {z}\n" for x, y, z in (np.eye(4)[:, :3] * size).tolist())
+        (tmp_path / folder / "meshes" / "m.obj").write_text(f"{corners}f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    shape = {"type": "mesh", "file": "two/meshes/m.obj"}
+    urdf = URDF.replace('<box size="0.1 0.1 0.1"/>', '<mesh filename="one/meshes/m.obj"/>')
+    two = files(tmp_path, {"obstacles": [{**SCENE["obstacles"][0], "shape": shape}]}, MOTION, urdf)
+    proof = hdplan.prove(*two)
+    assert checker.verify(*two, proof.data) == proof.text
+    (tmp_path / "two" / "meshes" / "m.obj").write_bytes((tmp_path / "one" / "meshes" / "m.obj").read_bytes())
+    with pytest.raises(RejectedError, match=r"is not the file that was proven|other files"):
+        checker.verify(*two, proof.data)
+
+
+def test_a_linked_scene_names_files_beside_the_link(tmp_path: Path) -> None:
+    scene, motion = files(tmp_path, {})
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "r.urdf").write_text(URDF.replace("0 0 0.6", "0 0 0.7"))
+    (other / "s.yaml").symlink_to(scene)
+    for link in (scene, other / "s.yaml"):
+        world = World(link, motion, {"files": {}, "held": {}}, {})
+        assert world.urdf.parent == link.parent
+
+
+def test_links_that_always_touch_matter_only_where_links_are_compared(tmp_path: Path) -> None:
+    wide = URDF.replace('<sphere radius="0.02"/>', '<sphere radius="0.8"/>')
+    for asked in (True, False):
+        two = files(tmp_path, {"self_collision": asked, "obstacles": []}, MOTION, wide)
+        if asked:
+            with pytest.raises(hdplan.InputError, match="touch at every sampled configuration"):
+                hdplan.prove(*two)
+        else:
+            assert hdplan.prove(*two).text.startswith("accepted:")
+
+
+def test_a_name_does_not_look_like_a_line_of_the_statement(tmp_path: Path) -> None:
+    two = files(tmp_path, {}, MOTION, URDF.replace('"finger"', '"finger&#10;  also proven: torque"'))
+    assert "also proven" not in [line.strip()[:11] for line in claimed(*two).splitlines()]
+    assert str(RejectedError("a\u2028b\x1b[2K\nc")) == "a b?[2K c"
+
+
+MISSPELT: dict[str, dict[str, Any]] = {
+    "planner": {"planner": {"clearence": 0.1}},
+    "self_collision": {"self_collision": {"clearence": 0.1}},
+    "limits": {"limits": {"velocity": {"aa": 0.1}}},
+    "goal": {"goal": {"joints": {"a": 0.5, "b": 0.5, "gripp": 0.05}}},
+    "start": {"start": {"joints": {"a": 0, "b": 0.1, "gripp": 0.05}}},
+    "locked": {"robot": {**SCENE["robot"], "locked": {"grip": 0.02, "gripp": 0.02}}},
+    "path.position": {"path": {"position": {"link": "fore", "size": [9, 9]}}},
+    "'tool' is no link": {
+        "attached": [{"name": "tool", "link": "fore", "shape": {"type": "sphere", "radius": 0.01}}],
+        "path": {"upright": {"link": "tool", "tolerance": 3}},
+    },
+}
+
+
+@pytest.mark.parametrize("words", MISSPELT)
+def test_what_a_scene_asks_in_a_word_that_is_not_known_is_not_left_out(words: str, tmp_path: Path) -> None:
+    timed = {**MOTION, "times": [0, 2], "velocities": [[0, 0], [0, 0]]}
+    two = files(tmp_path, {"timing": {"duration": 2}, **MISSPELT[words]}, timed)
+    with pytest.raises(hdplan.InputError):
+        hdplan.certify(hdplan.load_scene(two[0]), hdplan.Trajectory.load(two[1]))
+    with pytest.raises(RejectedError, match=words):
+        claimed(*two, {}, "start", "goal", "velocity", "path")
+
+
+def test_the_planner_s_keys_are_those_of_the_planner() -> None:
+    assert checker.ASKING["planner"].split() == [each.name for each in dataclasses.fields(PlannerSettings)]
+
+
+def test_a_pose_at_the_start_is_one_at_the_scene_s_start(tmp_path: Path) -> None:
+    """What a link is to keep, where no pose is given."""
+    path = {"path": {"relative": {"link": "fore", "to": "base", "position_tolerance": 1, "orientation_tolerance": 3}}}
+    for start, good in (([0, 0.1], True), ([0, 0.2], False)):
+        two = files(tmp_path, {**path, "start": {"joints": start}})
+        if good:
+            assert "path" in claimed(*two, {}, "path")
+        else:
+            with pytest.raises(RejectedError, match="does not begin at the start"):
+                claimed(*two, {}, "path")
+
+
+def test_a_joint_without_the_limits_that_it_needs_is_within_none(tmp_path: Path) -> None:
+    for kind, good in (("continuous", True), ("revolute", False)):
+        urdf = URDF.replace('name="a" type="revolute"', f'name="a" type="{kind}"').replace(LIMIT.format(-2, 2), "")
+        two = files(tmp_path, {}, MOTION, urdf)
+        if good:
+            assert "limits" in claimed(*two, {}, "limits")
+        else:
+            with pytest.raises(RejectedError, match="'a' is beyond it"):
+                claimed(*two, {}, "limits")
