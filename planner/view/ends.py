@@ -18,6 +18,7 @@ from hdplan.planner.search.inverse_kinematics import reaching
 from hdplan.planner.view.edited import Edited
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
+from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
 
@@ -64,7 +65,8 @@ def random_free(edited: Edited, end: str, rng: np.random.Generator) -> Array:
         for q in edited.robot.draw(rng, AT_ONCE):
             if is_free(edited, end, q):
                 return np.asarray(q)
-    raise InputError(f"{end}: none of {TRIED} random configurations is free")
+    path = " and keeps the path constraints" if edited.scene.path != PathConstraints() else ""
+    raise InputError(f"{end}: none of {TRIED} random configurations is free{path}")
 
 
 def postures(edited: Edited, end: str) -> tuple[Array, ...]:

@@ -113,7 +113,7 @@ def short_trials(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(diagnosis, "MOST_SECONDS", 2.0)
 
 
-LONG = ("local_minimum", "torque")  # these take seconds: only among the two hundred
+LONG = ("local_minimum", "torque", "too_hurried")  # these take seconds: only among the two hundred
 
 
 @pytest.mark.parametrize("cause", [cause for cause in KINDS if cause not in LONG])
@@ -122,6 +122,8 @@ def test_a_planted_cause_is_named(cause: str) -> None:
     assert found.cause == cause, found
     assert found.text.startswith(CAUSES[cause])
     assert "\n" not in found.text + found.advice
+    if cause == "clearance":
+        assert "of the clearance (planner.clearance: 0.0" in found.advice
 
 
 @pytest.mark.slow
@@ -130,11 +132,10 @@ def test_two_hundred_planted_causes_are_named() -> None:
     assert len(wrong) <= 0.05 * 18 * len(KINDS), wrong
 
 
-def test_what_helps_is_measured() -> None:
-    found = {cause: diagnosed(cause, 3).advice for cause in ("clearance", "end_in_contact")}
-    assert "of the clearance (planner.clearance: 0.0" in found["clearance"]
+def test_a_configuration_that_helps_is_free() -> None:
     scene = planted("end_in_contact", 3)
-    said = dict(each.split() for each in found["end_in_contact"].partition(" is free: ")[2].split(", "))
+    advice = diagnosed("end_in_contact", 3).advice
+    said = dict(each.split() for each in advice.partition(" is free: ")[2].split(", "))
     free = [float(said[name]) for name in ("shoulder", "elbow")]
     assert hdplan.plan(scene.with_goal(free), time_limit=10.0).certified
 
@@ -173,7 +174,7 @@ def test_the_command_says_what_helps(
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert "overlap by 3 mm; what helps: within " in err
     planted("path_constraint", 0).save("path.yaml")
-    code, out, err = command("plan", "path.yaml", "--diagnose", "--json", "--time-limit", "5")
+    code, out, err = command("plan", "path.yaml", "--diagnose", "--json", "--time-limit", "1")
     assert (code, err) == (1, "")
     assert json.loads(out)["diagnosis"]["cause"] == "path_constraint"
     assert json.loads(out)["diagnosis"]["advice"].startswith("without path: certified")

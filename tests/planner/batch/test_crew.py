@@ -78,6 +78,7 @@ def test_workers_keep_no_samples_of_themselves(two_workers: Any) -> None:
     assert set(two_workers.run(dask.config.get, "distributed.worker.profile.enabled").values()) == {False}
 
 
+@pytest.mark.slow  # two workers start again
 def test_what_hangs_is_ended_from_outside(two_workers: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     from planted import PATIENCE, Hanging
 

@@ -3,8 +3,12 @@ is seen."""
 
 from __future__ import annotations
 
+import contextlib
 import io
+import queue
 import shutil
+import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -93,6 +97,49 @@ def until(true: Callable[[], bool], what: str) -> None:
     while not true():
         assert time.monotonic() < deadline, what
         time.sleep(0.1)
+
+
+@contextlib.contextmanager
+def slow_line(port: int, delay: float, rate: float) -> Iterator[int]:
+    """A port that leads to another one over a line with a delay [s] each way and a rate [bytes/s]: chromium's own
+    throttling leaves web sockets as they are."""
+    listening = socket.create_server(("127.0.0.1", 0))
+    every = [listening]
+
+    def carry(here: socket.socket, there: socket.socket) -> None:
+        sent: queue.SimpleQueue[tuple[float, bytes]] = queue.SimpleQueue()
+
+        def deliver() -> None:
+            with contextlib.suppress(OSError):
+                while True:
+                    due, data = sent.get()
+                    time.sleep(max(0.0, due - time.monotonic()) + len(data) / rate)
+                    if not data:
+                        there.shutdown(socket.SHUT_WR)
+                        return
+                    there.sendall(data)
+
+        threading.Thread(target=deliver, daemon=True).start()
+        with contextlib.suppress(OSError):
+            data = b"begun"
+            while data:
+                data = here.recv(1 << 14)
+                sent.put((time.monotonic() + delay, data))
+
+    def accept() -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                every.append(near := listening.accept()[0])
+                every.append(far := socket.create_connection(("127.0.0.1", port)))
+                for ends in ((near, far), (far, near)):
+                    threading.Thread(target=carry, args=ends, daemon=True).start()
+
+    threading.Thread(target=accept, daemon=True).start()
+    yield int(listening.getsockname()[1])
+    for each in every:
+        with contextlib.suppress(OSError):
+            each.shutdown(socket.SHUT_RDWR)
+        each.close()
 
 
 def coloured(image: NDArray[np.int64]) -> int:

@@ -35,6 +35,7 @@ from tests.planner.view.in_browser import (
     look,
     plainly,
     press,
+    slow_line,
     tab_of,
     typed,
     until,
@@ -282,26 +283,27 @@ def test_a_tab_is_closed_while_plan_runs(served: Served, tab: Tabs, scene: Scene
     tab(address(viewer)).get_by_text("certified: at least").first.wait_for()
 
 
-def test_many_obstacles_on_a_slow_line(served: Served, scene: Scene, trajectory: Trajectory) -> None:
+def test_many_obstacles_on_a_slow_line(tab: Tabs, scene: Scene, trajectory: Trajectory) -> None:
     """All are there, one of them is dragged, and what the page says in the end is true."""
     rng = np.random.default_rng(0)
     places = rng.uniform([-2.0, 1.6, 0.0], [2.0, 3.0, 0.4], (200, 3)).tolist()
     more = [Obstacle(f"box {i}", Box((0.03, 0.03, 0.03)), Pose(tuple(place))) for i, place in enumerate(places)]
-    page, viewer = served(dataclasses.replace(scene, obstacles=(*scene.obstacles, *more)), (NAME, trajectory))
-    line = page.context.new_cdp_session(page)
-    line.send(
-        "Network.emulateNetworkConditions",
-        {"offline": False, "latency": 300, "downloadThroughput": 50_000, "uploadThroughput": 20_000},
-    )
-    place = handle_at(page, viewer, BALL)
-    arrow_dragged(page, viewer, place, np.array([-0.15, 0.0, 0.0]))
-    until(lambda: viewer.panel.live.count > 0, "no motion is planned while it is dragged")
-    page.mouse.up()
-    until(lambda: not viewer.panel.handles.dragging, "it is not let go")
-    calm(viewer)
-    assert viewer.motions.active is not None
-    motion = viewer.motions.active.motion
-    text = certify(viewer.scene, motion.trajectory, viewer.robot).text
-    page.get_by_text(text).first.wait_for()
-    moved = place_of(viewer.edited, BALL, viewer.stage.tip).position
-    assert moved[0] < place[0, 3] - 0.05
+    viewer = plainly(dataclasses.replace(scene, obstacles=(*scene.obstacles, *more)), (NAME, trajectory))
+    with contextlib.closing(viewer), slow_line(viewer.port, delay=0.3, rate=2e6) as port:
+        page = tab(f"http://127.0.0.1:{port}")
+        until(lambda: bool(viewer.server.get_clients()), "the page does not reach the server")
+        look(viewer, EYE, TARGET)
+        page.wait_for_timeout(2000)
+        place = handle_at(page, viewer, BALL)
+        arrow_dragged(page, viewer, place, np.array([-0.15, 0.0, 0.0]))
+        until(lambda: viewer.panel.live.count > 0, "no motion is planned while it is dragged")
+        page.mouse.up()
+        until(lambda: not viewer.panel.handles.dragging, "it is not let go")
+        calm(viewer)
+        assert viewer.motions.active is not None
+        motion = viewer.motions.active.motion
+        text = certify(viewer.scene, motion.trajectory, viewer.robot).text
+        page.get_by_text(text).first.wait_for()
+        moved = place_of(viewer.edited, BALL, viewer.stage.tip).position
+        assert moved[0] < place[0, 3] - 0.05
+        page.goto("about:blank")

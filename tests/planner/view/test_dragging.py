@@ -105,6 +105,7 @@ def test_a_click_selects_and_the_handle_stands_upright(page: Any, viewer: Viewer
     assert moved().position[:2] == pytest.approx(place.position[:2], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_start_is_dragged_by_the_mouse(page: Any, viewer: Viewer) -> None:
     place = selected(page, viewer, START)
     before = viewer.edited.start
@@ -119,6 +120,7 @@ def test_the_start_is_dragged_by_the_mouse(page: Any, viewer: Viewer) -> None:
     np.testing.assert_allclose(motion.joints[0], viewer.edited.start, rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_tab_that_is_closed_while_it_drags_lets_go(tab: Tabs, page: Any, viewer: Viewer) -> None:
     """And another one says what holds."""
     place = selected(page, viewer, BALL)
