@@ -153,9 +153,9 @@ def draw(costs: list[tuple[Effect, Cost, Cost]], file: Path) -> None:
 
     from hdplan.planner.pictures.style import FRAME, GOAL, RC, START
 
-    names = [f"{effect.section}\n{effect.scene}" for effect, _, _ in costs]
+    names = [f"{effect.section} · {effect.scene}" for effect, _, _ in costs]
     with plt.rc_context(RC):
-        figure, panels = plt.subplots(1, len(PHASES), figsize=(11, 5.2), sharey=True, layout="constrained")
+        figure, panels = plt.subplots(1, len(PHASES), figsize=(11.5, 4.6), sharey=True, layout="constrained")
         for phase, (panel, title) in enumerate(zip(panels, PHASES, strict=True)):
             rows = np.arange(len(costs))[::-1]
             off, on = (np.array([1e3 * cost[side].seconds[phase] for cost in costs]) for side in (1, 2))

@@ -1,8 +1,8 @@
 """What one distance of a pair costs, with Python's loop around it and without.
 
 The pairs are those that the first evaluation of a plan asks for: two problems that differ in the distance alone, the
-straight line as the motion. "Without" is for the HD-SDF its compiled kernel over all rows, for FCL the same coal calls
-made by Pinocchio's loop in C++ (`computeDistances`).
+straight line as the motion. The HD-SDF has no loop in Python: the planner calls compiled code for all pairs at once.
+"Without" is for FCL the same coal calls made by Pinocchio's loop in C++ (`computeDistances`).
 """
 
 from __future__ import annotations
@@ -31,8 +31,7 @@ class PairTimes:
     """The same pairs by both, per pair [s]."""
 
     count: int
-    hdsdf: float  # as the planner calls it
-    hdsdf_kernel: float  # the compiled loop alone
+    hdsdf: float  # as the planner calls it, which is a compiled loop
     fcl: float  # as the planner calls it
     fcl_loop: float  # coal in a loop in C++
 
@@ -52,7 +51,6 @@ def measure(ours: Problem, exact: Problem) -> list[PairTimes]:
             PairTimes(
                 len(pair),
                 _quickest(lambda: mine.distance(kinematics, sample, pair)) / len(pair),  # noqa: B023
-                _kernel_seconds(mine.distance, kinematics, sample, pair) / len(pair),
                 _quickest(lambda: other.distance(kinematics, sample, pair)) / len(pair),  # noqa: B023
                 _loop_seconds(other.distance, kinematics, sample, pair) / len(pair),
             )
@@ -76,7 +74,7 @@ def table(times: list[PairTimes]) -> str:
                 "as the planner calls it": mean(whole),
                 "compiled loop alone": mean(loop),
             }
-            for name, whole, loop in (("hdsdf", "hdsdf", "hdsdf_kernel"), ("fcl", "fcl", "fcl_loop"))
+            for name, whole, loop in (("hdsdf", "hdsdf", "hdsdf"), ("fcl", "fcl", "fcl_loop"))
         ]
     )
 
@@ -88,21 +86,6 @@ def _quickest(call: Callable[[], object]) -> float:
         call()
         times.append(time.process_time() - began)
     return min(times)
-
-
-def _kernel_seconds(distance: HdsdfPairs, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> float:
-    """The kernels over the rows that `HdsdfPairs` gives them."""
-    batch, joints = kinematics.placements.shape[:2]
-    placements, pairs, total = kinematics.placements.reshape(batch * joints, 12), distance.pairs, 0.0
-    for count, kernel in distance.kernels.items():
-        chosen = pairs.plane_slots[pair] == count
-        if not chosen.any():
-            continue
-        s, p = sample[chosen], pair[chosen]
-        tables = [placements, placements, pairs.body_table, pairs.plane_tables[count]]
-        rows = [s * joints + pairs.joint_a[p], s * joints + pairs.joint_b[p], pairs.body[p], pairs.plane_row[p]]
-        total += _quickest(lambda: kernel(tables, rows))  # noqa: B023
-    return total
 
 
 def _loop_seconds(distance: FclPairs, kinematics: KinematicsBatch, sample: Rows, pair: Rows) -> float:

@@ -30,6 +30,10 @@ depths = [
 figure, axes = plt.subplots(figsize=(7, 3), layout="constrained")
 for depth, name, status in zip(depths, ("straight line", "hdplan"), (verdict, ours.certificate), strict=True):
     axes.plot(np.linspace(0, 1, len(depth)), 1000 * np.array(depth), ".-", label=f"{name}: {status.status.value}")
-axes.set(xlabel="path", ylabel="deepest contact [mm]", title=scene.name)
+axes.set(
+    xlabel="path",
+    ylabel="deepest contact [mm]",
+    title="the straight line goes through the shelf, hdplan's motion around it",
+)
 axes.legend()
 figure.savefig("check_another_planner.png", dpi=100)

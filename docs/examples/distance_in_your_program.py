@@ -44,7 +44,7 @@ exact = [signed_distance(rod, p, cube, np.eye(4)).distance for p in poses]
 figure, (above, below) = plt.subplots(2, figsize=(7, 5), sharex=True, layout="constrained")
 above.plot(turns, exact, label="exact")
 above.plot(turns, values, label="HD-SDF")
-above.set(ylabel="distance [m]")
+above.set(ylabel="distance [m]", title="a rod turns above a cube")
 above.legend()
 below.plot(turns, np.gradient(np.array(exact), turns), turns, slopes)
 below.set(xlabel="turn [rad]", ylabel="derivative [m/rad]")

@@ -21,5 +21,5 @@ assert hdplan.certify(scene, again).certified
 figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
 axes.plot(np.linspace(0, 1, len(again)), again.positions, label=again.joint_names)
 axes.set(xlabel="path", ylabel="joint position [rad]", title=f"{scene.name}: {certificate.status.value}")
-axes.legend(fontsize="small", ncols=2)
+figure.legend(loc="outside right upper", fontsize="small")
 figure.savefig("plan_a_motion.png", dpi=100)

@@ -32,4 +32,5 @@ for each, style in ((scene, "-"), (back, ":")):
     axes.set_prop_cycle(None)
     print(found.certificate.status.value)
 axes.set(xlabel="waypoint", ylabel="joint position [rad]", title="there (lines) and back (dots)")
+figure.legend(axes.lines[:7], found.trajectory.joint_names, loc="outside right upper", fontsize="small")
 figure.savefig("scene_in_python.png", dpi=100)

@@ -3,7 +3,7 @@ time spent."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ PANELS: dict[str, Callable[[Moment], float]] = {
 }
 POINTS = 200  # of the mean
 NAMED = 3  # curves with a name: those that gain most
+NAME = 7  # [pt] the size of a name
 TICKS = (1, 2, 5, 10, 20, 50, 100)
 
 
@@ -50,11 +51,6 @@ def _panel(axis: Any, curves: Sequence[AnytimeCurve], title: str, measure: Calla
         spent = [moment.seconds / curve.moments[0].seconds for moment in curve.moments]
         shares = [100 * measure(moment) / measure(curve.moments[0]) for moment in curve.moments]
         axis.step([*spent, last], [*shares, shares[-1]], where="post", color=FIXED, alpha=0.35, linewidth=1, zorder=1)
-        if curve in gains[:NAMED] and shares[-1] < 100:
-            axis.annotate(
-                curve.scene, (last, shares[-1]), xytext=(-2, 2), textcoords="offset points", ha="right", fontsize=7,
-                color=FIXED,
-            )  # fmt: skip
     times = np.geomspace(1.0, last, POINTS)
     ratios = [
         [measure(curve.best_at(time * curve.moments[0].seconds)) / measure(curve.moments[0]) for curve in curves]
@@ -70,3 +66,18 @@ def _panel(axis: Any, curves: Sequence[AnytimeCurve], title: str, measure: Calla
     axis.set_xlabel("time spent, that until the first certified motion = 1")
     axis.set_ylabel("of the first certified motion's [%]")
     axis.set_title(title)
+    ends = {curve.scene: 100 * measure(curve.moments[-1]) / measure(curve.moments[0]) for curve in gains[:NAMED]}
+    _name_ends(axis, last, {scene: share for scene, share in ends.items() if share < 100})
+
+
+def _name_ends(axis: Any, last: float, ends: Mapping[str, float]) -> None:
+    """Write names above the ends of curves, each above the one below it too."""
+    axis.autoscale_view()
+    top = -np.inf
+    for scene, share in sorted(ends.items(), key=lambda end: end[1]):
+        at = axis.transData.transform((last, share))[1] * 72 / axis.figure.dpi
+        bottom = max(at + 2, top)
+        axis.annotate(
+            scene, (last, share), (-2, bottom - at), textcoords="offset points", ha="right", fontsize=NAME, color=FIXED
+        )
+        top = bottom + 1.3 * NAME

@@ -12,7 +12,10 @@ from matplotlib.figure import Figure
 from hdplan.planner.pictures.style import GOAL, RC, START
 from hdplan.planner.studies.corridor_experiment import AS_SAFE, CRITICAL, Outcome
 
-SHOWN = {"Euclidean": ("Euclidean distance", GOAL), AS_SAFE: ("HD-SDF, as safe", START)}  # name: words, colour
+SHOWN = {  # name: words, colour
+    "Euclidean": ("Euclidean distance", GOAL),
+    AS_SAFE: ("HD-SDF at the same safety", START),
+}
 
 
 def corridor_sheet(outcomes: Sequence[Outcome]) -> Figure:
@@ -23,7 +26,7 @@ def corridor_sheet(outcomes: Sequence[Outcome]) -> Figure:
         figure = Figure(figsize=(8.6, 0.95 + 1.75 * len(shown)), dpi=150, facecolor="white", layout="constrained")
         message = "A controller’s command in a corridor"
         if len(shown) == len(SHOWN):
-            message += f" varies {variations[0] / variations[1]:.3g} times as much with the Euclidean distance"
+            message = f"The Euclidean distance makes the command vary {variations[0] / variations[1]:.3g} times as much"
         figure.suptitle(message, fontsize=12, weight="bold", x=0.01, ha="left")
         panels = figure.subplots(len(shown), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
         for axis, outcome, variation in zip(panels, shown, variations, strict=True):

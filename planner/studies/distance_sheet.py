@@ -125,7 +125,7 @@ def _marks(entries: Sequence[Entry], choice: Entry) -> list[tuple[Entry, str, st
     marks = [(choice, "take this", GOOD, (-16, -24), "right")]
     for length, words, color, offset, align in (
         (PAPER_LENGTH, "the paper's", CONTACT, (-10, 18), "right"),
-        (DEFAULTS.shaping_length, "hdsdf's default", INK, (16, 18), "left"),
+        (DEFAULTS.shaping_length, "hdplan's default", INK, (16, 18), "left"),
     ):
         marks += [
             (e, words, color, offset, align)

@@ -3,6 +3,8 @@ time is left out by name."""
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -47,3 +49,22 @@ def test_acceleration_and_path_by_hand() -> None:
 def test_the_best_at_a_time() -> None:
     curve = AnytimeCurve("x", (Moment(1.0, 3.0, 3.0, 3.0), Moment(2.0, 2.0, 2.0, 2.0)))
     assert [curve.best_at(seconds).duration for seconds in (0.5, 1.0, 1.9, 2.0, 9.0)] == [3.0, 3.0, 3.0, 2.0, 2.0]
+
+
+def test_names_do_not_cover_each_other() -> None:
+    """Also where two motions gain the same, and everything written is in the picture."""
+    from hdplan.planner.studies.anytime_sheet import anytime_sheet
+
+    rows = {"a_scene_with_a_long_name": 0.8, "another": 0.8, "a_third": 0.801, "a_fourth": 1.1}
+    curves = [
+        AnytimeCurve(scene, (Moment(0.1, 1.0, 1.0, 1.0), Moment(0.5, share, share, share)))
+        for scene, share in rows.items()
+    ]
+    figure = anytime_sheet(curves)
+    figure.draw_without_rendering()
+    for axis in figure.axes:
+        boxes = [text.get_window_extent() for text in axis.texts]
+        assert len(boxes) == 3
+        assert not any(one.overlaps(two) for one, two in itertools.combinations(boxes, 2))
+    assert all(figure.bbox.y0 <= text.get_window_extent().y0 for text in figure.texts)
+    assert all(text.get_window_extent().x1 <= figure.bbox.x1 for text in figure.texts)

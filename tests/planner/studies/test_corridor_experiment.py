@@ -199,3 +199,17 @@ def test_report(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     assert "safe" in rules.values()
     with pytest.raises(KeyboardInterrupt):
         reproduce_corridor.reproduce_corridor(tmp_path, True, lambda *_: None, lambda: True)
+
+
+def test_the_picture_says_how_many_times_and_is_not_cut_off(exact: Outcome, smooth: Outcome) -> None:
+    pytest.importorskip("matplotlib")
+    from matplotlib.text import Text
+
+    from hdplan.planner.studies.corridor_sheet import corridor_sheet
+
+    figure = corridor_sheet([exact, smooth])
+    figure.draw_without_rendering()
+    assert "times as much" in figure.get_suptitle()
+    for text in figure.findobj(Text):
+        box = text.get_window_extent()
+        assert not text.get_text() or figure.bbox.x0 <= box.x0 <= box.x1 <= figure.bbox.x1, text.get_text()
