@@ -25,7 +25,7 @@ from hdplan.scenes.yaml_format.reader import load_scene, shipped_scenes
 SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 THEMES = ("light", "dark")
 TIME_LIMIT = 20.0  # [s] for planning
-DRAWN = 4_000  # [ms] until all meshes are
+DRAWN, TURNED = 8_000, 1_500  # [ms] until all meshes are, and until the page has turned dark
 PATIENCE = 120_000  # [ms]
 SELDOM = "const frame = requestAnimationFrame; requestAnimationFrame = (draw) => setTimeout(frame, 300, draw)"  # 3 Hz
 
@@ -46,23 +46,29 @@ def browser() -> Iterator[Any]:
         found.close()
 
 
-def photograph(browser: Any, viewer: Viewer, file: Path, size: tuple[int, int], theme: str) -> list[str]:
-    """Draw a viewer's page into a file; return what its console complains of."""
-    page = browser.new_page(viewport={"width": size[0], "height": size[1]}, color_scheme=theme)
+@contextmanager
+def opened(browser: Any, viewer: Viewer, size: tuple[int, int], complaints: list[str]) -> Iterator[Any]:
+    """Open a viewer's page; what its console complains of is added to `complaints`."""
+    page = browser.new_page(viewport={"width": size[0], "height": size[1]})
     page.add_init_script(SELDOM)  # every pixel is drawn by the processor
     page.set_default_timeout(PATIENCE)
-    complaints: list[str] = []
     page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.goto(f"http://127.0.0.1:{viewer.port}")
     page.wait_for_selector("canvas")
+    page.get_by_text("Software WebGL").wait_for()
+    page.locator(".mantine-Notification-closeButton").dispatch_event("click")
     page.wait_for_timeout(DRAWN)
-    for button in page.locator(".mantine-Notification-closeButton").all():  # "Software WebGL rendering detected"
-        button.click()
-    page.wait_for_timeout(DRAWN // 4)
-    page.screenshot(path=file)
+    yield page
     page.close()
-    return complaints
+
+
+def photograph(page: Any, file: Path, theme: str) -> None:
+    """Draw a page into a file."""
+    page.emulate_media(color_scheme=theme)
+    page.locator(f'[data-mantine-color-scheme="{theme}"]').wait_for(state="attached")
+    page.wait_for_timeout(TURNED)
+    page.screenshot(path=file)
 
 
 def main() -> None:
@@ -84,12 +90,11 @@ def main() -> None:
             viewer = open_viewer(scene, motions, port=8380)
             timeline = viewer.panel.player.timeline
             viewer.show(0.5 * (timeline.begin + timeline.end))
-            for theme in [options.theme] if options.theme else THEMES:
-                file = options.folder / f"{Path(name).stem}-{theme}.png"
-                complaints += [
-                    f"{file.name}: {said}" for said in photograph(running, viewer, file, (width, height), theme)
-                ]
-                print(file, flush=True)
+            with opened(running, viewer, (width, height), complaints) as page:
+                for theme in [options.theme] if options.theme else THEMES:
+                    file = options.folder / f"{Path(name).stem}-{theme}.png"
+                    photograph(page, file, theme)
+                    print(file, flush=True)
             viewer.close()
     for complaint in complaints:
         print(complaint, file=sys.stderr)

@@ -42,6 +42,9 @@ div:has(> .hdplan-page) + div + div + div + div {
 .hd summary { list-style: none }
 .hd-good { color: light-dark(#0072b2, #56b4e9) } .hd-bad { color: light-dark(#a50026, #ff7b7b) }
 .u-over { cursor: pointer }
+div:has(> [role="tab"]) { flex-wrap: nowrap !important; justify-content: space-between; padding: 0 0.9em 0 0.4em }
+[role="tab"] { padding: 0 0.25em !important; font-size: 0.9em !important }
+[role="tab"] > div { margin-right: 0.25em !important }
 """
 
 SCRIPT = """
