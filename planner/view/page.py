@@ -28,9 +28,11 @@ div:has(> div > div > div > .hdplan-page) { overflow: visible !important }
 div:has(> .hdplan-page) + div + div { grid-column: 1 !important; margin-right: 0.2em !important }
 div:has(> .hdplan-page) + div + div + div { grid-column: 2 !important; margin-left: 0.2em !important }
 div:has(> .hdplan-page) + div + div, div:has(> .hdplan-page) + div + div + div {
-  position: sticky; top: 0; z-index: 7; padding-top: 0.4em; background: var(--mantine-color-body) }
+  position: sticky; top: 0; z-index: 7; padding-top: 0.4em; background: var(--mantine-color-body);
+  box-shadow: 0 0 0 0.2em var(--mantine-color-body) }  /* also between them, where the panel is scrolled */
 div:has(> .hdplan-page) + div + div + div + div {
   position: sticky; top: 2.9em; z-index: 6; padding-top: 0.3em; background: var(--mantine-color-body);
+  box-shadow: 0 -0.6em var(--mantine-color-body);
   border-bottom: 1px solid var(--mantine-color-default-border) }
 .hd { padding: 0 0.9em; font-size: 0.8em; line-height: 1.4 }
 .hd-two { height: 2.8em; overflow: hidden; margin: 0.4em 0;
