@@ -19,7 +19,6 @@ from hdplan.planner.plan import plan
 from hdplan.planner.result import PlanResult
 from hdplan.planner.view.edited import Edited
 from hdplan.planner.view.planning import NAME
-from hdplan.planner.view.words import small
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.scene import Scene
 
@@ -123,7 +122,7 @@ class Live:
         self._say(f"{rate:.1f} certified motions a second")
 
     def _say(self, text: str) -> None:
-        words = small(html.escape(text))
+        words = f'<div class="hd hd-under">{html.escape(text)}</div>'
         if self._said.content != words:
             self._said.content = words
 

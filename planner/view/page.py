@@ -22,7 +22,8 @@ Handler = Callable[[viser.ClientHandle, Told], object]
 # The marker's neighbours in the panel are, in this order: the unseen field, Plan, Play, and the slider.
 STYLE = """
 div:has(> .hdplan-page) + div { display: none }
-div:has(> div > .hdplan-page) { display: grid; grid-template-columns: 1fr 1fr; align-items: center }
+div:has(> div > .hdplan-page) { display: grid; grid-template-columns: 1fr 1fr; align-items: center;
+  padding-right: 0.7em }  /* what lies under the scroll bar */
 div:has(> div > .hdplan-page) > * { grid-column: 1 / -1; min-width: 0 }
 div:has(> div > div > div > .hdplan-page) { overflow: visible !important }
 div:has(> .hdplan-page) + div + div { grid-column: 1 !important; margin-right: 0.2em !important }
@@ -37,6 +38,7 @@ div:has(> .hdplan-page) + div + div + div + div {
 .hd { padding: 0 0.9em; font-size: 0.8em; line-height: 1.4 }
 .hd-two { height: 2.8em; overflow: hidden; margin: 0.4em 0;
   display: -webkit-box; -webkit-line-clamp: 2; -webkit-box-orient: vertical }
+.hd-under { margin-top: -0.9em }  /* of what it explains, which leaves room below itself */
 .hd-line { white-space: nowrap; overflow: hidden; text-overflow: ellipsis }
 .hd-link { cursor: pointer; opacity: 0.75 } .hd-link:hover { opacity: 1; text-decoration: underline }
 .hd-row { display: flex; gap: 0.45em; padding: 0.1em 0.3em; border-radius: 4px; cursor: pointer }

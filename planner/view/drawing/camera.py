@@ -23,7 +23,7 @@ AZIMUTHS = read_only(np.deg2rad(np.arange(0.0, 360.0, 15.0)))
 ELEVATIONS = read_only(np.deg2rad([18.0, 28.0, 40.0, 55.0]))
 USUAL = (np.deg2rad(-40.0), np.deg2rad(28.0))  # from the front and the side, a little from above
 FORESHORTENED, UNUSUAL = 0.4, 0.15  # cost of a path seen end-on, and of looking from behind, as a share hidden
-IN_THE_WAY = 0.04  # share of the points of interest that an obstacle hides before it fades
+IN_THE_WAY = 0.02  # share of the points of interest that an obstacle hides before it fades
 SIDES = {  # name: azimuth and elevation [rad]; the robot's front is towards x
     "front": (0.0, 0.0),
     "side": (-0.5 * np.pi, 0.0),

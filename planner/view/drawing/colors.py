@@ -50,6 +50,14 @@ def clearance_colors(clearance: ArrayLike) -> NDArray[np.uint8]:
     return np.stack(channels, axis=-1).round().astype(np.uint8)
 
 
+def intensities(colors: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the intensities (…, 3) that colours stand for (sRGB, IEC 61966-2-1), both from 0 to 255: browsers take the
+    colours of a line's points for intensities, and would draw them pale."""
+    share = colors / 255.0
+    intensity = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return np.asarray(255.0 * intensity).round().astype(np.uint8)
+
+
 def hex_of(color: Color) -> str:
     """Return a colour as browsers write it."""
     return "#{:02x}{:02x}{:02x}".format(*color)

@@ -15,7 +15,16 @@ from numpy.typing import NDArray
 
 from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.robot.robot import Robot
-from hdplan.planner.view.drawing.colors import CONTACT, INK, LINKS, OBSTACLE, REGION, SELECTED, clearance_colors
+from hdplan.planner.view.drawing.colors import (
+    CONTACT,
+    INK,
+    LINKS,
+    OBSTACLE,
+    REGION,
+    SELECTED,
+    clearance_colors,
+    intensities,
+)
 from hdplan.planner.view.drawing.motion import millimetres
 from hdplan.planner.view.drawing.skins import ENDLESS, Color, Skin, obstacle_mesh, shaded
 from hdplan.scenes.array_types import Array
@@ -211,7 +220,7 @@ class PathNode:
 
 
 def _segments(tip: Array, colors: NDArray[np.uint8] | Color) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-    along = np.broadcast_to(np.asarray(colors, dtype=np.uint8), (len(tip), 3))
+    along = np.broadcast_to(intensities(np.asarray(colors, dtype=np.uint8)), (len(tip), 3))
     points = np.stack([tip[:-1], tip[1:]], axis=1).astype(np.float32)
     return points, np.stack([along[:-1], along[1:]], axis=1)
 

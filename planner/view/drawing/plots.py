@@ -168,8 +168,10 @@ class MotionPlots:
         own = timeline.moments(active.curve, active.parameter)
         times = np.unique(np.concatenate([own, *when, [timeline.begin, timeline.end]]))
         self.joints.set(timeline, times, [_within(times, own, values) for values in active.joints.T], low, high, now)
-        curves = [_within(times, at, _shown(motion.clearance)) for at, (motion, _) in zip(when, motions, strict=True)]
-        curves.append(_within(times, own, _shown(active.self_clearance)))
+        curves = [
+            _within(times, at, within_sight(motion.clearance)) for at, (motion, _) in zip(when, motions, strict=True)
+        ]
+        curves.append(_within(times, own, within_sight(active.self_clearance)))
         proven = active.certificate.clearance
         for bound in (required, np.nan if proven is None else proven):
             curves.append(np.full(len(times), bound))
@@ -180,6 +182,8 @@ class MotionPlots:
         self.clearance.set(timeline, times, millimetres, 1.05 * bottom, 1.05 * max(top, 10.0), now)
         if not active.measured:
             self.clearance.remark(", measured when you let go")
+        elif any(np.nanmax(curve, initial=0.0) >= 1e3 * SHOWN for curve in millimetres):
+            self.clearance.remark(f", cut at {1e3 * SHOWN:g}")
         self._show_shares(active, timeline, now)
 
     def _show_shares(self, active: ShownMotion, timeline: Timeline, now: float) -> None:
@@ -232,8 +236,9 @@ def _within(times: Array, own: Array, values: Array) -> Array:
     return np.asarray(np.interp(times, own, values, left=np.nan, right=np.nan))
 
 
-def _shown(clearance: Array) -> Array:
-    return np.minimum(clearance, SHOWN)
+def within_sight(clearance: Array) -> Array:
+    """Return what of a clearance the plot shows: nothing where there is nothing to be clear of."""
+    return np.where(np.isinf(clearance), np.nan, np.minimum(clearance, SHOWN))
 
 
 def joint_table(names: Sequence[str], q: Array, lower: Array, upper: Array) -> str:

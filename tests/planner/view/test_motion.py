@@ -13,9 +13,9 @@ from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.planner.view.drawing.colors import FAR, SCALE, clearance_colors
+from hdplan.planner.view.drawing.colors import FAR, SCALE, clearance_colors, intensities
 from hdplan.planner.view.drawing.motion import SAMPLES, ShownMotion, Tip, sample_parameters
-from hdplan.planner.view.drawing.plots import joint_table, with_bar
+from hdplan.planner.view.drawing.plots import SHOWN, joint_table, with_bar, within_sight
 from hdplan.planner.view.drawing.reaching import follow_tip
 from hdplan.planner.view.drawing.timeline import PATH_DURATION, Timeline
 from hdplan.planner.view.things import moved
@@ -153,6 +153,19 @@ def test_clearance_colours_run_from_contact_to_far() -> None:
     colors = clearance_colors([-0.1, 0.0, FAR, 9.0, np.inf])
     assert (colors[:2] == SCALE[0]).all()
     assert (colors[2:] == SCALE[-1]).all()
+
+
+def test_a_browser_draws_the_colours_that_the_legend_shows() -> None:
+    given = np.arange(256, dtype=np.uint8)
+    drawn = intensities(given) / 255.0  # and the browser encodes them for the screen
+    shown = 255.0 * np.where(drawn <= 0.0031308, 12.92 * drawn, 1.055 * drawn ** (1 / 2.4) - 0.055)
+    assert np.abs(shown - given)[given > 60].max() < 3.0
+    assert np.abs(shown - given).max() < 14.0  # the darkest have few steps
+
+
+def test_the_clearance_plot_shows_nothing_where_there_is_nothing_to_be_clear_of() -> None:
+    shown = within_sight(np.array([-0.01, 0.05, 2.0, np.inf]))
+    np.testing.assert_array_equal(shown, [-0.01, 0.05, SHOWN, np.nan])
 
 
 def test_the_joint_table_holds_any_name() -> None:
