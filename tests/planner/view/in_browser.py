@@ -158,10 +158,10 @@ def press(page: Any, name: str) -> None:
 
 
 def look(viewer: Viewer, eye: tuple[float, float, float], target: tuple[float, float, float]) -> None:
-    """Let the browser look from one point at another."""
-    (client,) = viewer.server.get_clients().values()
-    client.camera.position = eye
-    client.camera.look_at = target
+    """Let every page look from one point at another."""
+    for client in viewer.server.get_clients().values():
+        client.camera.position = eye
+        client.camera.look_at = target
 
 
 def seen(page: Any, viewer: Viewer, point: NDArray[np.float64]) -> tuple[float, float]:
@@ -179,7 +179,7 @@ def grip(page: Any, viewer: Viewer, place: NDArray[np.float64], axis: int) -> ND
 
 def _in_the_picture(page: Any, viewer: Viewer, point: NDArray[np.float64]) -> tuple[NDArray[np.float64], Any, float]:
     """A point in the camera's frame (3,) [m], the canvas, and how large it shows what is 1 m long 1 m away [px]."""
-    (client,) = viewer.server.get_clients().values()
+    client = next(iter(viewer.server.get_clients().values()))  # all of them look from one place
     camera, canvas = client.camera, page.locator("canvas").first.bounding_box()
     w, x, y, z = camera.wxyz
     own = Rotation.from_quat([x, y, z, w]).as_matrix().T @ (point - camera.position)
