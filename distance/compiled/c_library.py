@@ -44,21 +44,33 @@ FLAGS = (
 )
 
 
+def _cached(home: Path, stem: str) -> ctypes.CDLL | None:
+    """Return an intact library of this stem, a pattern, from the disk cache."""
+    for found in sorted(home.glob(f"{stem}-*.so")):
+        try:
+            if found.stem.endswith(content_key(found.read_bytes())):
+                return ctypes.CDLL(str(found))
+        except OSError:  # unreadable, of another C library, or where nothing may be executed: ignored
+            continue
+    return None
+
+
 @functools.cache
 def compiler() -> tuple[str, ...] | None:
-    """The C compiler's command: $CC, cc, gcc, clang or the `ziglang` wheel; None, with one warning, if there is
-    none."""
+    """The C compiler's command: $CC, cc, gcc, clang or the `ziglang` wheel; None if there is none."""
     for name in (os.environ.get("CC"), "cc", "gcc", "clang"):
         if name and shutil.which(name):
             return (name,)
-    if importlib.util.find_spec("ziglang"):
-        return (sys.executable, "-m", "ziglang", "cc")
+    return (sys.executable, "-m", "ziglang", "cc") if importlib.util.find_spec("ziglang") else None
+
+
+@functools.cache
+def _warn_once() -> None:
     warnings.warn(
         "no C compiler found (cc, gcc, clang or `pip install ziglang`): distances run in CasADi's interpreter, "
         "with the same values but several times slower",
-        stacklevel=2,
+        stacklevel=3,
     )
-    return None
 
 
 @functools.cache
@@ -73,7 +85,8 @@ def _instructions() -> tuple[str, ...]:
 
 
 def c_library(name: str, source: str) -> ctypes.CDLL | None:
-    """Return the loaded library of a source, from the disk cache (keyed by source and compiler) or compiled now.
+    """Return the loaded library of a source, from the disk cache (keyed by source, flags, platform and compiler) or
+    compiled now; without a compiler, another one's.
 
     A cached file has its own checksum in its name: loading a damaged one would crash the process.
     """
@@ -139,18 +152,17 @@ def _passed(argument: Any) -> Any:
 
 
 def _loaded(name: str, source: str) -> ctypes.CDLL | None:
+    flags = (*FLAGS, *_instructions())
+    home, stem = cache_dir() / "compiled", f"{name}-{content_key(source, *flags, platform.machine(), sys.platform)}"
     command = compiler()
     if command is None:
-        return None
-    flags = (*FLAGS, *_instructions())
-    key = content_key(source, *command, *flags, platform.machine(), sys.platform)
-    home, stem = cache_dir() / "compiled", f"{name}-{key}"
-    for found in home.glob(f"{stem}-*.so"):
-        try:
-            if found.stem.endswith(content_key(found.read_bytes())):
-                return ctypes.CDLL(str(found))
-        except OSError:  # unreadable, or in a folder from which nothing may be executed: ignored
-            continue
+        found = _cached(home, f"{stem}-*")  # by whatever compiler, on another machine of this kind
+        if found is None:
+            _warn_once()
+        return found
+    stem = f"{stem}-{content_key(*command)}"
+    if found := _cached(home, stem):
+        return found
     try:
         with tempfile.TemporaryDirectory() as folder:
             text, built = Path(folder) / "function.c", Path(folder) / "function.so"

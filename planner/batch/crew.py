@@ -58,7 +58,12 @@ def crew(workers: Workers) -> Iterator[Client]:
         except (OSError, ValueError) as error:
             words = str(error).splitlines()[0] or type(error).__name__
             raise InputError(f"scheduler {address}: does not answer ({words})") from None
-        yield stack.enter_context(client)
+        stack.enter_context(client)
+        if not isinstance(workers, int):  # those of this machine have the same cache
+            from hdplan.planner.batch.caches import Caches, packed
+
+            client.register_plugin(Caches(packed()))
+        yield client
 
 
 @contextlib.contextmanager

@@ -108,7 +108,7 @@ def failed(job: Job, cause: str, text: str) -> Outcome:
 
 def _of_result(job: Job, result: PlanResult, read: float, proof: str | None, files: dict[str, bytes]) -> Outcome:
     certificate, motion = result.certificate, result.trajectory
-    worst = certificate.worst
+    worst, own = certificate.worst, certificate.self_worst
     times = vars(result.times)
     figures = {
         **_common(job),
@@ -117,6 +117,8 @@ def _of_result(job: Job, result: PlanResult, read: float, proof: str | None, fil
         "self_clearance": certificate.self_clearance,
         "worst_link": worst and worst.link,
         "worst_other": worst and worst.other,
+        "self_worst_link": own and own.link,
+        "self_worst_other": own and own.other,
         "worst_parameter": worst and worst.parameter,
         "motion_time": motion.duration,
         "length": float(np.linalg.norm(np.diff(motion.positions, axis=0), axis=1).sum()),

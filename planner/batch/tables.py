@@ -23,7 +23,7 @@ AT_ONCE = 100  # outcomes of a row group
 
 COLUMNS = {  # of results, and what they hold
     **dict.fromkeys(("problem", "group", "status", "cause", "text", "advice", "proof", "robot"), "string"),
-    **dict.fromkeys(("worst_link", "worst_other"), "string"),
+    **dict.fromkeys(("worst_link", "worst_other", "self_worst_link", "self_worst_other"), "string"),
     **dict.fromkeys(("clearance", "self_clearance", "worst_parameter", "motion_time", "length"), "double"),
     **dict.fromkeys(("seed", "attempts", "iterations"), "int64"),
     **dict.fromkeys(("time_load", "time_build", "time_compile", "time_solve", "time_certify"), "double"),

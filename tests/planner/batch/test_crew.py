@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import itertools
+import json
 import os
 import subprocess
 import sys
@@ -26,6 +27,7 @@ from hdplan.planner.batch.crew import crew, outcomes
 from hdplan.planner.batch.job import Job
 from hdplan.planner.batch.outcome import Options, Outcome, solve
 from hdplan.scenes.errors import InputError
+from tests.planner.batch.conftest import dask as dask_command
 
 ARM = hdplan.load_scene("planar_arm")
 
@@ -229,3 +231,36 @@ def test_a_scheduler_that_goes_away_is_one_line(tmp_path: Path) -> None:
         server.kill()
         with pytest.raises(InputError, match="the scheduler went away; what was found by then is kept"):
             list(found)
+
+
+@pytest.mark.slow
+def test_a_worker_without_a_compiler_gets_what_the_driver_has(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a cache of its own, which is empty: the motion is the same to the last bit."""
+    monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "driver"))
+    # a process of its own compiles it: this one may have loaded it already
+    program = f"import hdplan; hdplan.plan(hdplan.load_scene('planar_arm')).save({str(tmp_path / 'm.json')!r})"
+    subprocess.run([sys.executable, "-c", program], check=True)
+    file = tmp_path / "scheduler.json"
+    here = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+    bare = {"PATH": "", "CC": "", "HDPLAN_CACHE": str(tmp_path / "worker"), "DASK_DISTRIBUTED__WORKER__DAEMON": "False"}
+    with dask_command("scheduler", *here, "--scheduler-file", str(file)):
+        while not file.is_file():
+            time.sleep(0.02)
+        address = str(json.loads(file.read_text())["address"])
+        with dask_command("worker", address, "--nthreads", "1", "--no-dashboard", **bare):
+            (outcome,) = hdplan.plan_many(["planar_arm"], scheduler=address)
+            with crew(address) as client:
+                (compiled,) = client.run(_is_compiled).values()
+    assert outcome.certified, outcome.text
+    assert compiled
+    assert outcome.trajectory is not None
+    expected = hdplan.Trajectory.load(tmp_path / "m.json")
+    np.testing.assert_array_equal(outcome.trajectory.positions, expected.positions)
+    sent = {path.relative_to(tmp_path / "driver") for path in (tmp_path / "driver").rglob("*.so")}
+    assert sent == {path.relative_to(tmp_path / "worker") for path in (tmp_path / "worker").rglob("*.so")}
+
+
+def _is_compiled() -> bool:
+    from hdplan.planner.collision import hdsdf_loop
+
+    return hdsdf_loop.library() is not None
