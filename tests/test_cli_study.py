@@ -119,8 +119,8 @@ def test_study_planning(hdplan: Callable[..., Done], monkeypatch: pytest.MonkeyP
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--problems", "missing"), "no scene*.yaml"),
-        (("--problems", "lonely"), "no robot.yaml"),
+        (("--problems", "missing"), "missing: no such file, folder"),
+        (("--problems", "lonely"), "scene1.yaml: is empty"),
         (("--problems", "lonely", "--every", "0"), "at least 1"),
     ],
 )

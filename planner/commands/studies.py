@@ -62,21 +62,12 @@ def shipped_with_obstacles(only_panda: bool) -> list[Scene]:
 
 
 def problems_below(folder: Path, every: int) -> list[Scene]:
-    """Load every K-th MoveIt problem below a folder, named by its path in it."""
+    """Load every K-th problem below a folder, named by its path in it, as `hdplan batch` finds them."""
     if every < 1:
         raise InputError(f"--every: found {every}, allowed is a whole number of at least 1")
-    scenes = []
-    for file in sorted(folder.rglob("scene*.yaml"))[::every]:
-        request = file.with_name(file.name.replace("scene", "request", 1))
-        robots = [above / "robot.yaml" for above in file.parents if above.is_relative_to(folder)]
-        robot = next((robot for robot in robots if robot.is_file()), None)
-        if robot is None:
-            raise InputError(f"{file}: no robot.yaml in its folder or in a folder above it, up to {folder}")
-        scene = load_scene(file, request=request, robot=robot)
-        scenes.append(replace(scene, name=str(file.relative_to(folder).with_suffix(""))))
-    if not scenes:
-        raise InputError(f"{folder}: no scene*.yaml in it or below it")
-    return scenes
+    from hdplan.planner.batch.sources import jobs_of
+
+    return [replace(job.load(), name=job.name) for job in jobs_of([str(folder)])[::every]]
 
 
 def _shown(report: Report) -> int:

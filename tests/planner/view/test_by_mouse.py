@@ -16,7 +16,7 @@ import pytest
 from hdplan.planner.certificate.certifier import certify
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view import live
-from hdplan.planner.view.drawing.colors import CONTACT
+from hdplan.planner.view.drawing.colors import CONTACT, intensities
 from hdplan.planner.view.layers import LAYERS
 from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.things import GOAL, Thing, place_of
@@ -249,7 +249,8 @@ def test_a_motion_that_no_longer_holds_is_red_until_another_is_found(
     assert page.get_by_text("certified: at least").count() == 0
     assert page.get_by_text("of an older scene").count()
     assert active.motion.scene is not before
-    np.testing.assert_array_equal(np.unique(active.path._node.colors.reshape(-1, 3), axis=0), [CONTACT])
+    drawn = np.unique(active.path._node.colors.reshape(-1, 3), axis=0)
+    np.testing.assert_array_equal(drawn, [intensities(np.uint8(CONTACT))])
     late[0] = False
     page.get_by_text("certified: at least").first.wait_for()
     calm(viewer)
