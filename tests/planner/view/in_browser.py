@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.handles import SIZE as SIZE_OF_HANDLE
 from hdplan.planner.view.server import open_viewer
+from hdplan.planner.view.things import Thing, place_of
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.scene import Scene
 
@@ -194,6 +195,15 @@ def by_worker(viewer: Viewer, job: Callable[[], object]) -> None:
 def calm(viewer: Viewer) -> None:
     """Wait until nothing is planned or drawn any more."""
     until(lambda: viewer.panel.live.settle(0.1) and viewer.worker.settle(0.1), "it plans on for ever")
+
+
+def selected(page: Any, viewer: Viewer, thing: Thing) -> NDArray[np.float64]:
+    """Select a thing, wait until its handle is drawn, and return where that stands (4, 4)."""
+    before = picture(page)
+    by_worker(viewer, lambda: viewer.panel.handles.select(thing))
+    until(lambda: changed(picture(page), before) > 100, "the handle is not drawn")
+    page.wait_for_timeout(2000)  # until nothing else is
+    return place_of(viewer.edited, thing, viewer.stage.tip).matrix
 
 
 def tab_of(page: Any, name: str) -> None:

@@ -35,6 +35,7 @@ from tests.planner.view.in_browser import (
     look,
     plainly,
     press,
+    selected,
     slow_line,
     tab_of,
     typed,
@@ -64,13 +65,6 @@ def served(tab: Tabs) -> Iterator[Served]:
     yield served
     for viewer in viewers:
         viewer.close()
-
-
-def handle_at(page: Any, viewer: Viewer, thing: Thing) -> np.ndarray:
-    """Select a thing, wait until its handle is drawn, and return where that stands (4, 4)."""
-    by_worker(viewer, lambda: viewer.panel.handles.select(thing))
-    page.wait_for_timeout(2500)
-    return place_of(viewer.edited, thing, viewer.stage.tip).matrix
 
 
 def certified_at(viewer: Viewer, goal: np.ndarray) -> bool:
@@ -240,7 +234,7 @@ def test_a_motion_that_no_longer_holds_is_red_until_another_is_found(
     active = viewer.motions.active
     assert active is not None
     before = active.motion.scene
-    place = handle_at(page, viewer, BALL)
+    place = selected(page, viewer, BALL)
     tips = active.motion.tip
     way = tips[np.linalg.norm(tips - place[:3, 3], axis=1).argmin()] - place[:3, 3]
     axis = np.eye(3)[np.abs(way).argmax()]
@@ -261,7 +255,7 @@ def test_a_motion_that_no_longer_holds_is_red_until_another_is_found(
 def test_a_goal_pose_keeps_its_tolerance_and_has_other_postures(served: Served) -> None:
     scene = load_scene("panda_grasp")
     page, viewer = served(scene, eye=(1.6, -1.4, 1.2), target=(0.3, 0.0, 0.4))
-    place = handle_at(page, viewer, GOAL)
+    place = selected(page, viewer, GOAL)
     arrow_dragged(page, viewer, place, 0.06 * place[:3, 2], steps=5)
     until(lambda: viewer.edited.target != scene.goal.targets[0], "the goal stays where it was")  # type: ignore[union-attr]
     page.mouse.up()
@@ -295,7 +289,7 @@ def test_many_obstacles_on_a_slow_line(tab: Tabs, scene: Scene, trajectory: Traj
         until(lambda: bool(viewer.server.get_clients()), "the page does not reach the server")
         look(viewer, EYE, TARGET)
         page.wait_for_timeout(2000)
-        place = handle_at(page, viewer, BALL)
+        place = selected(page, viewer, BALL)
         arrow_dragged(page, viewer, place, np.array([-0.15, 0.0, 0.0]))
         until(lambda: viewer.panel.live.count > 0, "no motion is planned while it is dragged")
         page.mouse.up()

@@ -13,19 +13,17 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.view.planning import NAME
 from hdplan.planner.view.things import GOAL, START, Thing, place_of
 from hdplan.planner.view.viewer import Viewer
-from hdplan.scenes.array_types import Array
 from hdplan.scenes.scene import Scene
 from tests.planner.view.in_browser import (
     Tabs,
     address,
     arrow_dragged,
     calm,
-    changed,
     grip,
     look,
-    picture,
     plainly,
     seen,
+    selected,
     until,
 )
 
@@ -48,16 +46,6 @@ def page(tab: Tabs, viewer: Viewer) -> Any:
     look(viewer, (0.4, -2.2, 2.6), (0.4, 0.3, 0.0))
     page.wait_for_timeout(1000)
     return page
-
-
-def selected(page: Any, viewer: Viewer, thing: Thing) -> Array:
-    """Select a thing, wait until its handle is drawn, and return where that stands (4, 4)."""
-    before = picture(page)
-    viewer.worker.ask("select", lambda: viewer.panel.handles.select(thing))
-    assert viewer.worker.settle(20)
-    until(lambda: changed(picture(page), before) > 100, "the handle is not drawn")
-    page.wait_for_timeout(2000)  # until nothing else is
-    return place_of(viewer.edited, thing, viewer.stage.tip).matrix
 
 
 def test_the_certified_motion_follows_the_mouse(page: Any, viewer: Viewer) -> None:
