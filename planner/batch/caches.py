@@ -54,3 +54,4 @@ class Caches(WorkerPlugin):  # type: ignore[misc]  # dask has no types
         for name, data in self.entries.items():
             if not (home / name).exists():
                 write_whole(home / name, data)
+        self.entries = {}  # the scheduler keeps them for others

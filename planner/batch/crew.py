@@ -62,7 +62,8 @@ def crew(workers: Workers) -> Iterator[Client]:
         if not isinstance(workers, int):  # those of this machine have the same cache
             from hdplan.planner.batch.caches import Caches, packed
 
-            client.register_plugin(Caches(packed()))
+            with contextlib.suppress(OSError):  # a worker that ends meanwhile: its problems will say so
+                client.register_plugin(Caches(packed()))
         yield client
 
 
