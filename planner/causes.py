@@ -20,6 +20,7 @@ CAUSES = {
     "local_minimum": "no free motion was found from all guesses",
     "clearance": "a motion was found, closer than is asked",
     "grazing": "a motion grazes a body: neither proven nor refuted",
+    "joint_limit": "the range left to a joint allows no free motion",
     "path_constraint": "a path constraint is not kept",
     "rates": "a limit of velocity, acceleration or jerk is not kept",
     "torque": "a limit of torque is not kept",

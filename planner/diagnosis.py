@@ -133,6 +133,10 @@ def _trials(scene: Scene, cause: str, place: Place | None, time_limit: float) ->
                 asked = scene.planner.clearance
                 own = f" (planner.clearance: {share * asked:.4g})" if asked else ""
                 yield _Trial("clearance", f"{share:.0%} of the clearance{own}", closer, seconds)
+    if (searched or cause in ("goal_not_reached", "end_beyond_limits")) and scene.limits.position:
+        limits = dataclasses.replace(scene.limits, position={})
+        setting = f"without limits.position ({', '.join(scene.limits.position)})"
+        yield _Trial("joint_limit", setting, dataclasses.replace(scene, limits=limits), seconds)
     if cause == "goal_not_reached" and (turned := _turning(scene)) is not None:
         yield _Trial(cause, "goal.pose.free_rotation: all", turned, seconds)
     if searched and cause != "time":

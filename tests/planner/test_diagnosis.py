@@ -58,6 +58,11 @@ def kept_within(reach: float) -> hdplan.PathConstraints:
     return hdplan.PathConstraints(position=box)
 
 
+def post(across: float) -> hdplan.Obstacle:
+    """A post in the way of the outstretched arm, which has to bend its elbow to pass it."""
+    return hdplan.Obstacle("post", hdplan.Cylinder(0.05, 0.4), hdplan.Pose([0.85, across, HEIGHT]))
+
+
 def settings(**values: Any) -> hdplan.PlannerSettings:
     return hdplan.PlannerSettings(polish=0, **values)
 
@@ -71,6 +76,7 @@ def planted(cause: str, seed: int) -> Scene:
     fixed = hdplan.Timing(duration=float(np.abs(goal - start).max() / 2.0 * drawn.uniform(0.3, 0.8)))
     wanted = hdplan.Timing(duration=float(drawn.uniform(1.5, 2.5)))
     weak = hdplan.Limits(torque=float(drawn.uniform(0.05, 0.3)))
+    stiff = hdplan.Limits(position={"elbow": [-0.6, 0.6]})
     far = hdplan.Pose([float(drawn.uniform(1.1, 1.5)), 0.0, HEIGHT])
     makers: dict[str, Callable[[], Scene]] = {
         "end_in_contact": lambda: ball_beyond_the_tip(scene, goal, -0.003),
@@ -80,6 +86,7 @@ def planted(cause: str, seed: int) -> Scene:
         "too_hurried": lambda: change(scene, timing=fixed),
         "torque": lambda: change(scene, timing=wanted, limits=weak),
         "clearance": lambda: change(scene, obstacles=(lintel(size),), planner=settings(clearance=size + 0.002)),
+        "joint_limit": lambda: change(scene, obstacles=(post(2 * size),), limits=stiff),
         "local_minimum": lambda: change(scene, obstacles=(lintel(-size),)),
         "time": lambda: change(scene, obstacles=ARM.obstacles, planner=settings(waypoints=200)),
         "end_off_path": lambda: change(scene, path=kept_within(0.15)),
@@ -91,7 +98,7 @@ def planted(cause: str, seed: int) -> Scene:
 
 KINDS = (
     *("end_in_contact", "end_too_close", "end_beyond_limits", "goal_not_reached", "too_hurried", "torque"),
-    *("clearance", "local_minimum", "bad_input", "time", "end_off_path"),
+    *("clearance", "joint_limit", "local_minimum", "bad_input", "time", "end_off_path"),
     "path_constraint",
 )
 
@@ -113,7 +120,7 @@ def short_trials(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(diagnosis, "MOST_SECONDS", 2.0)
 
 
-LONG = ("local_minimum", "torque", "too_hurried")  # these take seconds: only among the two hundred
+LONG = ("joint_limit", "local_minimum", "torque", "too_hurried")  # these take seconds: only among the two hundred
 
 
 @pytest.mark.parametrize("cause", [cause for cause in KINDS if cause not in LONG])
