@@ -59,8 +59,13 @@ def _interrupts_noted() -> Iterator[threading.Event]:
     if threading.current_thread() is not threading.main_thread():  # no other thread receives it
         yield pressed
         return
-    before = signal.signal(signal.SIGINT, lambda *_: pressed.set())
+
+    def note(*_: object) -> None:
+        pressed.set()
+
+    before = signal.signal(signal.SIGINT, note)
     try:
         yield pressed
     finally:
-        signal.signal(signal.SIGINT, before or signal.SIG_DFL)
+        if signal.getsignal(signal.SIGINT) is note:  # whoever has taken its place since keeps noting after this run
+            signal.signal(signal.SIGINT, before or signal.SIG_DFL)

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from hdplan.planner.solvers.interior_point import _interrupts_noted
 from hdplan.planner.terminal.interrupts import INTERRUPTED, TERMINATED, ended_by_signals, noting, until_ctrl_c
 
 SOON = 5.0  # [s]; a wish that stays lost is one that is not heard by then
@@ -163,6 +164,28 @@ def test_a_note_ends_nothing_and_the_second_ctrl_c_ends_at_once() -> None:
         in_a_destructor(signal.SIGINT)
         with pytest.raises(KeyboardInterrupt):
             work_on(SOON)
+
+
+def test_a_note_taken_during_an_interior_point_run_outlives_it() -> None:
+    """Between two runs there is a best motion to save, although the run has put its own handler in place."""
+    with ended_by_signals(), noting() as note:
+        with _interrupts_noted() as pressed:
+            note()  # as the solver's first report does
+            signal.raise_signal(signal.SIGINT)
+            assert note.pressed()
+            assert not pressed.is_set()  # the run ends by its budget, which asks the note
+        work_on(0.1)
+    with ended_by_signals(), noting() as note:
+        with _interrupts_noted():
+            note()
+        signal.raise_signal(signal.SIGINT)  # before the next report
+        assert note.pressed()
+    with ended_by_signals():
+        with _interrupts_noted() as pressed:
+            signal.raise_signal(signal.SIGINT)
+            assert pressed.is_set()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
 
 
 def test_all_is_as_before_afterwards() -> None:
