@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
+from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import FieldError
 from hdplan.scenes.poses import AnyPose, Placement, Pose, Vector3
 from hdplan.scenes.shapes import Shape, Solid, check_unplaced
@@ -62,7 +63,7 @@ class Obstacle(Checked):
     """A body in the world; static unless it has a motion."""
 
     name: Name
-    shape: Shape
+    shape: Shape | Cloud
     pose: Placement = field(default_factory=Pose)  # at time 0, if it moves; with timed poses, the first of them
     clearance: Clearance | None = None  # to be proven around it [m]; None: planner.clearance
     motion: SteadyMotion | TimedPoses | None = None
@@ -72,7 +73,7 @@ class Obstacle(Checked):
         def __init__(
             self,
             name: str,
-            shape: Solid,
+            shape: Solid | Cloud,
             pose: AnyPose = Pose(),
             clearance: float | None = None,
             motion: SteadyMotion | TimedPoses | None = None,
@@ -110,8 +111,8 @@ def _obstacle_of(place: int) -> Callable[[object], Obstacle]:
     def made(value: object) -> Obstacle:
         if isinstance(value, Obstacle):
             return value
-        if not isinstance(value, Solid):
-            shapes = ", ".join(kind.__name__ for kind in get_args(Shape))
+        if not isinstance(value, Solid | Cloud):
+            shapes = ", ".join(kind.__name__ for kind in (*get_args(Shape), Cloud))
             raise wrong(f"an Obstacle, or one of the shapes {shapes}", value)
         bare: Any = dataclasses.replace(value, name=None, pose=None)
         return Obstacle(value.name or f"obstacle{place}", bare, value.pose or Pose())

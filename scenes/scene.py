@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from hdplan.scenes.attached import Attached, Payload
-from hdplan.scenes.errors import FieldError
+from hdplan.scenes.clouds import Cloud
+from hdplan.scenes.errors import FieldError, nearest
 from hdplan.scenes.limits import QUANTITIES, Limits
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, obstacles_of
 from hdplan.scenes.output import check_writable, write_output
@@ -96,6 +97,12 @@ class Scene(Checked):
                 other = f"{'earlier ' * (taken[name] == kind)}{taken[name]}"
                 raise FieldError(f"the name {name!r} is taken by an {other}; names must differ", where)
             taken[name] = kind
+        for i, obstacle in enumerate(self.obstacles):
+            for each in obstacle.shape.ignore if isinstance(obstacle.shape, Cloud) else ():
+                if each.obstacle is not None and taken.get(each.obstacle) != "obstacle":
+                    others = [other.name for other in self.obstacles if other is not obstacle]
+                    problem = f"unknown obstacle {each.obstacle!r}{nearest(each.obstacle, others)}"
+                    raise FieldError(problem, f"obstacles[{i}].cloud.ignore")
 
     def with_start(self, start: AnyConfiguration | Goals) -> Scene:
         """Return the same scene with another start, in any form that `Scene` takes, or a goal without a choice. Raises

@@ -146,7 +146,7 @@ class Mesh(Solid):
 Shape = Box | Sphere | Ellipsoid | Cylinder | Capsule | Points | Mesh
 
 
-def check_unplaced(shape: Shape, owner: str) -> None:
+def check_unplaced(shape: Any, owner: str) -> None:
     """Refuse a shape with its own name or pose where its owner has them."""
     for key in ("name", "pose"):
         if getattr(shape, key) is not None:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hdplan.planner.certificate.cloud_pieces import moving_pieces, standing_pieces
 from hdplan.planner.certificate.collision_proof import Proof, Spot, Sweep
 from hdplan.planner.certificate.end_check import EndCheck
 from hdplan.planner.certificate.exact_proximity import link_pieces, obstacle_pieces
@@ -34,6 +35,7 @@ from hdplan.planner.certificate.verdict import (
     complaints,
     proven,
 )
+from hdplan.planner.geometry.clouds import load_balls
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.motion.robot_curve import beyond_limits, curve_of
@@ -41,6 +43,7 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.arrays import joint_numbers
+from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.obstacles import Obstacle
@@ -107,9 +110,7 @@ class Certifier:
         for obstacle in scene.obstacles:
             check_time("reading the scene's shapes for the certificate")
             with naming(scene.source):
-                pieces = obstacle_pieces(obstacle)
-            motion = _motion_of(obstacle)
-            bodies.extend(Body(obstacle.name, piece, 0, obstacle.pose.matrix, motion) for piece in pieces)
+                bodies.extend(_obstacle_bodies(obstacle))
         obstacles = len(bodies) - count
         rows = np.zeros((count * obstacles, 3), dtype=np.int64)
         rows[:, 0], rows[:, 1] = np.repeat(np.arange(count), obstacles), np.tile(np.arange(obstacles), count) + count
@@ -322,6 +323,17 @@ def _link_bodies(robot: Robot) -> tuple[Body, ...]:
         for link, item in items
         for piece in link_pieces(item.geometry, item.name)
     )
+
+
+def _obstacle_bodies(obstacle: Obstacle) -> list[Body]:
+    """Return the pieces of an obstacle's true shape. Raises InputError for files that cannot be used."""
+    name, pose, motion = obstacle.name, obstacle.pose.matrix, _motion_of(obstacle)
+    if not isinstance(obstacle.shape, Cloud):
+        return [Body(name, piece, 0, pose, motion) for piece in obstacle_pieces(obstacle)]
+    balls = load_balls(obstacle.shape, f"obstacles.{name}")
+    if motion is None:
+        return [Body(name, piece, 0, pose @ frame) for piece, frame in standing_pieces(balls)]
+    return [Body(name, piece, 0, pose, motion) for piece in moving_pieces(balls)]
 
 
 def _path_check(setup: Setup, chain: Chain) -> PathCheck:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hdplan.planner.certificate.ball_distance import ball_distance, closest_ball
 from hdplan.planner.certificate.containment import Containment
 from hdplan.planner.certificate.exact_proximity import Piece, surface_distance, witness_points
 from hdplan.planner.certificate.interval_bounds import Bounds, Items
@@ -201,7 +202,8 @@ class _Run:
     def witnesses_at_start(self, pair: int) -> Array:
         """Return the closest points (2, 3) of two bodies at the first waypoint."""
         nodes = self._at_waypoints(np.zeros(1, dtype=np.int64))
-        return witness_points(*self._posed(nodes, 0, pair))
+        a, pose_a, b, pose_b = self._posed(nodes, 0, pair)
+        return witness_points(a, pose_a, b if b.grains is None else closest_ball(a, pose_a, b, pose_b), pose_b)
 
     # --- one inside the other ----------------------------------------------------------------------------------------
 
@@ -370,7 +372,8 @@ class _Run:
 
     def _surface(self, nodes: Intervals, node: int, pair: int) -> float:
         self.exact_calls += 1
-        return surface_distance(*self._posed(nodes, node, pair))
+        posed = self._posed(nodes, node, pair)
+        return surface_distance(*posed) if posed[2].grains is None else ball_distance(*posed)
 
     def _exact(self, nodes: Intervals, items: Items) -> tuple[Array, Array, Array, Array]:
         self.exact_calls += len(items)

@@ -19,34 +19,43 @@ from __future__ import annotations
 import numpy as np
 
 from hdplan.planner.certificate.intervals import Bodies, Body, Index, Intervals, Pairs
+from hdplan.planner.geometry.cells import grouped
+from hdplan.planner.geometry.meshes import connected
 from hdplan.planner.geometry.solids import Solid
 from hdplan.planner.motion.motion_bounds import Array
+
+FEW = 1000  # balls of which it is worthwhile to find those that overlap
+TOUCHING = 1.15  # of the radius: balls in a cube of this edge have centres less than two radii apart
+ROUNDED = 1e-9  # share by which balls around parts are larger, for rounding
 
 
 class Containment:
     """The solids of a scene, prepared for checks at many configurations.
 
-    Each of q queries asks whether one point of a part of the body `inner` is inside the solid of the body `outer`.
+    Each of q queries asks whether a part of the body `inner`, one point of it, is inside the solid of the body `outer`.
     """
 
     def __init__(self, bodies: Bodies, pairs: Pairs) -> None:
-        """Collect the queries: every pair of bodies one of which is bounded by triangles."""
+        """Collect the queries: every pair of bodies one of which is bounded by triangles. Of a cloud every ball is a
+        part, so that the parts of a body are looked at only where the body is near the solid."""
         self.bodies = bodies
         first: dict[object, int] = {}  # the first of all pieces cut from one mesh stands for them
         whole = np.array([first.setdefault(_identity(body), row) for row, body in enumerate(bodies.bodies)], np.int64)
-        self._pairs = np.flatnonzero(bodies.hollow[pairs.a] | bodies.hollow[pairs.b])  # of pieces
+        self._pairs = np.flatnonzero(bodies.bounding[pairs.a] | bodies.bounding[pairs.b])  # of pieces
         key = whole[pairs.a[self._pairs]] * len(whole) + whole[pairs.b[self._pairs]]
         met, self._met = np.unique(key, return_inverse=True)  # bodies that meet (u,); which of them each pair is of
         both = np.stack(np.divmod(met, len(whole)), axis=1)  # (u, 2)
         outer, inner, asked = both.ravel(), both[:, ::-1].ravel(), np.repeat(np.arange(len(met)), 2)
-        outer, inner, asked = (each[bodies.hollow[outer]] for each in (outer, inner, asked))
-        parts = {row: _parts(bodies.bodies[row]) for row in sorted(set(inner.tolist()))}
-        count = [len(parts[row]) for row in inner.tolist()]
-        self.outer, self.inner, self._asked = (np.repeat(each, count) for each in (outer, inner, asked))
-        self.points = np.concatenate([np.empty((0, 3)), *(parts[row] for row in inner.tolist())])
+        self.outer, self.inner, self._asked = (each[bodies.bounding[outer]] for each in (outer, inner, asked))
+        self._parts: dict[int, Array] = {}  # of bodies that were near a solid
+        self.center, self.radius = np.zeros((len(whole), 3)), np.zeros(len(whole))  # of balls around the parts
+        for row in sorted(set(self.inner.tolist())):
+            points = _points(bodies.bodies[row])
+            self.center[row] = 0.5 * (points.min(axis=0) + points.max(axis=0))
+            self.radius[row] = float(np.linalg.norm(points - self.center[row], axis=1).max())
         self.low, self.high = (np.full((len(whole), 3), bound) for bound in (np.inf, -np.inf))  # of the solids
         hollow = np.zeros(len(whole), dtype=bool)
-        for row in sorted(set(outer.tolist())):
+        for row in sorted(set(self.outer.tolist())):
             solid = self._solid(row)
             (self.low[row], self.high[row]), hollow[row] = solid.box, solid.open
         self.open = hollow[self.outer]  # (q,)
@@ -64,15 +73,26 @@ class Containment:
         outer, inner = self.outer[rows], self.inner[rows]
         every = np.arange(len(nodes.interval))[:, None]
         inside, around = nodes.row(every, inner), nodes.row(every, outer)  # (k, q)
-        world = np.einsum("kqij,qj->kqi", nodes.rotation[inside], self.points[rows]) + nodes.origin[inside]
+        world = np.einsum("kqij,qj->kqi", nodes.rotation[inside], self.center[inner]) + nodes.origin[inside]
         local = np.einsum("kqji,kqj->kqi", nodes.rotation[around], world - nodes.origin[around])
-        near = ((local >= self.low[outer]) & (local <= self.high[outer])).all(axis=2)
+        room = (self.radius * (1.0 + ROUNDED))[inner][:, None]
+        near = ((local >= self.low[outer] - room) & (local <= self.high[outer] + room)).all(axis=2)
         found: dict[tuple[int, tuple[int, ...]], None] = {}
         for node, row in np.argwhere(near).tolist():
             pairs = tuple(self._pairs[self._met == self._asked[rows[row]]].tolist())
-            if (node, pairs) not in found and self._solid(int(outer[row])).holds(local[node, row]):
+            a, b = int(inner[row]), int(outer[row])
+            if (node, pairs) not in found and self._holds(nodes.pose(node, b), b, nodes.pose(node, a), a):
                 found[node, pairs] = None
         return list(found)
+
+    def _holds(self, around: Array, outer: int, inside: Array, inner: int) -> bool:
+        """Whether the solid of one body holds a part of another one, at these placements (4, 4)."""
+        if inner not in self._parts:
+            self._parts[inner] = _parts(self.bodies.bodies[inner])
+        world = self._parts[inner] @ inside[:3, :3].T + inside[:3, 3]
+        local = (world - around[:3, 3]) @ around[:3, :3]
+        near = ((local >= self.low[outer]) & (local <= self.high[outer])).all(axis=1)
+        return any(self._solid(outer).holds(point) for point in local[near])
 
     def _solid(self, row: int) -> Solid:
         surface = self.bodies.pieces[row].surface
@@ -86,7 +106,22 @@ def _identity(body: Body) -> object:
     return id(body) if surface is None else (body.name, id(surface.solid), body.joint, body.placement.tobytes())
 
 
-def _parts(body: Body) -> Array:
-    """Return one point of each connected part (c, 3), in the body's frame."""
-    surface = body.piece.surface
+def _points(body: Body) -> Array:
+    """Return points of the body (c, 3), in its frame, at least one of each connected part: of a cloud, of each ball."""
+    surface, grains = body.piece.surface, body.piece.grains
+    if grains is not None:
+        return grains[:, :3]
     return body.piece.vertices[:1] if surface is None else surface.solid.parts
+
+
+def _parts(body: Body) -> Array:
+    """Return one of its points (c, 3) for each connected part, or for less than that: balls that overlap are one."""
+    points, grains = _points(body), body.piece.grains
+    if grains is None:
+        return points
+    order, first = grouped(points, TOUCHING * float(grains[:, 3].min()))  # those in one cube overlap
+    points, radii = points[order[first]], grains[order[first], 3]
+    if len(points) > FEW:
+        return points
+    one, other = np.nonzero(np.linalg.norm(points[:, None] - points, axis=2) < radii[:, None] + radii)
+    return points[np.unique(connected(one, other, len(points)), return_index=True)[1]]

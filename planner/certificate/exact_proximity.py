@@ -46,8 +46,8 @@ NUDGE = 1e-5  # [rad] of these rotations: enough to break an exactly parallel co
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A convex set: the hull of `vertices`, swept by a ball, by a disc normal to z, or by an ellipsoid. With `surface`,
-    the hull of that."""
+    """A convex set: the hull of `vertices`, swept by a ball, by a disc normal to z, or by an ellipsoid. With `surface`
+    or `grains`, the hull of that."""
 
     vertices: Array  # (m, 3) [m] in the piece's frame
     shape: Any  # the same for coal, which only proposes directions
@@ -55,6 +55,7 @@ class Piece:
     disc: float = 0.0  # [m] radius of the sweeping disc, normal to z: cylinder
     radii: Array | None = None  # (3,) [m] semi-axes of the sweeping ellipsoid
     surface: Surface | None = None  # the triangles, if they are not convex
+    grains: Array | None = None  # (m, 4) the balls of a cloud's cell, centres and radii [m]
     low: Array = field(init=False)  # (3,) corners of the bounding box
     high: Array = field(init=False)
     center: Array = field(init=False)  # (3,) of the bounding ball
@@ -122,7 +123,7 @@ def obstacle_pieces(obstacle: Obstacle) -> tuple[Piece, ...]:
         case Mesh() as shape:
             return mesh_pieces(load_mesh(shape, f"obstacles.{obstacle.name}"))
         case Points(points):
-            return (_hull(np.array(points, dtype=np.float64)),)
+            return (hull_piece(np.array(points, dtype=np.float64)),)
         case shape:
             return (_solid(shape),)
 
@@ -156,7 +157,7 @@ def link_pieces(geometry: Any, name: str) -> tuple[Piece, ...]:
         case coal.Capsule():
             return (_capsule(geometry.radius, 2.0 * geometry.halfLength),)
         case coal.ConvexBase():
-            return (_hull(np.array(geometry.points())),)
+            return (hull_piece(np.array(geometry.points())),)
         case coal.BVHModelBase():
             corners = np.array([[t[0], t[1], t[2]] for t in map(geometry.tri_indices, range(geometry.num_tris))])
             return mesh_pieces(TriangleMesh.merged(geometry.vertices(), corners).trimmed())
@@ -172,10 +173,12 @@ def mesh_pieces(mesh: TriangleMesh) -> tuple[Piece, ...]:
     parts = mesh.components()
     if len(parts) > MOST_PIECES or not all(part.closed and part.volume > 0 for part in parts):
         if is_convex(mesh):
-            return (_hull(mesh.vertices),)
+            return (hull_piece(mesh.vertices),)
         return _cut(mesh, Solid(mesh))
     return tuple(
-        piece for part in parts for piece in ((_hull(part.vertices),) if is_convex(part) else _cut(part, Solid(part)))
+        piece
+        for part in parts
+        for piece in ((hull_piece(part.vertices),) if is_convex(part) else _cut(part, Solid(part)))
     )
 
 
@@ -194,7 +197,7 @@ def _cut(mesh: TriangleMesh, solid: Solid) -> tuple[Piece, ...]:
             parts.extend(zip(volumes, halves, strict=True))
         else:
             whole.append(part)
-    return tuple(_hull(part.vertices, Surface(part, solid)) for part in whole)
+    return tuple(hull_piece(part.vertices, Surface(part, solid)) for part in whole)
 
 
 def _halves(mesh: TriangleMesh) -> tuple[TriangleMesh, ...]:
@@ -300,7 +303,7 @@ def transform(rotation: Array, origin: Array) -> Any:
 
 
 def _box(size: Array) -> Piece:
-    return Piece(_CORNERS * size, coal.Box(*size))
+    return Piece(CORNERS * size, coal.Box(*size))
 
 
 def _cylinder(radius: float, length: float) -> Piece:
@@ -317,7 +320,7 @@ def _ellipsoid(radii: Array) -> Piece:
     return Piece(np.zeros((1, 3)), coal.Ellipsoid(*radii), radii=radii)
 
 
-def _hull(points: Array, surface: Surface | None = None) -> Piece:
+def hull_piece(points: Array, surface: Surface | None = None) -> Piece:
     """Return the hull of `points`; if they are flat, coal gets a slightly thicker hull, while the supports stay exact.
 
     If the hull is too large for coal, its triangles give the distance, and a hull of fewer vertices the direction.
@@ -353,6 +356,6 @@ def _turns() -> tuple[Array, ...]:
     return tuple(turns)
 
 
-_CORNERS = read_only(np.array(list(itertools.product((-0.5, 0.5), repeat=3))))  # of a cube
+CORNERS = read_only(np.array(list(itertools.product((-0.5, 0.5), repeat=3))))  # of a cube
 _REQUEST = coal.DistanceRequest()
 _TURNS = _turns()

@@ -64,7 +64,9 @@ class Bodies:
         self.center = np.array([piece.center for piece in self.pieces]).reshape(-1, 3)  # of the bounding balls, boxes
         self.radius = np.array([piece.radius for piece in self.pieces])
         self.half = np.array([0.5 * (piece.high - piece.low) for piece in self.pieces]).reshape(-1, 3)  # box sizes / 2
-        self.hollow = np.array([piece.surface is not None for piece in self.pieces], dtype=bool)
+        self.bounding = np.array([piece.surface is not None for piece in self.pieces], dtype=bool)  # a solid
+        grainy = np.array([piece.grains is not None for piece in self.pieces], dtype=bool)
+        self.hollow = self.bounding | grainy  # the hull is not the exact shape
         self.drifting = np.array([body.obstacle_motion is not None for body in bodies], dtype=bool)  # (g,)
         self.moving = np.flatnonzero((self.joint > 0) | self.drifting)  # (m,) the others stand
         # On interval k a body has row `row` + k `step` of the places (r, …) that `Intervals` holds.

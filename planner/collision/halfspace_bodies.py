@@ -22,6 +22,7 @@ from hdplan.planner.collision.convex_pieces import MOST_SECONDS, convex_pieces
 from hdplan.planner.geometry.meshes import load_mesh
 from hdplan.planner.geometry.shapes import operations
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.obstacles import Obstacle
@@ -66,6 +67,10 @@ def from_obstacle(
     """
     check_time("building the problem")
     placement = obstacle.pose.matrix
+    if isinstance(obstacle.shape, Cloud):
+        from hdplan.planner.collision.cloud_bodies import from_cloud
+
+        return from_cloud(obstacle.name, obstacle.shape, obstacle.pose, planes)
     if not isinstance(obstacle.shape, Mesh):
         return (from_shape(obstacle.name, obstacle.shape, placement, planes),), ()
     mesh = load_mesh(obstacle.shape, f"obstacles.{obstacle.name}")
@@ -97,7 +102,7 @@ def _enclosed(shape: Shape, planes: str) -> tuple[Array, Array, Array]:
     half = outline.half_size(shape)
     match outline.round_about:
         case "nothing":
-            directions = _few(planes)
+            directions = few_directions(planes)
         case "axis":
             directions = _many(_round_directions(), planes)
         case "centre":
@@ -110,7 +115,7 @@ def from_points(name: str, points: Array, placement: Array, planes: str = "box")
     frame = _box_frame(points)
     local = (points - frame[:3, 3]) @ frame[:3, :3]
     faces = _face_normals(local)
-    directions = _many(np.vstack([box_directions(), faces]), planes) if len(faces) else _few(planes)
+    directions = _many(np.vstack([box_directions(), faces]), planes) if len(faces) else few_directions(planes)
     spare = MANY - FEW - len(faces) if len(faces) else 0
     directions, supports = _fill(directions, (directions @ local.T).max(axis=1), spare)
     half = np.abs(local).max(axis=0)
@@ -119,7 +124,7 @@ def from_points(name: str, points: Array, placement: Array, planes: str = "box")
 
 def from_link_body(link: str, joint: int, body: ConvexBody, planes: str = "box") -> HalfspaceBody:
     """Enclose an outer link body by the directions of its box; it moves with `joint`."""
-    frame, directions = _box_frame(body.vertices), _few(planes)
+    frame, directions = _box_frame(body.vertices), few_directions(planes)
     local = (body.vertices - frame[:3, 3]) @ frame[:3, :3]
     supports = (directions @ local.T).max(axis=1) + body.radius
     half = np.abs(local).max(axis=0) + body.radius
@@ -133,17 +138,17 @@ def from_link_part(link: str, joint: int, body: ConvexBody, part: Array, planes:
         return from_link_body(link, joint, body, planes)
     frame = _box_frame(part)
     local = (part - frame[:3, 3]) @ frame[:3, :3]
-    directions = _few(planes) if planes == "faces" else _many(_ball_directions(np.ones(3)), planes)
+    directions = few_directions(planes) if planes == "faces" else _many(_ball_directions(np.ones(3)), planes)
     supports = (directions @ local.T).max(axis=1)
     return _placed(link, joint, np.eye(4), body, directions, supports, np.abs(local).max(axis=0), frame)
 
 
 def plane_counts(planes: str) -> tuple[int, int]:
     """The numbers of planes that an obstacle may have: box-like, or of any other shape."""
-    return len(_few(planes)), len(_many(_round_directions(), planes))
+    return len(few_directions(planes)), len(_many(_round_directions(), planes))
 
 
-def _few(planes: str) -> Array:
+def few_directions(planes: str) -> Array:
     """The directions for a box-like body."""
     if planes == "faces":
         return np.vstack([np.eye(3), -np.eye(3)])

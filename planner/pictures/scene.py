@@ -20,10 +20,12 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from hdplan.planner.certificate.exact_proximity import Piece, link_pieces, obstacle_pieces
+from hdplan.planner.geometry.clouds import drawn_boxes, load_balls
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.pictures.style import BETWEEN, FIXED, FRAME, GOAL, INK, MOVING, OBSTACLE, START
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.obstacle_motion import ObstacleMotion
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import read_only
@@ -145,11 +147,18 @@ class Picture:
 def _obstacles(scene: Scene, moving: bool) -> list[tuple[Obstacle, Skin]]:
     """Return the pieces of the obstacles that move, or of those that do not, in their own frames."""
     return [
-        (obstacle, skin(piece, whole=True))
+        (obstacle, body)
         for obstacle in scene.obstacles
         if (obstacle.motion is not None) == moving
-        for piece in obstacle_pieces(obstacle)
+        for body in _bodies(obstacle)
     ]
+
+
+def _bodies(obstacle: Obstacle) -> list[Skin]:
+    """Return the pieces of an obstacle's true shape, of a cloud boxes around its points."""
+    if not isinstance(obstacle.shape, Cloud):
+        return [skin(piece, whole=True) for piece in obstacle_pieces(obstacle)]
+    return [Skin(*drawn_boxes(load_balls(obstacle.shape, f"obstacles.{obstacle.name}")))]
 
 
 def draw_scene(axis: Any, picture: Picture, azimuth: float, elevation: float) -> None:

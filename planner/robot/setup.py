@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from hdplan.planner.robot.joint_limits import joint_limits
 from hdplan.planner.robot.link_frame import end_effector
+from hdplan.planner.robot.own_image import without_own_image
 from hdplan.planner.robot.robot import SAME_PLACE, Robot
 from hdplan.planner.robot.scene_robot import check_robot, load_scene_robot
 from hdplan.scenes.errors import InputError, naming
@@ -36,6 +37,7 @@ class Setup:
     scene: Scene
     robot: Robot
     aimed: bool = False  # at just this goal: joints without limits take its values as they stand
+    ignored: tuple[str, ...] = ()  # notes on points of clouds that were left out
 
     def __repr__(self) -> str:
         """Name the scene and its robot."""
@@ -54,7 +56,8 @@ class Setup:
         else:
             instance(robot, Robot, "robot")
             check_robot(scene, robot)
-        return cls(_with_links(scene, robot), robot)
+        seen, ignored = without_own_image(scene, robot)
+        return cls(_with_links(seen, robot), robot, ignored=ignored)
 
     def aiming_at(self, goal: JointTarget) -> Setup:
         """Return the same with another goal."""
@@ -90,7 +93,7 @@ class Setup:
     @cached_property
     def notes(self) -> tuple[str, ...]:
         """Notes for the user on what was changed, assumed or left out."""
-        return (*self.scene.notes, *self.robot.notes, *self.left_out, *self.turned)
+        return (*self.scene.notes, *self.robot.notes, *self.ignored, *self.left_out, *self.turned)
 
     @property
     def turned(self) -> tuple[str, ...]:

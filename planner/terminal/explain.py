@@ -11,14 +11,16 @@ from collections import Counter
 
 import numpy as np
 
+from hdplan.planner.geometry.clouds import cloud_words
 from hdplan.planner.geometry.shapes import operations
 from hdplan.planner.problem.clearance import PairTerm
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS, NEVER_TOUCHING
 from hdplan.planner.terminal.explain_cost import functions, trial
 from hdplan.planner.terminal.explain_effects import counted, effects
+from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.limits import QUANTITIES
-from hdplan.scenes.obstacles import SteadyMotion, TimedPoses
+from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.targets import Goals, JointTarget
 
@@ -118,8 +120,8 @@ def _obstacles(problem: Problem) -> Rows:
     moving = sum(body.joint > 0 for body in problem.bodies)
     rows: Rows = []
     for obstacle in problem.scene.obstacles[:MOST_OBSTACLES]:
-        words = operations(obstacle.shape).words(obstacle.shape)
-        words += f" in {pieces[obstacle.name]} convex pieces" if pieces[obstacle.name] > 1 else ""
+        words, kind = _words(obstacle)
+        words += f" in {pieces[obstacle.name]} {kind}" if pieces[obstacle.name] > 1 else ""
         words += f", clearance {obstacle.clearance:g} m" if obstacle.clearance is not None else ""
         total = moving * pieces[obstacle.name]
         match obstacle.motion:
@@ -134,6 +136,14 @@ def _obstacles(problem: Problem) -> Rows:
         rows.append((obstacle.name, f"{words}; {kept}"))
     left = len(problem.scene.obstacles) - MOST_OBSTACLES
     return [*rows, ("…", f"and {left} more")] if left > 0 else rows
+
+
+def _words(obstacle: Obstacle) -> tuple[str, str]:
+    """Return words for an obstacle's shape, and for what the planner takes it apart into."""
+    shape = obstacle.shape
+    if isinstance(shape, Cloud):
+        return cloud_words(shape, f"obstacles.{obstacle.name}"), "boxes"
+    return operations(shape).words(shape), "convex pieces"
 
 
 def _attached(problem: Problem) -> Rows:

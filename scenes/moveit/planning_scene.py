@@ -11,6 +11,7 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from hdplan.scenes.attached import Attached
+from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import naming
 from hdplan.scenes.fields import Field, read_document
 from hdplan.scenes.moveit.allowed_collisions import note_allowed
@@ -188,7 +189,11 @@ def _attached(state: Field | None, standing: Collection[str]) -> dict[str, list[
         if again := [part.name for part in parts if part.name in taken]:
             raise entry.error(f"the name {again[0]!r} is taken by an earlier object; names must differ")
         taken |= {part.name for part in parts}
-        attached[parts[0].name] = [Attached(part.name, link, part.shape, part.pose, touching) for part in parts]
+        attached[parts[0].name] = [
+            Attached(part.name, link, part.shape, part.pose, touching)
+            for part in parts
+            if not isinstance(part.shape, Cloud)  # MoveIt's objects are solids
+        ]
     return attached
 
 

@@ -23,6 +23,7 @@ from hdplan.scenes.robot_files.urdf_text import ENDINGS
 from hdplan.scenes.robot_spec import PlanarBase, RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import FilePath, checked, path_of
+from hdplan.scenes.yaml_format.clouds import read_cloud
 from hdplan.scenes.yaml_format.effects import (
     read_limits,
     read_motion,
@@ -201,8 +202,14 @@ def _obstacles(section: Field) -> tuple[Obstacle, ...]:
     obstacles = []
     readers: tuple[tuple[str, Callable[[Field], object]], ...] = (("pose", read_pose), ("motion", read_motion))
     for i, entry in enumerate(section.items(of="obstacles")):
-        keys = entry.mapping(("name", "shape", "pose", "clearance", "motion"), required=["shape"])
-        values: dict[str, object] = {"name": f"obstacle{i}", **keys, "shape": read_shape(keys["shape"])}
+        keys = entry.mapping(("name", "shape", "cloud", "pose", "clearance", "motion"))
+        if ("shape" in keys) == ("cloud" in keys):
+            both = "shape" in keys
+            raise entry.error(
+                "has both a shape and a cloud" if both else "the key 'shape' is missing (required: shape, or cloud)"
+            )
+        shape = read_shape(keys["shape"]) if "shape" in keys else read_cloud(keys.pop("cloud"))
+        values: dict[str, object] = {"name": f"obstacle{i}", **keys, "shape": shape}
         values |= {key: read(keys[key]) for key, read in readers if key in keys}
         if "pose" in keys and isinstance(values.get("motion"), TimedPoses):
             raise keys["pose"].error("is given twice: motion.poses say where the obstacle is, so leave it out")

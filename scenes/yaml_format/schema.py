@@ -15,6 +15,7 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from hdplan.scenes.attached import Attached, Payload, body_inertia
+from hdplan.scenes.clouds import Cloud, Ignored
 from hdplan.scenes.limits import JointQuantity, Limits, ranges
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses, rising_times
 from hdplan.scenes.path_constraints import AXES, Relative, Upright, Within, direction, extent
@@ -90,7 +91,7 @@ def scene_schema() -> Schema:
                 **{key: {} for key in SECTIONS},  # in their order; a section not listed below would allow anything
                 "hdplan": {"const": VERSION},
                 "robot": _nullable(_robot()),
-                "obstacles": _nullable(_list(_section(Obstacle, pose=_pose(), shape=_shape(), motion=_motion()))),
+                "obstacles": _nullable(_list(_obstacle())),
                 "attached": _nullable(_list(_section(Attached, pose=_pose(), shape=_shape()))),
                 "start": _one_key({"joints": _joints(), "state": TEXT}),
                 "goal": _one_key(_goal()),
@@ -173,6 +174,24 @@ def _shape() -> Schema:
         required = ("type", *(key for key, needed in keys.items() if needed))
         shapes.append(_object({"type": {"const": name}, **own}, required, kind.__doc__ or ""))
     return {"anyOf": shapes}
+
+
+def _obstacle() -> Schema:
+    """Return an obstacle's section: a shape, or a cloud in its place."""
+    section = _section(Obstacle, pose=_pose(), shape=_shape(), motion=_motion())
+    keys = {"name": section["properties"].pop("name"), "shape": _nullable(section["properties"].pop("shape"))}
+    section["properties"] = {**keys, "cloud": _nullable(_cloud()), **section["properties"]}
+    del section["required"]
+    return {**section, "oneOf": [_given("shape"), _given("cloud")]}
+
+
+def _cloud() -> Schema:
+    """Return a cloud: its points in a file, or here."""
+    ignored = {**_section(Ignored), "oneOf": [_given("link"), _given("obstacle")]}
+    section = _section(Cloud, without=("points", "name", "pose"), ignore={"anyOf": [ignored, _list(ignored)]})
+    points = {**_list(_value(Row(Number(unit="m"), 3))), "minItems": 1}
+    section["properties"] = {"file": _nullable(TEXT), "points": _nullable(points), **section["properties"]}
+    return {**section, "required": ["radius"], "oneOf": [_given("file"), _given("points")]}
 
 
 def _motion() -> Schema:

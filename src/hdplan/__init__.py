@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from hdplan.planner.solvers import solve
     from hdplan.planner.solvers.solution import Budget, Solution
     from hdplan.scenes.attached import Attached, Payload
+    from hdplan.scenes.clouds import Cloud, Ignored
     from hdplan.scenes.errors import HdplanError, InputError, OutOfTime
     from hdplan.scenes.limits import Limits
     from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
@@ -67,11 +68,13 @@ _HOMES = {  # of names, below hdplan
     "Budget": "planner.solvers.solution",
     "Capsule": "scenes.shapes",
     "Certificate": "planner.certificate.verdict",
+    "Cloud": "scenes.clouds",
     "ConvexBody": "distance.bodies",
     "Cylinder": "scenes.shapes",
     "Ellipsoid": "scenes.shapes",
     "Event": "planner.search.search",
     "HdplanError": "scenes.errors",
+    "Ignored": "scenes.clouds",
     "InputError": "scenes.errors",
     "Limits": "scenes.limits",
     "Mesh": "scenes.shapes",
@@ -120,11 +123,13 @@ __all__ = [
     "Budget",
     "Capsule",
     "Certificate",
+    "Cloud",
     "ConvexBody",
     "Cylinder",
     "Ellipsoid",
     "Event",
     "HdplanError",
+    "Ignored",
     "InputError",
     "Limits",
     "Mesh",

@@ -25,12 +25,14 @@ from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.collision.link_bodies import link_bodies
+from hdplan.planner.geometry.clouds import drawn_boxes, load_balls
 from hdplan.planner.geometry.mesh_files import read_mesh_file, read_scene
 from hdplan.planner.geometry.meshes import LARGEST
 from hdplan.planner.geometry.shapes import operations, shape_of
 from hdplan.planner.robot.pin_model import read_visuals
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import InputError, listed, naming
 from hdplan.scenes.files import Stamps, stamps_of
 from hdplan.scenes.obstacles import Obstacle
@@ -144,8 +146,12 @@ def outer_skins(robot: Robot, geometry: str, color: Color = PLAIN) -> tuple[Skin
 
 
 def obstacle_mesh(obstacle: Obstacle) -> trimesh.Trimesh:
-    """Return an obstacle's true shape in its own frame. Raises InputError for a mesh file that cannot be used."""
-    return operations(obstacle.shape).triangles(obstacle.shape, f"obstacles.{obstacle.name}")
+    """Return an obstacle's true shape in its own frame, a cloud's as boxes around its points. Raises InputError for a
+    file that cannot be used."""
+    field = f"obstacles.{obstacle.name}"
+    if isinstance(obstacle.shape, Cloud):
+        return trimesh.Trimesh(*drawn_boxes(load_balls(obstacle.shape, field)), process=False)
+    return operations(obstacle.shape).triangles(obstacle.shape, field)
 
 
 def shaded(mesh: trimesh.Trimesh) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:

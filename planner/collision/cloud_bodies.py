@@ -1,0 +1,55 @@
+"""Balls for the planner: boxes around the cells of a grid, grown by the balls' radii. Together they contain every ball
+(outer bodies)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, few_directions
+from hdplan.planner.geometry.cells import cells_of
+from hdplan.planner.geometry.clouds import load_balls, merged, reach
+from hdplan.scenes.clouds import Cloud
+from hdplan.scenes.fixed_array import FixedArray
+from hdplan.scenes.once import made_once
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.shapes import Box
+
+CELL = 0.04  # [m] edge of the cubes whose points get one box
+FAR = 1000.0  # [m] a cloud that reaches farther was hardly meant in metres
+
+
+def from_cloud(name: str, cloud: Cloud, pose: Pose, planes: str) -> tuple[tuple[HalfspaceBody, ...], tuple[str, ...]]:
+    """Enclose a cloud that stands at `pose` in the world: bodies, and notes on what was merged and what can hardly be
+    meant. Raises InputError as `load_balls` does."""
+    balls, notes = load_balls(cloud, f"obstacles.{name}"), []
+    if (far := reach(balls.array)) > FAR:
+        notes.append(f"reaches as far as {far:.0f} m: is it in millimetres? hdplan takes metres")
+    if cloud.voxel is not None:
+        count = len(balls)
+        balls, added = merged(balls, cloud.voxel)
+        notes.append(f"{count} points planned around as {len(balls)} balls, up to {1e3 * added:.3g} mm larger")
+    return from_balls(name, balls, pose, planes), tuple(f"cloud '{name}': {words}" for words in notes)
+
+
+@made_once(4)
+def from_balls(name: str, balls: FixedArray, pose: Pose, planes: str) -> tuple[HalfspaceBody, ...]:
+    """Enclose balls (m, 4), centres and radii [m] in a frame that stands at `pose` in the world: one body for each
+    cell."""
+    cells = cells_of(balls, CELL)
+    found, rotation = balls.array[cells.order], cells.rotation
+    radius = np.maximum.reduceat(found[:, 3], cells.first)
+    local = np.einsum("mi,mij->mj", found[:, :3], np.repeat(rotation, cells.sizes, axis=0))
+    low, high = np.minimum.reduceat(local, cells.first), np.maximum.reduceat(local, cells.first)
+    center, half = np.einsum("cij,cj->ci", rotation, 0.5 * (low + high)), 0.5 * (high - low)
+    placement = pose.matrix
+    box = np.tile(np.eye(4), (len(half), 1, 1))
+    box[:, :3, :3], box[:, :3, 3] = placement[:3, :3] @ rotation, center @ placement[:3, :3].T + placement[:3, 3]
+    directions = few_directions(planes)
+    normals = np.einsum("kj,cij->cki", directions, box[:, :3, :3])
+    # of a box with rounded edges: h(n) = Σ_i |n_i| half_i + r
+    supports = half @ np.abs(directions).T + radius[:, None] + np.einsum("cki,ci->ck", normals, box[:, :3, 3])
+    half = half + radius[:, None]
+    return tuple(
+        HalfspaceBody(name, 0, normals[c], supports[c], box[c], half[c], Box(2.0 * half[c]), box[c])
+        for c in range(len(half))
+    )

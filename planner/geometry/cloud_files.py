@@ -1,0 +1,127 @@
+"""Files of points: PLY, PCD, XYZ, NumPy's npz and npy, LAS. A file is complete, or it is refused."""
+
+from __future__ import annotations
+
+import io
+import logging
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from hdplan.planner.geometry.mesh_files import read_scene
+from hdplan.scenes.array_types import Array
+from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.files import read_file
+
+
+def read_points(path: Path) -> Array:
+    """Read the points (m, 3) of a file by its ending, in the file's unit and as they are: some may be NaN.
+
+    Raises InputError for a file that is missing, too large, of an unknown format, or damaged.
+    """
+    ending = path.suffix.lower().lstrip(".")
+    if ending not in FORMATS:
+        raise InputError(f"format '{path.suffix}' is not known{nearest(ending, FORMATS)}")
+    data = read_file(path)
+    try:
+        points = np.asarray(FORMATS[ending](data, path))
+    except InputError:
+        raise
+    except Exception as error:  # each reader fails in its own way, none in words for the user
+        words = " ".join(str(error).split())[:100]
+        raise InputError(f"cannot be read, its content is not that of a {ending} file ({words})") from error
+    if points.dtype.kind not in "iuf" or points.ndim != 2 or points.shape[1] != 3:
+        raise InputError(f"holds an array of shape {points.shape} and type {points.dtype}; points (m, 3) are needed")
+    return points.astype(np.float64)
+
+
+def _ply(data: bytes, path: Path) -> Array:
+    """Trimesh overlooks what is missing at the end, so the size is held against the header."""
+    header, _, body = data.partition(b"end_header")
+    declared = re.search(rb"^\s*element\s+vertex\s+(\d+)\s*$((?:\s*property\s+[^\n]+\n)*)", header, flags=re.MULTILINE)
+    if declared is None:
+        raise InputError("holds no element vertex")
+    count = int(declared[1])
+    if b"format ascii" in header:
+        held = sum(bool(line.strip()) for line in body.splitlines())
+    else:
+        sizes = [_PLY_BYTES.get(word, 0) for word in re.findall(rb"property\s+(\w+)\s+\w+", declared[2])]
+        held = max(len(body) - 1, 0) // max(sum(sizes), 1)
+    if held < count:
+        raise InputError(f"is cut short: its header says {count} points, and it holds {held}")
+    if count == 0:
+        return np.empty((0, 3))
+    parts = list(read_scene(data, path).geometry.values())
+    points = np.concatenate([np.asarray(part.vertices) for part in parts] or [np.empty((0, 3))])
+    if len(points) != count:
+        raise InputError(f"its header says {count} points, and {len(points)} can be read")
+    return points
+
+
+_PLY_BYTES: Mapping[bytes, int] = MappingProxyType(
+    {
+        **dict.fromkeys((b"char", b"uchar", b"int8", b"uint8"), 1),
+        **dict.fromkeys((b"short", b"ushort", b"int16", b"uint16"), 2),
+        **dict.fromkeys((b"int", b"uint", b"float", b"int32", b"uint32", b"float32"), 4),
+        **dict.fromkeys((b"double", b"float64"), 8),
+    }
+)
+
+
+def _xyz(data: bytes, path: Path) -> Array:
+    """Three numbers a line, or more, of which the first three count: colours and normals follow them."""
+    lines = data.decode("utf-8").splitlines()
+    rows = [line for line in lines if line.strip() and not line.lstrip().startswith("#")]
+    if not rows:
+        return np.empty((0, 3))
+    if rows and not data.endswith((b"\n", b"\r")) and len(rows) > 1 and len(rows[-1].split()) != len(rows[0].split()):
+        raise InputError(f"is cut short: its last line is {rows[-1][:40]!r}")
+    return np.loadtxt(rows, usecols=(0, 1, 2), ndmin=2, delimiter="," if "," in rows[0] else None)
+
+
+def _npz(data: bytes, path: Path) -> Array:
+    """The array `points`, or the only one."""
+    with np.load(io.BytesIO(data), allow_pickle=False) as held:
+        names = held.files
+        if "points" not in names and len(names) != 1:
+            raise InputError(f"holds the arrays {', '.join(names) or 'none'}: the points must be named `points`")
+        return np.asarray(held["points" if "points" in names else names[0]])
+
+
+def _npy(data: bytes, path: Path) -> Array:
+    return np.asarray(np.load(io.BytesIO(data), allow_pickle=False))
+
+
+def _pcd(data: bytes, path: Path) -> Array:
+    pypcd4 = _needed("pypcd4", path)
+    cloud = pypcd4.PointCloud.from_fileobj(io.BytesIO(data))
+    if any(axis not in cloud.fields for axis in "xyz"):
+        raise InputError(f"has the fields {', '.join(cloud.fields)}; x, y and z are needed")
+    if len(points := cloud.numpy(("x", "y", "z"))) != cloud.points:
+        raise InputError(f"is cut short: its header says {cloud.points} points, and it holds {len(points)}")
+    return np.asarray(points)
+
+
+def _las(data: bytes, path: Path) -> Array:
+    logging.getLogger("laspy").addHandler(logging.NullHandler())  # its warnings would go to stderr
+    laspy = _needed("laspy", path)
+    cloud = laspy.read(io.BytesIO(data))
+    if len(cloud.points) != cloud.header.point_count:
+        raise InputError(f"is cut short: its header says {cloud.header.point_count} points")
+    return np.asarray(cloud.xyz)
+
+
+def _needed(name: str, path: Path) -> Any:
+    try:
+        return __import__(name)
+    except ImportError:
+        raise InputError(f"reading {path.suffix} files needs {name}: pip install 'hdplan[cloud]'") from None
+
+
+FORMATS: Mapping[str, Callable[[bytes, Path], Array]] = MappingProxyType(
+    {"ply": _ply, "pcd": _pcd, "xyz": _xyz, "npz": _npz, "npy": _npy, "las": _las}
+)

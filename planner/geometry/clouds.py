@@ -1,0 +1,103 @@
+"""Clouds of points as the balls that they stand for, as they are or merged for planning.
+
+Merging never makes the obstacle smaller: the balls of points in one cube of edge `voxel` become one ball, about the
+middle of the points' bounding box, that contains them.
+"""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+
+from hdplan.planner.geometry.cells import grouped
+from hdplan.planner.geometry.cloud_files import read_points
+from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.clouds import Cloud, finite_points
+from hdplan.scenes.errors import FieldError, InputError, naming
+from hdplan.scenes.files import Stamps, stamps_of
+from hdplan.scenes.fixed_array import FixedArray
+from hdplan.scenes.once import made_once, read_only
+
+MOST_BOXES = 4000  # drawn around a cloud's points
+
+
+def load_balls(cloud: Cloud, field: str) -> FixedArray:
+    """Return the balls of a cloud (m, 4): centres in its frame and radii [m]. `field` is its field in the scene, for
+    error messages.
+
+    Raises InputError for a file that is missing, damaged or empty, and for points that are not finite.
+    """
+    source = cloud.points
+    if isinstance(source, FixedArray):
+        return _balls(source, cloud.radius)
+    with naming(f"{field}.cloud: {source}"):
+        return _balls(_read(source, cloud.drop_nan, stamps_of([source])), cloud.radius)
+
+
+@made_once(4)
+def _read(file: Path, drop_nan: bool, stamps: Stamps) -> FixedArray:
+    """Read a file; the stamps make a file that was written again another one."""
+    try:
+        return FixedArray(finite_points(read_points(file), drop_nan))
+    except FieldError as error:
+        raise InputError(error.problem) from None
+
+
+@made_once(4)
+def _balls(points: FixedArray, radius: float) -> FixedArray:
+    return FixedArray(np.column_stack([points.array, np.full(len(points), radius)]))
+
+
+@made_once(4)
+def merged(balls: FixedArray, voxel: float) -> tuple[FixedArray, float]:
+    """Return balls (k, 4) that contain the given ones (m, 4), one for each cube of edge `voxel` [m]; and by how much
+    the largest of them is larger than those inside it [m]."""
+    given = balls.array
+    order, first = grouped(given[:, :3], voxel)
+    found = given[order]
+    sizes = np.diff(np.append(first, len(order)))
+    middle = 0.5 * (np.minimum.reduceat(found, first) + np.maximum.reduceat(found, first))[:, :3]
+    away = np.linalg.norm(found[:, :3] - np.repeat(middle, sizes, axis=0), axis=1)
+    radius = np.maximum.reduceat(away + found[:, 3], first) * _ABOVE
+    added = float((radius - np.minimum.reduceat(found[:, 3], first)).max())
+    return FixedArray(np.column_stack([middle, radius])), added
+
+
+def cloud_words(cloud: Cloud, field: str) -> str:
+    """Return what `hdplan explain` says of a cloud. Raises InputError as `load_balls` does."""
+    file = f" of {cloud.points.name}" if isinstance(cloud.points, Path) else ""
+    return f"cloud{file}, {len(load_balls(cloud, field))} points as balls of {1e3 * cloud.radius:g} mm"
+
+
+def reach(balls: Array) -> float:
+    """Return how far balls (m, 4) reach from their frame's origin along an axis [m]."""
+    return float((np.abs(balls[:, :3]).max(axis=1) + balls[:, 3]).max())
+
+
+def drawn_boxes(balls: FixedArray) -> tuple[Array, Rows]:
+    """Return boxes around groups of the balls (m, 4), for pictures: vertices [m] and triangles, outward."""
+    given = balls.array
+    edge = 2.0 * float(given[:, 3].min())
+    while True:
+        order, first = grouped(given[:, :3], edge)
+        if len(first) <= MOST_BOXES:
+            break
+        edge *= 1.25
+    found = given[order]
+    radius = found[:, 3, None]
+    low = np.minimum.reduceat(found[:, :3] - radius, first)
+    high = np.maximum.reduceat(found[:, :3] + radius, first)
+    vertices = low[:, None] + _UNIT * (high - low)[:, None]
+    triangles = _SIDES + 8 * np.arange(len(low))[:, None, None]
+    return vertices.reshape(-1, 3), triangles.reshape(-1, 3)
+
+
+_UNIT = read_only(np.array(list(itertools.product((0.0, 1.0), repeat=3))))
+_SIDES = read_only(
+    np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])[
+        :, [[0, 1, 2], [0, 2, 3]]
+    ].reshape(-1, 3)
+)
+_ABOVE = 1.0 + 1e-12  # so that rounding makes no ball too small

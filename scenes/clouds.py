@@ -1,0 +1,137 @@
+"""Clouds of points, as cameras see them: each point is a ball, and the obstacle is the union of the balls."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hdplan.scenes.errors import FieldError
+from hdplan.scenes.fixed_array import FixedArray
+from hdplan.scenes.poses import AnyPose, Placement
+from hdplan.scenes.values import (
+    LARGEST,
+    Checked,
+    FilePath,
+    Maybe,
+    Name,
+    Number,
+    absolute_path,
+    boolean,
+    checked,
+    describe,
+    is_row,
+    wrong,
+)
+
+MOST_POINTS = 5_000_000  # at most: what is prepared for them stays below some gigabytes
+Margin = Annotated[float, Number(low=0.0, high=1.0, unit="m")]
+
+
+def finite_points(points: NDArray[Any], drop_nan: bool) -> NDArray[np.float64]:
+    """Return the points (m, 3) all of whose coordinates are finite. Raises FieldError if none is left, if one is
+    farther away than LARGEST and, unless `drop_nan`, for those that are not finite: cameras mark so what they did not
+    see."""
+    points = points.astype(np.float64, copy=False)
+    seen = np.isfinite(points).all(axis=1)
+    unseen = len(seen) - int(np.count_nonzero(seen))
+    if unseen and not drop_nan:
+        raise FieldError(
+            f"{unseen} of {len(points)} points are not finite (NaN or infinite); `drop_nan: true` leaves them out"
+        )
+    points = points[seen] if unseen else points
+    if not len(points):
+        raise FieldError("holds no points")
+    if len(points) > MOST_POINTS:
+        raise FieldError(f"has {len(points)} points; at most {MOST_POINTS} are used")
+    if (farthest := float(np.abs(points).max())) > LARGEST:
+        raise FieldError(f"reaches as far as {farthest:g} m; at most {LARGEST:g} m are allowed")
+    return points
+
+
+def point_source(value: object) -> Path | FixedArray:
+    """Return the file that holds points, as an absolute path, or the points themselves (m, 3)."""
+    if isinstance(value, FixedArray):
+        return value
+    if isinstance(value, str | os.PathLike):
+        return absolute_path(value)
+    try:
+        points = np.array(value)
+    except ValueError:  # rows of different lengths
+        points = np.empty(0)
+    if points.dtype.kind not in "iuf" or points.ndim != 2 or points.shape[1] != 3:
+        raise FieldError(f"must be a file, or points (m, 3) [m], found {describe(value)}", value=value)
+    return FixedArray(points.astype(np.float64))
+
+
+def ignored_of(value: object) -> tuple[Ignored, ...]:
+    """Return what points are left out around: one thing, or a list of them."""
+    if isinstance(value, Ignored):
+        return (value,)
+    if not is_row(value):
+        raise wrong("of the class Ignored, or a list of these", value)
+    for i, each in enumerate(value):
+        if not isinstance(each, Ignored):
+            raise wrong("of the class Ignored", each).within(f"[{i}]")
+    return tuple(value)
+
+
+@dataclass(frozen=True, repr=False)
+class Ignored(Checked):
+    """Points within `margin` [m] of one link (or held object) at the start, or of another obstacle, are left out: they
+    are its image, and it is modelled itself."""
+
+    margin: Margin
+    link: Name | None = None
+    obstacle: Name | None = None
+
+    if TYPE_CHECKING:
+
+        def __init__(self, margin: float, link: str | None = None, obstacle: str | None = None) -> None: ...
+
+    def _check_whole(self) -> None:
+        if (self.link is None) == (self.obstacle is None):
+            raise FieldError("needs either a link or an obstacle")
+
+
+@dataclass(frozen=True, repr=False)
+class Cloud(Checked):
+    """Points [m] in its frame, from a file or an array: the obstacle is the union of the balls of `radius` [m] about
+    them. In a scene's list of obstacles it may carry its own name and pose."""
+
+    points: Annotated[Path | FixedArray, point_source]
+    radius: Annotated[float, Number(above=0.0, high=1.0, unit="m")]
+    voxel: Annotated[float | None, Maybe(Number(above=0.0, high=1.0, unit="m"))] = None
+    # the planner takes points in one cube of this edge [m] for one larger ball; the certificate takes every point
+    drop_nan: Annotated[bool, boolean] = False  # leave points out that are not finite; otherwise they are refused
+    ignore_robot: Margin = 0.0
+    # points within this distance [m] of the robot, or of what it holds, at the start are its own image: left out
+    ignore: Annotated[tuple[Ignored, ...], ignored_of] = ()
+    name: Name | None = field(default=None, kw_only=True)
+    pose: Placement | None = field(default=None, kw_only=True)
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            points: FilePath | ArrayLike | FixedArray,
+            radius: float,
+            voxel: float | None = None,
+            drop_nan: bool = False,
+            ignore_robot: float = 0.0,
+            ignore: Ignored | Sequence[Ignored] = (),
+            *,
+            name: str | None = None,
+            pose: AnyPose | None = None,
+        ) -> None: ...
+
+    def _check_whole(self) -> None:
+        if isinstance(self.points, FixedArray):
+            kept = checked(lambda points: finite_points(points.array, self.drop_nan), self.points, "points")
+            if len(kept) < len(self.points):
+                object.__setattr__(self, "points", FixedArray(kept))

@@ -1,0 +1,50 @@
+"""Arrays as values: read-only, and equal when their numbers are, so that scenes that hold them can be compared."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hdplan.scenes.once import freeze
+
+
+@dataclass(frozen=True, eq=False)
+class FixedArray:
+    """An array of floats, read-only: equal to another one of the same shape with the same numbers."""
+
+    array: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        """Share it read-only."""
+        freeze(self)
+
+    @cached_property
+    def content(self) -> bytes:
+        """What tells it from others."""
+        return hashlib.sha256(np.ascontiguousarray(self.array).data).digest()
+
+    def __eq__(self, other: object) -> bool:
+        """Compare the numbers."""
+        if self is other:
+            return True
+        return isinstance(other, FixedArray) and self.array.shape == other.array.shape and self.content == other.content
+
+    def __hash__(self) -> int:
+        """Agree with equality."""
+        return hash(self.content)
+
+    def __len__(self) -> int:
+        """The number of rows."""
+        return len(self.array)
+
+    def __repr__(self) -> str:
+        """Say how many there are."""
+        return f"<{len(self)} rows>"
+
+    def __reduce__(self) -> tuple[type, tuple[NDArray[np.float64]]]:
+        """Pickle the numbers alone; the copy is read-only again."""
+        return FixedArray, (self.array,)
