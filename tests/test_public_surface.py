@@ -29,6 +29,7 @@ SURFACE: dict[ModuleType, set[str]] = {
             "Budget",
             "Capsule",
             "Certificate",
+            "Cloud",
             "ConvexBody",
             "Cylinder",
             "Ellipsoid",
@@ -36,6 +37,7 @@ SURFACE: dict[ModuleType, set[str]] = {
             "HdplanError",
         ),
         *(
+            "Ignored",
             "InputError",
             "Limits",
             "Mesh",

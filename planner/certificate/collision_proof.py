@@ -307,7 +307,9 @@ class _Run:
         values, bound, travel, normals = self._exact(nodes, items)
         bound = np.maximum(items.bound, bound)
         goal = self._enough(items.pair)
-        for i in np.flatnonzero(self.hollow[items.pair] & (values < goal) & (bound < goal)).tolist():
+        known = np.array([np.inf if spot is None else spot.distance for spot in self.closest])
+        record = values < known[self.pairs.group[items.pair]]  # a hull's distance must not be taken for the closest
+        for i in np.flatnonzero(self.hollow[items.pair] & (record | ((values < goal) & (bound < goal)))).tolist():
             # where coal is not plausible, the surfaces' distance is 0: the hulls' is a lower bound of it
             values[i] = max(values[i], self._surface(nodes, int(items.node[i]), int(items.pair[i])))
             bound[i] = max(bound[i], values[i] - travel[i] - ROUNDING)

@@ -148,7 +148,8 @@ class Controller:
         joint that neither scene nor URDF gives a speed limit."""
         settings = ControlSettings() if settings is None else settings
         instance(settings, ControlSettings, "settings")
-        robot = Setup.of(scene, robot).robot
+        setup = Setup.of(scene, robot)
+        scene, robot = setup.scene, setup.robot
         given = scene.limits if scene.limits.velocity is not None else replace(scene.limits, velocity="urdf")
         limits = joint_limits(replace(scene, limits=given), robot)["velocity"]
         return cls(robot, scene_barriers(scene, robot, settings.barriers), settings, limits)

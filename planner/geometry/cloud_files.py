@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import logging
 import re
+import struct
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -107,19 +108,31 @@ def _pcd(data: bytes, path: Path) -> Array:
 
 
 def _las(data: bytes, path: Path) -> Array:
+    """laspy believes the numbers of the header, whatever they make it do, so they are held against the size."""
     logging.getLogger("laspy").addHandler(logging.NullHandler())  # its warnings would go to stderr
     laspy = _needed("laspy", path)
+    if data[:4] != b"LASF" or len(data) < _LAS_HEADER:
+        raise InputError("has no header of a las file")
+    begin, records, _, length, count = struct.unpack_from("<IIBHI", data, 96)
+    if data[25] >= 4 and len(data) >= _LAS_14_HEADER:  # minor version
+        extra, count = struct.unpack_from("<IQ", data, 243)
+        records += extra
+    if records * _LAS_RECORD > len(data) or begin + count * length > len(data):
+        raise InputError(f"is cut short: its header says {count} points of {length} bytes after {records} records")
     cloud = laspy.read(io.BytesIO(data))
     if len(cloud.points) != cloud.header.point_count:
         raise InputError(f"is cut short: its header says {cloud.header.point_count} points")
     return np.asarray(cloud.xyz)
 
 
+_LAS_HEADER, _LAS_14_HEADER, _LAS_RECORD = 227, 375, 54  # [bytes] of headers, and of a record before the points
+
+
 def _needed(name: str, path: Path) -> Any:
     try:
         return __import__(name)
     except ImportError:
-        raise InputError(f"reading {path.suffix} files needs {name}: pip install 'hdplan[cloud]'") from None
+        raise InputError(f"{path.suffix} files need {name}, which is not installed: pip install {name}") from None
 
 
 FORMATS: Mapping[str, Callable[[bytes, Path], Array]] = MappingProxyType(

@@ -85,13 +85,23 @@ def drawn_boxes(balls: FixedArray) -> tuple[Array, Rows]:
         if len(first) <= MOST_BOXES:
             break
         edge *= 1.25
-    found = given[order]
-    radius = found[:, 3, None]
-    low = np.minimum.reduceat(found[:, :3] - radius, first)
-    high = np.maximum.reduceat(found[:, :3] + radius, first)
+    low, high = _bounds(given[order], first)
     vertices = low[:, None] + _UNIT * (high - low)[:, None]
     triangles = _SIDES + 8 * np.arange(len(low))[:, None, None]
     return vertices.reshape(-1, 3), triangles.reshape(-1, 3)
+
+
+def part_bounds(balls: FixedArray, edge: float) -> Array:
+    """Return the lower and upper corners (k, 2, 3) of boxes around the balls (m, 4) in each cube of this edge [m]."""
+    order, first = grouped(balls.array[:, :3], edge)
+    return np.stack(_bounds(balls.array[order], first), axis=1)
+
+
+def _bounds(balls: Array, first: Rows) -> tuple[Array, Array]:
+    """Return the lower and upper corners (k, 3) of boxes around groups of balls, each of which begins at `first`."""
+    radius = balls[:, 3, None]
+    low = np.minimum.reduceat(balls[:, :3] - radius, first)
+    return low, np.maximum.reduceat(balls[:, :3] + radius, first)
 
 
 _UNIT = read_only(np.array(list(itertools.product((0.0, 1.0), repeat=3))))

@@ -42,7 +42,16 @@ from hdplan.planner.view.drawing.colors import (
 )
 from hdplan.planner.view.drawing.motion import ShownMotion, millimetres
 from hdplan.planner.view.drawing.shading import told_apart
-from hdplan.planner.view.drawing.skins import ENDLESS, Color, Skin, collision_skins, obstacle_mesh, shaded, visual_skins
+from hdplan.planner.view.drawing.skins import (
+    ENDLESS,
+    Color,
+    Skin,
+    collision_skins,
+    obstacle_mesh,
+    obstacle_parts,
+    shaded,
+    visual_skins,
+)
 from hdplan.planner.view.drawing.timeline import Timeline
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
@@ -242,7 +251,7 @@ def _boxes(scene: Scene, timeline: Timeline) -> Boxes:
     for obstacle in scene.obstacles:
         moves = obstacle.motion is not None
         places = list(ObstacleMotion.of(obstacle).at(np.array(times))) if moves else [obstacle.pose.matrix]
-        bounds += [np.asarray(obstacle_mesh(obstacle).bounds)] * len(places)
+        bounds += [obstacle_parts(obstacle)] * len(places)
         poses += places
     return Boxes.around(bounds, poses)
 

@@ -26,10 +26,12 @@ from hdplan.planner.robot.joint_limits import DERIVATIVES
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Rows
+from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import HdplanError, InputError, naming
 from hdplan.scenes.output import write_output
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.robot_files.library import description_of
+from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import FilePath, checked, path_of
 from hdplan.scenes.yaml_format.reader import find_scene, load_scene
 from hdplan.verify import MAGIC, VERSION, Piece, RejectedError, World, check_apart, statement, unpack
@@ -67,7 +69,9 @@ def prove(scene: FilePath, trajectory: FilePath) -> Proof:
         NotProvenError: the motion is not certified, or no planes were found.
     """
     scene_file, motion_file = find_scene(scene), checked(path_of, trajectory, "trajectory")
-    setup = Setup.of(load_scene(scene_file))
+    wanted = load_scene(scene_file)
+    refuse_clouds(wanted)
+    setup = Setup.of(wanted)
     motion = Trajectory.load(motion_file)
     with naming(motion_file):
         certifier = Certifier(setup)
@@ -80,6 +84,16 @@ def prove(scene: FilePath, trajectory: FilePath) -> Proof:
         return _Writer(scene_file, motion_file, setup).write(certificate, asked)
     except RejectedError as error:
         raise InputError(f"no proof of this can be written: {error}") from None
+
+
+def refuse_clouds(scene: Scene) -> None:
+    """Raise InputError for a scene with clouds: the checker reads solids only."""
+    for obstacle in scene.obstacles:
+        if isinstance(obstacle.shape, Cloud):
+            raise InputError(
+                f"{scene.source}: obstacles.{obstacle.name}: is a cloud, of which no proof can be written; its motions "
+                "can be certified: hdplan check"
+            )
 
 
 def _refuse_unproven_pairs(setup: Setup) -> None:

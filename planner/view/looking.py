@@ -100,7 +100,7 @@ class Looking:
 
     def _boxes(self) -> Boxes:
         nodes = self._viewer.stage.obstacles
-        return Boxes.around([node.bounds for node in nodes], [node.place for node in nodes])
+        return Boxes.around([node.parts for node in nodes], [node.place for node in nodes])
 
     # --- what browsers ask for ------------------------------------------------------------------------------------
 

@@ -1,8 +1,8 @@
 """Where to look from: what is of interest framed, from where obstacles hide least of it, and which obstacles stand in
 the way of an eye. Pure geometry in the world frame, [m]; z is up.
 
-Obstacles are taken as the boxes that bound them in their own frames, so what is said to be hidden may be seen through
-an obstacle that is not convex; a point inside such a box counts as seen.
+Obstacles are taken as the boxes that bound them in their own frames, clouds as several: what is said to be hidden may
+be seen through an obstacle that is not convex; a point inside such a box counts as seen.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hdplan.scenes.array_types import Array
+from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.once import read_only
 
 FOV = np.deg2rad(45.0)  # [rad] of the picture's height: less distorted than the browser's own 75°
@@ -45,14 +45,18 @@ class Boxes:
     rotation: Array  # (B, 3, 3) their axes, as columns
     center: Array  # (B, 3)
     half: Array  # (B, 3) half edges
+    first: Rows  # (o,) where the boxes of each obstacle begin
 
     @classmethod
     def around(cls, bounds: Sequence[Array], poses: Sequence[Array]) -> Boxes:
-        """Take the boxes between lower and upper corners (2, 3) in frames that stand at `poses` (4, 4)."""
-        corners = np.array(bounds, dtype=np.float64).reshape(-1, 2, 3)
-        frames = np.array(poses, dtype=np.float64).reshape(-1, 4, 4)
+        """Take the boxes of obstacles between lower and upper corners (b, 2, 3) in frames that stand at `poses`
+        (4, 4)."""
+        count = np.array([len(each) for each in bounds], dtype=np.int64)
+        corners = np.concatenate([np.empty((0, 2, 3)), *bounds])
+        frames = np.repeat(np.array(poses, dtype=np.float64).reshape(-1, 4, 4), count, axis=0)
         middle = np.einsum("bij,bj->bi", frames[:, :3, :3], corners.mean(axis=1))
-        return cls(frames[:, :3, :3], middle + frames[:, :3, 3], 0.5 * (corners[:, 1] - corners[:, 0]))
+        first, half = np.cumsum(count) - count, 0.5 * (corners[:, 1] - corners[:, 0])
+        return cls(frames[:, :3, :3], middle + frames[:, :3, 3], half, first)
 
     def lowest(self) -> Array:
         """Return the heights (B,) of their lowest points."""
@@ -68,8 +72,11 @@ class Boxes:
         return np.asarray((enters < leaves) & (leaves > 0.0) & (leaves < 1.0))
 
     def in_the_way(self, eye: Array, points: Array) -> NDArray[np.bool_]:
-        """Return (B,) whether a box hides so much of points (k, 3) that it should be seen through."""
-        return np.asarray(self.hide(eye, points).mean(axis=0) > IN_THE_WAY)
+        """Return (o,) whether an obstacle hides so much of points (k, 3) that it should be seen through."""
+        if not len(self.first):
+            return np.zeros(0, dtype=bool)
+        hidden = np.logical_or.reduceat(self.hide(eye, points), self.first, axis=1)
+        return np.asarray(hidden.mean(axis=0) > IN_THE_WAY)
 
 
 def best_view(whole: Array, interest: Array, path: Array, boxes: Boxes, aspect: float) -> View:

@@ -26,7 +26,7 @@ from hdplan.planner.view.drawing.colors import (
     intensities,
 )
 from hdplan.planner.view.drawing.motion import millimetres
-from hdplan.planner.view.drawing.skins import ENDLESS, Color, Skin, obstacle_mesh, shaded
+from hdplan.planner.view.drawing.skins import ENDLESS, Color, Skin, obstacle_mesh, obstacle_parts, shaded
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.obstacle_motion import ObstacleMotion
@@ -129,6 +129,7 @@ class ObstacleNode:
             f"/obstacles/{index}/mesh", vertices, triangles, color=OBSTACLE, cast_shadow=False, receive_shadow=False
         )
         self.bounds = np.array([vertices.min(axis=0), vertices.max(axis=0)])  # (2, 3) in its own frame
+        self.parts = obstacle_parts(obstacle)  # (b, 2, 3)
         self._in_contact = self._selected = False
         self.take(obstacle)
 

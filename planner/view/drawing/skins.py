@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.collision.link_bodies import link_bodies
-from hdplan.planner.geometry.clouds import drawn_boxes, load_balls
+from hdplan.planner.geometry.clouds import drawn_boxes, load_balls, part_bounds
 from hdplan.planner.geometry.mesh_files import read_mesh_file, read_scene
 from hdplan.planner.geometry.meshes import LARGEST
 from hdplan.planner.geometry.shapes import operations, shape_of
@@ -47,6 +47,7 @@ PLAIN: Color = (190, 190, 190)  # of what has no colour of its own
 HELD: Color = (230, 159, 0)  # orange, of held objects
 ENDLESS = 3.0  # [m] length to which an unbounded box is drawn
 SHARP = 0.6  # [rad] edges between faces that turn more than this are drawn sharp
+PART = 0.1  # [m] edge of the parts of a cloud that may hide what is behind them
 COARSE, FINE = 2, 3  # subdivisions of the balls that stand for a sweeping sphere: of many bodies, of one
 
 
@@ -152,6 +153,14 @@ def obstacle_mesh(obstacle: Obstacle) -> trimesh.Trimesh:
     if isinstance(obstacle.shape, Cloud):
         return trimesh.Trimesh(*drawn_boxes(load_balls(obstacle.shape, field)), process=False)
     return operations(obstacle.shape).triangles(obstacle.shape, field)
+
+
+def obstacle_parts(obstacle: Obstacle) -> Array:
+    """Return boxes around an obstacle, or around the parts of a cloud: their lower and upper corners (b, 2, 3) in its
+    own frame."""
+    if isinstance(obstacle.shape, Cloud):
+        return part_bounds(load_balls(obstacle.shape, f"obstacles.{obstacle.name}"), PART)
+    return np.asarray(obstacle_mesh(obstacle).bounds)[None]
 
 
 def shaded(mesh: trimesh.Trimesh) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from hdplan.scenes.attached import Attached, Payload
+from hdplan.scenes.clouds import Cloud, Ignored
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.limits import QUANTITIES, JointValues, Limits
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
@@ -303,7 +304,19 @@ def random_scene(seed: int) -> Scene:
         passing = TimedPoses(times, tuple(pose() for _ in times))
         motion = [None, SteadyMotion(vector(), vector()), passing][rng.integers(3)]
         place = motion.poses[0] if isinstance(motion, TimedPoses) else pose()
-        return Obstacle(name, Box(vector(positive)), place, tossed(float(rng.random())), motion)
+        shape = tossed(Box(vector(positive)), cloud())
+        return Obstacle(name, shape, place, tossed(float(rng.random())), motion)
+
+    def cloud() -> Cloud:
+        ignored = (Ignored(float(rng.random()), link="yes"), Ignored(0.0, obstacle="o0"))[: rng.integers(3)]
+        return Cloud(
+            rng.normal(size=(3, 3)) * 10.0 ** rng.integers(-9, 5),
+            float(rng.uniform(1e-9, 1)),
+            tossed(0.1),
+            True,
+            0.1,
+            ignored,
+        )
 
     axis, rate = rng.normal(size=3), float(rng.uniform(1, 1e4))
     x, y, z = (axis / np.linalg.norm(axis)).tolist()

@@ -28,7 +28,7 @@ ABOUT_MEANING = re.compile(
     r"|(torque|duration|acceleration) is missing|must be a (file|directory), but|must be as many as|has no meaning"
     r"|stands beside|has no orientation|rows at a rate of|must name two different links|is infinite along"
     r"|which has a length above 0|a whole number .* found -?[0-9]+\.0|keys must be names"
-    r"|must be another link than|names no link|has a pose already"
+    r"|must be another link than|unknown obstacle|names no link|has a pose already"
 )
 
 FULL = """
@@ -42,6 +42,10 @@ obstacles:
     poses: [{position: [0, 0, 1]}, {position: [0, 0, 2]}]}}
   - {shape: {type: points, points: [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]}}
   - {shape: {type: mesh, file: hook.obj, scale: [1, 2, 1]}, pose: {quaternion_xyzw: [0, 0, 0, 1]}}
+  - {name: view, cloud: {file: hook.obj, radius: 0.01, voxel: 0.02, drop_nan: true, ignore_robot: 0.02}}
+  - {name: more, cloud: {points: [[1, 0, 0], [0, 1, 0]], radius: 0.01,
+    ignore: [{obstacle: a, margin: 0.1}, {link: b, margin: 0}]}}
+  - {name: last, cloud: {points: [[1, 0, 0]], radius: 0.01, ignore: {link: b, margin: 0.1}}, clearance: 0.1}
 attached: [{link: tool, shape: {type: sphere, radius: 0.1}, touch_links: [a], mass: 2}]
 start: {joints: {a: 1, b: 2}}
 goal: {poses: [{link: tool, position: [1, 0, 0], rpy: [0, 0, 0], position_tolerance: 0.01, free_rotation: x}]}

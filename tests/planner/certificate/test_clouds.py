@@ -1,0 +1,241 @@
+"""Laws of the certificate around clouds: every single ball counts, whatever the cells, and nothing is made larger."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+import trimesh
+from numpy.typing import NDArray
+
+from hdplan.planner.certificate.ball_distance import ball_distance, closest_ball
+from hdplan.planner.certificate.certifier import Certifier, certify
+from hdplan.planner.certificate.cloud_pieces import moving_pieces, standing_pieces
+from hdplan.planner.certificate.exact_proximity import Piece, hull_piece, link_pieces
+from hdplan.planner.certificate.verdict import Status
+from hdplan.planner.motion.trajectory import Trajectory
+from hdplan.planner.robot.robot import Robot, load_robot
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.attached import Attached
+from hdplan.scenes.clouds import Cloud
+from hdplan.scenes.fixed_array import FixedArray
+from hdplan.scenes.obstacle_motion import ObstacleMotion
+from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box
+from hdplan.scenes.targets import JointTarget
+from hdplan.scenes.timing import Timing
+
+Array = NDArray[np.float64]
+
+TURNED = Pose((0.1, -0.2, 0.05), (0.1, 0.3, -0.3, 0.9))
+
+
+def cloud_around(rng: np.random.Generator, count: int) -> Array:
+    """Patches of surfaces, a line, and single points, around a robot's arm."""
+    patches = []
+    for _ in range(4):
+        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        flat = rng.uniform(-0.1, 0.1, size=(count // 5, 3)) * [1.0, 1.0, 0.02]
+        patches.append(flat @ turn.T + rng.uniform([-0.7, -0.7, 0.0], [0.7, 0.7, 1.0]))
+    line = np.linspace([0.4, -0.4, 0.2], [0.5, 0.5, 0.9], count // 10)
+    return np.concatenate([*patches, line, rng.uniform(-1.0, 1.0, size=(20, 3))])
+
+
+def scene_of(robot: str | RobotSpec, obstacle: Obstacle, start: Array, goal: Array, **more: object) -> Scene:
+    ends = JointTarget("start", tuple(start.tolist())), JointTarget("goal", tuple(goal.tolist()))
+    given = {"self_collision": SelfCollision(checked=False), **more}
+    return Scene("cloud", Path("cloud.yaml"), robot, (obstacle,), *ends, **given)  # type: ignore[arg-type]
+
+
+def least(robot: Robot, obstacle: Obstacle, trajectory: Trajectory, samples: int) -> float:
+    """The least distance at samples of a motion, of every link that moves to every ball, one by one."""
+    cloud = obstacle.shape
+    assert isinstance(cloud, Cloud)
+    assert isinstance(cloud.points, FixedArray)
+    data, geometry = robot.model.createData(), robot.collision.createData()
+    curve, result = trajectory.curve, coal.DistanceResult()
+    smallest = np.inf
+    for parameter in np.linspace(0.0, 1.0, samples):
+        interval = min(int(parameter * (len(curve) - 1)), len(curve) - 2)
+        q = curve.at(np.array([interval]), np.array([parameter * (len(curve) - 1) - interval]))[0]
+        pose = obstacle.pose.matrix
+        if obstacle.motion is not None:
+            pose = ObstacleMotion.of(obstacle).at(np.array([float(curve.time_of(parameter))]))[0]
+        points = cloud.points.array @ pose[:3, :3].T + pose[:3, 3]
+        pin.updateGeometryPlacements(robot.model, data, robot.collision, geometry, robot.pin_q(q))
+        for index, item in enumerate(robot.collision.geometryObjects):
+            if item.parentJoint == 0:
+                continue
+            item.geometry.computeLocalAABB()
+            center = geometry.oMg[index].act(item.geometry.aabb_center)
+            away = np.linalg.norm(points - center, axis=1) - item.geometry.aabb_radius - cloud.radius
+            for row in np.flatnonzero(away < smallest).tolist():
+                result.clear()
+                place = coal.Transform3s(np.eye(3), points[row])
+                at = coal.Transform3s(geometry.oMg[index].rotation, geometry.oMg[index].translation)
+                request = coal.DistanceRequest()
+                value = coal.distance(item.geometry, at, coal.Sphere(1e-9), place, request, result)
+                smallest = min(smallest, value - cloud.radius)
+    return smallest
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_proof_is_never_above_the_least_distance_to_any_ball_and_close_to_it(seed: int) -> None:
+    rng, robot = np.random.default_rng(seed), load_robot("panda")
+    points, radius = cloud_around(rng, 600), 0.004
+    start, goal = 0.5 * robot.draw(rng, 2) + 0.25 * (robot.lower + robot.upper)
+    obstacle = Obstacle("view", Cloud(points, radius), TURNED)
+    scene = scene_of("panda", obstacle, start, goal)
+    trajectory = Trajectory(robot.joint_names, np.linspace(start, goal, 20))
+    truth = least(robot, obstacle, trajectory, 400)
+    found = certify(scene, trajectory, check_ends=False, required=0.0)
+    assert (found.clearance is not None) == (found.status is Status.CERTIFIED)
+    if found.clearance is not None:
+        assert truth > 0.0
+        assert found.clearance <= truth + 1e-6
+        assert found.clearance >= truth - max(1e-3, 0.06 * truth)
+        assert found.worst is not None
+        assert found.worst.distance == pytest.approx(truth, abs=max(2e-3, 0.05 * truth))
+    else:
+        assert truth < 1e-3
+
+
+def test_both_verdicts_occur_above() -> None:
+    """The seeds hold motions that are free, and motions in contact, or the law would say little."""
+    rng, robot, verdicts = np.random.default_rng(0), load_robot("panda"), set()
+    for _ in range(12):
+        start, goal = 0.5 * robot.draw(rng, 2) + 0.25 * (robot.lower + robot.upper)
+        scene = scene_of("panda", Obstacle("view", Cloud(cloud_around(rng, 300), 0.004), TURNED), start, goal)
+        motion = Trajectory(robot.joint_names, np.linspace(start, goal, 20))
+        verdicts.add(certify(scene, motion, check_ends=False, required=0.0).status)
+    assert verdicts == {Status.CERTIFIED, Status.IN_CONTACT}
+
+
+def test_one_ball_in_the_way_is_enough() -> None:
+    robot = load_robot("panda")
+    start = np.array([-0.5, 0.3, 0.0, -1.8, 0.0, 2.1, 0.785])
+    goal = start + [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    data, geometry = robot.model.createData(), robot.collision.createData()
+    pin.updateGeometryPlacements(robot.model, data, robot.collision, geometry, robot.pin_q(0.5 * (start + goal)))
+    hand = robot.link_geometry["panda_hand"][0]
+    robot.collision.geometryObjects[hand].geometry.computeLocalAABB()
+    middle = geometry.oMg[hand].act(robot.collision.geometryObjects[hand].geometry.aabb_center)
+    far = np.random.default_rng(0).uniform([-1.0, -1.0, 1.6], [1.0, 1.0, 2.0], size=(5000, 3))
+    motion = Trajectory(robot.joint_names, np.linspace(start, goal, 30))
+    for points, status in ((far, Status.CERTIFIED), (np.vstack([far, middle]), Status.IN_CONTACT)):
+        scene = scene_of("panda", Obstacle("view", Cloud(points, 1e-4)), start, goal)
+        assert certify(scene, motion, required=0.0).status is status
+
+
+def test_a_moving_cloud_and_a_held_object() -> None:
+    rng, robot = np.random.default_rng(5), load_robot("panda")
+    start = np.array([-0.5, 0.3, 0.0, -1.8, 0.0, 2.1, 0.785])
+    goal = start + [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    held = Attached("bar", "panda_hand", Box((0.02, 0.3, 0.02)), Pose((0.0, 0.0, 0.12)))
+    motion = Trajectory(robot.joint_names, np.linspace(start, goal, 30), times=np.linspace(0.0, 2.0, 30))
+    patch = rng.uniform(-0.1, 0.1, size=(200, 3)) * [1.0, 1.0, 0.05]
+    statuses = set()
+    for height in (0.2, 0.5, 1.15):
+        moves = SteadyMotion((-0.1, 0.05, 0.02), (0.2, 0.1, 0.3))
+        obstacle = Obstacle("view", Cloud(patch, 0.005), Pose((0.6, 0.0, height)), motion=moves)
+        scene = scene_of("panda", obstacle, start, goal, attached=(held,), timing=Timing(duration=2.0))
+        setup = Setup.of(scene)
+        truth = least(setup.robot, obstacle, motion, 300)
+        found = Certifier(setup).certify(motion, required=0.0)
+        statuses.add(found.status)
+        if found.clearance is None:
+            assert truth < 1e-3
+        else:
+            assert truth - max(1e-3, 0.06 * truth) <= found.clearance <= truth + 1e-6
+    assert statuses == {Status.CERTIFIED, Status.IN_CONTACT}
+
+
+def test_a_ball_inside_a_hollow_link_is_in_contact(tmp_path: Path) -> None:
+    """No triangle of the link is near it: only its place inside the closed mesh tells."""
+    outside = trimesh.creation.icosphere(subdivisions=2, radius=0.2)
+    bent = outside.vertices * [1.0, 1.0, 0.4] + [0.0, 0.0, 1.0] * (outside.vertices[:, :1] ** 2) * 4.0
+    trimesh.Trimesh(bent, outside.faces).export(tmp_path / "bowl.stl")
+    (tmp_path / "arm.urdf").write_text(
+        '<robot name="arm"><link name="base"/><link name="bowl"><collision><geometry><mesh filename="bowl.stl"/>'
+        '</geometry></collision></link><joint name="turn" type="revolute"><parent link="base"/><child link="bowl"/>'
+        '<axis xyz="0 0 1"/><limit lower="-2" upper="2" effort="1" velocity="1"/></joint></robot>'
+    )
+    start, goal = np.array([-0.1]), np.array([0.1])
+    robot = load_robot(RobotSpec(urdf=tmp_path / "arm.urdf"))
+    motion = Trajectory(robot.joint_names, np.linspace(start, goal, 5))
+    for points, status in (
+        ([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]], Status.IN_CONTACT),
+        ([[2.0, 0.0, 0.0], [2.0, 0.0, 0.0]], Status.CERTIFIED),
+        ([[0.002, 0.0, 0.0], [0.0, 0.0, 0.0]], Status.IN_CONTACT),
+    ):
+        obstacle = Obstacle("dust", Cloud(points, 0.002))
+        scene = scene_of(RobotSpec(urdf=tmp_path / "arm.urdf"), obstacle, start, goal)
+        assert certify(scene, motion, required=0.0).status is status
+    assert any(piece.surface for item in robot.collision.geometryObjects for piece in link_pieces(item.geometry, ""))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_distance_to_balls_is_that_of_the_closest_one(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    link = _hull(rng.normal(size=(12, 3)) * [0.1, 0.05, 0.2])
+    for spread in (0.05, 0.3):
+        grains = np.column_stack([rng.uniform(-spread, spread, (60, 3)), rng.uniform(0.001, 0.01, 60)])
+        balls = FixedArray(grains)
+        pose = Pose(tuple(rng.normal(size=3) * 0.4), tuple(_unit(rng, 4))).matrix
+        truth = min(coal_distance(link, pose, grain) for grain in grains)
+        found = []
+        for piece, frame in standing_pieces(balls):
+            value = ball_distance(link, pose, piece, frame)
+            nearest = closest_ball(link, pose, piece, frame)
+            away = coal_distance(
+                link, pose, np.append(nearest.vertices[0] @ frame[:3, :3].T + frame[:3, 3], nearest.ball)
+            )
+            assert value == pytest.approx(away, abs=1e-5)
+            found.append(value)
+        assert min(found) <= truth + 1e-9
+        assert min(found) == pytest.approx(truth, abs=1e-5)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 500])
+@pytest.mark.parametrize("kind", ["anywhere", "plane", "line", "same"])
+def test_pieces_contain_their_balls_and_all_balls_are_in_pieces(count: int, kind: str) -> None:
+    rng = np.random.default_rng(count)
+    flat = {"anywhere": [1, 1, 1], "plane": [1, 1, 0], "line": [1, 0, 0], "same": [0, 0, 0]}[kind]
+    points = rng.uniform(-0.2, 0.2, size=(count, 3)) * flat + [0.3, -0.2, 0.7]
+    balls = FixedArray(np.column_stack([points, rng.uniform(0.001, 0.02, count)]))
+    directions = rng.normal(size=(200, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    for pieces in (list(standing_pieces(balls)), [(piece, np.eye(4)) for piece in moving_pieces(balls)]):
+        seen = []
+        for piece, frame in pieces:
+            assert piece.grains is not None
+            local = directions @ frame[:3, :3]
+            reach = (piece.grains[:, :3] @ local.T + piece.grains[:, 3:]).max(axis=0)
+            assert (piece.support(local) >= reach - 1e-12).all()
+            assert (np.linalg.norm(piece.grains[:, :3] - piece.center, axis=1) <= piece.radius + 1e-12).all()
+            seen.append(np.column_stack([piece.grains[:, :3] @ frame[:3, :3].T + frame[:3, 3], piece.grains[:, 3]]))
+        every = np.concatenate(seen)
+        assert every.shape == balls.array.shape
+        order, given = np.lexsort(every.round(9).T), np.lexsort(balls.array.round(9).T)
+        np.testing.assert_allclose(every[order], balls.array[given], atol=1e-9)
+
+
+def coal_distance(link: Piece, pose: Array, grain: Array) -> float:
+    result = coal.DistanceResult()
+    at, place = coal.Transform3s(pose[:3, :3], pose[:3, 3]), coal.Transform3s(np.eye(3), grain[:3])
+    return float(coal.distance(link.shape, at, coal.Sphere(grain[3]), place, coal.DistanceRequest(), result))
+
+
+def _hull(points: Array) -> Piece:
+    return hull_piece(points)
+
+
+def _unit(rng: np.random.Generator, count: int) -> Array:
+    found = rng.normal(size=count)
+    return np.asarray(found / np.linalg.norm(found))

@@ -1,0 +1,81 @@
+"""The planner's boxes around a cloud contain every ball, and the planner sees what the certificate sees."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from numpy.typing import NDArray
+
+import hdplan
+from hdplan.planner.collision.cloud_bodies import from_balls, from_cloud
+from hdplan.planner.view.drawing.skins import obstacle_mesh
+from hdplan.scenes.clouds import Cloud
+from hdplan.scenes.fixed_array import FixedArray
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.yaml_format.reader import load_scene
+
+Array = NDArray[np.float64]
+
+TURNED = Pose((0.1, -0.2, 0.05), (0.1, 0.3, -0.3, 0.9))
+
+
+@pytest.mark.parametrize("planes", ["box", "faces", "sphere"])
+@pytest.mark.parametrize("flat", [[1, 1, 1], [1, 1, 0], [1, 0, 0], [0, 0, 0]])
+def test_every_ball_is_inside_one_body(planes: str, flat: list[int]) -> None:
+    rng = np.random.default_rng(0)
+    balls = np.column_stack([rng.uniform(-0.2, 0.2, size=(800, 3)) * flat, rng.uniform(0.001, 0.01, 800)])
+    bodies = from_balls("view", FixedArray(balls), TURNED, planes)
+    world = balls[:, :3] @ TURNED.matrix[:3, :3].T + TURNED.matrix[:3, 3]
+    within = np.full((len(balls), len(bodies)), np.inf)
+    boxed = np.zeros_like(within, dtype=bool)
+    for b, body in enumerate(bodies):
+        within[:, b] = (world @ body.normals.T - body.supports).max(axis=1) + balls[:, 3]
+        local = np.abs((world - body.box[:3, 3]) @ body.box[:3, :3])
+        boxed[:, b] = (local + balls[:, 3:] <= body.half_size + 1e-12).all(axis=1)
+    assert (within.min(axis=1) <= 1e-12).all()
+    assert (boxed & (within <= 1e-12)).any(axis=1).all()
+    assert all((body.half_size <= 0.5 * np.sqrt(3.0) * 0.04 + 0.0101).all() for body in bodies)
+
+
+def test_merging_is_told_and_contains_the_points() -> None:
+    rng = np.random.default_rng(0)
+    points = rng.uniform(-0.2, 0.2, size=(5000, 3)) * [1, 1, 0]
+    few, notes = from_cloud("view", Cloud(points, 0.005, voxel=0.02), Pose(), "box")
+    assert len(notes) == 1
+    assert notes[0].startswith("cloud 'view': 5000 points planned around as ")
+    reach = np.min([(points @ body.normals.T - body.supports).max(axis=1) for body in few], axis=0)
+    assert (reach <= -0.005 + 1e-12).all()
+    assert from_cloud("view", Cloud(points, 0.005), Pose(), "box")[1] == ()
+
+
+def test_a_cloud_in_millimetres_is_told() -> None:
+    points = np.random.default_rng(0).uniform(-2000.0, 2000.0, size=(100, 3))
+    _, (note,) = from_cloud("view", Cloud(points, 0.005), Pose(), "box")
+    assert "is it in millimetres? hdplan takes metres" in note
+
+
+def test_a_scene_and_its_scan_are_both_planned_and_certified() -> None:
+    """The same motion is free of both, by nearly as much: the balls reach out by their radius."""
+    scene = load_scene("panda_bookshelf")
+    seen = []
+    for i, obstacle in enumerate(scene.obstacles):
+        mesh = obstacle_mesh(obstacle)
+        points, _ = trimesh.sample.sample_surface(mesh, int(mesh.area / 0.01**2) + 20, seed=i)
+        pose = obstacle.pose.matrix
+        seen.append(points @ pose[:3, :3].T + pose[:3, 3])
+    scan = Scene(
+        "scan", Path("scan.yaml"), scene.robot, (Obstacle("view", Cloud(np.concatenate(seen), 0.005)),),
+        scene.start, scene.goal,
+    )  # fmt: skip
+    result = hdplan.plan(scan)
+    assert result.certified
+    assert result.certificate.clearance is not None
+    of_solids = hdplan.certify(scene, result.trajectory, check_ends=False)
+    assert of_solids.clearance is not None
+    assert result.certificate.clearance <= of_solids.clearance + 1e-3
+    assert result.certificate.clearance >= 0.9 * of_solids.clearance - 0.0055

@@ -1,0 +1,149 @@
+"""Points near the robot at the start are its own image; nothing else is left out, and what is left out is counted."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.typing import NDArray
+
+import hdplan
+from hdplan.planner.robot.robot import Robot
+from hdplan.planner.robot.setup import Setup
+from hdplan.scenes.attached import Attached
+from hdplan.scenes.clouds import Cloud, Ignored
+from hdplan.scenes.errors import InputError
+from hdplan.scenes.fixed_array import FixedArray
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import Pose
+from hdplan.scenes.robot_spec import RobotSpec
+from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Box, Sphere
+
+Array = NDArray[np.float64]
+
+START = [-0.5, 0.3, 0.0, -1.8, 0.0, 2.1, 0.785]
+TURNED = Pose((0.1, -0.2, 0.05), (0.1, 0.3, -0.3, 0.9))
+
+
+def scene_with(points: Array, *others: Obstacle, robot: Any = "panda", attached: Any = (), **cloud: Any) -> Scene:
+    view = Obstacle("view", Cloud(points, 0.005, **cloud), TURNED)
+    return Scene("scene", Path("scene.yaml"), robot, (view, *others), START, START, attached=attached)
+
+
+def kept(setup: Setup) -> Array:
+    shape = setup.scene.obstacles[0].shape
+    assert isinstance(shape, Cloud)
+    assert isinstance(shape.points, FixedArray)
+    return shape.points.array
+
+
+def distances(robot: Robot, world: Array) -> dict[str, Array]:
+    """Of points (m, 3) in the world to each link at the start, negative inside."""
+    data, geometry = robot.model.createData(), robot.collision.createData()
+    pin.updateGeometryPlacements(robot.model, data, robot.collision, geometry, robot.pin_q(np.array(START)))
+    found = {}
+    for link, own in robot.link_geometry.items():
+        rows = [
+            coal.distance(
+                robot.collision.geometryObjects[i].geometry,
+                coal.Transform3s(geometry.oMg[i].rotation, geometry.oMg[i].translation),
+                coal.Sphere(1e-9),
+                coal.Transform3s(np.eye(3), point),
+                coal.DistanceRequest(),
+                coal.DistanceResult(),
+            )
+            for i in own
+            for point in world
+        ]
+        found[link] = np.array(rows).reshape(len(own), -1).min(axis=0)
+    return found
+
+
+def in_world(points: Array, pose: Pose = TURNED) -> Array:
+    return np.asarray(points @ pose.matrix[:3, :3].T + pose.matrix[:3, 3])
+
+
+@pytest.mark.parametrize("base", [Pose(), Pose((0.1, 0.2, 1.5), (1.0, 0.0, 0.0, 0.0))])
+def test_exactly_the_points_within_the_margin_are_left_out(base: Pose) -> None:
+    """Of a robot that stands, and of one that hangs, with what it holds."""
+    around = in_world(np.random.default_rng(0).uniform([-0.6, -0.6, -0.2], [0.8, 0.8, 1.2], size=(4000, 3)), base)
+    points = (around - TURNED.matrix[:3, 3]) @ TURNED.matrix[:3, :3]
+    held = Attached("bar", "panda_hand", Box((0.02, 0.4, 0.02)), Pose((0.0, 0.0, 0.15)))
+    scene = scene_with(points, robot=RobotSpec("panda", base=base), attached=(held,), ignore_robot=0.03)
+    setup = Setup.of(scene)
+    away = distances(setup.robot, in_world(points))
+    assert "bar" in away
+    near = np.min(list(away.values()), axis=0)
+    sure = np.abs(near - 0.03) > 1e-6
+    left = kept(setup)
+    np.testing.assert_array_equal(left, points[near > 0.03])
+    assert sure.all()
+    assert 30 < len(points) - len(left) < 2000
+    count = len(points) - len(left)
+    assert [note for note in setup.notes if "view" in note] == [
+        f"cloud 'view': of 4000 points left out: {count} within 30 mm of the robot"
+    ]
+
+
+def test_without_being_asked_nothing_is_left_out() -> None:
+    points = np.random.default_rng(0).uniform(-1.0, 1.0, size=(1000, 3))
+    scene = scene_with(points)
+    assert Setup.of(scene).scene is scene
+
+
+def test_around_one_link_and_one_obstacle() -> None:
+    points = np.random.default_rng(1).uniform([-0.6, -0.6, -0.2], [0.8, 0.8, 1.2], size=(4000, 3))
+    cup = Obstacle("cup", Sphere(0.1), Pose((0.4, 0.3, 0.5)))
+    around = (Ignored(0.05, link="panda_hand"), Ignored(0.02, obstacle="cup"))
+    setup = Setup.of(scene_with(points, cup, ignore=around))
+    hand = distances(setup.robot, in_world(points))["panda_hand"] <= 0.05
+    near = np.linalg.norm(in_world(points) - [0.4, 0.3, 0.5], axis=1) <= 0.12
+    np.testing.assert_array_equal(kept(setup), points[~(hand | near)])
+    assert hand.any()
+    assert near.any()
+    (note,) = (note for note in setup.notes if "view" in note)
+    counts = re.findall(r"(\d+) within (\d+) mm of (\w+)", note)
+    assert counts == [
+        (str(hand.sum()), "50", "panda_hand"),
+        (str((near & ~hand).sum()), "20", "cup"),
+    ]
+
+
+def test_the_motion_is_certified_with_the_points_that_are_kept() -> None:
+    """The robot's own image stands in its way unless it is left out."""
+    points = np.random.default_rng(2).uniform([-0.6, -0.6, 0.0], [0.8, 0.8, 1.2], size=(2000, 3))
+    robot = Setup.of(scene_with(points)).robot
+    near = np.min(list(distances(robot, points).values()), axis=0) <= 0.01
+    own = points[near]
+    seen = Obstacle("view", Cloud(own, 1e-4))
+    goal = [START[0] + 0.02, *START[1:]]
+    scene = Scene(robot="panda", obstacles=(seen,), start=START, goal=goal)
+    with pytest.raises(InputError, match="start"):
+        hdplan.plan(scene)
+    far = Cloud(np.vstack([own, [[2.0, 2.0, 2.0]]]), 1e-4, ignore_robot=0.011)
+    result = hdplan.plan(Scene(robot="panda", obstacles=(Obstacle("view", far),), start=START, goal=goal))
+    assert result.certified
+    assert any(f"{len(own)} within 11 mm of the robot" in note for note in result.notes)
+
+
+@pytest.mark.parametrize(
+    ("cloud", "words"),
+    [
+        ({"ignore_robot": 1.0}, "obstacles.view.cloud: all of its 1 points are to be ignored"),
+        (
+            {"ignore": Ignored(0.1, link="panda_hund")},
+            r"cloud.ignore\[0\].link: unknown link .*mean 'panda_hand'",
+        ),
+        ({"ignore": Ignored(0.1, obstacle="view")}, "'view' is a cloud itself"),
+    ],
+)
+def test_refused_in_one_clear_line(cloud: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words) as caught:
+        Setup.of(scene_with(np.zeros((1, 3)), **cloud))
+    assert str(caught.value).startswith("scene.yaml: ")
