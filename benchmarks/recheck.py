@@ -18,7 +18,7 @@ import subprocess
 import sys
 import sysconfig
 import xml.etree.ElementTree as ElementTree
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +64,7 @@ class Solid:
     pose: Array  # (4, 4) in the link's frame, or in the world
     center: Array  # (3,) of a ball around it, in the same frame
     radius: float  # [m] of that ball
+    mesh: Any = None  # trimesh's, in the same frame as the shape, of a link that is one
 
 
 def recheck(
@@ -235,7 +236,7 @@ def _mesh_solid(name: str, file: Path, scale: list[float], pose: Array) -> Solid
     model.beginModel(len(vertices), len(mesh.faces))
     model.addSubModel(vertices, np.asarray(mesh.faces))
     model.endModel()
-    return _solid(name, model, pose, vertices)
+    return replace(_solid(name, model, pose, vertices), mesh=trimesh.Trimesh(vertices, mesh.faces))
 
 
 def _kept_apart(joints: list[Joint], srdf: Path, ignored: list[list[str]]) -> Any:

@@ -18,15 +18,16 @@ from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.fixed_array import FixedArray
 
 CELL = 0.05  # [m] edge of the cubes whose balls make a piece: a tenth of a link's length, some tens of points
-THIN = 1e-4  # [m] the least size of a box that coal gets: it only proposes directions
+THIN = 1e-6  # [m] the least size of a box that coal gets: it only proposes directions
 ROOM = 1e-12  # share by which boxes are larger, for rounding
 
 
 def standing_pieces(balls: FixedArray) -> Iterator[tuple[Piece, Array]]:
     """Yield pieces that contain the balls (m, 4), centres and radii [m], each with its frame (4, 4) in theirs."""
     for frame, half, grains in _boxes(balls, cells_of(balls, CELL)):
-        shape = coal.Box(*np.maximum(2.0 * half, THIN))
-        yield Piece(2.0 * half * CORNERS, shape, float(grains[:, 3].max()), grains=grains), frame
+        radius, shape = float(grains[:, 3].max()), coal.Box(*np.maximum(2.0 * half, THIN))
+        shape.setSweptSphereRadius(radius)
+        yield Piece(2.0 * half * CORNERS, shape, radius, grains=grains), frame
 
 
 def moving_pieces(balls: FixedArray) -> Iterator[Piece]:
@@ -35,7 +36,9 @@ def moving_pieces(balls: FixedArray) -> Iterator[Piece]:
         corners = (2.0 * half * CORNERS) @ frame[:3, :3].T + frame[:3, 3]
         back = np.column_stack([grains[:, :3] @ frame[:3, :3].T + frame[:3, 3], grains[:, 3]])
         radius = float(grains[:, 3].max()) + ROOM * float(np.abs(corners).max())  # turned there and back
-        yield Piece(corners, hull_piece(corners).shape, radius, grains=back)
+        shape = hull_piece(corners).shape
+        shape.setSweptSphereRadius(radius)
+        yield Piece(corners, shape, radius, grains=back)
 
 
 def _boxes(balls: FixedArray, cells: Cells) -> Iterator[tuple[Array, Array, Array]]:

@@ -55,7 +55,11 @@ def test_a_box_hides_what_the_way_to_it_crosses(seed: int) -> None:
     rng = np.random.default_rng(seed)
     poses = [placed(Rotation.random(random_state=rng).as_matrix(), rng.normal(size=3)) for _ in range(6)]
     bounds = [np.array([-rng.uniform(0.05, 0.8, 3), rng.uniform(0.05, 0.8, 3)]) for _ in poses]
-    boxes, eye, points = Boxes.around(bounds, poses), 3.0 * rng.normal(size=3), rng.normal(size=(20, 3))
+    boxes, eye, points = (
+        Boxes.around([each[None] for each in bounds], poses),
+        3.0 * rng.normal(size=3),
+        rng.normal(size=(20, 3)),
+    )
     walked = eye + np.linspace(0.0, 1.0, 4001)[:, None, None] * (points - eye)
     for index, (pose, (low, high)) in enumerate(zip(poses, bounds, strict=True)):
         local = (walked - pose[:3, 3]) @ pose[:3, :3]
@@ -78,7 +82,7 @@ def test_it_looks_past_a_wall() -> None:
     pose = placed(np.eye(3), usual.target + 0.6 * towards)
     turn = Rotation.from_euler("z", np.arctan2(towards[1], towards[0])).as_matrix()
     pose[:3, :3] = turn
-    wall = Boxes.around([np.array([[-0.02, -0.6, -0.6], [0.02, 0.6, 0.6]])], [pose])
+    wall = Boxes.around([np.array([[[-0.02, -0.6, -0.6], [0.02, 0.6, 0.6]]])], [pose])
     assert wall.hide(usual.eye, interest).mean() > 0.9
     assert wall.in_the_way(usual.eye, interest).all()
     other = best_view(points, interest, path, wall, 1.2)
@@ -96,6 +100,6 @@ def test_a_path_is_seen_from_its_side() -> None:
 
 def test_what_is_in_a_box_is_not_hidden_by_it() -> None:
     """A bin's box is full of air."""
-    box = Boxes.around([np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])], [np.eye(4)])
+    box = Boxes.around([np.array([[[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]]])], [np.eye(4)])
     assert not box.hide(np.array([5.0, 0.0, 0.0]), np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]])).any()
     assert box.hide(np.array([5.0, 0.0, 0.0]), np.array([[-2.0, 0.0, 0.0]])).all()
