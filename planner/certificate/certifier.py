@@ -47,7 +47,7 @@ from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import InputError, naming
 from hdplan.scenes.obstacles import Obstacle
-from hdplan.scenes.once import made_once
+from hdplan.scenes.once import made_once, read_only
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import Number, checked, instance
@@ -332,7 +332,9 @@ def _obstacle_bodies(obstacle: Obstacle) -> list[Body]:
         return [Body(name, piece, 0, pose, motion) for piece in obstacle_pieces(obstacle)]
     balls = load_balls(obstacle.shape, f"obstacles.{name}")
     if motion is None:
-        return [Body(name, piece, 0, pose @ frame) for piece, frame in standing_pieces(balls)]
+        pieces, frames = standing_pieces(balls)
+        placements = read_only(pose @ frames)
+        return [Body(name, piece, 0, placement) for piece, placement in zip(pieces, placements, strict=True)]
     return [Body(name, piece, 0, pose, motion) for piece in moving_pieces(balls)]
 
 

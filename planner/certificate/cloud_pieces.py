@@ -6,43 +6,56 @@ in a group, and how large the boxes must be, is computed here. Points are never 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
 
 import coal
 import numpy as np
 
-from hdplan.planner.certificate.exact_proximity import CORNERS, Piece, hull_piece
+from hdplan.planner.certificate.exact_proximity import CORNERS, Piece
 from hdplan.planner.geometry.cells import Cells, cells_of
+from hdplan.planner.geometry.coal_shapes import convex_hull
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.errors import HdplanError
 from hdplan.scenes.fixed_array import FixedArray
+from hdplan.scenes.once import read_only
 
-CELL = 0.05  # [m] edge of the cubes whose balls make a piece: a tenth of a link's length, some tens of points
-THIN = 1e-6  # [m] the least size of a box that coal gets: it only proposes directions
+THIN = 1e-5  # [m] the least size of a box that coal gets: it only proposes directions
 ROOM = 1e-12  # share by which boxes are larger, for rounding
 
 
-def standing_pieces(balls: FixedArray) -> Iterator[tuple[Piece, Array]]:
-    """Yield pieces that contain the balls (m, 4), centres and radii [m], each with its frame (4, 4) in theirs."""
-    for frame, half, grains in _boxes(balls, cells_of(balls, CELL)):
-        radius, shape = float(grains[:, 3].max()), coal.Box(*np.maximum(2.0 * half, THIN))
-        shape.setSweptSphereRadius(radius)
-        yield Piece(2.0 * half * CORNERS, shape, radius, grains=grains), frame
+def standing_pieces(balls: FixedArray) -> tuple[list[Piece], Array]:
+    """Return pieces that contain the balls (m, 4), centres and radii [m], and the frame of each in theirs
+    (c, 4, 4)."""
+    frames, half, radius, grains = _boxes(balls, cells_of(balls))
+    vertices = read_only(2.0 * half[:, None] * CORNERS)
+    away = np.linalg.norm(half, axis=1) + radius
+    low, high, center = read_only(-half - radius[:, None]), read_only(half + radius[:, None]), read_only(np.zeros(3))
+    pieces = []
+    for c, (size, ball) in enumerate(zip(np.maximum(2.0 * half, THIN).tolist(), radius.tolist(), strict=True)):
+        shape = coal.Box(*size)
+        shape.setSweptSphereRadius(ball)
+        bounds = low[c], high[c], center, float(away[c])  # as the class computes them one by one, for thousands slowly
+        pieces.append(Piece.bounded(vertices[c], shape, ball, grains[c], bounds))
+    return pieces, frames
 
 
-def moving_pieces(balls: FixedArray) -> Iterator[Piece]:
-    """Yield the same pieces in the frame of the balls."""
-    for frame, half, grains in _boxes(balls, cells_of(balls, CELL)):
+def moving_pieces(balls: FixedArray) -> list[Piece]:
+    """Return the same pieces in the frame of the balls."""
+    found = []
+    for frame, half, radius, own in zip(*_boxes(balls, cells_of(balls)), strict=True):
         corners = (2.0 * half * CORNERS) @ frame[:3, :3].T + frame[:3, 3]
-        back = np.column_stack([grains[:, :3] @ frame[:3, :3].T + frame[:3, 3], grains[:, 3]])
-        radius = float(grains[:, 3].max()) + ROOM * float(np.abs(corners).max())  # turned there and back
-        shape = hull_piece(corners).shape
-        shape.setSweptSphereRadius(radius)
-        yield Piece(corners, shape, radius, grains=back)
+        back = np.column_stack([own[:, :3] @ frame[:3, :3].T + frame[:3, 3], own[:, 3]])
+        ball = float(radius) + ROOM * float(np.abs(corners).max())  # turned there and back
+        shape = convex_hull((np.maximum(2.0 * half, THIN) * CORNERS) @ frame[:3, :3].T + frame[:3, 3])
+        assert shape is not None  # each corner of a box has three neighbours
+        shape.setSweptSphereRadius(ball)
+        found.append(Piece(corners, shape, ball, grains=back))
+    return found
 
 
-def _boxes(balls: FixedArray, cells: Cells) -> Iterator[tuple[Array, Array, Array]]:
-    """Yield each group's frame (4, 4), half the size (3,) of a box around its centres, and its balls in that frame."""
+def _boxes(balls: FixedArray, cells: Cells) -> tuple[Array, Array, Array, list[Array]]:
+    """Return each group's frame (c, 4, 4), half the size (c, 3) of a box around its centres, the largest radius (c,),
+    and its balls in that frame."""
     given, order = balls.array, cells.order
     ends = np.append(cells.first, len(order))
     if not (
@@ -56,8 +69,8 @@ def _boxes(balls: FixedArray, cells: Cells) -> Iterator[tuple[Array, Array, Arra
     low, high = np.minimum.reduceat(local, cells.first), np.maximum.reduceat(local, cells.first)
     middle = 0.5 * (low + high)
     half = 0.5 * (high - low) + ROOM * np.abs(local).max()
-    grains = np.column_stack([local - np.repeat(middle, sizes, axis=0), found[:, 3]])
+    grains = read_only(np.column_stack([local - np.repeat(middle, sizes, axis=0), found[:, 3]]))
     frames = np.tile(np.eye(4), (len(sizes), 1, 1))
     frames[:, :3, :3], frames[:, :3, 3] = cells.rotation, np.einsum("cij,cj->ci", cells.rotation, middle)
-    for c in range(len(sizes)):
-        yield frames[c], half[c], grains[ends[c] : ends[c + 1]]
+    radius = np.maximum.reduceat(found[:, 3], cells.first)
+    return frames, half, radius, [grains[i:j] for i, j in itertools.pairwise(ends.tolist())]

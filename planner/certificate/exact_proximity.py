@@ -78,6 +78,16 @@ class Piece:
             object.__setattr__(self, name, value)
         freeze(self)
 
+    @classmethod
+    def bounded(cls, vertices: Array, shape: Any, ball: float, grains: Array, bounds: tuple[Any, ...]) -> Piece:
+        """Return a piece whose low, high, center and radius are known already, of read-only arrays: a cloud has
+        thousands."""
+        piece = object.__new__(cls)
+        low, high, center, radius = bounds
+        vars(piece).update(vertices=vertices, shape=shape, ball=ball, disc=0.0, radii=None, surface=None, grains=grains)
+        vars(piece).update(low=low, high=high, center=center, radius=radius)
+        return piece
+
     @property
     def sweep(self) -> float:
         """How far a point of the piece is from the hull of its vertices at most [m]."""

@@ -34,7 +34,7 @@ class _Boxes:
     def __init__(self, pairs: BodyPairs, bodies: Sequence[LinkBody], halfspace_bodies: Sequence[HalfspaceBody]) -> None:
         self.pairs, self.margins = pairs, pairs.margins[:, None]
         self.first = np.array([_box_row(body.body, np.eye(4), body.link) for body in bodies])
-        self.second = np.array([_box_row(body.shape, body.placement, body.name) for body in halfspace_bodies])
+        self.second = np.array([_box_row(body.solid, body.placement, body.name) for body in halfspace_bodies])
 
 
 class BoxPairs(_Boxes, PairDistance):

@@ -12,9 +12,7 @@ from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.once import made_once
 from hdplan.scenes.poses import Pose
-from hdplan.scenes.shapes import Box
 
-CELL = 0.04  # [m] edge of the cubes whose points get one box
 FAR = 1000.0  # [m] a cloud that reaches farther was hardly meant in metres
 
 
@@ -35,7 +33,7 @@ def from_cloud(name: str, cloud: Cloud, pose: Pose, planes: str) -> tuple[tuple[
 def from_balls(name: str, balls: FixedArray, pose: Pose, planes: str) -> tuple[HalfspaceBody, ...]:
     """Enclose balls (m, 4), centres and radii [m] in a frame that stands at `pose` in the world: one body for each
     cell."""
-    cells = cells_of(balls, CELL)
+    cells = cells_of(balls)
     found, rotation = balls.array[cells.order], cells.rotation
     radius = np.maximum.reduceat(found[:, 3], cells.first)
     local = np.einsum("mi,mij->mj", found[:, :3], np.repeat(rotation, cells.sizes, axis=0))
@@ -50,6 +48,5 @@ def from_balls(name: str, balls: FixedArray, pose: Pose, planes: str) -> tuple[H
     supports = half @ np.abs(directions).T + radius[:, None] + np.einsum("cki,ci->ck", normals, box[:, :3, 3])
     half = half + radius[:, None]
     return tuple(
-        HalfspaceBody(name, 0, normals[c], supports[c], box[c], half[c], Box(2.0 * half[c]), box[c])
-        for c in range(len(half))
+        HalfspaceBody(name, 0, normals[c], supports[c], box[c], half[c], None, box[c]) for c in range(len(half))
     )

@@ -57,7 +57,7 @@ class FclPairs(PairDistance):
         """Take the pairs and the bodies that they index; the second body's margin is subtracted from every distance."""
         self.pairs = pairs
         self.first = {a: _swept(bodies[a].body) for a in set(pairs.body.tolist())}
-        self.second = {b: _solid(halfspace_bodies[b].shape) for b in set(pairs.halfspace_body.tolist())}
+        self.second = {b: _solid(halfspace_bodies[b].solid) for b in set(pairs.halfspace_body.tolist())}
         self.placements = np.array([body.placement for body in halfspace_bodies])  # (B, 4, 4) in the joints' frames
 
     @property

@@ -27,7 +27,7 @@ from hdplan.scenes.deadline import check_time
 from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import freeze, read_only
-from hdplan.scenes.shapes import Mesh, Points, Shape
+from hdplan.scenes.shapes import Box, Mesh, Points, Shape
 
 FEW, MANY = 26, 50  # planes of box-like bodies and of all others; one compiled kernel each
 SPREAD = 96  # additional ones for "sphere"
@@ -43,12 +43,17 @@ class HalfspaceBody:
     supports: Array  # (K,) [m]
     box: Array  # (4, 4) the frame of a tight box around the body
     half_size: Array  # (3,) of that box [m]
-    shape: Shape | ConvexBody  # the body itself, no mesh
+    shape: Shape | ConvexBody | None  # the body itself, no mesh; None: its box
     placement: Array  # (4, 4) the frame in which `shape` is given
 
     def __post_init__(self) -> None:
         """Share its arrays read-only."""
         freeze(self)
+
+    @property
+    def solid(self) -> Shape | ConvexBody:
+        """The body itself."""
+        return Box(2.0 * self.half_size) if self.shape is None else self.shape
 
     @property
     def directions(self) -> Array:

@@ -10,6 +10,7 @@ from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.once import freeze, made_once
 
+EDGE = 0.04  # [m] of the cubes: less than a link is thick, with some tens of points of a surface
 MOST_CELLS = 2**20  # along an axis, so that a cell's three numbers fit into one
 
 
@@ -32,7 +33,7 @@ class Cells:
 
 
 @made_once(8)
-def cells_of(points: FixedArray, edge: float) -> Cells:
+def cells_of(points: FixedArray, edge: float = EDGE) -> Cells:
     """Return the cells of the points (m, 3 or more) by a grid of this edge [m], with axes from their first three
     columns."""
     places = points.array[:, :3]

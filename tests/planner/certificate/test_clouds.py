@@ -190,7 +190,7 @@ def test_the_distance_to_balls_is_that_of_the_closest_one(seed: int) -> None:
         pose = Pose(tuple(rng.normal(size=3) * 0.4), tuple(_unit(rng, 4))).matrix
         truth = min(coal_distance(link, pose, grain) for grain in grains)
         found = []
-        for piece, frame in standing_pieces(balls):
+        for piece, frame in zip(*standing_pieces(balls), strict=True):
             value = ball_distance(link, pose, piece, frame)
             nearest = closest_ball(link, pose, piece, frame)
             away = coal_distance(
@@ -211,7 +211,8 @@ def test_pieces_contain_their_balls_and_all_balls_are_in_pieces(count: int, kind
     balls = FixedArray(np.column_stack([points, rng.uniform(0.001, 0.02, count)]))
     directions = rng.normal(size=(200, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    for pieces in (list(standing_pieces(balls)), [(piece, np.eye(4)) for piece in moving_pieces(balls)]):
+    standing, moving = zip(*standing_pieces(balls), strict=True), ((piece, np.eye(4)) for piece in moving_pieces(balls))
+    for pieces in (standing, moving):
         seen = []
         for piece, frame in pieces:
             assert piece.grains is not None
