@@ -30,6 +30,7 @@ from hdplan.scenes.values import (
 )
 
 MOST_POINTS = 5_000_000  # at most: what is prepared for them stays below some gigabytes
+RADIUS = Number(above=0.0, high=1.0, unit="m")
 Margin = Annotated[float, Number(low=0.0, high=1.0, unit="m")]
 
 
@@ -69,6 +70,29 @@ def point_source(value: object) -> Path | FixedArray:
     return FixedArray(points.astype(np.float64))
 
 
+def radius_of(value: object) -> float | FixedArray:
+    """Return the radius of all balls [m], or one for each point (m,), as an array."""
+    if isinstance(value, FixedArray):
+        return value
+    if not is_row(value):
+        return RADIUS(value)
+    try:
+        radii = np.array(value)
+    except ValueError:  # rows of different lengths
+        radii = np.empty((0, 0))
+    if radii.dtype.kind not in "iuf" or radii.ndim != 1:
+        raise FieldError(f"must be a number, or one for each point (m,) [m], found {describe(value)}", value=value)
+    if wrong_ones := [each for each in radii.tolist() if not 0.0 < each <= RADIUS.high]:
+        raise wrong("greater than 0 and at most 1 [m]", wrong_ones[0])
+    return FixedArray(radii.astype(np.float64))
+
+
+def check_count(radius: float | FixedArray, count: int) -> None:
+    """Refuse radii that are not as many as the points."""
+    if isinstance(radius, FixedArray) and len(radius) != count:
+        raise FieldError(f"must be one number, or as many as the {count} points, found {len(radius)}", "radius")
+
+
 def ignored_of(value: object) -> tuple[Ignored, ...]:
     """Return what points are left out around: one thing, or a list of them."""
     if isinstance(value, Ignored):
@@ -102,10 +126,10 @@ class Ignored(Checked):
 @dataclass(frozen=True, repr=False)
 class Cloud(Checked):
     """Points [m] in its frame, from a file or an array: the obstacle is the union of the balls of `radius` [m] about
-    them. In a scene's list of obstacles it may carry its own name and pose."""
+    them; each may have its own. In a scene's list of obstacles it may carry its own name and pose."""
 
     points: Annotated[Path | FixedArray, point_source]
-    radius: Annotated[float, Number(above=0.0, high=1.0, unit="m")]
+    radius: Annotated[float | FixedArray, radius_of]
     voxel: Annotated[float | None, Maybe(Number(above=0.0, high=1.0, unit="m"))] = None
     # the planner takes points in one cube of this edge [m] for one larger ball; the certificate takes every point
     drop_nan: Annotated[bool, boolean] = False  # leave points out that are not finite; otherwise they are refused
@@ -120,7 +144,7 @@ class Cloud(Checked):
         def __init__(
             self,
             points: FilePath | ArrayLike | FixedArray,
-            radius: float,
+            radius: float | ArrayLike | FixedArray,
             voxel: float | None = None,
             drop_nan: bool = False,
             ignore_robot: float = 0.0,
@@ -132,6 +156,11 @@ class Cloud(Checked):
 
     def _check_whole(self) -> None:
         if isinstance(self.points, FixedArray):
-            kept = checked(lambda points: finite_points(points.array, self.drop_nan), self.points, "points")
-            if len(kept) < len(self.points):
+            given = self.points.array
+            check_count(self.radius, len(given))
+            kept = checked(lambda points: finite_points(points, self.drop_nan), given, "points")
+            if len(kept) < len(given):
                 object.__setattr__(self, "points", FixedArray(kept))
+                if isinstance(self.radius, FixedArray):
+                    seen = np.isfinite(given).all(axis=1)
+                    object.__setattr__(self, "radius", FixedArray(self.radius.array[seen]))

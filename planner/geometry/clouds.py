@@ -14,7 +14,7 @@ import numpy as np
 from hdplan.planner.geometry.cells import grouped
 from hdplan.planner.geometry.cloud_files import read_points
 from hdplan.scenes.array_types import Array, Rows
-from hdplan.scenes.clouds import Cloud, finite_points
+from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import FieldError, InputError, naming
 from hdplan.scenes.files import Stamps, stamps_of
 from hdplan.scenes.fixed_array import FixedArray
@@ -33,21 +33,25 @@ def load_balls(cloud: Cloud, field: str) -> FixedArray:
     if isinstance(source, FixedArray):
         return _balls(source, cloud.radius)
     with naming(f"{field}.cloud: {source}"):
-        return _balls(_read(source, cloud.drop_nan, stamps_of([source])), cloud.radius)
+        return _read(source, cloud.radius, cloud.drop_nan, stamps_of([source]))
 
 
 @made_once(4)
-def _read(file: Path, drop_nan: bool, stamps: Stamps) -> FixedArray:
+def _read(file: Path, radius: float | FixedArray, drop_nan: bool, stamps: Stamps) -> FixedArray:
     """Read a file; the stamps make a file that was written again another one."""
+    found = read_points(file)
     try:
-        return FixedArray(finite_points(read_points(file), drop_nan))
+        cloud = Cloud(found, radius, drop_nan=drop_nan)
     except FieldError as error:
-        raise InputError(error.problem) from None
+        raise InputError(error.problem if error.where == "points" else f"{error.where}: {error.problem}") from None
+    assert isinstance(cloud.points, FixedArray)
+    return _balls(cloud.points, cloud.radius)
 
 
 @made_once(4)
-def _balls(points: FixedArray, radius: float) -> FixedArray:
-    return FixedArray(np.column_stack([points.array, np.full(len(points), radius)]))
+def _balls(points: FixedArray, radius: float | FixedArray) -> FixedArray:
+    own = radius.array if isinstance(radius, FixedArray) else np.full(len(points), radius)
+    return FixedArray(np.column_stack([points.array, own]))
 
 
 @made_once(4)
@@ -68,7 +72,10 @@ def merged(balls: FixedArray, voxel: float) -> tuple[FixedArray, float]:
 def cloud_words(cloud: Cloud, field: str) -> str:
     """Return what `hdplan explain` says of a cloud. Raises InputError as `load_balls` does."""
     file = f" of {cloud.points.name}" if isinstance(cloud.points, Path) else ""
-    return f"cloud{file}, {len(load_balls(cloud, field))} points as balls of {1e3 * cloud.radius:g} mm"
+    balls = load_balls(cloud, field)
+    low, high = 1e3 * float(balls.array[:, 3].min()), 1e3 * float(balls.array[:, 3].max())
+    size = f"{low:.3g} mm" if low == high else f"{low:.3g} to {high:.3g} mm"
+    return f"cloud{file}, {len(balls)} points as balls of {size}"
 
 
 def reach(balls: Array) -> float:

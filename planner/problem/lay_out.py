@@ -11,6 +11,7 @@ import time
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
 from hdplan.planner.collision.collision_model import SELF_ACTIVATION, BodyPair, CollisionModel, collision_model_of
@@ -24,8 +25,10 @@ from hdplan.planner.problem.problem import Problem, Terms
 from hdplan.planner.problem.samples import Samples
 from hdplan.planner.problem.smoothness import Smoothness
 from hdplan.planner.problem.swept_clearance import SweptClearance
+from hdplan.planner.robot.own_image import without_own_image
 from hdplan.planner.robot.setup import Query, Setup
-from hdplan.scenes.errors import InputError, naming
+from hdplan.scenes.clouds import Cloud
+from hdplan.scenes.errors import InputError, listed, naming, nearest
 from hdplan.scenes.once import made_once
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.planner_settings import PlannerSettings
@@ -126,6 +129,25 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
         apart=tuple(pair for pair, proven in kept if proven),
         notes=tuple(notes),
     )
+
+
+def seen_anew(problem: Problem, points: ArrayLike, name: str | None) -> Problem:
+    """See `Problem.with_cloud`."""
+    scene = problem.scene
+    clouds = {each.name: each.shape for each in scene.obstacles if isinstance(each.shape, Cloud)}
+    if name is None and len(clouds) != 1:
+        raise InputError(f"name: is needed where there is not one cloud; there are {len(clouds)}: {listed(clouds)}")
+    name = next(iter(clouds)) if name is None else name
+    if name not in clouds:
+        raise InputError(f"name: no cloud is named {name!r}{nearest(str(name), clouds)}")
+    shape = replace(clouds[name], points=points)  # type: ignore[arg-type]  # any form that a Cloud takes
+    obstacles = tuple(replace(each, shape=shape) if each.name == name else each for each in scene.obstacles)
+    seen, ignored = without_own_image(replace(scene, obstacles=obstacles), problem.robot)
+    setup = replace(problem.setup, scene=seen, ignored=ignored)
+    found = lay_out(setup, Query(problem.start, problem.goal))
+    standing, moving, bodies = found.terms.obstacles, found.terms.moving_obstacles, found.halfspace_bodies
+    terms = replace(problem.terms, obstacles=standing, moving_obstacles=moving)
+    return replace(problem, setup=setup, halfspace_bodies=bodies, terms=terms, notes=found.notes)
 
 
 @made_once(8)

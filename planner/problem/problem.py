@@ -16,6 +16,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody
 from hdplan.planner.collision.link_bodies import LinkBody
@@ -222,6 +223,18 @@ class Problem:
     def with_term(self, term: Term) -> Problem:
         """The same problem with one more term in its cost, the user's own."""
         return replace(self, terms=replace(self.terms, own=(*self.terms.own, term)))
+
+    def with_cloud(self, points: ArrayLike, name: str | None = None) -> Problem:
+        """The same problem with other points (m, 3) [m] in a cloud, as the next picture of a camera gives them; the
+        cloud's radius, pose and all else stay, and what depends on the robot alone is not built again.
+
+        Points near the robot where the problem's scene starts are left out if the cloud asks for it. `name` says which
+        cloud if there are several. Raises InputError for points that a `Cloud` refuses, and for a name that no cloud
+        has.
+        """
+        from hdplan.planner.problem.lay_out import seen_anew
+
+        return seen_anew(self, points, name)
 
     def refined(self, intervals: list[int]) -> Problem:
         """The same problem, sampled twice as densely on the given intervals."""

@@ -56,8 +56,15 @@ def _left(obstacle: Obstacle, cloud: Cloud, scene: Scene, robot: Robot) -> tuple
         near |= found
     if near.all():
         raise InputError(f"{field}.cloud: all of its {len(near)} points are to be ignored")
-    kept = replace(cloud, points=FixedArray(balls.array[~near, :3]), ignore_robot=0.0, ignore=())
+    if not near.any():
+        return obstacle, ""
+    kept = replace(cloud, points=FixedArray(balls.array[~near, :3]), radius=_radius(cloud, balls.array[~near, 3]))
     return replace(obstacle, shape=kept), f"cloud '{obstacle.name}': of {len(near)} points left out: {', '.join(words)}"
+
+
+def _radius(cloud: Cloud, left: Array) -> float | FixedArray:
+    """Return the radii (m,) that are left, as the cloud has them."""
+    return FixedArray(left) if isinstance(cloud.radius, FixedArray) else cloud.radius
 
 
 def _ignored(cloud: Cloud, scene: Scene, robot: Robot, field: str) -> Iterator[tuple[str, float, Sequence[Placed]]]:

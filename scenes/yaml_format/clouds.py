@@ -8,6 +8,7 @@ from typing import Any
 
 from hdplan.scenes.clouds import Cloud, Ignored
 from hdplan.scenes.fields import Field
+from hdplan.scenes.fixed_array import FixedArray
 
 SETTINGS = ("radius", "voxel", "drop_nan", "ignore_robot")  # as the class has them
 IGNORED = ("link", "obstacle", "margin")
@@ -41,6 +42,8 @@ def cloud_entry(cloud: Cloud, write_path: Callable[[Path], str]) -> dict[str, An
         {"file": write_path(source)} if isinstance(source, Path) else {"points": source.array.tolist()}
     )
     entry |= {key: value for key in SETTINGS if (value := getattr(cloud, key))}
+    if isinstance(cloud.radius, FixedArray):
+        entry["radius"] = cloud.radius.array.tolist()
     if cloud.ignore:
         entry["ignore"] = [
             {key: value for key in IGNORED if (value := getattr(each, key)) is not None} for each in cloud.ignore

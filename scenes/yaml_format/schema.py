@@ -15,7 +15,7 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from hdplan.scenes.attached import Attached, Payload, body_inertia
-from hdplan.scenes.clouds import Cloud, Ignored
+from hdplan.scenes.clouds import RADIUS, Cloud, Ignored, radius_of
 from hdplan.scenes.limits import JointQuantity, Limits, ranges
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses, rising_times
 from hdplan.scenes.path_constraints import AXES, Relative, Upright, Within, direction, extent
@@ -62,6 +62,7 @@ FORMS: Mapping[Check, Check | tuple[Check, ...]] = {  # of checks that a schema 
     pair: Row(text, 2),
     span: Row(JointValue, 2),
     group_of: (text, Row(text)),
+    radius_of: (RADIUS, Row(RADIUS)),
 }
 LISTS: Mapping[Check, Schema] = {  # what else holds of lists
     volume: {"minItems": 4},

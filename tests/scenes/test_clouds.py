@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hdplan.planner.geometry.clouds import load_balls
 from hdplan.scenes.clouds import MOST_POINTS, Cloud, Ignored
 from hdplan.scenes.errors import InputError
 from hdplan.scenes.fixed_array import FixedArray
@@ -69,6 +70,15 @@ def test_points_that_are_not_finite_are_dropped_if_that_is_asked_for() -> None:
         Cloud(holes, 0.01)
 
 
+def test_each_point_may_have_its_own_radius(tmp_path: Path) -> None:
+    cloud = Cloud(np.vstack([POINTS, [np.nan, 0.0, 0.0]]), [0.01, 0.02, 0.03], drop_nan=True)
+    assert cloud.radius == FixedArray(np.array([0.01, 0.02]))
+    scene = Scene(robot="panda", obstacles=[Cloud(POINTS, [0.01, 0.02])], start="default", goal="default")
+    scene.save(tmp_path / "saved.yaml")
+    assert load_scene(tmp_path / "saved.yaml") == scene
+    np.testing.assert_array_equal(load_balls(Cloud(POINTS, [0.01, 0.02]), "").array[:, 3], [0.01, 0.02])
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -84,6 +94,9 @@ def test_points_that_are_not_finite_are_dropped_if_that_is_asked_for() -> None:
         ({"radius": 0.0}, "Cloud.radius: must be a finite number greater than 0"),
         ({"radius": 2.0}, "Cloud.radius: .*at most 1"),
         ({"radius": np.nan}, "Cloud.radius"),
+        ({"radius": [0.1]}, "Cloud.radius: must be one number, or as many as the 2 points, found 1"),
+        ({"radius": [0.1, -1.0]}, "Cloud.radius: must be greater than 0 and at most 1 .m., found -1.0"),
+        ({"radius": [[0.1], [0.1, 0.2]]}, "Cloud.radius: must be a number, or one for each point"),
         ({"voxel": -1.0}, "Cloud.voxel"),
         ({"ignore_robot": -1.0}, "Cloud.ignore_robot"),
         ({"ignore": "cup"}, "Cloud.ignore: must be of the class Ignored"),

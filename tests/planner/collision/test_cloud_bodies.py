@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ import hdplan
 from hdplan.planner.collision.cloud_bodies import from_balls, from_cloud
 from hdplan.planner.view.drawing.skins import obstacle_mesh
 from hdplan.scenes.clouds import Cloud
+from hdplan.scenes.errors import InputError
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
@@ -79,3 +81,28 @@ def test_a_scene_and_its_scan_are_both_planned_and_certified() -> None:
     assert of_solids.clearance is not None
     assert result.certificate.clearance <= of_solids.clearance + 1e-3
     assert result.certificate.clearance >= 0.9 * of_solids.clearance - 0.0055
+
+
+def test_other_points_in_a_built_problem_are_as_if_it_was_built_with_them() -> None:
+    rng, scene = np.random.default_rng(0), load_scene("panda_cage")
+    first, second = (rng.uniform([0.3, -0.4, 0.0], [0.8, 0.4, 0.4], size=(2000, 3)) for _ in range(2))
+
+    def asked(points: Array) -> Scene:
+        view = Obstacle("view", Cloud(points, 0.005, voxel=0.01), Pose((0.0, 0.0, 0.2)))
+        return dataclasses.replace(scene, obstacles=(*scene.obstacles, view))
+
+    built, swapped = hdplan.build(asked(second)), hdplan.build(asked(first)).with_cloud(second)
+    guess = built.polyline()
+    for name in ("cost", "smoothness", "depth"):
+        np.testing.assert_array_equal(
+            getattr(swapped.evaluate(guess, 1e3), name), getattr(built.evaluate(guess, 1e3), name)
+        )
+    assert swapped.scene == built.scene
+    assert swapped.notes == built.notes
+    assert swapped.evaluate(guess, 1e3).cost != hdplan.build(asked(first)).evaluate(guess, 1e3).cost
+    with pytest.raises(InputError, match=r"no cloud is named 'vew' .did you mean 'view'"):
+        built.with_cloud(first, "vew")
+    with pytest.raises(InputError, match="holds no points"):
+        built.with_cloud(np.empty((0, 3)))
+    with pytest.raises(InputError, match="is needed where there is not one cloud; there are 0"):
+        hdplan.build(scene).with_cloud(first)
