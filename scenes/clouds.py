@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hdplan.scenes.depth_images import DepthImage
 from hdplan.scenes.errors import FieldError
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.poses import AnyPose, Placement
@@ -30,7 +31,7 @@ from hdplan.scenes.values import (
 )
 
 MOST_POINTS = 5_000_000  # at most: what is prepared for them stays below some gigabytes
-RADIUS = Number(above=0.0, high=1.0, unit="m")
+RADIUS = Number(low=0.0, high=1.0, unit="m")
 Margin = Annotated[float, Number(low=0.0, high=1.0, unit="m")]
 
 
@@ -55,9 +56,9 @@ def finite_points(points: NDArray[Any], drop_nan: bool) -> NDArray[np.float64]:
     return points
 
 
-def point_source(value: object) -> Path | FixedArray:
-    """Return the file that holds points, as an absolute path, or the points themselves (m, 3)."""
-    if isinstance(value, FixedArray):
+def point_source(value: object) -> Path | FixedArray | DepthImage:
+    """Return the file that holds points, as an absolute path, or the points themselves (m, 3), or what shows them."""
+    if isinstance(value, FixedArray | DepthImage):
         return value
     if isinstance(value, str | os.PathLike):
         return absolute_path(value)
@@ -66,7 +67,7 @@ def point_source(value: object) -> Path | FixedArray:
     except ValueError:  # rows of different lengths
         points = np.empty(0)
     if points.dtype.kind not in "iuf" or points.ndim != 2 or points.shape[1] != 3:
-        raise FieldError(f"must be a file, or points (m, 3) [m], found {describe(value)}", value=value)
+        raise FieldError(f"must be a file, points (m, 3) [m] or a DepthImage, found {describe(value)}", value=value)
     return FixedArray(points.astype(np.float64))
 
 
@@ -125,11 +126,15 @@ class Ignored(Checked):
 
 @dataclass(frozen=True, repr=False)
 class Cloud(Checked):
-    """Points [m] in its frame, from a file or an array: the obstacle is the union of the balls of `radius` [m] about
-    them; each may have its own. In a scene's list of obstacles it may carry its own name and pose."""
+    """Points [m] in its frame, from a file, an array or a depth image: the obstacle is the union of the balls of
+    `radius` [m] about them; each may have its own. In a scene's list of obstacles it may carry its own name and pose.
 
-    points: Annotated[Path | FixedArray, point_source]
-    radius: Annotated[float | FixedArray, radius_of]
+    The frame of a depth image is the camera's optical frame; the balls of its pixels cover what they saw, and `radius`,
+    0 by default, is added to theirs.
+    """
+
+    points: Annotated[Path | FixedArray | DepthImage, point_source]
+    radius: Annotated[float | FixedArray, radius_of] = 0.0
     voxel: Annotated[float | None, Maybe(Number(above=0.0, high=1.0, unit="m"))] = None
     # the planner takes points in one cube of this edge [m] for one larger ball; the certificate takes every point
     drop_nan: Annotated[bool, boolean] = False  # leave points out that are not finite; otherwise they are refused
@@ -143,8 +148,8 @@ class Cloud(Checked):
 
         def __init__(
             self,
-            points: FilePath | ArrayLike | FixedArray,
-            radius: float | ArrayLike | FixedArray,
+            points: FilePath | ArrayLike | FixedArray | DepthImage,
+            radius: float | ArrayLike | FixedArray = 0.0,
             voxel: float | None = None,
             drop_nan: bool = False,
             ignore_robot: float = 0.0,
@@ -155,6 +160,11 @@ class Cloud(Checked):
         ) -> None: ...
 
     def _check_whole(self) -> None:
+        if isinstance(self.points, DepthImage):
+            if isinstance(self.radius, FixedArray):
+                raise FieldError("must be one number, added to the radii of an image's pixels", "radius")
+        elif self.radius == 0.0:
+            raise FieldError("is needed: the radius [m] of the ball that each point stands for", "radius")
         if isinstance(self.points, FixedArray):
             given = self.points.array
             check_count(self.radius, len(given))

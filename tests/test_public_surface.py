@@ -32,6 +32,7 @@ SURFACE: dict[ModuleType, set[str]] = {
             "Cloud",
             "ConvexBody",
             "Cylinder",
+            "DepthImage",
             "Ellipsoid",
             "Event",
             "HdplanError",

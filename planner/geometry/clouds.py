@@ -13,8 +13,10 @@ import numpy as np
 
 from hdplan.planner.geometry.cells import grouped
 from hdplan.planner.geometry.cloud_files import read_points
+from hdplan.planner.geometry.depth_images import balls_of
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.clouds import Cloud
+from hdplan.scenes.depth_images import DepthImage
 from hdplan.scenes.errors import FieldError, InputError, naming
 from hdplan.scenes.files import Stamps, stamps_of
 from hdplan.scenes.fixed_array import FixedArray
@@ -32,6 +34,10 @@ def load_balls(cloud: Cloud, field: str) -> FixedArray:
     source = cloud.points
     if isinstance(source, FixedArray):
         return _balls(source, cloud.radius)
+    if isinstance(source, DepthImage):
+        with naming(f"{field}.depth: {source.image}"):
+            files = [source.image] if isinstance(source.image, Path) else []
+            return _swollen(balls_of(source, stamps_of(files)), cloud.radius)
     with naming(f"{field}.cloud: {source}"):
         return _read(source, cloud.radius, cloud.drop_nan, stamps_of([source]))
 
@@ -55,6 +61,12 @@ def _balls(points: FixedArray, radius: float | FixedArray) -> FixedArray:
 
 
 @made_once(4)
+def _swollen(balls: FixedArray, radius: float | FixedArray) -> FixedArray:
+    """Return the balls, each larger by `radius` [m]."""
+    return FixedArray(balls.array + [0.0, 0.0, 0.0, radius]) if radius else balls
+
+
+@made_once(4)
 def merged(balls: FixedArray, voxel: float) -> tuple[FixedArray, float]:
     """Return balls (k, 4) that contain the given ones (m, 4), one for each cube of edge `voxel` [m]; and by how much
     the largest of them is larger than those inside it [m]."""
@@ -71,7 +83,8 @@ def merged(balls: FixedArray, voxel: float) -> tuple[FixedArray, float]:
 
 def cloud_words(cloud: Cloud, field: str) -> str:
     """Return what `hdplan explain` says of a cloud. Raises InputError as `load_balls` does."""
-    file = f" of {cloud.points.name}" if isinstance(cloud.points, Path) else ""
+    source = cloud.points.image if isinstance(cloud.points, DepthImage) else cloud.points
+    file = f" of {source.name}" if isinstance(source, Path) else ""
     balls = load_balls(cloud, field)
     low, high = 1e3 * float(balls.array[:, 3].min()), 1e3 * float(balls.array[:, 3].max())
     size = f"{low:.3g} mm" if low == high else f"{low:.3g} to {high:.3g} mm"

@@ -131,7 +131,7 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
     )
 
 
-def seen_anew(problem: Problem, points: ArrayLike, name: str | None) -> Problem:
+def seen_anew(problem: Problem, points: ArrayLike | Cloud, name: str | None) -> Problem:
     """See `Problem.with_cloud`."""
     scene = problem.scene
     clouds = {each.name: each.shape for each in scene.obstacles if isinstance(each.shape, Cloud)}
@@ -140,7 +140,7 @@ def seen_anew(problem: Problem, points: ArrayLike, name: str | None) -> Problem:
     name = next(iter(clouds)) if name is None else name
     if name not in clouds:
         raise InputError(f"name: no cloud is named {name!r}{nearest(str(name), clouds)}")
-    shape = replace(clouds[name], points=points)  # type: ignore[arg-type]  # any form that a Cloud takes
+    shape = points if isinstance(points, Cloud) else replace(clouds[name], points=points)  # type: ignore[arg-type]
     obstacles = tuple(replace(each, shape=shape) if each.name == name else each for each in scene.obstacles)
     seen, ignored = without_own_image(replace(scene, obstacles=obstacles), problem.robot)
     setup = replace(problem.setup, scene=seen, ignored=ignored)

@@ -29,6 +29,7 @@ from hdplan.planner.problem.terms import MotionPenalty, Term, nowhere
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array
+from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.scene import Scene
 
 if TYPE_CHECKING:
@@ -224,9 +225,10 @@ class Problem:
         """The same problem with one more term in its cost, the user's own."""
         return replace(self, terms=replace(self.terms, own=(*self.terms.own, term)))
 
-    def with_cloud(self, points: ArrayLike, name: str | None = None) -> Problem:
-        """The same problem with other points (m, 3) [m] in a cloud, as the next picture of a camera gives them; the
-        cloud's radius, pose and all else stay, and what depends on the robot alone is not built again.
+    def with_cloud(self, points: ArrayLike | Cloud, name: str | None = None) -> Problem:
+        """The same problem with other points (m, 3) [m] in a cloud, as the next picture of a camera gives them, or with
+        another cloud in its place; its pose and, of points, its radius and all else stay, and what depends on the robot
+        alone is not built again.
 
         Points near the robot where the problem's scene starts are left out if the cloud asks for it. `name` says which
         cloud if there are several. Raises InputError for points that a `Cloud` refuses, and for a name that no cloud

@@ -16,6 +16,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Mask
 from hdplan.scenes.clouds import Cloud, Ignored
 from hdplan.scenes.deadline import check_time
+from hdplan.scenes.depth_images import DepthImage
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.obstacles import Obstacle
@@ -64,7 +65,8 @@ def _left(obstacle: Obstacle, cloud: Cloud, scene: Scene, robot: Robot) -> tuple
 
 def _radius(cloud: Cloud, left: Array) -> float | FixedArray:
     """Return the radii (m,) that are left, as the cloud has them."""
-    return FixedArray(left) if isinstance(cloud.radius, FixedArray) else cloud.radius
+    several = isinstance(cloud.radius, FixedArray) or isinstance(cloud.points, DepthImage)
+    return FixedArray(left) if several else cloud.radius
 
 
 def _ignored(cloud: Cloud, scene: Scene, robot: Robot, field: str) -> Iterator[tuple[str, float, Sequence[Placed]]]:

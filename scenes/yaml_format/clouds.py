@@ -1,4 +1,5 @@
-"""Clouds in scene files: ``cloud: {file: scan.ply, radius: 0.005}`` in the place of an obstacle's shape."""
+"""Clouds in scene files, in the place of an obstacle's shape: ``cloud: {file: scan.ply, radius: 0.005}``, or
+``depth: {file: depth.png, intrinsics: [fx, fy, cx, cy]}``."""
 
 from __future__ import annotations
 
@@ -7,24 +8,41 @@ from pathlib import Path
 from typing import Any
 
 from hdplan.scenes.clouds import Cloud, Ignored
+from hdplan.scenes.depth_images import DepthImage
 from hdplan.scenes.fields import Field
 from hdplan.scenes.fixed_array import FixedArray
 
 SETTINGS = ("radius", "voxel", "drop_nan", "ignore_robot")  # as the class has them
+CAMERA = ("intrinsics", "scale", "range")
 IGNORED = ("link", "obstacle", "margin")
 
 
 def read_cloud(section: Field) -> Cloud:
     """Read a cloud. Raises InputError for unknown keys and wrong values; its file is read when the scene is planned."""
     keys = section.mapping(("file", "points", *SETTINGS, "ignore"), required=["radius"])
-    if ("file" in keys) == ("points" in keys):
-        raise section.error("needs either a file or points")
-    values: dict[str, object] = {key: keys[key] for key in SETTINGS if key in keys}
+    return _made(section, keys, _source(section, keys, "points"))
+
+
+def read_depth(section: Field) -> Cloud:
+    """Read a depth image as a cloud. Raises InputError as `read_cloud`."""
+    settings = [name for name in SETTINGS if name != "drop_nan"]
+    keys = section.mapping(("file", "image", *CAMERA, *settings, "ignore"), required=["intrinsics"])
+    camera = {key: keys.pop(key) for key in CAMERA if key in keys}
+    return _made(section, keys, section.make(DepthImage, image=_source(section, keys, "image"), **camera))
+
+
+def _source(section: Field, keys: dict[str, Field], here: str) -> object:
+    """Return the file that is named, or what is given here in its place."""
+    if ("file" in keys) == (here in keys):
+        raise section.error(f"needs either a file or {'an ' * (here == 'image')}{here}")
     if "file" in keys:
-        values["points"] = keys["file"].path()
-    else:
-        keys["points"].items(of="points")  # a text would be taken for a file
-        values["points"] = keys["points"]
+        return keys.pop("file").path()
+    keys[here].items(of=f"{here}" if here == "points" else "rows")  # a text would be taken for a file
+    return keys.pop(here).value
+
+
+def _made(section: Field, keys: dict[str, Field], source: object) -> Cloud:
+    values: dict[str, object] = {**keys, "points": source}
     if "ignore" in keys:
         several = isinstance(keys["ignore"].value, list)
         entries = keys["ignore"].items(of="links and obstacles") if several else [keys["ignore"]]
@@ -36,11 +54,17 @@ def read_cloud(section: Field) -> Cloud:
 
 
 def cloud_entry(cloud: Cloud, write_path: Callable[[Path], str]) -> dict[str, Any]:
-    """Return what `read_cloud` reads back."""
-    source = cloud.points
+    """Return the key and the section that `read_cloud` or `read_depth` reads back."""
+    depth = cloud.points if isinstance(cloud.points, DepthImage) else None
+    source = depth.image if depth else cloud.points
+    assert isinstance(source, Path | FixedArray)
     entry: dict[str, Any] = (
-        {"file": write_path(source)} if isinstance(source, Path) else {"points": source.array.tolist()}
+        {"file": write_path(source)}
+        if isinstance(source, Path)
+        else {"image" if depth else "points": source.array.tolist()}
     )
+    if depth:
+        entry |= {"intrinsics": list(depth.intrinsics), "scale": depth.scale, "range": list(depth.range)}
     entry |= {key: value for key in SETTINGS if (value := getattr(cloud, key))}
     if isinstance(cloud.radius, FixedArray):
         entry["radius"] = cloud.radius.array.tolist()
@@ -48,4 +72,4 @@ def cloud_entry(cloud: Cloud, write_path: Callable[[Path], str]) -> dict[str, An
         entry["ignore"] = [
             {key: value for key in IGNORED if (value := getattr(each, key)) is not None} for each in cloud.ignore
         ]
-    return entry
+    return {"depth" if depth else "cloud": entry}

@@ -5,8 +5,9 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 from hdplan.scenes.attached import Attached
 from hdplan.scenes.errors import InputError, listed
@@ -23,7 +24,7 @@ from hdplan.scenes.robot_files.urdf_text import ENDINGS
 from hdplan.scenes.robot_spec import PlanarBase, RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import FilePath, checked, path_of
-from hdplan.scenes.yaml_format.clouds import read_cloud
+from hdplan.scenes.yaml_format.clouds import read_cloud, read_depth
 from hdplan.scenes.yaml_format.effects import (
     read_limits,
     read_motion,
@@ -53,6 +54,10 @@ SECTIONS = (
     "timing",
     "planner",
 )
+SOLIDS: Mapping[str, Callable[[Field], object]] = MappingProxyType(
+    {"shape": read_shape, "cloud": read_cloud, "depth": read_depth}
+)
+"""What an obstacle may be, by its key."""
 ROBOT_KEYS = ("name", "urdf", "srdf", "package_dirs", "group", "base", "base_joints", "locked", "ignore_pairs")
 
 
@@ -202,13 +207,12 @@ def _obstacles(section: Field) -> tuple[Obstacle, ...]:
     obstacles = []
     readers: tuple[tuple[str, Callable[[Field], object]], ...] = (("pose", read_pose), ("motion", read_motion))
     for i, entry in enumerate(section.items(of="obstacles")):
-        keys = entry.mapping(("name", "shape", "cloud", "pose", "clearance", "motion"))
-        if ("shape" in keys) == ("cloud" in keys):
-            both = "shape" in keys
-            raise entry.error(
-                "has both a shape and a cloud" if both else "the key 'shape' is missing (required: shape, or cloud)"
-            )
-        shape = read_shape(keys["shape"]) if "shape" in keys else read_cloud(keys.pop("cloud"))
+        keys = entry.mapping(("name", *SOLIDS, "pose", "clearance", "motion"))
+        given = [word for word in SOLIDS if word in keys]
+        if len(given) != 1:
+            missing = f"the key 'shape' is missing (required: {' or '.join(SOLIDS)})"
+            raise entry.error(f"has more than one of {', '.join(given)}" if given else missing)
+        shape = SOLIDS[given[0]](keys.pop(given[0]))
         values: dict[str, object] = {"name": f"obstacle{i}", **keys, "shape": shape}
         values |= {key: read(keys[key]) for key, read in readers if key in keys}
         if "pose" in keys and isinstance(values.get("motion"), TimedPoses):

@@ -16,6 +16,7 @@ from typing import Any
 
 from hdplan.scenes.attached import Attached, Payload, body_inertia
 from hdplan.scenes.clouds import RADIUS, Cloud, Ignored, radius_of
+from hdplan.scenes.depth_images import DepthImage, measured, pinhole
 from hdplan.scenes.limits import JointQuantity, Limits, ranges
 from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses, rising_times
 from hdplan.scenes.path_constraints import AXES, Relative, Upright, Within, direction, extent
@@ -63,6 +64,8 @@ FORMS: Mapping[Check, Check | tuple[Check, ...]] = {  # of checks that a schema 
     span: Row(JointValue, 2),
     group_of: (text, Row(text)),
     radius_of: (RADIUS, Row(RADIUS)),
+    pinhole: Row(Number(unit="pixels"), 4),
+    measured: Row(Number(low=0.0, unit="m"), 2),
 }
 LISTS: Mapping[Check, Schema] = {  # what else holds of lists
     volume: {"minItems": 4},
@@ -178,21 +181,38 @@ def _shape() -> Schema:
 
 
 def _obstacle() -> Schema:
-    """Return an obstacle's section: a shape, or a cloud in its place."""
+    """Return an obstacle's section: a shape, or in its place a cloud or a depth image."""
     section = _section(Obstacle, pose=_pose(), shape=_shape(), motion=_motion())
-    keys = {"name": section["properties"].pop("name"), "shape": _nullable(section["properties"].pop("shape"))}
-    section["properties"] = {**keys, "cloud": _nullable(_cloud()), **section["properties"]}
+    solids = {"shape": section["properties"].pop("shape"), "cloud": _cloud(), "depth": _depth()}
+    keys = {"name": section["properties"].pop("name"), **{word: _nullable(each) for word, each in solids.items()}}
+    section["properties"] = {**keys, **section["properties"]}
     del section["required"]
-    return {**section, "oneOf": [_given("shape"), _given("cloud")]}
+    return {**section, "oneOf": [_given(word) for word in solids]}
 
 
 def _cloud() -> Schema:
     """Return a cloud: its points in a file, or here."""
-    ignored = {**_section(Ignored), "oneOf": [_given("link"), _given("obstacle")]}
-    section = _section(Cloud, without=("points", "name", "pose"), ignore={"anyOf": [ignored, _list(ignored)]})
+    section = _of_cloud()
     points = {**_list(_value(Row(Number(unit="m"), 3))), "minItems": 1}
     section["properties"] = {"file": _nullable(TEXT), "points": _nullable(points), **section["properties"]}
+    section["properties"]["radius"] = _value(radius_of)
     return {**section, "required": ["radius"], "oneOf": [_given("file"), _given("points")]}
+
+
+def _depth() -> Schema:
+    """Return a depth image: in a file, or here."""
+    section, camera = _of_cloud(("drop_nan",)), _section(DepthImage, without=("image",))
+    image = {**_list({**_list({"type": "number"}), "minItems": 1}), "minItems": 1}
+    own = {"file": _nullable(TEXT), "image": _nullable(image), **camera["properties"]}
+    section["properties"] = {**own, **section["properties"], "radius": _nullable(_value(RADIUS))}
+    return {**section, "required": ["intrinsics"], "oneOf": [_given("file"), _given("image")]}
+
+
+def _of_cloud(without: Collection[str] = ()) -> Schema:
+    """Return the settings that all clouds have."""
+    ignored = {**_section(Ignored), "oneOf": [_given("link"), _given("obstacle")]}
+    left_out = ("points", "name", "pose", *without)
+    return _section(Cloud, without=left_out, ignore={"anyOf": [ignored, _list(ignored)]})
 
 
 def _motion() -> Schema:

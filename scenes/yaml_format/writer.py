@@ -65,7 +65,7 @@ def scene_text(scene: Scene) -> str:
 def _obstacle(obstacle: Obstacle) -> dict[str, Any]:
     entry: dict[str, Any] = {"name": obstacle.name}
     if isinstance(obstacle.shape, Cloud):
-        entry["cloud"] = cloud_entry(obstacle.shape, _path)
+        entry |= cloud_entry(obstacle.shape, _path)
     else:
         entry["shape"] = shape_entry(obstacle.shape, _path)
     if not isinstance(obstacle.motion, TimedPoses):

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from hdplan.planner.solvers.solution import Budget, Solution
     from hdplan.scenes.attached import Attached, Payload
     from hdplan.scenes.clouds import Cloud, Ignored
+    from hdplan.scenes.depth_images import DepthImage
     from hdplan.scenes.errors import HdplanError, InputError, OutOfTime
     from hdplan.scenes.limits import Limits
     from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
@@ -71,6 +72,7 @@ _HOMES = {  # of names, below hdplan
     "Cloud": "scenes.clouds",
     "ConvexBody": "distance.bodies",
     "Cylinder": "scenes.shapes",
+    "DepthImage": "scenes.depth_images",
     "Ellipsoid": "scenes.shapes",
     "Event": "planner.search.search",
     "HdplanError": "scenes.errors",
@@ -126,6 +128,7 @@ __all__ = [
     "Cloud",
     "ConvexBody",
     "Cylinder",
+    "DepthImage",
     "Ellipsoid",
     "Event",
     "HdplanError",

@@ -82,7 +82,7 @@ def test_each_point_may_have_its_own_radius(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"points": []}, "Cloud.points: must be a file, or points"),
+        ({"points": []}, "Cloud.points: must be a file, points"),
         ({"points": np.empty((0, 3))}, "Cloud.points: holds no points"),
         ({"points": [[1, 2]]}, "points .m, 3.*found a list of 1"),
         ({"points": [[1, 2, 3], [1, 2]]}, "points .m, 3"),
@@ -91,8 +91,8 @@ def test_each_point_may_have_its_own_radius(tmp_path: Path) -> None:
         ({"points": [[1e7, 0, 0]]}, "reaches as far as 1e.07 m"),
         ({"points": np.full((2, 3), np.nan), "drop_nan": True}, "holds no points"),
         ({"points": np.broadcast_to([0.0, 0.0, 0.0], (MOST_POINTS + 1, 3))}, f"has {MOST_POINTS + 1} points; at most"),
-        ({"radius": 0.0}, "Cloud.radius: must be a finite number greater than 0"),
-        ({"radius": 2.0}, "Cloud.radius: .*at most 1"),
+        ({"radius": 0.0}, "Cloud.radius: is needed"),
+        ({"radius": 2.0}, "Cloud.radius: must be a finite number 0 to 1"),
         ({"radius": np.nan}, "Cloud.radius"),
         ({"radius": [0.1]}, "Cloud.radius: must be one number, or as many as the 2 points, found 1"),
         ({"radius": [0.1, -1.0]}, "Cloud.radius: must be greater than 0 and at most 1 .m., found -1.0"),
@@ -118,7 +118,10 @@ def test_refused_in_one_clear_line(arguments: dict[str, Any], words: str) -> Non
         ("{cloud: {file: none.ply, radius: 0.1}}", r"obstacles\[0\].cloud.file: must be a file, but 'none.ply'"),
         ("{cloud: {points: scan.xyz, radius: 0.1}}", r"cloud.points: must be a list"),
         ("{cloud: {file: scan.xyz, radus: 0.1}}", "unknown key 'radus' .did you mean 'radius'"),
-        ("{cloud: {file: scan.xyz, radius: 0.1}, shape: {type: sphere, radius: 1}}", "both a shape and a cloud"),
+        (
+            "{cloud: {file: scan.xyz, radius: 0.1}, shape: {type: sphere, radius: 1}}",
+            "has more than one of shape, cloud",
+        ),
         ("{name: a}", "the key 'shape' is missing"),
         ("{cloud: {points: [[.nan, 0, 0]], radius: 0.1}}", "1 of 1 points are not finite"),
         ("{cloud: {file: scan.xyz, radius: 0.1, ignore: {margin: 0.1}}}", "needs either a link or an obstacle"),

@@ -1,0 +1,120 @@
+"""Depth images as balls: what each pixel saw, enclosed.
+
+A pixel at p, with neighbours on the same surface at p ± a along a row and p ± b along a column, sees the parallelogram
+p ± a/2 ± b/2, and parallelograms of neighbours leave no hole between them. Its ball contains it:
+
+    r = ½ √(|a|² + |b|² + 2 |a·b|)
+
+with the larger a of both sides, and so with b. Without such a neighbour the surface is taken to face the camera, with
+a = (z/fx, 0, 0) and b = (0, z/fy, 0). Two pixels whose depths differ by more than STEEPEST times z/fx, or z/fy, with
+the smaller z, are not of one surface: there is an edge between them, and nothing was seen there.
+"""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+
+from hdplan.scenes.array_types import Array, Mask
+from hdplan.scenes.depth_images import DepthImage
+from hdplan.scenes.errors import InputError, nearest
+from hdplan.scenes.files import Stamps, read_file
+from hdplan.scenes.fixed_array import FixedArray
+from hdplan.scenes.once import made_once
+
+STEEPEST = 5.0  # of a surface, against the picture's plane: an inclination of 79°
+ABOVE = 1.0 + 1e-12  # so that rounding makes no ball too small
+MOST_PIXELS = 20_000_000  # of an image: a larger one would fill the memory
+
+
+@made_once(4)
+def balls_of(depth: DepthImage, stamps: Stamps) -> FixedArray:
+    """Return the balls (m, 4) of an image, in the camera's optical frame [m]; the stamps make a file that was written
+    again another one. Raises InputError for a file that is missing, damaged or empty."""
+    image = depth.image.array if isinstance(depth.image, FixedArray) else read_image(depth.image)
+    fx, fy, cx, cy = depth.intrinsics
+    z = depth.scale * image
+    low, high = depth.range
+    with np.errstate(invalid="ignore"):
+        seen = (image > 0.0) & (z >= low) & (z <= high)
+    if not seen.any():
+        raise InputError(f"has no pixel from {low:g} to {high:g} m: is its scale {depth.scale:g} m?")
+    height, width = image.shape
+    z = np.where(seen, z, 0.0)
+    place = np.stack([(np.arange(width) - cx) / fx * z, ((np.arange(height) - cy) / fy)[:, None] * z, z], axis=2)
+    along = _neighbours(place, seen, 1, np.stack([z / fx, 0.0 * z, 0.0 * z], axis=2))[seen]
+    down = _neighbours(place, seen, 0, np.stack([0.0 * z, z / fy, 0.0 * z], axis=2))[seen]
+    squares = (along**2).sum(axis=1) + (down**2).sum(axis=1) + 2.0 * np.abs((along * down).sum(axis=1))
+    return FixedArray(np.column_stack([place[seen], 0.5 * np.sqrt(squares) * ABOVE]))
+
+
+def _neighbours(place: Array, seen: Mask, axis: int, facing: Array) -> Array:
+    """Return the way (h, w, 3) to the neighbour on the same surface along an axis, the longer one of two; `facing`
+    where there is none."""
+    one, other = (slice(None),) * axis + (slice(None, -1),), (slice(None),) * axis + (slice(1, None),)
+    step = place[other] - place[one]
+    across = facing.max(axis=2)
+    steep = STEEPEST * np.minimum(across[one], across[other])
+    joined = seen[one] & seen[other] & (np.abs(step[..., 2]) <= steep)
+    length = np.where(joined, (step**2).sum(axis=2), 0.0)
+    before, after = np.zeros(seen.shape), np.zeros(seen.shape)
+    before[other], after[one] = length, length
+    steps = facing.copy()
+    steps[one][joined & (after >= before)[one]] = step[joined & (after >= before)[one]]
+    steps[other][joined & (before > after)[other]] = step[joined & (before > after)[other]]
+    return steps
+
+
+def read_image(path: Path) -> Array:
+    """Read an image (h, w) of depths, in the file's unit. Raises InputError for a file that is missing, damaged or not
+    of one channel."""
+    ending = path.suffix.lower().lstrip(".")
+    if ending not in FORMATS:
+        raise InputError(f"format '{path.suffix}' is not known{nearest(ending, FORMATS)}")
+    data = read_file(path)
+    try:
+        image = np.asarray(FORMATS[ending](data))
+    except InputError:
+        raise
+    except Exception as error:  # each reader fails in its own way, none in words for the user
+        words = " ".join(str(error).split())[:100]
+        raise InputError(f"cannot be read, its content is not that of a {ending} file ({words})") from error
+    if image.dtype.kind not in "iuf" or image.ndim != 2 or not image.size:
+        raise InputError(
+            f"holds an array of shape {image.shape} and type {image.dtype}; a depth image (h, w) is needed"
+        )
+    return image.astype(np.float64)
+
+
+def _png(data: bytes) -> Array:
+    try:
+        from PIL import Image
+    except ImportError:
+        raise InputError(".png files need pillow, which is not installed: pip install pillow") from None
+    if _PNG_END not in data:  # Pillow would read what there is
+        raise InputError("cannot be read, it is cut short")
+    with Image.open(io.BytesIO(data), formats=["PNG"]) as image:
+        if image.width * image.height > MOST_PIXELS:
+            raise InputError(f"has {image.width} × {image.height} pixels; at most {MOST_PIXELS} are used")
+        if image.mode not in ("I;16", "I;16B", "I", "L"):
+            raise InputError(f"is a picture of mode {image.mode}; a depth image has one channel, mostly of 16 bits")
+        return np.asarray(image)
+
+
+def _npz(data: bytes) -> Array:
+    """The array `depth`, or the only one."""
+    with np.load(io.BytesIO(data), allow_pickle=False) as held:
+        names = held.files
+        if "depth" not in names and len(names) != 1:
+            raise InputError(f"holds the arrays {', '.join(names) or 'none'}: the image must be named `depth`")
+        return np.asarray(held["depth" if "depth" in names else names[0]])
+
+
+def _npy(data: bytes) -> Array:
+    return np.asarray(np.load(io.BytesIO(data), allow_pickle=False))
+
+
+_PNG_END = b"IEND\xaeB\x60\x82"
+FORMATS = {"png": _png, "npz": _npz, "npy": _npy}
