@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hdplan.scenes.depth_images import DepthImage
 from hdplan.scenes.errors import FieldError
-from hdplan.scenes.fixed_array import FixedArray
+from hdplan.scenes.fixed_array import FixedArray, numbers_in
 from hdplan.scenes.poses import AnyPose, Placement
 from hdplan.scenes.values import (
     LARGEST,
@@ -62,10 +62,7 @@ def point_source(value: object) -> Path | FixedArray | DepthImage:
         return value
     if isinstance(value, str | os.PathLike):
         return absolute_path(value)
-    try:
-        points = np.array(value)
-    except ValueError:  # rows of different lengths
-        points = np.empty(0)
+    points = numbers_in(value)
     if points.dtype.kind not in "iuf" or points.ndim != 2 or points.shape[1] != 3:
         raise FieldError(f"must be a file, points (m, 3) [m] or a DepthImage, found {describe(value)}", value=value)
     return FixedArray(points.astype(np.float64))
@@ -77,11 +74,8 @@ def radius_of(value: object) -> float | FixedArray:
         return value
     if not is_row(value):
         return RADIUS(value)
-    try:
-        radii = np.array(value)
-    except ValueError:  # rows of different lengths
-        radii = np.empty((0, 0))
-    if radii.dtype.kind not in "iuf" or radii.ndim != 1:
+    radii = numbers_in(value)
+    if not len(radii) or radii.dtype.kind not in "iuf" or radii.ndim != 1:
         raise FieldError(f"must be a number, or one for each point (m,) [m], found {describe(value)}", value=value)
     if wrong_ones := [each for each in radii.tolist() if not 0.0 < each <= RADIUS.high]:
         raise wrong("greater than 0 and at most 1 [m]", wrong_ones[0])

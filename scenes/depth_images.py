@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hdplan.scenes.errors import FieldError
-from hdplan.scenes.fixed_array import FixedArray
+from hdplan.scenes.fixed_array import FixedArray, numbers_in
 from hdplan.scenes.values import Checked, FilePath, Number, Numbers, Row, absolute_path, describe
 
 Length = Number(low=0.0, unit="m")
@@ -23,10 +23,7 @@ def image_source(value: object) -> Path | FixedArray:
         return value
     if isinstance(value, str | os.PathLike):
         return absolute_path(value)
-    try:
-        image = np.array(value)
-    except ValueError:  # rows of different lengths
-        image = np.empty(0)
+    image = numbers_in(value)
     if image.dtype.kind not in "iuf" or image.ndim != 2 or not image.size:
         raise FieldError(f"must be a file, or an image (h, w), found {describe(value)}", value=value)
     return FixedArray(image.astype(np.float64))

@@ -5,11 +5,28 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hdplan.scenes.once import freeze
+
+
+def numbers_in(value: object) -> NDArray[Any]:
+    """Return a new array of what a program or a file gives: an array, or lists of numbers. Empty for lists of different
+    lengths, and for truth values among the numbers of lists, which NumPy would take for 0 and 1."""
+    try:
+        found = np.array(value)
+    except ValueError:  # rows of different lengths
+        return np.empty(0)
+    if isinstance(value, np.ndarray) or found.dtype.kind == "b":
+        return found
+    return np.empty(0) if _truth_in(value) else found
+
+
+def _truth_in(value: Any) -> bool:
+    return any(map(_truth_in, value)) if isinstance(value, list | tuple) else isinstance(value, bool | np.bool_)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,9 @@ from hdplan.scenes.errors import FieldError
 from hdplan.scenes.poses import AnyPose, Placement, Pose, Vector3
 from hdplan.scenes.shapes import Shape, Solid, check_unplaced
 from hdplan.scenes.values import Checked, Name, Number, Numbers, Row, checked, is_row, wrong
+from hdplan.scenes.voxel_grids import OctoMap, Voxels
 
+Seen = Cloud | Voxels | OctoMap  # what a camera or a map gives, in the place of a shape
 Clearance = Annotated[float, Number(0.0, 1.0, unit="m")]
 
 
@@ -63,7 +65,7 @@ class Obstacle(Checked):
     """A body in the world; static unless it has a motion."""
 
     name: Name
-    shape: Shape | Cloud
+    shape: Shape | Cloud | Voxels | OctoMap
     pose: Placement = field(default_factory=Pose)  # at time 0, if it moves; with timed poses, the first of them
     clearance: Clearance | None = None  # to be proven around it [m]; None: planner.clearance
     motion: SteadyMotion | TimedPoses | None = None
@@ -73,7 +75,7 @@ class Obstacle(Checked):
         def __init__(
             self,
             name: str,
-            shape: Solid | Cloud,
+            shape: Solid | Seen,
             pose: AnyPose = Pose(),
             clearance: float | None = None,
             motion: SteadyMotion | TimedPoses | None = None,
@@ -111,8 +113,8 @@ def _obstacle_of(place: int) -> Callable[[object], Obstacle]:
     def made(value: object) -> Obstacle:
         if isinstance(value, Obstacle):
             return value
-        if not isinstance(value, Solid | Cloud):
-            shapes = ", ".join(kind.__name__ for kind in (*get_args(Shape), Cloud))
+        if not isinstance(value, Solid | Seen):
+            shapes = ", ".join(kind.__name__ for kind in (*get_args(Shape), *get_args(Seen)))
             raise wrong(f"an Obstacle, or one of the shapes {shapes}", value)
         bare: Any = dataclasses.replace(value, name=None, pose=None)
         return Obstacle(value.name or f"obstacle{place}", bare, value.pose or Pose())

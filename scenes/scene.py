@@ -16,7 +16,7 @@ from hdplan.scenes.attached import Attached, Payload
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import FieldError, nearest
 from hdplan.scenes.limits import QUANTITIES, Limits
-from hdplan.scenes.obstacles import Obstacle, SelfCollision, obstacles_of
+from hdplan.scenes.obstacles import Obstacle, Seen, SelfCollision, obstacles_of
 from hdplan.scenes.output import check_writable, write_output
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.planner_settings import PlannerSettings
@@ -72,7 +72,7 @@ class Scene(Checked):
             name: str = "scene",
             source: Path = Path(),
             robot: str | RobotSpec = NEEDED,
-            obstacles: Sequence[Obstacle | Solid] = (),
+            obstacles: Sequence[Obstacle | Solid | Seen] = (),
             start: AnyConfiguration = NEEDED,
             goal: AnyGoal = NEEDED,
             planner: PlannerSettings = PlannerSettings(),

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hdplan.planner.certificate.cloud_pieces import moving_pieces, standing_pieces
+from hdplan.planner.certificate.cloud_pieces import box_pieces, moving_box_pieces, moving_pieces, standing_pieces
 from hdplan.planner.certificate.collision_proof import Proof, Spot, Sweep
 from hdplan.planner.certificate.end_check import EndCheck
 from hdplan.planner.certificate.exact_proximity import link_pieces, obstacle_pieces
@@ -36,6 +36,7 @@ from hdplan.planner.certificate.verdict import (
     proven,
 )
 from hdplan.planner.geometry.clouds import load_balls
+from hdplan.planner.geometry.voxel_grids import load_boxes
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.motion.robot_curve import beyond_limits, curve_of
@@ -46,7 +47,7 @@ from hdplan.scenes.arrays import joint_numbers
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.obstacles import Obstacle, Seen
 from hdplan.scenes.once import made_once, read_only
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.scene import Scene
@@ -328,14 +329,17 @@ def _link_bodies(robot: Robot) -> tuple[Body, ...]:
 def _obstacle_bodies(obstacle: Obstacle) -> list[Body]:
     """Return the pieces of an obstacle's true shape. Raises InputError for files that cannot be used."""
     name, pose, motion = obstacle.name, obstacle.pose.matrix, _motion_of(obstacle)
-    if not isinstance(obstacle.shape, Cloud):
+    where, shape = f"obstacles.{name}", obstacle.shape
+    if not isinstance(shape, Seen):
         return [Body(name, piece, 0, pose, motion) for piece in obstacle_pieces(obstacle)]
-    balls = load_balls(obstacle.shape, f"obstacles.{name}")
-    if motion is None:
-        pieces, frames = standing_pieces(balls)
-        placements = read_only(pose @ frames)
-        return [Body(name, piece, 0, placement) for piece, placement in zip(pieces, placements, strict=True)]
-    return [Body(name, piece, 0, pose, motion) for piece in moving_pieces(balls)]
+    if motion is not None:
+        if isinstance(shape, Cloud):
+            return [Body(name, piece, 0, pose, motion) for piece in moving_pieces(load_balls(shape, where))]
+        return [Body(name, piece, 0, pose, motion) for piece in moving_box_pieces(load_boxes(shape, where))]
+    pieces, frames = (
+        standing_pieces(load_balls(shape, where)) if isinstance(shape, Cloud) else box_pieces(load_boxes(shape, where))
+    )
+    return [Body(name, piece, 0, place) for piece, place in zip(pieces, read_only(pose @ frames), strict=True)]
 
 
 def _path_check(setup: Setup, chain: Chain) -> PathCheck:

@@ -11,7 +11,7 @@ import itertools
 import coal
 import numpy as np
 
-from hdplan.planner.certificate.exact_proximity import CORNERS, Piece
+from hdplan.planner.certificate.exact_proximity import CORNERS, Piece, box_piece, hull_piece
 from hdplan.planner.geometry.cells import Cells, cells_of
 from hdplan.planner.geometry.coal_shapes import convex_hull
 from hdplan.scenes.array_types import Array
@@ -51,6 +51,20 @@ def moving_pieces(balls: FixedArray) -> list[Piece]:
         shape.setSweptSphereRadius(ball)
         found.append(Piece(corners, shape, ball, grains=back))
     return found
+
+
+def box_pieces(boxes: FixedArray) -> tuple[list[Piece], Array]:
+    """Return the boxes (k, 6), lower and upper corners [m], as pieces, and the frame of each in theirs (k, 4, 4)."""
+    low, high = boxes.array[:, :3], boxes.array[:, 3:]
+    frames = np.tile(np.eye(4), (len(low), 1, 1))
+    frames[:, :3, 3] = 0.5 * (low + high)
+    return [box_piece(size) for size in high - low], frames
+
+
+def moving_box_pieces(boxes: FixedArray) -> list[Piece]:
+    """Return the same pieces in the frame of the boxes."""
+    sides = zip(boxes.array[:, :3], boxes.array[:, 3:], strict=True)
+    return [hull_piece(0.5 * (low + high) + CORNERS * (high - low)) for low, high in sides]
 
 
 def _boxes(balls: FixedArray, cells: Cells) -> tuple[Array, Array, Array, list[Array]]:

@@ -142,7 +142,7 @@ def obstacle_pieces(obstacle: Obstacle) -> tuple[Piece, ...]:
 def _solid(shape: Box | Sphere | Ellipsoid | Cylinder | Capsule) -> Piece:
     match shape:
         case Box(size):
-            return _box(np.array(size))
+            return box_piece(np.array(size))
         case Sphere(radius):
             return _capsule(radius, 0.0)
         case Ellipsoid(radii):
@@ -157,7 +157,7 @@ def link_pieces(geometry: Any, name: str) -> tuple[Piece, ...]:
     """Return a link's collision geometry (coal's) as pieces, in its frame. Raises HdplanError for unknown kinds."""
     match geometry:
         case coal.Box():
-            return (_box(2.0 * geometry.halfSide),)
+            return (box_piece(2.0 * geometry.halfSide),)
         case coal.Sphere():
             return (_capsule(geometry.radius, 0.0),)
         case coal.Ellipsoid():
@@ -312,7 +312,8 @@ def transform(rotation: Array, origin: Array) -> Any:
     return coal.Transform3s(rotation, origin)
 
 
-def _box(size: Array) -> Piece:
+def box_piece(size: Array) -> Piece:
+    """Return a box about the origin with full edge lengths (3,) [m]."""
     return Piece(CORNERS * size, coal.Box(*size))
 
 

@@ -1,5 +1,5 @@
-"""Balls for the planner: boxes around the cells of a grid, grown by the balls' radii. Together they contain every ball
-(outer bodies)."""
+"""Clouds and maps for the planner: boxes around the cells of a grid, grown by the balls' radii, and the boxes of maps.
+Together they contain every ball and every cell (outer bodies)."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, few_directions
 from hdplan.planner.geometry.cells import cells_of
 from hdplan.planner.geometry.clouds import load_balls, merged, reach
+from hdplan.scenes.array_types import Array
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.once import made_once
@@ -39,6 +40,21 @@ def from_balls(name: str, balls: FixedArray, pose: Pose, planes: str) -> tuple[H
     local = np.einsum("mi,mij->mj", found[:, :3], np.repeat(rotation, cells.sizes, axis=0))
     low, high = np.minimum.reduceat(local, cells.first), np.maximum.reduceat(local, cells.first)
     center, half = np.einsum("cij,cj->ci", rotation, 0.5 * (low + high)), 0.5 * (high - low)
+    return _bodies(name, rotation, center, half, radius, pose, planes)
+
+
+@made_once(4)
+def from_boxes(name: str, boxes: FixedArray, pose: Pose, planes: str) -> tuple[HalfspaceBody, ...]:
+    """Return a body for each of the boxes (k, 6), lower and upper corners [m] in a frame that stands at `pose`."""
+    low, high = boxes.array[:, :3], boxes.array[:, 3:]
+    turns = np.tile(np.eye(3), (len(low), 1, 1))
+    return _bodies(name, turns, 0.5 * (low + high), 0.5 * (high - low), np.zeros(len(low)), pose, planes)
+
+
+def _bodies(
+    name: str, rotation: Array, center: Array, half: Array, radius: Array, pose: Pose, planes: str
+) -> tuple[HalfspaceBody, ...]:
+    """Return bodies around boxes with rounded edges: axes (c, 3, 3), centres and half edges (c, 3) and radii (c,)."""
     placement = pose.matrix
     box = np.tile(np.eye(4), (len(half), 1, 1))
     box[:, :3, :3], box[:, :3, 3] = placement[:3, :3] @ rotation, center @ placement[:3, :3].T + placement[:3, 3]

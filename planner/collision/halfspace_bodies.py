@@ -21,6 +21,7 @@ from hdplan.distance.symbolic.halfspaces import FAR, box_directions
 from hdplan.planner.collision.convex_pieces import MOST_SECONDS, convex_pieces
 from hdplan.planner.geometry.meshes import load_mesh
 from hdplan.planner.geometry.shapes import operations
+from hdplan.planner.geometry.voxel_grids import load_boxes
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.deadline import check_time
@@ -28,6 +29,7 @@ from hdplan.scenes.lazy_imports import scipy
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.once import freeze, read_only
 from hdplan.scenes.shapes import Box, Mesh, Points, Shape
+from hdplan.scenes.voxel_grids import Map
 
 FEW, MANY = 26, 50  # planes of box-like bodies and of all others; one compiled kernel each
 SPREAD = 96  # additional ones for "sphere"
@@ -76,6 +78,11 @@ def from_obstacle(
         from hdplan.planner.collision.cloud_bodies import from_cloud
 
         return from_cloud(obstacle.name, obstacle.shape, obstacle.pose, planes)
+    if isinstance(obstacle.shape, Map):
+        from hdplan.planner.collision.cloud_bodies import from_boxes
+
+        boxes = load_boxes(obstacle.shape, f"obstacles.{obstacle.name}")
+        return from_boxes(obstacle.name, boxes, obstacle.pose, planes), ()
     if not isinstance(obstacle.shape, Mesh):
         return (from_shape(obstacle.name, obstacle.shape, placement, planes),), ()
     mesh = load_mesh(obstacle.shape, f"obstacles.{obstacle.name}")

@@ -105,7 +105,11 @@ def drawn_boxes(balls: FixedArray) -> tuple[Array, Rows]:
         if len(first) <= MOST_BOXES:
             break
         edge *= 1.25
-    low, high = _bounds(given[order], first)
+    return boxes_mesh(*_bounds(given[order], first))
+
+
+def boxes_mesh(low: Array, high: Array) -> tuple[Array, Rows]:
+    """Return boxes between lower and upper corners (k, 3), for pictures: vertices [m] and triangles, outward."""
     vertices = low[:, None] + _UNIT * (high - low)[:, None]
     triangles = _SIDES + 8 * np.arange(len(low))[:, None, None]
     return vertices.reshape(-1, 3), triangles.reshape(-1, 3)

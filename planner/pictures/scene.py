@@ -20,14 +20,13 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from hdplan.planner.certificate.exact_proximity import Piece, link_pieces, obstacle_pieces
-from hdplan.planner.geometry.clouds import drawn_boxes, load_balls
+from hdplan.planner.geometry.seen import seen_mesh
 from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.pictures.style import BETWEEN, FIXED, FRAME, GOAL, INK, MOVING, OBSTACLE, START
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
-from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.obstacle_motion import ObstacleMotion
-from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.obstacles import Obstacle, Seen
 from hdplan.scenes.once import read_only
 from hdplan.scenes.scene import Scene
 
@@ -156,9 +155,9 @@ def _obstacles(scene: Scene, moving: bool) -> list[tuple[Obstacle, Skin]]:
 
 def _bodies(obstacle: Obstacle) -> list[Skin]:
     """Return the pieces of an obstacle's true shape, of a cloud boxes around its points."""
-    if not isinstance(obstacle.shape, Cloud):
+    if not isinstance(obstacle.shape, Seen):
         return [skin(piece, whole=True) for piece in obstacle_pieces(obstacle)]
-    return [Skin(*drawn_boxes(load_balls(obstacle.shape, f"obstacles.{obstacle.name}")))]
+    return [Skin(*seen_mesh(obstacle.shape, f"obstacles.{obstacle.name}"))]
 
 
 def draw_scene(axis: Any, picture: Picture, azimuth: float, elevation: float) -> None:

@@ -28,6 +28,7 @@ from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.array_types import Array, Rows
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import HdplanError, InputError, naming
+from hdplan.scenes.obstacles import Seen
 from hdplan.scenes.output import write_output
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.robot_files.library import description_of
@@ -87,11 +88,12 @@ def prove(scene: FilePath, trajectory: FilePath) -> Proof:
 
 
 def refuse_clouds(scene: Scene) -> None:
-    """Raise InputError for a scene with clouds: the checker reads solids only."""
+    """Raise InputError for a scene with clouds or maps: the checker reads solids only."""
     for obstacle in scene.obstacles:
-        if isinstance(obstacle.shape, Cloud):
+        if isinstance(obstacle.shape, Seen):
+            kind = "cloud" if isinstance(obstacle.shape, Cloud) else "map"
             raise InputError(
-                f"{scene.source}: obstacles.{obstacle.name}: is a cloud, of which no proof can be written; its motions "
+                f"{scene.source}: obstacles.{obstacle.name}: is a {kind}, of which no proof can be written; motions "
                 "can be certified: hdplan check"
             )
 

@@ -19,7 +19,7 @@ from hdplan.scenes.deadline import check_time
 from hdplan.scenes.depth_images import DepthImage
 from hdplan.scenes.errors import InputError, naming, nearest
 from hdplan.scenes.fixed_array import FixedArray
-from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.obstacles import Obstacle, Seen
 from hdplan.scenes.scene import Scene
 
 DOUBTFUL = 1e-6  # [m] coal's distance and that of its own witness points differ by more only where coal is wrong
@@ -84,8 +84,8 @@ def _solids(ignored: Ignored, scene: Scene, robot: Robot, field: str) -> Sequenc
             raise InputError(f"{field}.link: unknown link '{ignored.link}'{allowed}")
         return _robot_at_start(robot, scene, (ignored.link,))
     other = next(other for other in scene.obstacles if other.name == ignored.obstacle)
-    if isinstance(other.shape, Cloud):
-        raise InputError(f"{field}.obstacle: '{other.name}' is a cloud itself; name an obstacle with a shape")
+    if isinstance(other.shape, Seen):
+        raise InputError(f"{field}.obstacle: '{other.name}' has no shape itself; name an obstacle with one")
     return [(operations(other.shape).coal(other.shape, f"obstacles.{other.name}"), other.pose.matrix)]
 
 

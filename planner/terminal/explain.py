@@ -11,16 +11,15 @@ from collections import Counter
 
 import numpy as np
 
-from hdplan.planner.geometry.clouds import cloud_words
+from hdplan.planner.geometry.seen import seen_words
 from hdplan.planner.geometry.shapes import operations
 from hdplan.planner.problem.clearance import PairTerm
 from hdplan.planner.problem.problem import Problem
 from hdplan.planner.robot.self_pairs import ALWAYS_TOUCHING, MOVE_AS_ONE, NEIGHBOURS, NEVER_TOUCHING
 from hdplan.planner.terminal.explain_cost import functions, trial
 from hdplan.planner.terminal.explain_effects import counted, effects
-from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.limits import QUANTITIES
-from hdplan.scenes.obstacles import Obstacle, SteadyMotion, TimedPoses
+from hdplan.scenes.obstacles import Obstacle, Seen, SteadyMotion, TimedPoses
 from hdplan.scenes.planner_settings import PlannerSettings
 from hdplan.scenes.targets import Goals, JointTarget
 
@@ -141,8 +140,8 @@ def _obstacles(problem: Problem) -> Rows:
 def _words(obstacle: Obstacle) -> tuple[str, str]:
     """Return words for an obstacle's shape, and for what the planner takes it apart into."""
     shape = obstacle.shape
-    if isinstance(shape, Cloud):
-        return cloud_words(shape, f"obstacles.{obstacle.name}"), "boxes"
+    if isinstance(shape, Seen):
+        return seen_words(shape, f"obstacles.{obstacle.name}"), "boxes"
     return operations(shape).words(shape), "convex pieces"
 
 

@@ -102,7 +102,7 @@ class ObstacleFields:
         self._fields.add("name", named, lambda: self._selected.name, self._renamed)
         self._vector("position [m]", lambda: self._selected.pose.position, edits.placed)
         word = type(obstacle.shape).__name__.lower()
-        for key in SHAPE_KEYS[word]:
+        for key in SHAPE_KEYS.get(word, ()):  # what was seen has no sizes
             if key == "file":
                 continue
             value = getattr(obstacle.shape, key)

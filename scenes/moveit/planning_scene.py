@@ -11,7 +11,6 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from hdplan.scenes.attached import Attached
-from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import naming
 from hdplan.scenes.fields import Field, read_document
 from hdplan.scenes.moveit.allowed_collisions import note_allowed
@@ -19,7 +18,7 @@ from hdplan.scenes.moveit.constraints import read_goal_constraints, read_path_co
 from hdplan.scenes.moveit.fields import MESSAGES, check_message
 from hdplan.scenes.moveit.frames import Frames, same_place
 from hdplan.scenes.moveit.messages import read_message_pose, read_primitive, read_transform
-from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.obstacles import Obstacle, Seen
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.poses import Pose, compose
 from hdplan.scenes.robot_files.description import Semantics, read_words
@@ -192,7 +191,7 @@ def _attached(state: Field | None, standing: Collection[str]) -> dict[str, list[
         attached[parts[0].name] = [
             Attached(part.name, link, part.shape, part.pose, touching)
             for part in parts
-            if not isinstance(part.shape, Cloud)  # MoveIt's objects are solids
+            if not isinstance(part.shape, Seen)  # MoveIt's objects are solids
         ]
     return attached
 

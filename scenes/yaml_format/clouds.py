@@ -1,5 +1,6 @@
-"""Clouds in scene files, in the place of an obstacle's shape: ``cloud: {file: scan.ply, radius: 0.005}``, or
-``depth: {file: depth.png, intrinsics: [fx, fy, cx, cy]}``."""
+"""What was seen, in scene files, in the place of an obstacle's shape: ``cloud: {file: scan.ply, radius: 0.005}``,
+``depth: {file: depth.png, intrinsics: [fx, fy, cx, cy]}``, ``octomap: {file: room.bt}`` or ``voxels: {file: grid.npz,
+size: 0.02}``."""
 
 from __future__ import annotations
 
@@ -11,6 +12,8 @@ from hdplan.scenes.clouds import Cloud, Ignored
 from hdplan.scenes.depth_images import DepthImage
 from hdplan.scenes.fields import Field
 from hdplan.scenes.fixed_array import FixedArray
+from hdplan.scenes.obstacles import Seen
+from hdplan.scenes.voxel_grids import OctoMap, Voxels
 
 SETTINGS = ("radius", "voxel", "drop_nan", "ignore_robot")  # as the class has them
 CAMERA = ("intrinsics", "scale", "range")
@@ -20,7 +23,8 @@ IGNORED = ("link", "obstacle", "margin")
 def read_cloud(section: Field) -> Cloud:
     """Read a cloud. Raises InputError for unknown keys and wrong values; its file is read when the scene is planned."""
     keys = section.mapping(("file", "points", *SETTINGS, "ignore"), required=["radius"])
-    return _made(section, keys, _source(section, keys, "points"))
+    source = _source(section, keys, "points")
+    return _made(section, keys, source)
 
 
 def read_depth(section: Field) -> Cloud:
@@ -28,16 +32,17 @@ def read_depth(section: Field) -> Cloud:
     settings = [name for name in SETTINGS if name != "drop_nan"]
     keys = section.mapping(("file", "image", *CAMERA, *settings, "ignore"), required=["intrinsics"])
     camera = {key: keys.pop(key) for key in CAMERA if key in keys}
-    return _made(section, keys, section.make(DepthImage, image=_source(section, keys, "image"), **camera))
+    source = section.make(DepthImage, image=_source(section, keys, "image"), **camera)
+    return _made(section, keys, source)
 
 
 def _source(section: Field, keys: dict[str, Field], here: str) -> object:
     """Return the file that is named, or what is given here in its place."""
     if ("file" in keys) == (here in keys):
-        raise section.error(f"needs either a file or {'an ' * (here == 'image')}{here}")
+        raise section.error(f"needs either file or {here}")
     if "file" in keys:
         return keys.pop("file").path()
-    keys[here].items(of=f"{here}" if here == "points" else "rows")  # a text would be taken for a file
+    keys[here].items(of="rows")  # a text would be taken for a file
     return keys.pop(here).value
 
 
@@ -53,8 +58,33 @@ def _made(section: Field, keys: dict[str, Field], source: object) -> Cloud:
     return cloud
 
 
-def cloud_entry(cloud: Cloud, write_path: Callable[[Path], str]) -> dict[str, Any]:
-    """Return the key and the section that `read_cloud` or `read_depth` reads back."""
+def read_voxels(section: Field) -> Voxels:
+    """Read a voxel grid. Raises InputError as `read_cloud`."""
+    keys = section.mapping(("file", "occupied", "size", "origin"), required=["size"])
+    source = _source(section, keys, "occupied")
+    found: Voxels = section.make(Voxels, **{**keys, "occupied": source})
+    return found
+
+
+def read_octomap(section: Field) -> OctoMap:
+    """Read the name of an octomap's file. Raises InputError as `read_cloud`."""
+    keys = section.mapping(("file", "unknown"), required=["file"])
+    found: OctoMap = section.make(OctoMap, **{**keys, "file": keys["file"].path()})
+    return found
+
+
+def seen_entry(shape: Seen, write_path: Callable[[Path], str]) -> dict[str, Any]:
+    """Return the key and the section that are read back."""
+    if isinstance(shape, Cloud):
+        return _cloud_entry(shape, write_path)
+    if isinstance(shape, OctoMap):
+        return {"octomap": {"file": write_path(shape.file), "unknown": shape.unknown}}
+    grid = shape.occupied
+    where = {"file": write_path(grid)} if isinstance(grid, Path) else {"occupied": grid.array.astype(int).tolist()}
+    return {"voxels": {**where, "size": shape.size, "origin": list(shape.origin)}}
+
+
+def _cloud_entry(cloud: Cloud, write_path: Callable[[Path], str]) -> dict[str, Any]:
     depth = cloud.points if isinstance(cloud.points, DepthImage) else None
     source = depth.image if depth else cloud.points
     assert isinstance(source, Path | FixedArray)

@@ -24,7 +24,7 @@ from hdplan.scenes.robot_files.urdf_text import ENDINGS
 from hdplan.scenes.robot_spec import PlanarBase, RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import FilePath, checked, path_of
-from hdplan.scenes.yaml_format.clouds import read_cloud, read_depth
+from hdplan.scenes.yaml_format.clouds import read_cloud, read_depth, read_octomap, read_voxels
 from hdplan.scenes.yaml_format.effects import (
     read_limits,
     read_motion,
@@ -55,7 +55,7 @@ SECTIONS = (
     "planner",
 )
 SOLIDS: Mapping[str, Callable[[Field], object]] = MappingProxyType(
-    {"shape": read_shape, "cloud": read_cloud, "depth": read_depth}
+    {"shape": read_shape, "cloud": read_cloud, "depth": read_depth, "octomap": read_octomap, "voxels": read_voxels}
 )
 """What an obstacle may be, by its key."""
 ROBOT_KEYS = ("name", "urdf", "srdf", "package_dirs", "group", "base", "base_joints", "locked", "ignore_pairs")

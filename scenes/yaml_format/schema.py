@@ -42,6 +42,7 @@ from hdplan.scenes.values import (
     checks_of,
     text,
 )
+from hdplan.scenes.voxel_grids import OctoMap, Voxels
 from hdplan.scenes.yaml_format.reader import SECTIONS, VERSION
 from hdplan.scenes.yaml_format.shapes import CLASSES, SHAPE_KEYS
 
@@ -184,6 +185,7 @@ def _obstacle() -> Schema:
     """Return an obstacle's section: a shape, or in its place a cloud or a depth image."""
     section = _section(Obstacle, pose=_pose(), shape=_shape(), motion=_motion())
     solids = {"shape": section["properties"].pop("shape"), "cloud": _cloud(), "depth": _depth()}
+    solids |= {"octomap": _section(OctoMap, without=("name", "pose")), "voxels": _voxels()}
     keys = {"name": section["properties"].pop("name"), **{word: _nullable(each) for word, each in solids.items()}}
     section["properties"] = {**keys, **section["properties"]}
     del section["required"]
@@ -206,6 +208,14 @@ def _depth() -> Schema:
     own = {"file": _nullable(TEXT), "image": _nullable(image), **camera["properties"]}
     section["properties"] = {**own, **section["properties"], "radius": _nullable(_value(RADIUS))}
     return {**section, "required": ["intrinsics"], "oneOf": [_given("file"), _given("image")]}
+
+
+def _voxels() -> Schema:
+    """Return a voxel grid: in a file, or here."""
+    section = _section(Voxels, without=("occupied", "name", "pose"))
+    grid = _list(_list({**_list({"enum": [0, 1, False, True]}), "minItems": 1}))
+    section["properties"] = {"file": _nullable(TEXT), "occupied": _nullable(grid), **section["properties"]}
+    return {**section, "required": ["size"], "oneOf": [_given("file"), _given("occupied")]}
 
 
 def _of_cloud(without: Collection[str] = ()) -> Schema:

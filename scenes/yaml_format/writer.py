@@ -11,14 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from hdplan.scenes.attached import Attached
-from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.limits import QUANTITIES, JointValues, Limits
-from hdplan.scenes.obstacles import Obstacle, SelfCollision, SteadyMotion, TimedPoses
+from hdplan.scenes.obstacles import Obstacle, Seen, SelfCollision, SteadyMotion, TimedPoses
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
-from hdplan.scenes.yaml_format.clouds import cloud_entry
+from hdplan.scenes.yaml_format.clouds import seen_entry
 from hdplan.scenes.yaml_format.shapes import shape_entry
 from hdplan.scenes.yaml_text import flow_style
 
@@ -64,8 +63,8 @@ def scene_text(scene: Scene) -> str:
 
 def _obstacle(obstacle: Obstacle) -> dict[str, Any]:
     entry: dict[str, Any] = {"name": obstacle.name}
-    if isinstance(obstacle.shape, Cloud):
-        entry |= cloud_entry(obstacle.shape, _path)
+    if isinstance(obstacle.shape, Seen):
+        entry |= seen_entry(obstacle.shape, _path)
     else:
         entry["shape"] = shape_entry(obstacle.shape, _path)
     if not isinstance(obstacle.motion, TimedPoses):

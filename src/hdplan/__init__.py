@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from hdplan.scenes.shapes import Box, Capsule, Cylinder, Ellipsoid, Mesh, Points, Sphere
     from hdplan.scenes.targets import AllOf, PoseTarget
     from hdplan.scenes.timing import Timing
+    from hdplan.scenes.voxel_grids import OctoMap, Voxels
     from hdplan.scenes.yaml_format.reader import load_scene
 
 __version__ = "0.1.0"
@@ -82,6 +83,7 @@ _HOMES = {  # of names, below hdplan
     "Mesh": "scenes.shapes",
     "NotProvenError": "planner.proof.proof",
     "Obstacle": "scenes.obstacles",
+    "OctoMap": "scenes.voxel_grids",
     "OutOfTime": "scenes.errors",
     "Outcome": "planner.batch.outcome",
     "PathConstraints": "scenes.path_constraints",
@@ -105,6 +107,7 @@ _HOMES = {  # of names, below hdplan
     "Timing": "scenes.timing",
     "Trajectory": "planner.motion.trajectory",
     "Upright": "scenes.path_constraints",
+    "Voxels": "scenes.voxel_grids",
     "Within": "scenes.path_constraints",
     "build": "planner.build",
     "certify": "planner.certificate.certifier",
@@ -138,6 +141,7 @@ __all__ = [
     "Mesh",
     "NotProvenError",
     "Obstacle",
+    "OctoMap",
     "OutOfTime",
     "Outcome",
     "PathConstraints",
@@ -161,6 +165,7 @@ __all__ = [
     "Timing",
     "Trajectory",
     "Upright",
+    "Voxels",
     "Within",
     "__version__",
     "build",

@@ -112,8 +112,8 @@ def test_refused_in_one_clear_line(arguments: dict[str, Any], words: str) -> Non
 @pytest.mark.parametrize(
     ("entry", "words"),
     [
-        ("{cloud: {radius: 0.1}}", r"obstacles\[0\].cloud: needs either a file or points"),
-        ("{cloud: {file: scan.xyz, points: [[0, 0, 0]], radius: 0.1}}", "needs either a file or points"),
+        ("{cloud: {radius: 0.1}}", r"obstacles\[0\].cloud: needs either file or points"),
+        ("{cloud: {file: scan.xyz, points: [[0, 0, 0]], radius: 0.1}}", "needs either file or points"),
         ("{cloud: {file: scan.xyz}}", "the key 'radius' is missing"),
         ("{cloud: {file: none.ply, radius: 0.1}}", r"obstacles\[0\].cloud.file: must be a file, but 'none.ply'"),
         ("{cloud: {points: scan.xyz, radius: 0.1}}", r"cloud.points: must be a list"),

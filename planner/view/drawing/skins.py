@@ -25,17 +25,16 @@ from numpy.typing import NDArray
 
 from hdplan.distance.bodies import ConvexBody
 from hdplan.planner.collision.link_bodies import link_bodies
-from hdplan.planner.geometry.clouds import drawn_boxes, load_balls, part_bounds
 from hdplan.planner.geometry.mesh_files import read_mesh_file, read_scene
 from hdplan.planner.geometry.meshes import LARGEST
+from hdplan.planner.geometry.seen import seen_mesh, seen_parts
 from hdplan.planner.geometry.shapes import operations, shape_of
 from hdplan.planner.robot.pin_model import read_visuals
 from hdplan.planner.robot.robot import Robot
 from hdplan.scenes.array_types import Array, Rows
-from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import InputError, listed, naming
 from hdplan.scenes.files import Stamps, stamps_of
-from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.obstacles import Obstacle, Seen
 from hdplan.scenes.once import freeze
 from hdplan.scenes.poses import Vector3
 from hdplan.scenes.robot_files.library import description_of
@@ -47,7 +46,6 @@ PLAIN: Color = (190, 190, 190)  # of what has no colour of its own
 HELD: Color = (230, 159, 0)  # orange, of held objects
 ENDLESS = 3.0  # [m] length to which an unbounded box is drawn
 SHARP = 0.6  # [rad] edges between faces that turn more than this are drawn sharp
-PART = 0.1  # [m] edge of the parts of a cloud that may hide what is behind them
 COARSE, FINE = 2, 3  # subdivisions of the balls that stand for a sweeping sphere: of many bodies, of one
 
 
@@ -150,16 +148,16 @@ def obstacle_mesh(obstacle: Obstacle) -> trimesh.Trimesh:
     """Return an obstacle's true shape in its own frame, a cloud's as boxes around its points. Raises InputError for a
     file that cannot be used."""
     field = f"obstacles.{obstacle.name}"
-    if isinstance(obstacle.shape, Cloud):
-        return trimesh.Trimesh(*drawn_boxes(load_balls(obstacle.shape, field)), process=False)
+    if isinstance(obstacle.shape, Seen):
+        return trimesh.Trimesh(*seen_mesh(obstacle.shape, field), process=False)
     return operations(obstacle.shape).triangles(obstacle.shape, field)
 
 
 def obstacle_parts(obstacle: Obstacle) -> Array:
     """Return boxes around an obstacle, or around the parts of a cloud: their lower and upper corners (b, 2, 3) in its
     own frame."""
-    if isinstance(obstacle.shape, Cloud):
-        return part_bounds(load_balls(obstacle.shape, f"obstacles.{obstacle.name}"), PART)
+    if isinstance(obstacle.shape, Seen):
+        return seen_parts(obstacle.shape, f"obstacles.{obstacle.name}")
     return np.asarray(obstacle_mesh(obstacle).bounds)[None]
 
 

@@ -140,7 +140,7 @@ def test_the_motion_is_certified_with_the_points_that_are_kept() -> None:
             {"ignore": Ignored(0.1, link="panda_hund")},
             r"cloud.ignore\[0\].link: unknown link .*mean 'panda_hand'",
         ),
-        ({"ignore": Ignored(0.1, obstacle="view")}, "'view' is a cloud itself"),
+        ({"ignore": Ignored(0.1, obstacle="view")}, "'view' has no shape itself"),
     ],
 )
 def test_refused_in_one_clear_line(cloud: dict[str, Any], words: str) -> None:

@@ -1,0 +1,114 @@
+"""Voxel grids and octomaps as boxes: exactly their occupied cells, merged to few boxes by runs along the axes."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+
+from hdplan.planner.geometry.octomap_files import DEPTH, read_octomap
+from hdplan.scenes.array_types import Array, Mask, Rows
+from hdplan.scenes.errors import FieldError, InputError, naming, nearest
+from hdplan.scenes.files import Stamps, read_file, stamps_of
+from hdplan.scenes.fixed_array import FixedArray
+from hdplan.scenes.once import made_once
+from hdplan.scenes.voxel_grids import MOST_CELLS, Map, OctoMap, checked_grid
+
+
+def load_boxes(shape: Map, field: str) -> FixedArray:
+    """Return the boxes (k, 6) of which a map is the union: lower and upper corners [m] in its frame. `field` is its
+    field in the scene, for error messages.
+
+    Raises InputError for a file that is missing, damaged, too large or without an occupied cell.
+    """
+    source = shape.file if isinstance(shape, OctoMap) else shape.occupied
+    if isinstance(source, FixedArray):
+        return _boxes(shape, ())
+    with naming(f"{field}.{'octomap' if isinstance(shape, OctoMap) else 'voxels'}: {source}"):
+        return _boxes(shape, stamps_of([source]))
+
+
+def map_words(shape: Map, field: str) -> str:
+    """Return what `hdplan explain` says of a map. Raises InputError as `load_boxes`."""
+    source = shape.file if isinstance(shape, OctoMap) else shape.occupied
+    kind = "octomap" if isinstance(shape, OctoMap) else "voxels"
+    return f"{kind}{f' of {source.name}' if isinstance(source, Path) else ''}"
+
+
+@made_once(8)
+def _boxes(shape: Map, stamps: Stamps) -> FixedArray:
+    """Read and merge; the stamps make a file that was written again another one."""
+    if isinstance(shape, OctoMap):
+        grid, size, origin = _of_octomap(shape)
+    else:
+        source = shape.occupied
+        grid = source.array.astype(bool) if isinstance(source, FixedArray) else _read(source)
+        size, origin = shape.size, np.array(shape.origin)
+    low, high = merged(grid)
+    return FixedArray(np.hstack([origin + size * low, origin + size * high]))
+
+
+def merged(grid: Mask) -> tuple[Rows, Rows]:
+    """Return boxes of cells that cover exactly the true ones of a grid (x, y, z), each once: lower and upper corners
+    (k, 3). Runs along z are joined along y where they are the same, and then along x."""
+    padded = np.zeros((*grid.shape[:2], grid.shape[2] + 2), dtype=np.int8)
+    padded[:, :, 1:-1] = grid
+    change = np.diff(padded, axis=2)
+    begin, end = np.argwhere(change == 1), np.argwhere(change == -1)
+    low, high = begin, np.column_stack([begin[:, :2] + 1, end[:, 2]])
+    for axis, others in ((1, (0, 2)), (0, (1, 2))):
+        order = np.lexsort((low[:, axis], *(side[:, other] for other in others for side in (low, high))))
+        low, high = low[order], high[order]
+        same = (low[1:, others] == low[:-1, others]).all(axis=1) & (high[1:, others] == high[:-1, others]).all(axis=1)
+        follows = same & (low[1:, axis] == high[:-1, axis])
+        first = np.flatnonzero(np.concatenate([[True], ~follows]))
+        last = np.append(first[1:], len(low)) - 1
+        low, high = low[first], np.where(np.arange(3) == axis, high[last], high[first])
+    return low, high
+
+
+def _of_octomap(shape: OctoMap) -> tuple[Mask, float, Array]:
+    """Return the grid of an octomap around its occupied cells, or around all that it knows, the edge of its cells [m]
+    and its lower corner."""
+    leaves = read_octomap(shape.file)
+    free = shape.unknown == "free"
+    shown = leaves.occupied if free else np.ones(len(leaves.size), dtype=bool)
+    if not shown.any():
+        raise InputError("holds no occupied cell")
+    low, high = leaves.low[shown], leaves.low[shown] + leaves.size[shown, None]
+    corner, extent = low.min(axis=0), high.max(axis=0) - low.min(axis=0)
+    if (cells := int(np.prod(extent))) > MOST_CELLS:
+        raise InputError(f"spans {' × '.join(map(str, extent))} cells; at most {MOST_CELLS} are used, not {cells}")
+    grid = np.full(extent, not free)
+    for (x, y, z), (right, back, top), taken in zip(
+        (low - corner).tolist(), (high - corner).tolist(), leaves.occupied[shown].tolist(), strict=True
+    ):
+        grid[x:right, y:back, z:top] = taken
+    if not grid.any():
+        raise InputError("holds no occupied cell, and knows all of its box")
+    middle = 1 << (DEPTH - 1)  # the root is about the origin
+    return grid, leaves.resolution, leaves.resolution * (corner - middle)
+
+
+def _read(path: Path) -> Mask:
+    """Read a grid: the array `occupied`, or the only one."""
+    ending = path.suffix.lower()
+    if ending not in (".npz", ".npy"):
+        raise InputError(f"format '{path.suffix}' is not known{nearest(ending, ('.npz', '.npy'))}")
+    data = read_file(path)
+    try:
+        held = np.load(io.BytesIO(data), allow_pickle=False)
+        if ending == ".npz":
+            names = held.files
+            if "occupied" not in names and len(names) != 1:
+                raise InputError(f"holds the arrays {', '.join(names) or 'none'}: the grid must be named `occupied`")
+            held = held["occupied" if "occupied" in names else names[0]]
+        return checked_grid(np.asarray(held))
+    except FieldError as error:
+        raise InputError(error.problem) from None
+    except InputError:
+        raise
+    except Exception as error:  # NumPy fails in many ways, none in words for the user
+        words = " ".join(str(error).split())[:100]
+        raise InputError(f"cannot be read, its content is not that of a {ending} file ({words})") from error
