@@ -142,8 +142,8 @@ def seen_anew(problem: Problem, points: ArrayLike | Cloud, name: str | None) -> 
         raise InputError(f"name: no cloud is named {name!r}{nearest(str(name), clouds)}")
     shape = points if isinstance(points, Cloud) else replace(clouds[name], points=points)  # type: ignore[arg-type]
     obstacles = tuple(replace(each, shape=shape) if each.name == name else each for each in scene.obstacles)
-    seen, ignored = without_own_image(replace(scene, obstacles=obstacles), problem.robot)
-    setup = replace(problem.setup, scene=seen, ignored=ignored)
+    seen = without_own_image(replace(scene, obstacles=obstacles), problem.robot)
+    setup = replace(problem.setup, scene=seen.scene, ignored=seen.notes, own_image=seen.points)
     found = lay_out(setup, Query(problem.start, problem.goal))
     standing, moving, bodies = found.terms.obstacles, found.terms.moving_obstacles, found.halfspace_bodies
     terms = replace(problem.terms, obstacles=standing, moving_obstacles=moving)

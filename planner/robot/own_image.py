@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import coal
@@ -27,28 +27,40 @@ DOUBTFUL = 1e-6  # [m] coal's distance and that of its own witness points differ
 Placed = tuple[Any, Array]  # coal's geometry, and its placement in the world (4, 4)
 
 
-def without_own_image(scene: Scene, robot: Robot) -> tuple[Scene, tuple[str, ...]]:
-    """Return the scene with the points left out that its clouds ask to ignore, and notes that count them. Raises
-    InputError for a cloud that cannot be read, or of which nothing is left, and for unknown links."""
-    obstacles, notes = [], []
+@dataclass(frozen=True, eq=False)
+class Ignoring:
+    """A scene without the points that its clouds ask to ignore."""
+
+    scene: Scene
+    notes: tuple[str, ...] = ()  # that count what was left out
+    points: Array = field(default_factory=lambda: np.empty((0, 3)))  # (m, 3) left out, in the world [m]
+
+
+def without_own_image(scene: Scene, robot: Robot) -> Ignoring:
+    """Leave the points out that a scene's clouds ask to ignore. Raises InputError for a cloud that cannot be read, or
+    of which nothing is left, and for unknown links."""
+    obstacles, notes, points = [], [], []
     for obstacle in scene.obstacles:
-        kept, words = obstacle, ""
+        kept, words, near = obstacle, "", np.empty((0, 3))
         if isinstance(obstacle.shape, Cloud) and (obstacle.shape.ignore_robot > 0.0 or obstacle.shape.ignore):
             with naming(scene.source):
-                kept, words = _left(obstacle, obstacle.shape, scene, robot)
+                kept, words, near = _left(obstacle, obstacle.shape, scene, robot)
         obstacles.append(kept)
+        points.append(near)
         notes += [words] if words else []
-    return (replace(scene, obstacles=tuple(obstacles)), tuple(notes)) if notes else (scene, ())
+    if not notes:
+        return Ignoring(scene)
+    return Ignoring(replace(scene, obstacles=tuple(obstacles)), tuple(notes), np.concatenate(points))
 
 
-def _left(obstacle: Obstacle, cloud: Cloud, scene: Scene, robot: Robot) -> tuple[Obstacle, str]:
-    """Return an obstacle without the points to be ignored, and a note on them."""
-    field = f"obstacles.{obstacle.name}"
-    balls = load_balls(cloud, field)
+def _left(obstacle: Obstacle, cloud: Cloud, scene: Scene, robot: Robot) -> tuple[Obstacle, str, Array]:
+    """Return an obstacle without the points to be ignored, a note on them, and where they are in the world (m, 3)."""
+    where = f"obstacles.{obstacle.name}"
+    balls = load_balls(cloud, where)
     placement = obstacle.pose.matrix
     world = balls.array[:, :3] @ placement[:3, :3].T + placement[:3, 3]
     near, words = np.zeros(len(world), dtype=bool), []
-    for about, margin, solids in _ignored(cloud, scene, robot, field):
+    for about, margin, solids in _ignored(cloud, scene, robot, where):
         found = np.zeros(len(world), dtype=bool)
         for geometry, pose in solids:
             check_time("leaving out the robot's own image")
@@ -56,11 +68,12 @@ def _left(obstacle: Obstacle, cloud: Cloud, scene: Scene, robot: Robot) -> tuple
         words.append(f"{np.count_nonzero(found & ~near)} within {1e3 * margin:g} mm of {about}")
         near |= found
     if near.all():
-        raise InputError(f"{field}.cloud: all of its {len(near)} points are to be ignored")
+        raise InputError(f"{where}.cloud: all of its {len(near)} points are to be ignored")
     if not near.any():
-        return obstacle, ""
+        return obstacle, "", np.empty((0, 3))
     kept = replace(cloud, points=FixedArray(balls.array[~near, :3]), radius=_radius(cloud, balls.array[~near, 3]))
-    return replace(obstacle, shape=kept), f"cloud '{obstacle.name}': of {len(near)} points left out: {', '.join(words)}"
+    note = f"cloud '{obstacle.name}': of {len(near)} points left out: {', '.join(words)}"
+    return replace(obstacle, shape=kept), note, world[near]
 
 
 def _radius(cloud: Cloud, left: Array) -> float | FixedArray:

@@ -38,6 +38,7 @@ class Setup:
     robot: Robot
     aimed: bool = False  # at just this goal: joints without limits take its values as they stand
     ignored: tuple[str, ...] = ()  # notes on points of clouds that were left out
+    own_image: Array | None = None  # (m, 3) those points, in the world [m]
 
     def __repr__(self) -> str:
         """Name the scene and its robot."""
@@ -56,8 +57,8 @@ class Setup:
         else:
             instance(robot, Robot, "robot")
             check_robot(scene, robot)
-        seen, ignored = without_own_image(scene, robot)
-        return cls(_with_links(seen, robot), robot, ignored=ignored)
+        seen = without_own_image(scene, robot)
+        return cls(_with_links(seen.scene, robot), robot, ignored=seen.notes, own_image=seen.points)
 
     def aiming_at(self, goal: JointTarget) -> Setup:
         """Return the same with another goal."""

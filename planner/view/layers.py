@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 OPACITY = 0.45
-PLANE = "separating plane"
+PLANE, LEFT_OUT = "separating plane", "points left out"
 LAYERS = {  # name: initially on, description
     "robot": (True, "visual meshes, as the URDF names them"),
     "obstacles": (True, "in their true shapes"),
@@ -29,6 +29,7 @@ LAYERS = {  # name: initially on, description
     "outer bodies": (False, "around the links, as the planner sees them (scene: planner.link_bodies)"),
     "collision meshes": (False, "of the links, as the certificate sees them"),
     PLANE: (False, "that proves the closest pair apart on this part of the motion, as thick as the distance proven"),
+    LEFT_OUT: (False, "points of clouds that are the robot's own image, or that of another obstacle (scene: ignore)"),
 }
 
 
@@ -76,6 +77,8 @@ class Layers:
             shown.path.visible = self.on("path") and shown.visible
         stage.all_obstacles.visible = self.on("obstacles")
         stage.closest.root.visible = self.on("closest pair")
+        if stage.left_out is not None:
+            stage.left_out.visible = self.on(LEFT_OUT)
         for name in ("outer bodies", "collision meshes"):
             if self.on(name) and name not in self.bodies:
                 self.bodies[name] = self._made(name)

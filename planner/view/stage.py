@@ -12,7 +12,7 @@ from hdplan.planner.certificate.verdict import Closest
 from hdplan.planner.view.drawing.clash import ClashNode
 from hdplan.planner.view.drawing.colors import GOAL, START
 from hdplan.planner.view.drawing.motion import Tip
-from hdplan.planner.view.drawing.nodes import ClosestNodes, ObstacleNode, RobotNodes, draw_region
+from hdplan.planner.view.drawing.nodes import ClosestNodes, ObstacleNode, RobotNodes, draw_left_out, draw_region
 from hdplan.planner.view.drawing.skins import Skin, collision_skins
 from hdplan.planner.view.edited import Edited
 from hdplan.planner.view.things import GOAL as THE_GOAL
@@ -48,6 +48,8 @@ class Stage:
         self.robot = RobotNodes(server, "robot", robot, skins)  # where the active motion is, or else at the start
         self.closest = ClosestNodes(server)
         self.clash = ClashNode(server)
+        image = edited.setup.own_image
+        self.left_out = None if image is None or not len(image) else draw_left_out(server, image)
         self.take(edited)
 
     def take(self, edited: Edited) -> None:

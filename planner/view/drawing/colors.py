@@ -17,6 +17,7 @@ GOAL: Color = (213, 94, 0)  # vermillion
 OUTER: Color = (0, 158, 115)  # bluish green
 COLLISION: Color = (204, 121, 167)  # reddish purple
 OBSTACLE: Color = (160, 150, 130)
+LEFT_OUT: Color = (120, 120, 120)  # points of clouds
 SELECTED: Color = (230, 159, 0)  # orange
 PLANE: Color = (0, 158, 115)  # bluish green
 REGION: Color = (86, 180, 233)  # sky blue: where a point of a link is to stay

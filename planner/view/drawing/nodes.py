@@ -18,6 +18,7 @@ from hdplan.planner.robot.robot import Robot
 from hdplan.planner.view.drawing.colors import (
     CONTACT,
     INK,
+    LEFT_OUT,
     LINKS,
     OBSTACLE,
     REGION,
@@ -174,6 +175,13 @@ def draw_ground(scene: viser.SceneApi, base: Vector3, dark: bool) -> None:
     cell, section = ((48, 50, 54), (68, 71, 77)) if dark else ((236, 236, 236), (215, 215, 215))
     scene.add_grid(
         "/ground", 3.0, 3.0, cell_size=0.1, section_size=0.5, cell_color=cell, section_color=section, position=base
+    )
+
+
+def draw_left_out(server: viser.ViserServer, points: Array) -> Any:
+    """Draw the points (m, 3) of clouds that were left out, grey; hidden at first, as they hide the robot."""
+    return server.scene.add_point_cloud(
+        "/left out", points.astype(np.float32), colors=LEFT_OUT, point_size=0.003, point_shape="circle", visible=False
     )
 
 

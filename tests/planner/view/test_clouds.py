@@ -1,0 +1,64 @@
+"""A cloud in the viewer: drawn, selected, moved and saved like any obstacle; its own image of the robot on request."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import hdplan
+from hdplan.planner.view.edits import placed
+from hdplan.planner.view.layers import LEFT_OUT
+from hdplan.planner.view.things import Thing
+from hdplan.planner.view.viewer import Viewer
+from hdplan.scenes.clouds import Cloud
+from hdplan.scenes.fixed_array import FixedArray
+from hdplan.scenes.scene import Scene
+
+Opener = Callable[..., Viewer]
+PATIENCE = 30.0  # [s]
+START = [-0.5, 0.3, 0.0, -1.8, 0.0, 2.1, 0.785]
+
+
+def seen() -> Scene:
+    """A table, and the robot's own hand, as points."""
+    rng = np.random.default_rng(0)
+    table = rng.uniform([0.3, -0.5, 0.05], [0.9, 0.5, 0.06], size=(3000, 3))
+    own = np.array([[0.0, 0.0, 0.3], [0.0, 0.0, 0.31]])
+    view = Cloud(np.vstack([table, own]), 0.005, name="view", ignore_robot=0.05)
+    return Scene(robot="panda", obstacles=[view], start=START, goal=[0.5, *START[1:]])
+
+
+def test_what_is_left_out_is_shown_on_request(opened: Opener) -> None:
+    viewer = opened(seen())
+    assert viewer.stage.left_out is not None
+    assert len(viewer.stage.left_out.points) == 2
+    assert not viewer.stage.left_out.visible
+    viewer.panel.layers.set(LEFT_OUT, True)
+    viewer.worker.settle(PATIENCE)
+    assert viewer.stage.left_out.visible
+    assert opened(Scene(robot="panda", start=START, goal=START)).stage.left_out is None
+
+
+def test_it_is_selected_dragged_and_a_dragged_start_carves_nothing_out_of_it(opened: Opener) -> None:
+    viewer = opened(seen())
+    shape = viewer.scene.obstacles[0].shape
+    assert isinstance(shape, Cloud)
+    assert isinstance(shape.points, FixedArray)
+    assert len(shape.points) == 3000
+    viewer.panel.handles.select(Thing("obstacle", "view"))
+    viewer.worker.settle(PATIENCE)
+    viewer.worker.ask("move", lambda: viewer.change(placed(viewer.edited, "view", (0.0, 0.0, -0.02))))
+    viewer.worker.settle(PATIENCE)
+    low = viewer.edited.starting_at(np.array([0.0, 0.9, 0.0, -1.6, 0.0, 2.5, 0.785]))  # its hand is in the table
+    kept = low.scene.obstacles[0].shape
+    assert isinstance(kept, Cloud)
+    assert kept.points == shape.points
+    assert low.contacts[0]
+
+
+def test_a_scene_with_a_cloud_is_saved_whole(tmp_path: Path) -> None:
+    scene = hdplan.build(seen()).scene
+    scene.save(tmp_path / "saved.yaml")
+    assert hdplan.load_scene(tmp_path / "saved.yaml") == scene
