@@ -208,32 +208,28 @@ def _spread(rows: Rows, values: Rows, count: int) -> Rows:
 def body_pairs(
     bodies: Sequence[LinkBody],
     halfspace_bodies: Sequence[HalfspaceBody],
-    pairs: Sequence[tuple[int, int]],
+    pairs: Sequence[tuple[int, int]] | Rows,
     margin: ArrayLike,
     supports: Mask,
 ) -> BodyPairs:
-    """Lay out pairs (index of link body, index of halfspace body) as tables; `margin` [m] enlarges the halfspace
+    """Lay out pairs (P, 2), indices of link body and halfspace body, as tables; `margin` [m] enlarges the halfspace
     bodies.
 
     margin: one for all halfspace bodies, or one for each (B,).
     supports: (nj, n) whether a joint moves what another joint carries (Kinematics.supports).
     """
     margins = np.full(len(halfspace_bodies), margin, dtype=np.float64)
-    slots = max(len(bodies[a].body.vertices) for a, _ in pairs)
-    first = np.array([a for a, _ in pairs], dtype=np.int64)
-    second = np.array([b for _, b in pairs], dtype=np.int64)
+    first, second = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+    slots = max(len(bodies[a].body.vertices) for a in set(first.tolist()))
     plane_slots = np.array([len(body.supports) for body in halfspace_bodies], dtype=np.int64)
     rows = np.zeros(len(halfspace_bodies), dtype=np.int64)
     tables = {}
     for count in sorted(set(plane_slots.tolist())):
         chosen = np.flatnonzero(plane_slots == count)
         rows[chosen] = np.arange(len(chosen))
-        tables[count] = np.array(
-            [
-                np.append(halfspace_bodies[b].normals.ravel(), halfspace_bodies[b].supports + margins[b])
-                for b in chosen.tolist()
-            ]
-        )
+        normals = np.array([halfspace_bodies[b].normals for b in chosen.tolist()]).reshape(len(chosen), -1)
+        reach = np.array([halfspace_bodies[b].supports for b in chosen.tolist()])
+        tables[count] = np.hstack([normals, reach + margins[chosen, None]])
     joint_a = np.array([body.joint for body in bodies], dtype=np.int64)[first]
     joint_b = np.array([body.joint for body in halfspace_bodies], dtype=np.int64)[second]
     return BodyPairs(

@@ -11,7 +11,7 @@ from hdplan.planner.geometry.clouds import load_balls, merged, reach
 from hdplan.scenes.array_types import Array
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.fixed_array import FixedArray
-from hdplan.scenes.once import made_once
+from hdplan.scenes.once import made_once, read_only
 from hdplan.scenes.poses import Pose
 
 FAR = 1000.0  # [m] a cloud that reaches farther was hardly meant in metres
@@ -63,6 +63,7 @@ def _bodies(
     # of a box with rounded edges: h(n) = Σ_i |n_i| half_i + r
     supports = half @ np.abs(directions).T + radius[:, None] + np.einsum("cki,ci->ck", normals, box[:, :3, 3])
     half = half + radius[:, None]
+    normals, supports, box, half = (read_only(each) for each in (normals, supports, box, half))  # and so their rows
     return tuple(
         HalfspaceBody(name, 0, normals[c], supports[c], box[c], half[c], None, box[c]) for c in range(len(half))
     )

@@ -71,13 +71,9 @@ def lay_out(setup: Setup, query: Query, deadline: float = math.inf) -> Problem:
     margins = np.array([clearances[body.name] + settings.activation for body in halfspace_bodies])
     boxes = np.array([body.box for body in halfspace_bodies]).reshape(-1, 4, 4)
     half_sizes = np.array([body.half_size for body in halfspace_bodies]).reshape(-1, 3) + margins[:, None]
-    pairs = [
-        (a, b)
-        for a, body in enumerate(bodies)
-        if body.joint > 0
-        for b in np.flatnonzero(model.reach[a].meets(boxes, half_sizes)).tolist()
-    ]
-    if pairs:
+    met = [(a, np.flatnonzero(model.reach[a].meets(boxes, half_sizes))) for a, body in enumerate(bodies) if body.joint]
+    pairs = np.concatenate([np.empty((0, 2), np.int64), *(np.column_stack([np.full(len(b), a), b]) for a, b in met)])
+    if len(pairs):
         laid_out = body_pairs(bodies, halfspace_bodies, pairs, margins, kinematics.supports)
         distance = _distance(laid_out, bodies, halfspace_bodies, settings)
         standing = (
