@@ -28,6 +28,7 @@ RELATIVE_TOLERANCE = 0.05  # or by this share of it, whichever is larger; never 
 FIRST_PAIRS = 6  # evaluated where each comes closest, before the closest distance is known; later chunks are larger,
 GROWTH = 2  # each by this factor: what it finds spares the next one measurements
 WAYPOINTS_AT_ONCE = 256  # at which open meshes are checked
+WIDER = 8  # times as many pairs at once where groups of bodies settle most of their items
 MOST_ITEMS = 30_000  # pairs on intervals evaluated together: more would only fill the memory
 MOST_EXACT_CALLS = 300_000  # exact distances computed in one proof; after that the rest is "not proven"
 
@@ -137,21 +138,35 @@ class _Run:
         roots = self._place(np.arange(count), np.zeros(count), np.ones(count))
         far = self.bounds.over_all(roots)  # (P,)
         order, size = np.argsort(far, kind="stable"), max(MOST_ITEMS // count, 1)
-        for first in range(0, len(order), size):
-            pairs = order[first : first + size]
+        grouped, first = self.bounds.by_groups(roots), 0
+        while first < len(order):
+            more = size if grouped is None or first == 0 else WIDER * size  # groups leave few of their items
+            pairs, first = order[first : first + more], first + more
             group = self.pairs.group[pairs]
             done = far[pairs] >= self._enough(pairs)
             for which in (0, 1):
                 self.clearance[which] = min(
                     self.clearance[which], float(far[pairs[done & (group == which)]].min(initial=np.inf))
                 )
-            nodes, items = roots, Items.all(count, pairs[~done]) if not done.all() else None
+            nodes, items = roots, self._left(count, pairs[~done], grouped) if not done.all() else None
             while items:
                 items = self._examine(nodes, items)
                 if self._settled():
                     return
                 if items:
                     nodes, items = self._halve(nodes, items)
+
+    def _left(self, count: int, pairs: Index, grouped: tuple[Array, Index] | None) -> Items:
+        """Return the pairs on all intervals, without those that the balls around groups settle."""
+        if grouped is None:
+            return Items.all(count, pairs)
+        bounds, column = grouped
+        bound = np.where(column[pairs] < 0, -np.inf, bounds[:, column[pairs]])  # (k, pairs)
+        open_ones = (bound < self._enough(pairs)) | (bound <= 0.0)
+        settled = bound[~open_ones]  # of pairs with obstacles
+        self.clearance[0] = min(self.clearance[0], float(settled.min(initial=np.inf)))
+        node, row = np.nonzero(open_ones)
+        return Items(node, pairs[row], bound[open_ones], np.zeros((len(node), 3)))
 
     def _look_at(self, interval: int, fraction: float) -> None:
         """Record how close the pairs are at one place, those whose balls come too close there."""

@@ -22,7 +22,11 @@ from hdplan.planner.certificate import bounds_loop
 from hdplan.planner.certificate.exact_proximity import DOUBTFUL, best_direction, directions
 from hdplan.planner.certificate.intervals import Bodies, Index, Intervals, Pairs
 from hdplan.planner.certificate.rounding import ROUNDING
+from hdplan.planner.geometry.cells import grouped
 from hdplan.planner.motion.motion_bounds import Array, Mask, Motion, cross
+
+MANY = 500  # bodies that stand, from which on it is worth while to bound groups of them
+GROUP = 0.25  # [m] edge of the cubes whose bodies make a group
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +76,38 @@ class Bounds:
         local = np.einsum("pba,pb->pa", nodes.rotation[second], middle[first] - nodes.center[second])
         outside = np.maximum(np.abs(local) - bodies.half[b], 0.0)
         return np.where(still[b], np.linalg.norm(outside, axis=1) - radius[first] - ROUNDING, -np.inf)
+
+    def by_groups(self, nodes: Intervals) -> tuple[Array, Index] | None:
+        """Return bounds (k, c) [m] over each interval, of bodies' bounding balls to balls around groups of what stands,
+        and which of these columns bounds each pair (P,), −1 for none; None where little stands."""
+        if self._grouped is None:
+            return None
+        middles, radii, column = self._grouped
+        links, _ = self._first
+        rows = nodes.row(np.arange(len(nodes.interval))[:, None], links)  # (k, links)
+        away = np.linalg.norm(nodes.center[rows][:, :, None] - middles, axis=3) - radii  # (k, links, groups)
+        bound = away - (nodes.moved[rows] + self.bodies.radius[links])[:, :, None] - ROUNDING
+        return bound.reshape(len(nodes.interval), -1), column
+
+    @cached_property
+    def _grouped(self) -> tuple[Array, Array, Index] | None:
+        """Balls around what stands, by the cubes of a grid: their middles (g, 3) and radii (g,) [m], and the column of
+        each pair's first body and group (P,)."""
+        bodies, (_, first) = self.bodies, self._first
+        still = ~(bodies.chain.carried_by[bodies.joint].any(axis=1) | bodies.drifting)
+        standing = np.flatnonzero(still & np.isin(np.arange(len(still)), self.pairs.b))
+        if len(standing) < MANY:
+            return None
+        center, radius = bodies.standing[2][standing], bodies.radius[standing]
+        order, begin = grouped(center, GROUP)
+        low = np.minimum.reduceat((center - radius[:, None])[order], begin)
+        middles = 0.5 * (low + np.maximum.reduceat((center + radius[:, None])[order], begin))
+        group = np.repeat(np.arange(len(begin)), np.diff(np.append(begin, len(order))))
+        reach = np.linalg.norm(center[order] - middles[group], axis=1) + radius[order]
+        of_body = np.full(len(still), -1)
+        of_body[standing[order]] = group
+        own = np.where(self.pairs.group == 0, of_body[self.pairs.b], -1)
+        return middles, np.maximum.reduceat(reach, begin), np.where(own < 0, -1, first * len(begin) + own)
 
     def by_ball(self, nodes: Intervals, items: Items) -> tuple[Array, Array]:
         """Return a bound (i,) over the interval and the direction (i, 3) from b to a: from a's bounding ball to b's

@@ -240,3 +240,29 @@ def _hull(points: Array) -> Piece:
 def _unit(rng: np.random.Generator, count: int) -> Array:
     found = rng.normal(size=count)
     return np.asarray(found / np.linalg.norm(found))
+
+
+def test_groups_of_cells_settle_nothing_that_is_not_settled_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With balls around groups of bodies, and without: the same verdict, and nearly the same bound."""
+    rng, robot = np.random.default_rng(3), load_robot("panda")
+    statuses = set()
+    for _ in range(6):
+        start, goal = 0.4 * robot.draw(rng, 2) + 0.3 * (robot.lower + robot.upper)
+        points = np.concatenate([cloud_around(rng, 300), rng.uniform([-1, -1, -0.3], [1, 1, -0.2], size=(6000, 3))])
+        scene = scene_of("panda", Obstacle("view", Cloud(points, 0.004), TURNED), start, goal)
+        motion = Trajectory(robot.joint_names, np.linspace(start, goal, 20))
+        certifier = Certifier(Setup.of(scene))
+        nodes_bounds = certifier.sweep.bounds
+        assert nodes_bounds._grouped is not None
+        found = certifier.certify(motion, check_ends=False, required=0.0)
+        monkeypatch.setattr("hdplan.planner.certificate.interval_bounds.MANY", 10**9)
+        alone = Certifier(Setup.of(scene)).certify(motion, check_ends=False, required=0.0)
+        monkeypatch.undo()
+        statuses.add(found.status)
+        assert found.status is alone.status
+        if found.clearance is not None:
+            assert alone.clearance is not None
+            assert found.clearance == pytest.approx(alone.clearance, rel=0.1, abs=1e-3)
+            truth = least(robot, scene.obstacles[0], motion, 100)
+            assert found.clearance <= truth + 1e-6
+    assert len(statuses) == 2
