@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from hdplan.scenes.errors import HdplanError, naming
-from hdplan.scenes.files import read_file
+from hdplan.scenes.errors import HdplanError, InputError, naming
+from hdplan.scenes.files import Stamps, read_file, stamps_of
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import FilePath
 from hdplan.scenes.yaml_format.reader import find_scene, load_scene
 from hdplan.scenes.yaml_format.variants import load_variant
 from hdplan.scenes.yaml_format.writer import scene_text
+
+NAMED = re.compile(rb"""\b(?:file|urdf|srdf)["']?:\s*(?:"([^"\n]+)"|'([^'\n]+)'|([^\s"'{}\[\],][^,}\n#]*))""")
+"""What a scene's file names beside itself."""
 
 
 @dataclass(frozen=True)
@@ -39,18 +45,39 @@ class Job:
 
     @property
     def hashed(self) -> str:
-        """SHA-256 of what it is read from; empty for a file that cannot be read."""
+        """SHA-256 of what it is read from, with the files that are named there; empty for one that cannot be read."""
         digest = hashlib.sha256()
         try:
             if isinstance(self.scene, Scene):
-                digest.update(scene_text(self.scene).encode())
+                _take(digest, scene_text(self.scene).encode(), Path())
             else:
                 for file in (find_scene(self.scene), self.request, self.robot):
-                    digest.update(read_file(file) if file else b"\0")
+                    if file is None:
+                        digest.update(b"\0")
+                    else:
+                        _take(digest, read_file(file), file.parent)
         except (HdplanError, UnicodeEncodeError):
             return ""
         digest.update(repr(self.fields).encode())
         return digest.hexdigest()
+
+
+def _take(digest: Any, content: bytes, folder: Path) -> None:
+    """Add the content of a scene's file to a digest, and that of the files that it names: robots, meshes, clouds."""
+    digest.update(content)
+    for name in sorted({b"".join(found) for found in NAMED.findall(content)}):
+        file = folder / name.decode(errors="replace").strip()
+        digest.update(_hash_of(file, stamps_of([file])))
+
+
+@functools.lru_cache(maxsize=4096)
+def _hash_of(file: Path, stamps: Stamps) -> bytes:
+    """SHA-256 of a file's content, computed again when it was written again; empty for one that cannot be read, which
+    is found when the problem is."""
+    try:
+        return hashlib.sha256(read_file(file)).digest()
+    except InputError:
+        return b""
 
 
 def located(path: FilePath) -> Path:

@@ -134,3 +134,23 @@ def test_a_scenes_hash_tells_long_lists_apart() -> None:
         return Job("x", "", hdplan.Scene(robot="panda", obstacles=[obstacle], start="default", goal=[0.0] * 7))
 
     assert cloud(0.7).hashed == cloud(0.7).hashed != cloud(0.71).hashed
+
+
+@pytest.mark.parametrize("quoted", ["{}", '"{}"', "'{}'"])
+@pytest.mark.parametrize("key", ["file", '"file"'])
+def test_the_hash_is_also_that_of_the_files_that_are_named(quoted: str, key: str) -> None:
+    """A cloud or a mesh that was written again is another problem; reading it is left to the one who solves it."""
+    entry = f"- {{name: view, cloud: {{{key}: {quoted.format('my scan.xyz')}, radius: 0.01}}}}"
+    ends = "start: {state: default}\ngoal: {state: default}\n"
+    write("one.yaml", f"hdplan: 1\nrobot: {{name: panda}}\nobstacles:\n  {entry}\n{ends}")
+    write("my scan.xyz", "0 0 2\n")
+    by_file = Job("x", "", Path("one.yaml").absolute())
+    made = Job("x", "", load_scene("one.yaml"))
+    before = by_file.hashed, made.hashed
+    assert before == (by_file.hashed, made.hashed)
+    write("my scan.xyz", "0 0 3\n1 1 3\n")
+    after = by_file.hashed, made.hashed
+    assert before[0] != after[0]
+    assert before[1] != after[1]
+    Path("my scan.xyz").unlink()
+    assert by_file.hashed not in ("", before[0], after[0])
