@@ -10,6 +10,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
+from hdplan.planner.geometry.cells import grouped
 from hdplan.planner.geometry.clouds import load_balls
 from hdplan.planner.geometry.shapes import operations
 from hdplan.planner.robot.robot import Robot
@@ -22,7 +23,8 @@ from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.obstacles import Obstacle, Seen
 from hdplan.scenes.scene import Scene
 
-DOUBTFUL = 1e-6  # [m] coal's distance and that of its own witness points differ by more only where coal is wrong
+SHARE = 0.75  # of the margin: edge of the cubes whose points are settled together
+DOUBTFUL = 1e-5  # [m] coal's distance and that of its own witness points differ by more only where coal is wrong
 
 Placed = tuple[Any, Array]  # coal's geometry, and its placement in the world (4, 4)
 
@@ -116,16 +118,38 @@ def _robot_at_start(robot: Robot, scene: Scene, links: tuple[str, ...]) -> Seque
 
 def _within(geometry: Any, pose: Array, points: Array, margin: float, asked: Mask) -> Mask:
     """Tell which of the points (m, 3) are within `margin` [m] of a solid. A doubtful point is not: it stays an
-    obstacle."""
+    obstacle.
+
+    A distance changes by no more than one moves: that of the middle of a small cube settles most of the points in it.
+    """
     local = (points - pose[:3, 3]) @ pose[:3, :3]
     geometry.computeLocalAABB()
     box = geometry.aabb_local
     found: Mask = asked & ((local >= box.min_ - margin) & (local <= box.max_ + margin)).all(axis=1)
-    point, request, result = coal.Sphere(0.0), coal.DistanceRequest(), coal.DistanceResult()
-    here = coal.Transform3s(np.eye(3), np.zeros(3))
-    for row in np.flatnonzero(found).tolist():
-        result.clear()
-        value = coal.distance(geometry, here, point, coal.Transform3s(np.eye(3), local[row]), request, result)
-        away = float(np.linalg.norm(result.getNearestPoint1() - local[row]))
-        found[row] = value <= margin and (value <= 0.0 or abs(away - value) <= DOUBTFUL)
+    rows = np.flatnonzero(found)
+    if len(rows) and margin > 0.0:
+        order, first = grouped(local[rows], SHARE * margin)
+        rows, count = rows[order], np.diff(np.append(first, len(rows)))
+        low, high = np.minimum.reduceat(local[rows], first), np.maximum.reduceat(local[rows], first)
+        middle = 0.5 * (low + high)
+        away = np.linalg.norm(local[rows] - np.repeat(middle, count, axis=0), axis=1)
+        least, most = (np.repeat(each, count) for each in _distances(geometry, middle))
+        found[rows] = most + away <= margin
+        rows = rows[(most + away > margin) & (least - away <= margin)]
+    _, distance = _distances(geometry, local[rows])
+    found[rows] = distance <= margin
     return found
+
+
+def _distances(geometry: Any, points: Array) -> tuple[Array, Array]:
+    """Return bounds (k,) [m] of the distances of points (k, 3) from a solid, 0 inside: those of coal, and where it
+    contradicts itself 0 and infinity."""
+    point, request, result = coal.Sphere(0.0), coal.DistanceRequest(), coal.DistanceResult()
+    here, least, most = coal.Transform3s(np.eye(3), np.zeros(3)), np.zeros(len(points)), np.zeros(len(points))
+    for row, place in enumerate(points):
+        result.clear()
+        value = coal.distance(geometry, here, point, coal.Transform3s(np.eye(3), place), request, result)
+        away = float(np.linalg.norm(result.getNearestPoint1() - place))
+        sure = abs(away - abs(value)) <= DOUBTFUL  # false for what is not a number, too
+        least[row], most[row] = (max(value, 0.0), max(value, 0.0)) if sure else (0.0, np.inf)
+    return least, most
