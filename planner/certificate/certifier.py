@@ -18,13 +18,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hdplan.planner.certificate.cloud_pieces import box_pieces, moving_box_pieces, moving_pieces, standing_pieces
 from hdplan.planner.certificate.collision_proof import Proof, Spot, Sweep
 from hdplan.planner.certificate.end_check import EndCheck
-from hdplan.planner.certificate.exact_proximity import link_pieces, obstacle_pieces
-from hdplan.planner.certificate.intervals import Bodies, Body, Pairs
+from hdplan.planner.certificate.intervals import Bodies, Pairs
 from hdplan.planner.certificate.limit_checks import limit_checks
 from hdplan.planner.certificate.rounding import refuse_far_bodies, refuse_large_motion
+from hdplan.planner.certificate.solids import link_bodies, obstacle_bodies
 from hdplan.planner.certificate.verdict import (
     Certificate,
     Closest,
@@ -35,8 +34,6 @@ from hdplan.planner.certificate.verdict import (
     complaints,
     proven,
 )
-from hdplan.planner.geometry.clouds import load_balls
-from hdplan.planner.geometry.voxel_grids import load_boxes
 from hdplan.planner.motion.curve import Curve
 from hdplan.planner.motion.motion_bounds import Chain
 from hdplan.planner.motion.robot_curve import beyond_limits, curve_of
@@ -44,18 +41,15 @@ from hdplan.planner.motion.trajectory import Trajectory
 from hdplan.planner.robot.robot import Robot
 from hdplan.planner.robot.setup import Setup
 from hdplan.scenes.arrays import joint_numbers
-from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.deadline import check_time
 from hdplan.scenes.errors import InputError, naming
-from hdplan.scenes.obstacles import Obstacle, Seen
-from hdplan.scenes.once import made_once, read_only
+from hdplan.scenes.once import made_once
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import Number, checked, instance
 
 if TYPE_CHECKING:
     from hdplan.planner.certificate.path_check import Departure, PathCheck
-    from hdplan.scenes.obstacle_motion import ObstacleMotion
 
 Array = NDArray[np.float64]
 
@@ -103,7 +97,7 @@ class Certifier:
         """Collect the links, the obstacles and the pairs to be kept apart."""
         scene, robot = setup.scene, setup.robot
         self.setup, self.scene, self.robot = setup, scene, robot
-        bodies = list(_link_bodies(robot))
+        bodies = list(link_bodies(robot))
         links: dict[str, list[int]] = {link: [] for link in robot.links}
         for row, body in enumerate(bodies):
             links[body.name].append(row)
@@ -111,7 +105,7 @@ class Certifier:
         for obstacle in scene.obstacles:
             check_time("reading the scene's shapes for the certificate")
             with naming(scene.source):
-                bodies.extend(_obstacle_bodies(obstacle))
+                bodies.extend(obstacle_bodies(obstacle))
         obstacles = len(bodies) - count
         rows = np.zeros((count * obstacles, 3), dtype=np.int64)
         rows[:, 0], rows[:, 1] = np.repeat(np.arange(count), obstacles), np.tile(np.arange(obstacles), count) + count
@@ -315,43 +309,7 @@ def _chain(robot: Robot) -> Chain:
     return Chain.of(robot.model)
 
 
-@made_once(8)
-def _link_bodies(robot: Robot) -> tuple[Body, ...]:
-    """Return the pieces of the links' collision geometry; once per robot, as meshes take long."""
-    items = [(link, robot.collision.geometryObjects[i]) for link, own in robot.link_geometry.items() for i in own]
-    return tuple(
-        Body(link, piece, int(item.parentJoint), item.placement.homogeneous)
-        for link, item in items
-        for piece in link_pieces(item.geometry, item.name)
-    )
-
-
-def _obstacle_bodies(obstacle: Obstacle) -> list[Body]:
-    """Return the pieces of an obstacle's true shape. Raises InputError for files that cannot be used."""
-    name, pose, motion = obstacle.name, obstacle.pose.matrix, _motion_of(obstacle)
-    where, shape = f"obstacles.{name}", obstacle.shape
-    if not isinstance(shape, Seen):
-        return [Body(name, piece, 0, pose, motion) for piece in obstacle_pieces(obstacle)]
-    if motion is not None:
-        if isinstance(shape, Cloud):
-            return [Body(name, piece, 0, pose, motion) for piece in moving_pieces(load_balls(shape, where))]
-        return [Body(name, piece, 0, pose, motion) for piece in moving_box_pieces(load_boxes(shape, where))]
-    pieces, frames = (
-        standing_pieces(load_balls(shape, where)) if isinstance(shape, Cloud) else box_pieces(load_boxes(shape, where))
-    )
-    return [Body(name, piece, 0, place) for piece, place in zip(pieces, read_only(pose @ frames), strict=True)]
-
-
 def _path_check(setup: Setup, chain: Chain) -> PathCheck:
     from hdplan.planner.certificate.path_check import PathCheck
 
     return PathCheck(setup, chain)
-
-
-def _motion_of(obstacle: Obstacle) -> ObstacleMotion | None:
-    """Return how an obstacle moves; None if it is static."""
-    if obstacle.motion is None:
-        return None
-    from hdplan.scenes.obstacle_motion import ObstacleMotion
-
-    return ObstacleMotion.of(obstacle)

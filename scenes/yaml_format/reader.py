@@ -24,7 +24,6 @@ from hdplan.scenes.robot_files.urdf_text import ENDINGS
 from hdplan.scenes.robot_spec import PlanarBase, RobotSpec
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.values import FilePath, checked, path_of
-from hdplan.scenes.yaml_format.clouds import read_cloud, read_depth, read_octomap, read_voxels
 from hdplan.scenes.yaml_format.effects import (
     read_limits,
     read_motion,
@@ -33,6 +32,7 @@ from hdplan.scenes.yaml_format.effects import (
     read_self_collision,
     read_timing,
 )
+from hdplan.scenes.yaml_format.seen import read_cloud, read_depth, read_octomap, read_voxels
 from hdplan.scenes.yaml_format.settings import read_settings
 from hdplan.scenes.yaml_format.shapes import read_shape
 from hdplan.scenes.yaml_format.targets import read_goal, read_target

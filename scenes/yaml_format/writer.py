@@ -17,7 +17,7 @@ from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
 from hdplan.scenes.targets import AllOf, Goals, JointTarget, PoseTarget
-from hdplan.scenes.yaml_format.clouds import seen_entry
+from hdplan.scenes.yaml_format.seen import seen_entry
 from hdplan.scenes.yaml_format.shapes import shape_entry
 from hdplan.scenes.yaml_text import flow_style
 
