@@ -45,6 +45,11 @@ def checked_grid(grid: np.ndarray) -> np.ndarray:
     return found
 
 
+def map_source(value: object) -> Path | bytes:
+    """Return an octomap's file, as an absolute path, or its content."""
+    return value if isinstance(value, bytes) else absolute_path(value)
+
+
 @dataclass(frozen=True, repr=False)
 class Voxels(Checked):
     """A grid of cubes of edge `size` [m], from a file or an array (x, y, z) that is true where something is; `origin`
@@ -72,11 +77,11 @@ class Voxels(Checked):
 
 @dataclass(frozen=True, repr=False)
 class OctoMap(Checked):
-    """An octomap's file, .bt (binary) or .ot (with probabilities, of which at least 0.5 means occupied), in its own
-    frame. What it does not know is free, or with `unknown: occupied` an obstacle within the box around all that it
-    knows. In a scene's list of obstacles it may carry its own name and pose."""
+    """An octomap, by its file or that file's content: .bt (binary) or .ot (with probabilities, of which at least 0.5
+    means occupied), in its own frame. What it does not know is free, or with `unknown: occupied` an obstacle within the
+    box around all that it knows. In a scene's list of obstacles it may carry its own name and pose."""
 
-    file: Annotated[Path, absolute_path]
+    source: Annotated[Path | bytes, map_source]
     unknown: Annotated[str, Choice(("free", "occupied"))] = "free"
     name: Name | None = field(default=None, kw_only=True)
     pose: Placement | None = field(default=None, kw_only=True)
@@ -84,7 +89,12 @@ class OctoMap(Checked):
     if TYPE_CHECKING:
 
         def __init__(
-            self, file: FilePath, unknown: str = "free", *, name: str | None = None, pose: AnyPose | None = None
+            self,
+            source: FilePath | bytes,
+            unknown: str = "free",
+            *,
+            name: str | None = None,
+            pose: AnyPose | None = None,
         ) -> None: ...
 
 

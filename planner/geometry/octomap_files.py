@@ -19,7 +19,7 @@ from hdplan.scenes.files import read_file
 
 DEPTH = 16  # of the tree
 FREE, OCCUPIED, INNER = 1, 2, 3  # of a child's two bits in a .bt file; 0 is unknown
-KINDS = {"bt": "# Octomap OcTree binary file", "ot": "# Octomap OcTree file"}
+BINARY, FULL = "# Octomap OcTree binary file", "# Octomap OcTree file"  # first lines of .bt and .ot
 
 
 class Leaves(NamedTuple):
@@ -31,15 +31,14 @@ class Leaves(NamedTuple):
     occupied: Mask  # (k,) or else free
 
 
-def read_octomap(path: Path) -> Leaves:
-    """Read the leaves of an octomap. Raises InputError for a file that is missing, damaged, or of another kind."""
-    ending = path.suffix.lower().lstrip(".")
-    if ending not in KINDS:
-        raise InputError(f"format '{path.suffix}' is not known (allowed: .bt, .ot)")
-    head, _, data = read_file(path).partition(b"\ndata\n")
+def read_octomap(source: Path | bytes) -> Leaves:
+    """Read the leaves of an octomap's file, or of its content. Raises InputError for a file that is missing, damaged,
+    or of another kind."""
+    head, _, data = (source if isinstance(source, bytes) else read_file(source)).partition(b"\ndata\n")
     lines = head.decode("ascii", errors="replace").splitlines()
-    if not lines or lines[0].strip() != KINDS[ending]:
-        raise InputError(f"does not begin with '{KINDS[ending]}'")
+    kind = lines[0].strip() if lines else ""
+    if kind not in (BINARY, FULL):
+        raise InputError(f"begins neither with '{BINARY}' nor with '{FULL}'")
     said = dict(line.split(None, 1) for line in lines if not line.startswith("#") and len(line.split()) == 2)
     if said.get("id") != "OcTree":
         raise InputError(f"is a tree of kind '{said.get('id', '')}'; OcTree is read")
@@ -50,7 +49,7 @@ def read_octomap(path: Path) -> Leaves:
     if not 0.0 < resolution <= 1e6:
         raise InputError(f"has the resolution '{said.get('res', '')}'; a number greater than 0 [m] is needed")
     try:
-        found = _binary(data) if ending == "bt" else _full(data)
+        found = _binary(data) if kind == BINARY else _full(data)
     except (IndexError, struct.error):
         raise InputError("is cut short") from None
     if not found:

@@ -22,16 +22,15 @@ def load_boxes(shape: Map, field: str) -> FixedArray:
 
     Raises InputError for a file that is missing, damaged, too large or without an occupied cell.
     """
-    source = shape.file if isinstance(shape, OctoMap) else shape.occupied
-    if isinstance(source, FixedArray):
-        return _boxes(shape, ())
-    with naming(f"{field}.{'octomap' if isinstance(shape, OctoMap) else 'voxels'}: {source}"):
-        return _boxes(shape, stamps_of([source]))
+    source = shape.source if isinstance(shape, OctoMap) else shape.occupied
+    where = f"{field}.{'octomap' if isinstance(shape, OctoMap) else 'voxels'}"
+    with naming(f"{where}: {source}" if isinstance(source, Path) else where):
+        return _boxes(shape, stamps_of([source] if isinstance(source, Path) else []))
 
 
 def map_words(shape: Map, field: str) -> str:
     """Return what `hdplan explain` says of a map. Raises InputError as `load_boxes`."""
-    source = shape.file if isinstance(shape, OctoMap) else shape.occupied
+    source = shape.source if isinstance(shape, OctoMap) else shape.occupied
     kind = "octomap" if isinstance(shape, OctoMap) else "voxels"
     return f"{kind}{f' of {source.name}' if isinstance(source, Path) else ''}"
 
@@ -71,7 +70,7 @@ def merged(grid: Mask) -> tuple[Rows, Rows]:
 def _of_octomap(shape: OctoMap) -> tuple[Mask, float, Array]:
     """Return the grid of an octomap around its occupied cells, or around all that it knows, the edge of its cells [m]
     and its lower corner."""
-    leaves = read_octomap(shape.file)
+    leaves = read_octomap(shape.source)
     free = shape.unknown == "free"
     shown = leaves.occupied if free else np.ones(len(leaves.size), dtype=bool)
     if not shown.any():

@@ -61,7 +61,7 @@ MESSAGES: Mapping[str, Mapping[str, Use]] = {
         "binary": UNDERSTOOD,
         "id": UNDERSTOOD,
         "resolution": UNDERSTOOD,
-        "data": Refused("octomaps are not supported yet"),
+        "data": UNDERSTOOD,
     },
     "CollisionObject": {
         "header": "Header",

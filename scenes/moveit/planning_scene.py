@@ -18,6 +18,7 @@ from hdplan.scenes.moveit.constraints import read_goal_constraints, read_path_co
 from hdplan.scenes.moveit.fields import MESSAGES, check_message
 from hdplan.scenes.moveit.frames import Frames, same_place
 from hdplan.scenes.moveit.messages import read_message_pose, read_primitive, read_transform
+from hdplan.scenes.moveit.octomap import read_octomap
 from hdplan.scenes.obstacles import Obstacle, Seen
 from hdplan.scenes.path_constraints import PathConstraints
 from hdplan.scenes.poses import Pose, compose
@@ -129,6 +130,10 @@ def _world(section: Field, frames: Frames) -> dict[str, Obstacle]:
             if obstacle.name in obstacles:
                 raise entry.error(f"the name {obstacle.name!r} is taken by an earlier object; names must differ")
             obstacles[obstacle.name] = obstacle
+    if "octomap" in keys and (found := read_octomap(keys["octomap"], frames)):
+        if found.name in obstacles:
+            raise keys["octomap"].error(f"its name {found.name!r} is taken by an object; names must differ")
+        obstacles[found.name] = found
     return obstacles
 
 

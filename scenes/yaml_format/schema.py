@@ -73,6 +73,7 @@ LISTS: Mapping[Check, Schema] = {  # what else holds of lists
     rising_times: {"minItems": 2},
     group_of: {"minItems": 1, "uniqueItems": True},
 }
+BASE64 = r"^([A-Za-z0-9+/]{4})*([A-Za-z0-9+/]{2}==|[A-Za-z0-9+/]{3}=|[A-Za-z0-9+/]{4})$"
 BEYOND = 1e308  # only infinity is greater
 PLAIN: Mapping[Check, Schema] = {
     text: TEXT,
@@ -185,7 +186,7 @@ def _obstacle() -> Schema:
     """Return an obstacle's section: a shape, or in its place a cloud or a depth image."""
     section = _section(Obstacle, pose=_pose(), shape=_shape(), motion=_motion())
     solids = {"shape": section["properties"].pop("shape"), "cloud": _cloud(), "depth": _depth()}
-    solids |= {"octomap": _section(OctoMap, without=("name", "pose")), "voxels": _voxels()}
+    solids |= {"octomap": _octomap(), "voxels": _voxels()}
     keys = {"name": section["properties"].pop("name"), **{word: _nullable(each) for word, each in solids.items()}}
     section["properties"] = {**keys, **section["properties"]}
     del section["required"]
@@ -208,6 +209,14 @@ def _depth() -> Schema:
     own = {"file": _nullable(TEXT), "image": _nullable(image), **camera["properties"]}
     section["properties"] = {**own, **section["properties"], "radius": _nullable(_value(RADIUS))}
     return {**section, "required": ["intrinsics"], "oneOf": [_given("file"), _given("image")]}
+
+
+def _octomap() -> Schema:
+    """Return an octomap: its file, or the content of that in base64."""
+    section = _section(OctoMap, without=("source", "name", "pose"))
+    content = {"type": "string", "pattern": BASE64}
+    section["properties"] = {"file": _nullable(TEXT), "content": _nullable(content), **section["properties"]}
+    return {**section, "required": [], "oneOf": [_given("file"), _given("content")]}
 
 
 def _voxels() -> Schema:

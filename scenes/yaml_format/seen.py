@@ -4,6 +4,7 @@ size: 0.02}``."""
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -67,10 +68,20 @@ def read_voxels(section: Field) -> Voxels:
 
 
 def read_octomap(section: Field) -> OctoMap:
-    """Read the name of an octomap's file. Raises InputError as `read_cloud`."""
-    keys = section.mapping(("file", "unknown"), required=["file"])
-    found: OctoMap = section.make(OctoMap, **{**keys, "file": keys["file"].path()})
+    """Read the name of an octomap's file, or its content in base64. Raises InputError as `read_cloud`."""
+    keys = section.mapping(("file", "content", "unknown"))
+    if ("file" in keys) == ("content" in keys):
+        raise section.error("needs either file or content")
+    source = keys.pop("file").path() if "file" in keys else _bytes_in(keys.pop("content"))
+    found: OctoMap = section.make(OctoMap, **{**keys, "source": source})
     return found
+
+
+def _bytes_in(field: Field) -> bytes:
+    try:
+        return base64.b64decode(field.text(), validate=True)
+    except ValueError:
+        raise field.wrong("a text in base64") from None
 
 
 def seen_entry(shape: Seen, write_path: Callable[[Path], str]) -> dict[str, Any]:
@@ -78,7 +89,13 @@ def seen_entry(shape: Seen, write_path: Callable[[Path], str]) -> dict[str, Any]
     if isinstance(shape, Cloud):
         return _cloud_entry(shape, write_path)
     if isinstance(shape, OctoMap):
-        return {"octomap": {"file": write_path(shape.file), "unknown": shape.unknown}}
+        source = shape.source
+        named = (
+            {"content": base64.b64encode(source).decode()}
+            if isinstance(source, bytes)
+            else {"file": write_path(source)}
+        )
+        return {"octomap": {**named, "unknown": shape.unknown}}
     grid = shape.occupied
     where = {"file": write_path(grid)} if isinstance(grid, Path) else {"occupied": grid.array.astype(int).tolist()}
     return {"voxels": {**where, "size": shape.size, "origin": list(shape.origin)}}

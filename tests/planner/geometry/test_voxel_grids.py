@@ -163,11 +163,10 @@ def test_an_octomap_cut_anywhere_is_refused_in_one_line(tmp_path: Path, kind: st
 @pytest.mark.parametrize(
     ("name", "data", "words"),
     [
-        ("room.btx", b"", "format '.btx' is not known .allowed: .bt, .ot"),
         (
             "room.bt",
-            b"# Octomap OcTree file\nid OcTree\nsize 1\nres 0.1\ndata\n",
-            "does not begin with '# Octomap",
+            b"octomap\nid OcTree\nsize 1\nres 0.1\ndata\n",
+            "begins neither with '# Octomap OcTree binary file'",
         ),
         ("room.ot", b"# Octomap OcTree file\nid ColorOcTree\nsize 1\nres 0.1\ndata\n", "of kind 'ColorOcTree'; OcTree"),
         ("room.ot", b"# Octomap OcTree file\nid OcTree\nsize 1\nres x\ndata\n", "has the resolution 'x'"),
@@ -192,7 +191,9 @@ def test_grids_in_files_and_scenes(tmp_path: Path) -> None:
         Voxels(tmp_path / "grid.npz", 0.1, [0, 0, 1]),
         Voxels(grid, 0.1),
         OctoMap(tmp_path / "room.bt", "occupied"),
+        held := OctoMap(written(cells_of(0), "bt")),
     ]
+    assert load_boxes(OctoMap(tmp_path / "room.bt"), "") == load_boxes(held, "")
     scene = Scene(robot="panda", obstacles=[*shapes, Box([1, 1, 1])], start="default", goal="default")
     scene.save(tmp_path / "saved.yaml")
     assert load_scene(tmp_path / "saved.yaml") == scene

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import copy
 import math
 from pathlib import Path
@@ -16,6 +17,7 @@ from hdplan.scenes.errors import InputError
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.robot_spec import RobotSpec
 from hdplan.scenes.shapes import Box, Cylinder, Sphere
+from hdplan.scenes.voxel_grids import OctoMap
 from hdplan.scenes.yaml_format.reader import load_scene
 
 MBM = Path(__file__).parents[4] / "shared" / "mbm"
@@ -157,6 +159,44 @@ def test_empty_messages_are_no_constraints(files: Files) -> None:
     assert files.load().notes == ()
 
 
+@pytest.mark.parametrize("form", ["signed", "unsigned", "base64", "binary"])
+def test_an_octomap_is_an_obstacle(files: Files, form: str) -> None:
+    """A map of one occupied corner of eight, as octomap_msgs has it, 0.4 m to each side."""
+    data = bytes([0xFE, 0xFF])
+    forms = {
+        "signed": [-2, -1],
+        "unsigned": [254, 255],
+        "base64": base64.b64encode(data).decode(),
+        "binary": data,
+    }
+    octomap = {"binary": True, "id": "OcTree", "resolution": 0.1, "data": forms[form]}
+    origin = {"position": {"x": 1.0, "y": 0.0, "z": 0.5}, "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
+    files.edit("scene", "world.octomap", {"header": {"frame_id": ""}, "origin": origin, "octomap": octomap})
+    found = files.load().obstacles[-1]
+    assert found.name == "<octomap>"
+    assert found.pose.position == (1.0, 0.0, 0.5)
+    assert isinstance(found.shape, OctoMap)
+    assert isinstance(found.shape.source, bytes)
+    assert found.shape.source.endswith(data)
+    assert b"res 0.1\n" in found.shape.source
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("id", "ColorOcTree", "must be OcTree"),
+        ("resolution", 0.0, "octomap.resolution: must be a finite number greater than 0"),
+        ("data", [300], "octomap.data: must be a list of bytes"),
+        ("data", "%%%", "octomap.data: must be a list of bytes"),
+        ("data", 7, "octomap.data: must be a list of bytes"),
+    ],
+)
+def test_bad_octomaps_are_refused(files: Files, key: str, value: Any, words: str) -> None:
+    octomap = {"binary": True, "id": "OcTree", "resolution": 0.1, "data": [1, 2], key: value}
+    with pytest.raises(InputError, match=words):
+        files.edit("scene", "world.octomap", {"octomap": octomap}).load()
+
+
 def test_a_link_that_may_touch_an_object_is_told(files: Files) -> None:
     matrix = {"entry_names": ["link0", "can"], "entry_values": [[True, True], [True, True]]}
     (note,) = files.edit("scene", "allowed_collision_matrix", matrix).load().notes
@@ -257,7 +297,7 @@ HELD = "robot_state.attached_collision_objects"
 OBJECT = "world.collision_objects.1"
 REFUSED = [
     ("scene", "worlds", {}, ["unknown key 'worlds'", "'world'"]),
-    ("scene", "world.octomap.octomap.data", [1, 2], ["world.octomap", "octomaps are not supported"]),
+    ("scene", "world.octomap.octomap.data", [1, 2], ["world.octomap", "must be OcTree"]),
     ("scene", f"{OBJECT}.primitves", [], ["collision_objects[1]: ", "'primitves'", "'primitives'"]),
     (
         "scene",
@@ -280,8 +320,8 @@ REFUSED = [
     ("scene", f"{OBJECT}.header.frame_id", "panda_lik0", ["header.frame_id: ", "'panda_lik0'", "'panda_link0'"]),
     ("scene", f"{OBJECT}.primitives.0.type", True, ["primitives[0].type: ", "box, cylinder or sphere", "true"]),
     ("scene", f"{OBJECT}.meshes", "box.stl", ["collision_objects[1].meshes: ", "not supported"]),
-    ("scene", "world.octomap.octomap.data", b"\x01\x02", ["world.octomap", "octomaps are not supported"]),
-    ("scene", "world.octomap.octomap.data", "AQI=", ["world.octomap", "octomaps are not supported"]),
+    ("scene", "world.octomap.octomap.data", b"\x01\x02", ["world.octomap", "must be OcTree"]),
+    ("scene", "world.octomap.octomap.data", "AQI=", ["world.octomap", "must be OcTree"]),
     ("scene", "is_diff", True, ["is_diff: ", "whole scene"]),
     ("scene", "allowed_collision_matrix.entry_values.0", [True], ["entry_values[0]: ", "list of 2", "list of 1"]),
     ("scene", "allowed_collision_matrix.entry_values", [], ["entry_values", "list of 0"]),

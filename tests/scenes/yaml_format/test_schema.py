@@ -48,6 +48,7 @@ obstacles:
   - {name: depth, depth: {file: hook.obj, intrinsics: [1, 1, 0, 0], scale: 0.01, range: [0, 1], radius: 0.1}}
   - {name: here, depth: {image: [[1, 2], [3, .nan]], intrinsics: [1, 1, 0, 0], ignore: {obstacle: a, margin: 0.1}}}
   - {name: map, octomap: {file: hook.obj, unknown: occupied}}
+  - {name: held, octomap: {content: AQI=}}
   - {name: grid, voxels: {file: hook.obj, size: 0.1, origin: [0, 0, 1]}}
   - {name: cell, voxels: {occupied: [[[1, 0]]], size: 0.1}}
   - {name: last, cloud: {points: [[1, 0, 0]], radius: 0.01, ignore: {link: b, margin: 0.1}}, clearance: 0.1}

@@ -1,0 +1,50 @@
+"""The octomap of a planning scene: octomap_msgs/Octomap, as the file that it would be."""
+
+from __future__ import annotations
+
+import base64
+
+from hdplan.scenes.fields import Field
+from hdplan.scenes.moveit.fields import MESSAGES
+from hdplan.scenes.moveit.frames import Frames
+from hdplan.scenes.moveit.messages import read_message_pose
+from hdplan.scenes.obstacles import Obstacle
+from hdplan.scenes.poses import compose
+from hdplan.scenes.voxel_grids import OctoMap
+
+NAME = "<octomap>"  # by which MoveIt calls it, as in the allowed collision matrix
+HEADS = {True: b"# Octomap OcTree binary file", False: b"# Octomap OcTree file"}
+
+
+def read_octomap(section: Field, frames: Frames) -> Obstacle | None:
+    """Return the map as an obstacle, what it does not know being free; None if it holds nothing. Raises InputError for
+    another kind of tree, and for data that are no bytes."""
+    placed = section.mapping(MESSAGES["OctomapWithPose"])
+    said = placed["octomap"].mapping(MESSAGES["Octomap"]) if "octomap" in placed else {}
+    data = _bytes(said["data"]) if "data" in said else b""
+    if not data:
+        return None
+    if "id" not in said or said["id"].value != "OcTree":
+        raise said.get("id", section).error("must be OcTree, the kind of octomap that is read")
+    if "resolution" not in said:
+        raise section.error("the key 'octomap.resolution' is missing")
+    resolution = said["resolution"].number(above=0.0, unit="m")
+    binary = said["binary"].boolean() if "binary" in said else False
+    content = HEADS[binary] + f"\nid OcTree\nsize 0\nres {resolution!r}\ndata\n".encode() + data
+    pose = compose(frames.of_header(placed.get("header")), read_message_pose(placed.get("origin")))
+    return Obstacle(NAME, OctoMap(content), pose)
+
+
+def _bytes(field: Field) -> bytes:
+    """Return bytes that are given as numbers (signed or not), as YAML's binary, or as a text in base64."""
+    value = field.value
+    if isinstance(value, bytes):
+        return value
+    if isinstance(value, list) and all(type(each) is int and -128 <= each <= 255 for each in value):
+        return bytes(each & 255 for each in value)
+    if isinstance(value, str):
+        try:
+            return base64.b64decode(value, validate=True)
+        except ValueError:
+            pass
+    raise field.wrong("a list of bytes, -128 to 255, or a text in base64")
