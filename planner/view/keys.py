@@ -85,6 +85,7 @@ class Keys:
         layers = [
             Key(str(i), str(i), f"Show or hide: {name}", partial(self._toggle, name))
             for i, name in enumerate(LAYERS, start=1)
+            if i < 10  # the others have no key
         ]
         return (
             Key("space", "space", "Play or pause", lambda _: viewer.panel.player.toggle()),

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hdplan.planner.proof.reading import ReadProof
+from hdplan.planner.view.boxes import BoxLayer
 from hdplan.planner.view.drawing.colors import COLLISION, OUTER
 from hdplan.planner.view.drawing.nodes import RobotNodes
 from hdplan.planner.view.drawing.skins import collision_skins, outer_skins
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 
 OPACITY = 0.45
-PLANE, LEFT_OUT = "separating plane", "points left out"
+PLANE, LEFT_OUT, BOXES = "separating plane", "points left out", "boxes of obstacles"
 LAYERS = {  # name: initially on, description
     "robot": (True, "visual meshes, as the URDF names them"),
     "obstacles": (True, "in their true shapes"),
@@ -30,6 +31,7 @@ LAYERS = {  # name: initially on, description
     "collision meshes": (False, "of the links, as the certificate sees them"),
     PLANE: (False, "that proves the closest pair apart on this part of the motion, as thick as the distance proven"),
     LEFT_OUT: (False, "points of clouds that are the robot's own image, or that of another obstacle (scene: ignore)"),
+    BOXES: (False, "around what the planner takes standing obstacles apart into: cells of clouds, pieces of meshes"),
 }
 
 
@@ -43,7 +45,7 @@ class Layers:
         for box in self._boxes.values():
             box.on_update(lambda _: viewer.worker.ask("layers", self._switch))
         self.bodies: dict[str, RobotNodes] = {}  # those that were requested
-        self.plane = PlaneLayer(viewer)
+        self.plane, self.boxes = PlaneLayer(viewer), BoxLayer(viewer)
 
     def on(self, name: str) -> bool:
         """Whether a layer is on."""
@@ -68,6 +70,7 @@ class Layers:
         for name, nodes in self.bodies.items():
             if self.on(name):
                 nodes.show(q)
+        self.boxes.show(self.on(BOXES))
 
     def _switch(self) -> None:
         viewer = self._viewer

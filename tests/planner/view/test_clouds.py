@@ -9,7 +9,7 @@ import numpy as np
 
 import hdplan
 from hdplan.planner.view.edits import placed
-from hdplan.planner.view.layers import LEFT_OUT
+from hdplan.planner.view.layers import BOXES, LEFT_OUT
 from hdplan.planner.view.things import Thing
 from hdplan.planner.view.viewer import Viewer
 from hdplan.scenes.clouds import Cloud
@@ -56,6 +56,25 @@ def test_it_is_selected_dragged_and_a_dragged_start_carves_nothing_out_of_it(ope
     assert isinstance(kept, Cloud)
     assert kept.points == shape.points
     assert low.contacts[0]
+
+
+def test_the_planners_boxes_are_drawn_on_request_and_follow_the_cloud(opened: Opener) -> None:
+    viewer = opened(seen())
+    boxes = viewer.panel.layers.boxes
+    assert boxes.node is None
+    viewer.panel.layers.set(BOXES, True)
+    viewer.worker.settle(PATIENCE)
+    assert boxes.node.visible
+    before = boxes.node.vertices
+    assert len(before) % 8 == 0
+    assert len(before) > 100
+    viewer.worker.ask("move", lambda: viewer.change(placed(viewer.edited, "view", (0.0, 0.0, -0.02))))
+    viewer.worker.ask("draw", viewer.panel.player.draw)
+    viewer.worker.settle(PATIENCE)
+    np.testing.assert_allclose(boxes.node.vertices, before - [0.0, 0.0, 0.02], atol=1e-6)
+    viewer.panel.layers.set(BOXES, False)
+    viewer.worker.settle(PATIENCE)
+    assert not boxes.node.visible
 
 
 def test_a_scene_with_a_cloud_is_saved_whole(tmp_path: Path) -> None:
