@@ -132,12 +132,13 @@ class ConvexBody:
     def union(cls, pieces: Iterable[ConvexBody | BodyUnion]) -> BodyUnion:
         """Return the union of convex bodies, all in one frame: a body that is not convex, for the same distances.
 
-        Its HD-SDF is the Hölder minimum of the pieces', as smooth and as safe in sign: see ``unions``. Raises InputError
-        for no pieces and for what is no body.
-        """
-        from hdplan.distance.unions import BodyUnion
+        Its HD-SDF is the Hölder minimum of the pieces', as smooth and as safe in sign: see ``unions``.
 
-        return BodyUnion(pieces)
+        Raises InputError for no pieces and for what is no body.
+        """
+        from hdplan.distance.unions import union_of
+
+        return union_of(pieces)
 
     def inflated(self, clearance: float) -> ConvexBody:
         """Return this body grown by ``clearance`` >= 0 [m] in all directions, that is with a larger radius."""

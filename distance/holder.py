@@ -112,8 +112,8 @@ def shaped_minimum(
 def minimum_shares(values: ArrayLike, gamma: int) -> tuple[Array, Array]:
     """Return the Hölder minimum u (...,) of ``values`` (..., n), and the share (..., n) that each value has in it.
 
-    With p = gamma + 1: (u/x_i)^p for u > 0; (x_i/u)^p for u < 0 and x_i < 0; else 0. They sum to 1 where u is not 0, and
-    du/u = Σ share_i dx_i/x_i.
+    With p = gamma + 1: (u/x_i)^p for u > 0; (x_i/u)^p for u < 0 and x_i < 0; else 0. They sum to 1 where u is not 0,
+    and du/u = Σ share_i dx_i/x_i.
     """
     x, u = _values("values", values), holder_minimum(values, gamma)
     least = u[..., None]

@@ -107,9 +107,10 @@ def separation(
     """Return D̃, the largest gap along the candidate normals [m] (paper: eq. (5)), shape (...,).
 
     A lower bound of the signed distance for every set of normals, separated and in overlap (proof in ``normals``), up
-    to rounding: 4 ulp of the size. Of unions it is the least over their pieces' pairs: the same where they are apart, in
-    overlap no more than the least signed distance of a pair. It has the sign of D even where D underflows. Continuous in the pose, except for an
-    axis across edges that are exactly parallel. Arguments and errors as ``hdsdf``.
+    to rounding: 4 ulp of the size. It has the sign of D even where D underflows. Continuous in the pose, except for an
+    axis across edges that are exactly parallel. Of unions it is the least over the pairs of pieces: the same where they
+    are apart, in overlap a lower bound of the least signed distance of a pair (``unions``). Arguments and errors as
+    ``hdsdf``.
     """
     rows = (_separations(a, pose_a, b, pose_b, normals, witnesses) for a, b in pairs_of(body_a, body_b))
     return np.asarray(reduce(np.minimum, (reduce(np.maximum, (along.bound for along in row)) for row in rows)))

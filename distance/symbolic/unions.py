@@ -7,6 +7,7 @@ same motion. What ⊕ needs no shaping for, and why its sign is safe: ``hdplan.d
 from __future__ import annotations
 
 import functools
+from typing import Any
 
 import casadi as ca
 
@@ -45,7 +46,7 @@ def _shares(count: int, gamma: int) -> ca.Function:
     """Return what the Hölder minimum u of x (1, n) and its derivatives take of x, a row each.
 
     Outputs: u; over, with du/u = Σ over_k dx_k; weights and scale, with which d²u/u = Σ over_k d²x_k + Σ weights_k d_k
-    d_kᵀ, d_k = scale_k dx_k - du/u. Of the shares, which sum to 1: (u/x_k)^p above 0; (x_k/u)^p below, of x_k < 0 alone.
+    d_kᵀ, d_k = scale_k dx_k - du/u. The shares, which sum to 1, are (u/x_k)^p above 0, below it (x_k/u)^p of x_k < 0.
     """
     p = gamma + 1
     x = ca.SX.sym("x", 1, count)
@@ -55,7 +56,7 @@ def _shares(count: int, gamma: int) -> ca.Function:
     scale = ca.if_else(counted, 1 / ca.if_else(counted, x, 1), 0)
     ratio = counted * ca.if_else(above, m * scale, x / ca.if_else(below, m, 1))  # in [0, 1]
     power = integer_power(ratio, p)
-    total = ca.sum2(power)
+    total: Any = ca.sum2(power)
     root = ca.if_else(total > 0, total, 1) ** (1 / p)
     u = ca.if_else(above, m / root, below * m * root)
     share = power / ca.if_else(total > 0, total, 1)
