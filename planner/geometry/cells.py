@@ -11,6 +11,7 @@ from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.once import freeze, made_once
 
 EDGE = 0.04  # [m] of the cubes: less than a link is thick, with some tens of points of a surface
+LINE = 0.05  # share of a group's largest spread; with the second one below it, the points lie on a line
 MOST_CELLS = 2**20  # along an axis, so that a cell's three numbers fit into one
 
 
@@ -20,7 +21,7 @@ class Cells:
 
     order: Rows  # (m,) a permutation
     first: Rows  # (c,)
-    rotation: Array  # (c, 3, 3) principal axes of each group as columns, that of the least spread first; right-handed
+    rotation: Array  # (c, 3, 3) axes of each group as columns, that of the least spread first; right-handed
 
     def __post_init__(self) -> None:
         """Share its arrays read-only."""
@@ -43,9 +44,22 @@ def cells_of(points: FixedArray, edge: float = EDGE) -> Cells:
     away = found - np.repeat(np.add.reduceat(found, first) / sizes[:, None], sizes, axis=0)
     products = np.stack([away[:, i] * away[:, j] for i, j in _UPPER], axis=1)
     spread = np.add.reduceat(products, first)[:, _WHOLE].reshape(-1, 3, 3)
-    rotation = np.linalg.eigh(spread)[1]
-    rotation[:, :, 0] *= np.sign(np.linalg.det(rotation))[:, None]
-    return Cells(order, first, rotation)
+    return Cells(order, first, _axes(*np.linalg.eigh(spread)))
+
+
+def _axes(spread: Array, principal: Array) -> Array:
+    """Return axes (c, 3, 3) as columns, right-handed, from eigenvalues, ascending, and eigenvectors: principal axes for
+    points on a line. On a surface the cube has cut the group, so that its box is tightest along the cube's edges: the
+    normal, and the edge that is closest to the surface."""
+    normal = principal[:, :, 0]
+    edge = np.eye(3)[np.abs(normal).argmin(axis=1)]
+    along = edge - np.einsum("ci,ci->c", edge, normal)[:, None] * normal
+    along /= np.linalg.norm(along, axis=1, keepdims=True)  # at least √(2/3): the edge is the least along the normal
+    axes = np.stack([normal, along, np.cross(normal, along)], axis=2)
+    line = spread[:, 1] < LINE * spread[:, 2]
+    axes[line] = principal[line]
+    axes[line, :, 0] *= np.sign(np.linalg.det(axes[line]))[:, None]
+    return axes
 
 
 def grouped(points: Array, edge: float) -> tuple[Rows, Rows]:
