@@ -14,10 +14,13 @@ from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.once import made_once, read_only
 from hdplan.scenes.poses import Pose
 
+CELL, SMALL_CELL = 0.08, 0.04  # [m] edges of the cubes; the small ones for where the others leave no way
 FAR = 1000.0  # [m] a cloud that reaches farther was hardly meant in metres
 
 
-def from_cloud(name: str, cloud: Cloud, pose: Pose, planes: str) -> tuple[tuple[HalfspaceBody, ...], tuple[str, ...]]:
+def from_cloud(
+    name: str, cloud: Cloud, pose: Pose, planes: str, closely: bool = False
+) -> tuple[tuple[HalfspaceBody, ...], tuple[str, ...]]:
     """Enclose a cloud that stands at `pose` in the world: bodies, and notes on what was merged and what can hardly be
     meant. Raises InputError as `load_balls` does."""
     balls, notes = load_balls(cloud, f"obstacles.{name}"), []
@@ -27,14 +30,16 @@ def from_cloud(name: str, cloud: Cloud, pose: Pose, planes: str) -> tuple[tuple[
         count = len(balls)
         balls, added = merged(balls, cloud.voxel)
         notes.append(f"{count} points planned around as {len(balls)} balls, up to {1e3 * added:.3g} mm larger")
-    return from_balls(name, balls, pose, planes), tuple(f"cloud '{name}': {words}" for words in notes)
+    return from_balls(name, balls, pose, planes, closely), tuple(f"cloud '{name}': {words}" for words in notes)
 
 
 @made_once(4)
-def from_balls(name: str, balls: FixedArray, pose: Pose, planes: str) -> tuple[HalfspaceBody, ...]:
+def from_balls(
+    name: str, balls: FixedArray, pose: Pose, planes: str, closely: bool = False
+) -> tuple[HalfspaceBody, ...]:
     """Enclose balls (m, 4), centres and radii [m] in a frame that stands at `pose` in the world: one body for each
-    cell."""
-    cells = cells_of(balls)
+    cell, a small one if they are to be enclosed `closely`."""
+    cells = cells_of(balls, SMALL_CELL if closely else CELL)
     found, rotation = balls.array[cells.order], cells.rotation
     radius = np.maximum.reduceat(found[:, 3], cells.first)
     local = np.einsum("mi,mij->mj", found[:, :3], np.repeat(rotation, cells.sizes, axis=0))

@@ -66,18 +66,19 @@ class HalfspaceBody:
 
 
 def from_obstacle(
-    obstacle: Obstacle, planes: str = "box", seconds: float = MOST_SECONDS
+    obstacle: Obstacle, planes: str = "box", seconds: float = MOST_SECONDS, closely: bool = False
 ) -> tuple[tuple[HalfspaceBody, ...], tuple[str, ...]]:
     """Enclose an obstacle: one body, or one for each convex piece of its mesh; and notes on how it was split.
 
-    A mesh that cannot be split, or not within `seconds`, is enclosed by its hull.
+    A mesh that cannot be split, or not within `seconds`, is enclosed by its hull. A cloud is enclosed by boxes around
+    parts of it, `closely` by smaller ones.
     """
     check_time("building the problem")
     placement = obstacle.pose.matrix
     if isinstance(obstacle.shape, Cloud):
         from hdplan.planner.collision.cloud_bodies import from_cloud
 
-        return from_cloud(obstacle.name, obstacle.shape, obstacle.pose, planes)
+        return from_cloud(obstacle.name, obstacle.shape, obstacle.pose, planes, closely)
     if isinstance(obstacle.shape, Map):
         from hdplan.planner.collision.cloud_bodies import from_boxes
 

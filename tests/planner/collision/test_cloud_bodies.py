@@ -11,7 +11,10 @@ import trimesh
 from numpy.typing import NDArray
 
 import hdplan
+from hdplan.planner.collision import cloud_bodies
 from hdplan.planner.collision.cloud_bodies import from_balls, from_cloud
+from hdplan.planner.problem.lay_out import more_closely
+from hdplan.planner.solvers.solution import SolverStatus
 from hdplan.planner.view.drawing.skins import obstacle_mesh
 from hdplan.scenes.clouds import Cloud
 from hdplan.scenes.errors import InputError
@@ -27,11 +30,12 @@ TURNED = Pose((0.1, -0.2, 0.05), (0.1, 0.3, -0.3, 0.9))
 
 
 @pytest.mark.parametrize("planes", ["box", "faces", "sphere"])
+@pytest.mark.parametrize(("closely", "edge"), [(False, 0.08), (True, 0.04)])
 @pytest.mark.parametrize("flat", [[1, 1, 1], [1, 1, 0], [1, 0, 0], [0, 0, 0]])
-def test_every_ball_is_inside_one_body(planes: str, flat: list[int]) -> None:
+def test_every_ball_is_inside_one_body(planes: str, closely: bool, edge: float, flat: list[int]) -> None:
     rng = np.random.default_rng(0)
     balls = np.column_stack([rng.uniform(-0.2, 0.2, size=(800, 3)) * flat, rng.uniform(0.001, 0.01, 800)])
-    bodies = from_balls("view", FixedArray(balls), TURNED, planes)
+    bodies = from_balls("view", FixedArray(balls), TURNED, planes, closely)
     world = balls[:, :3] @ TURNED.matrix[:3, :3].T + TURNED.matrix[:3, 3]
     within = np.full((len(balls), len(bodies)), np.inf)
     boxed = np.zeros_like(within, dtype=bool)
@@ -41,7 +45,7 @@ def test_every_ball_is_inside_one_body(planes: str, flat: list[int]) -> None:
         boxed[:, b] = (local + balls[:, 3:] <= body.half_size + 1e-12).all(axis=1)
     assert (within.min(axis=1) <= 1e-12).all()
     assert (boxed & (within <= 1e-12)).any(axis=1).all()
-    assert all((body.half_size <= 0.5 * np.sqrt(3.0) * 0.04 + 0.0101).all() for body in bodies)
+    assert all((body.half_size <= 0.5 * np.sqrt(3.0) * edge + 0.0101).all() for body in bodies)
 
 
 def test_merging_is_told_and_contains_the_points() -> None:
@@ -61,19 +65,39 @@ def test_a_cloud_in_millimetres_is_told() -> None:
     assert "is it in millimetres? hdplan takes metres" in note
 
 
-def test_a_scene_and_its_scan_are_both_planned_and_certified() -> None:
-    """The same motion is free of both, by nearly as much: the balls reach out by their radius."""
-    scene = load_scene("panda_bookshelf")
+def scan_of(scene: Scene, seed: int) -> Scene:
+    """Return a scene whose obstacles are only known as points."""
     seen = []
     for i, obstacle in enumerate(scene.obstacles):
         mesh = obstacle_mesh(obstacle)
-        points, _ = trimesh.sample.sample_surface(mesh, int(mesh.area / 0.01**2) + 20, seed=i)
+        points, _ = trimesh.sample.sample_surface(mesh, int(mesh.area / 0.01**2) + 20, seed=seed + i)
         pose = obstacle.pose.matrix
         seen.append(points @ pose[:3, :3].T + pose[:3, 3])
-    scan = Scene(
+    return Scene(
         "scan", Path("scan.yaml"), scene.robot, (Obstacle("view", Cloud(np.concatenate(seen), 0.005)),),
         scene.start, scene.goal,
     )  # fmt: skip
+
+
+def test_where_large_boxes_leave_no_way_small_ones_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cloud_bodies, "CELL", 1.0)
+    scene = scan_of(load_scene("panda_cage"), 100)
+    problem = hdplan.build(scene)
+    closer = more_closely(problem)
+    assert len(closer.halfspace_bodies) > 5 * len(problem.halfspace_bodies)
+    assert more_closely(closer) is closer
+    assert hdplan.solve(problem).status is not SolverStatus.CLEAR
+    result = hdplan.plan(scene)
+    assert result.certified
+    assert result.attempts > 1
+    plain = hdplan.build(load_scene("panda_cage"))
+    assert more_closely(plain) is plain
+
+
+def test_a_scene_and_its_scan_are_both_planned_and_certified() -> None:
+    """The same motion is free of both, by nearly as much: the balls reach out by their radius."""
+    scene = load_scene("panda_bookshelf")
+    scan = scan_of(scene, 0)
     result = hdplan.plan(scan)
     assert result.certified
     assert result.certificate.clearance is not None
