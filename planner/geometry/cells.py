@@ -38,12 +38,16 @@ def cells_of(points: FixedArray, edge: float) -> Cells:
     columns."""
     places = points.array[:, :3]
     order, first = grouped(places, edge)
-    found = places[order]
-    sizes = np.diff(np.append(first, len(order)))
+    return Cells(order, first, axes_of(places[order], first))
+
+
+def axes_of(found: Array, first: Rows) -> Array:
+    """Return axes (c, 3, 3) as columns, right-handed, for the groups of points (m, 3) that begin at `first` (c,)."""
+    sizes = np.diff(np.append(first, len(found)))
     away = found - np.repeat(np.add.reduceat(found, first) / sizes[:, None], sizes, axis=0)
     products = np.stack([away[:, i] * away[:, j] for i, j in _UPPER], axis=1)
     spread = np.add.reduceat(products, first)[:, _WHOLE].reshape(-1, 3, 3)
-    return Cells(order, first, _axes(*np.linalg.eigh(spread)))
+    return _axes(*np.linalg.eigh(spread))
 
 
 def _axes(spread: Array, principal: Array) -> Array:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from hdplan.planner.collision.broad_phase import BodyPairs, body_pairs
 from hdplan.planner.collision.collision_model import SELF_ACTIVATION, BodyPair, CollisionModel, collision_model_of
-from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, from_obstacle
+from hdplan.planner.collision.halfspace_bodies import HalfspaceBody, enclosed_loosely, from_obstacle
 from hdplan.planner.collision.hdsdf import HdsdfPairs
 from hdplan.planner.collision.link_bodies import LinkBody
 from hdplan.planner.collision.pair_distance import PairDistance
@@ -169,9 +169,9 @@ def closer(problem: Problem, activation: float, quick: bool) -> Problem:
 
 
 def more_closely(problem: Problem) -> Problem:
-    """Lay out the same problem again with clouds enclosed by smaller boxes; the problem itself if there are none, or if
-    they are small already."""
-    if problem.closely or not any(isinstance(each.shape, Cloud) for each in problem.scene.obstacles):
+    """Lay out the same problem again with clouds enclosed by smaller boxes, and meshes that could not be split by boxes
+    around their surface in place of their hull; the problem itself if there are none, or if this was done already."""
+    if problem.closely or not any(map(enclosed_loosely, problem.scene.obstacles)):
         return problem
     return lay_out(problem.setup, Query(problem.start, problem.goal), closely=True)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,9 @@ import trimesh
 from numpy.typing import NDArray
 
 import hdplan
-from hdplan.planner.collision import cloud_bodies
-from hdplan.planner.collision.cloud_bodies import from_balls, from_cloud
+from hdplan.planner.collision import cloud_bodies, convex_pieces
+from hdplan.planner.collision.cloud_bodies import from_balls, from_cloud, from_surface
+from hdplan.planner.geometry.meshes import TriangleMesh
 from hdplan.planner.problem.lay_out import more_closely
 from hdplan.planner.solvers.solution import SolverStatus
 from hdplan.planner.view.drawing.skins import obstacle_mesh
@@ -22,6 +24,7 @@ from hdplan.scenes.fixed_array import FixedArray
 from hdplan.scenes.obstacles import Obstacle
 from hdplan.scenes.poses import Pose
 from hdplan.scenes.scene import Scene
+from hdplan.scenes.shapes import Mesh
 from hdplan.scenes.yaml_format.reader import load_scene
 
 Array = NDArray[np.float64]
@@ -63,6 +66,45 @@ def test_a_cloud_in_millimetres_is_told() -> None:
     points = np.random.default_rng(0).uniform(-2000.0, 2000.0, size=(100, 3))
     _, (note,) = from_cloud("view", Cloud(points, 0.005), Pose(), "box")
     assert "is it in millimetres? hdplan takes metres" in note
+
+
+@pytest.mark.parametrize("planes", ["box", "faces", "sphere"])
+def test_every_triangle_of_a_surface_is_inside_bodies(planes: str) -> None:
+    """Of large triangles and of small ones: every point of them is in a body, and no body is larger than a cell."""
+    rng = np.random.default_rng(0)
+    corners = rng.normal(size=(12, 1, 3)) * 0.2 + rng.normal(size=(12, 3, 3)) * rng.choice([0.01, 0.3], (12, 1, 1))
+    mesh = TriangleMesh.merged(corners.reshape(-1, 3), np.arange(36).reshape(-1, 3))
+    bodies = from_surface("thing", mesh, TURNED, planes)
+    share = rng.dirichlet(np.ones(3), size=(12, 100))
+    points = np.einsum("fsc,fci->fsi", share, corners).reshape(-1, 3)
+    world = points @ TURNED.matrix[:3, :3].T + TURNED.matrix[:3, 3]
+    beyond = np.min([(world @ body.normals.T - body.supports).max(axis=1) for body in bodies], axis=0)
+    assert beyond.max() <= 1e-9
+    assert max(body.half_size.max() for body in bodies) <= np.sqrt(3.0) * 0.04 + 0.04
+    if planes == "faces":
+        huge = TriangleMesh(1e4 * mesh.vertices, mesh.triangles)
+        assert len(from_surface("thing", huge, Pose(), planes)) < 60_000
+
+
+def test_a_mesh_that_is_not_split_is_planned_through(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cage whose bars are joined to one mesh; its hull holds the robot."""
+    monkeypatch.setenv("HDPLAN_CACHE", str(tmp_path / "cache"))
+    scene = load_scene("panda_cage")
+    bars = [obstacle_mesh(each).apply_transform(each.pose.matrix) for each in scene.obstacles]
+    whole = trimesh.util.concatenate(bars)
+    first = np.cumsum([0, *(len(bar.vertices) for bar in bars[:-1])])
+    joints = [[a, a + 1, b] for a, b in itertools.pairwise(first.tolist())]
+    trimesh.Trimesh(whole.vertices, [*whole.faces, *joints], process=False).export(tmp_path / "cage.obj")
+    monkeypatch.setattr(convex_pieces, "MOST_SECONDS", 0.0)
+    cage = Obstacle("cage", Mesh(tmp_path / "cage.obj"))
+    problem = hdplan.build(dataclasses.replace(scene, obstacles=(cage,)))
+    closer = more_closely(problem)
+    assert len(problem.halfspace_bodies) == 1
+    assert any("or its surface where that leaves no way" in note for note in problem.notes)
+    assert len(closer.halfspace_bodies) > 100
+    assert problem.depth(problem.start[None])[0] > 0.05
+    assert closer.depth(problem.start[None])[0] < 0.05
+    assert more_closely(closer) is closer
 
 
 def scan_of(scene: Scene, seed: int) -> Scene:
